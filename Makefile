@@ -1,0 +1,57 @@
+# One command each: `make setup`, `make demo`, `make test`, `make check`, `make bench`.
+VENV := .venv
+BIN := $(VENV)/bin
+PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.10 || command -v python3)
+ARGS ?=
+
+# One thread per process: the node graph and the test workers already fill the cores.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: help setup build demo test check format lint types imports bench pictures clean
+
+help:
+	@echo "make setup     set up .venv and build the ROS workspace"
+	@echo "make demo      the whole loop: demonstrate, record, learn, navigate, report  (ARGS='--help')"
+	@echo "make test      every test                                                    (ARGS='-k name')"
+	@echo "make check     format, lint, types, import rules, tests"
+	@echo "make bench     speed against peers, results as JSON"
+	@echo "make pictures  draw the architecture pictures again (needs Graphviz)"
+	@echo "make clean     remove .venv, builds and caches (never your demo output)"
+
+setup: build
+
+$(VENV)/.ready: pyproject.toml constraints.txt tools/setup_venv.sh
+	@PYTHON="$(PYTHON)" VENV="$(VENV)" bash tools/setup_venv.sh
+
+build: $(VENV)/.ready
+	@bash tools/build_workspace.sh $(BIN)
+
+demo: build
+	@$(BIN)/serd demo $(ARGS)
+
+test: build
+	@$(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS)
+
+check: format lint types imports test
+
+format: $(VENV)/.ready
+	@$(BIN)/ruff format --check .
+
+lint: $(VENV)/.ready
+	@$(BIN)/ruff check .
+
+types: $(VENV)/.ready
+	@$(BIN)/mypy
+
+imports: $(VENV)/.ready
+	@$(BIN)/lint-imports
+
+bench: build
+	@$(BIN)/python -m benchmarks $(ARGS)
+
+pictures: $(VENV)/.ready
+	@$(BIN)/python tools/draw_architecture.py
+
+clean:
+	rm -rf $(VENV) ros_ws/build ros_ws/install ros_ws/log .mypy_cache .ruff_cache .pytest_cache .hypothesis

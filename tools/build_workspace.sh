@@ -1,0 +1,12 @@
+#!/usr/bin/env bash
+# Build ros_ws with plain colcon; quiet unless it fails.
+set -euo pipefail
+bin=$(cd "$1" && pwd)
+cd "$(dirname "$0")/../ros_ws"
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+if ! PATH="$bin:$PATH" "$bin/colcon" build >"$log" 2>&1; then
+  cat "$log" >&2
+  echo "build: colcon could not build ros_ws (see above)." >&2
+  exit 1
+fi
