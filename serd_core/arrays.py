@@ -1,0 +1,102 @@
+"""Array types and the checks every frozen record of the package makes on its arrays.
+
+Arrays kept in records are private read-only copies, so a record cannot change after its checks.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from serd_core.errors import SerdError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+Shape = Sequence[int | None]
+
+
+def float_array(name: str, values: Any, shape: Shape | None = None) -> FloatArray:
+    """Read-only float copy of `values`; SerdError where it is not finite or misshapen."""
+    array = _converted(name, values, np.float64)
+    _require_shape(name, array, shape)
+    require_finite(name, array)
+    return _frozen(array)
+
+
+def int_array(name: str, values: Any, shape: Shape | None = None) -> IntArray:
+    """Read-only integer copy of `values`; SerdError where a value is no whole number."""
+    given = _converted(name, values, None)
+    if given.size and not np.issubdtype(given.dtype, np.integer):
+        require_finite(name, np.asarray(given, dtype=np.float64))
+        _require_whole(name, np.asarray(given, dtype=np.float64))
+    array = given.astype(np.int64)
+    _require_shape(name, array, shape)
+    return _frozen(array)
+
+
+def bool_array(name: str, values: Any, shape: Shape | None = None) -> BoolArray:
+    """Read-only boolean copy of `values` (zeros and ones are taken as booleans)."""
+    given = _converted(name, values, None)
+    if not np.all((given == 0) | (given == 1)):
+        raise SerdError(f"{name} must hold booleans, got values of type {given.dtype}; use a mask")
+    array = given.astype(np.bool_)
+    _require_shape(name, array, shape)
+    return _frozen(array)
+
+
+def require_finite(name: str, array: FloatArray) -> None:
+    """SerdError naming the first index of `array` that is NaN or infinite."""
+    bad = first_index(~np.isfinite(array))
+    if bad is not None:
+        raise SerdError(
+            f"{name}{list(bad)} must be finite, got {array[bad]}; remove or repair that value"
+        )
+
+
+def require_index(name: str, array: IntArray, size: int, what: str) -> None:
+    """SerdError naming the first entry of `array` that is no index into `size` things."""
+    bad = first_index((array < 0) | (array >= size))
+    if bad is not None:
+        raise SerdError(
+            f"{name}{list(bad)} must be {what} from 0 to {size - 1}, got {array[bad]}"
+            f"; drop it or use the problem it was made for"
+        )
+
+
+def first_index(mask: BoolArray) -> tuple[int, ...] | None:
+    """Index of the first true entry of `mask` in row-major order, None when there is none."""
+    if not mask.any():
+        return None
+    return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), mask.shape))
+
+
+def _converted(name: str, values: Any, dtype: Any) -> NDArray[Any]:
+    try:
+        return np.array(values, dtype=dtype)
+    except (TypeError, ValueError) as error:
+        raise SerdError(f"{name} must be an array of numbers: {error}") from error
+
+
+def _require_whole(name: str, array: FloatArray) -> None:
+    bad = first_index(array != np.floor(array))
+    if bad is not None:
+        raise SerdError(f"{name}{list(bad)} must be a whole number, got {array[bad]}; round it")
+
+
+def _require_shape(name: str, array: NDArray[Any], shape: Shape | None) -> None:
+    if shape is None:
+        return
+    fits = array.ndim == len(shape) and all(
+        wanted is None or wanted == size for wanted, size in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        wanted_text = ", ".join("any" if size is None else str(size) for size in shape)
+        raise SerdError(f"{name} must have shape ({wanted_text}), got {array.shape}; reshape it")
+
+
+def _frozen(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,117 @@
+"""Expert demonstrations D as one table of decisions (s, a, s') (Eqs. 3.1 and 3.2).
+
+Rows are in the order they happened; rows of one episode share an episode number.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array, int_array
+from serd_core.errors import SerdError
+
+
+@dataclass(frozen=True, eq=False)
+class Decisions:
+    """N observed decisions.
+
+    episode: (N,) number of the episode, any non-negative integers.
+    time_s: (N,) when the decision was taken.
+    state, action, next_state: (N,) indices of the problem they were made in.
+    source: where they come from, for people to read.
+    """
+
+    episode: IntArray
+    time_s: FloatArray
+    state: IntArray
+    action: IntArray
+    next_state: IntArray
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time_s", float_array("time_s", self.time_s, (None,)))
+        for name in ("episode", "state", "action", "next_state"):
+            column = int_array(name, getattr(self, name), (None,))
+            _require_length(name, len(column), len(self.time_s))
+            _require_not_negative(name, column)
+            object.__setattr__(self, name, column)
+
+    def __len__(self) -> int:
+        return len(self.state)
+
+    @property
+    def episodes(self) -> IntArray:
+        """Sorted numbers of the episodes that have at least one decision."""
+        return np.unique(self.episode)
+
+    def select(self, rows: BoolArray | IntArray) -> "Decisions":
+        """The decisions of the given rows (mask or indices), in that order."""
+        return Decisions(
+            episode=self.episode[rows],
+            time_s=self.time_s[rows],
+            state=self.state[rows],
+            action=self.action[rows],
+            next_state=self.next_state[rows],
+            source=self.source,
+        )
+
+    def select_episodes(self, episodes: Iterable[int]) -> "Decisions":
+        """All decisions of the given episode numbers; SerdError for one that is not there."""
+        wanted = np.array(sorted({int(episode) for episode in episodes}), dtype=np.int64)
+        missing = np.setdiff1d(wanted, self.episode)
+        if missing.size:
+            raise SerdError(
+                f"episodes must be among {self.episodes.tolist()}, got {int(missing[0])}"
+                "; choose from that list"
+            )
+        return self.select(np.isin(self.episode, wanted))
+
+
+def state_action_counts(decisions: Decisions, n_states: int, n_actions: int) -> FloatArray:
+    """(S, A) how often each action was taken in each state: n(s, a)."""
+    _require_below("state", decisions.state, n_states)
+    _require_below("action", decisions.action, n_actions)
+    pair = decisions.state * n_actions + decisions.action
+    counts = np.bincount(pair, minlength=n_states * n_actions)
+    return counts.reshape(n_states, n_actions).astype(np.float64)
+
+
+def state_counts(decisions: Decisions, n_states: int) -> FloatArray:
+    """(S,) how often a decision was taken in each state: n(s)."""
+    _require_below("state", decisions.state, n_states)
+    return np.bincount(decisions.state, minlength=n_states).astype(np.float64)
+
+
+def start_distribution(decisions: Decisions, n_states: int) -> FloatArray:
+    """(S,) share of episodes whose first decision was in each state: empirical P(s0)."""
+    _require_below("state", decisions.state, n_states)
+    first = np.unique(decisions.episode, return_index=True)[1]
+    if not len(first):
+        raise SerdError("decisions must hold at least one decision, got none; record an episode")
+    return np.bincount(decisions.state[first], minlength=n_states) / len(first)
+
+
+def _require_length(name: str, length: int, expected: int) -> None:
+    if length != expected:
+        raise SerdError(
+            f"{name} must have one entry per decision ({expected} as in time_s), got {length}"
+        )
+
+
+def _require_not_negative(name: str, column: IntArray) -> None:
+    bad = np.flatnonzero(column < 0)
+    if bad.size:
+        raise SerdError(
+            f"{name}[{bad[0]}] must not be negative, got {column[bad[0]]}"
+            "; drop decisions outside the problem"
+        )
+
+
+def _require_below(name: str, column: IntArray, size: int) -> None:
+    bad = np.flatnonzero(column >= size)
+    if bad.size:
+        raise SerdError(
+            f"{name}[{bad[0]}] must be below {size}, got {column[bad[0]]}"
+            "; the decisions were made in another problem"
+        )

@@ -1,0 +1,1 @@
+"""Transition models P(s' | s, a) and their parameters."""

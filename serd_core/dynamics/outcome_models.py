@@ -1,0 +1,127 @@
+"""Local outcome models: M distributions over K outcomes that all states share (Eq. 5.1).
+
+    P_m(k) = exp(beta theta_mk) / sum_j exp(beta theta_mj)                    (5.1)
+    P(s' | s, a) = sum_k P_m(k) [successors[s, a, k] = s'],  m = model_of[s, a]
+
+The toy example (one model per state and action), the gridworld (9 models of 5 outcomes) and the
+hallway (4 of 5) are all of this form. The parameter vector is theta, row-major (M * K,).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from serd_core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    bool_array,
+    int_array,
+    require_index,
+)
+from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.errors import SerdError
+
+
+@dataclass(frozen=True, eq=False)
+class OutcomeModels(TransitionModel):
+    """Transition model made of M local outcome distributions.
+
+    successors: (S, A, K) next state of each outcome (ignored where not available).
+    model_of: (S, A) local model of each state and action (ignored where not available).
+    available: (S, A) mask of actions that exist.
+    n_models: M; beta: scale of the energies.
+    """
+
+    successors: IntArray
+    model_of: IntArray
+    available: BoolArray
+    n_models: int
+    beta: float = 1.0
+
+    def __post_init__(self) -> None:
+        successors = int_array("successors", self.successors, (None, None, None))
+        pairs = successors.shape[:2]
+        available = bool_array("available", self.available, pairs)
+        model_of = int_array("model_of", self.model_of, pairs)
+        if not (np.isfinite(self.beta) and self.beta > 0):
+            raise SerdError(f"beta must be finite and above 0, got {self.beta}; use 1.0")
+        require_index(
+            "successors", np.where(available[:, :, None], successors, 0), pairs[0], "a state"
+        )
+        require_index("model_of", np.where(available, model_of, 0), self.n_models, "a model")
+        object.__setattr__(self, "successors", successors)
+        object.__setattr__(self, "model_of", model_of)
+        object.__setattr__(self, "available", available)
+
+    @property
+    def n_outcomes(self) -> int:
+        """Number of outcomes K."""
+        return int(self.successors.shape[2])
+
+    @property
+    def n_parameters(self) -> int:
+        """M * K energies."""
+        return self.n_models * self.n_outcomes
+
+    @cached_property
+    def row_start(self) -> IntArray:
+        """(S*A + 1,) K entries per available row."""
+        lengths = self.available.ravel() * self.n_outcomes
+        return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+
+    @cached_property
+    def successor(self) -> IntArray:
+        """(E,) next state of each entry."""
+        return self.successors[self.available].ravel()
+
+    @cached_property
+    def _model_of_pair(self) -> IntArray:
+        return self.model_of[self.available]
+
+    def local_probabilities(self, parameters: FloatArray) -> FloatArray:
+        """(M, K) outcome probabilities P_m(k) (5.1)."""
+        energies = self.beta * np.reshape(parameters, (self.n_models, self.n_outcomes))
+        weights = np.exp(energies - energies.max(axis=1, keepdims=True))
+        return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+
+    def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
+        """(M*K,) gradient by the energies for an (M, K) gradient by the probabilities (5.2)."""
+        probabilities = self.local_probabilities(parameters)
+        mean = np.sum(probabilities * local_gradient, axis=1, keepdims=True)
+        return np.asarray(self.beta * probabilities * (local_gradient - mean)).ravel()
+
+    def entries(self, local_probabilities: FloatArray) -> FloatArray:
+        """(E,) entries for the given (M, K) outcome probabilities."""
+        self._require_table(local_probabilities)
+        return np.take(local_probabilities, self._model_of_pair, axis=0).ravel()
+
+    def gather(self, entry_gradient: FloatArray) -> FloatArray:
+        """(M, K) sum of the entry gradients over all pairs that share a model."""
+        by_pair = entry_gradient.reshape(-1, self.n_outcomes)
+        columns = [
+            np.bincount(self._model_of_pair, weights=column, minlength=self.n_models)
+            for column in by_pair.T
+        ]
+        return np.stack(columns, axis=1)
+
+    def parameters_of(self, probabilities: FloatArray) -> FloatArray:
+        """(M*K,) energies of the given (M, K) positive probabilities, zero mean per model."""
+        self._require_table(probabilities)
+        if not np.all(probabilities > 0):
+            model, outcome = np.argwhere(~(probabilities > 0))[0]
+            raise SerdError(
+                f"probabilities[{model}, {outcome}] must be above 0 to have a finite energy, got"
+                f" {probabilities[model, outcome]}; use a positive pseudo-count"
+            )
+        energies = np.log(probabilities) / self.beta
+        return np.asarray(energies - energies.mean(axis=1, keepdims=True)).ravel()
+
+    def _require_table(self, table: FloatArray) -> None:
+        expected = (self.n_models, self.n_outcomes)
+        if np.shape(table) != expected:
+            raise SerdError(
+                f"outcome probabilities must have shape {expected} (models, outcomes),"
+                f" got {np.shape(table)}; pass one row per local model"
+            )

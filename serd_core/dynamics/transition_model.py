@@ -1,0 +1,113 @@
+"""What every parameterised transition model offers to solvers, likelihoods and priors.
+
+Index order everywhere: [s, a, k] for outcomes, [s, a, s'] for transitions; a *row* is the pair
+`s * n_actions + a`. A model has a fixed sparse structure of E *entries*; entry e belongs to one row
+and one successor, several entries of a row may share a successor, and
+
+    P(s' | s, a) = sum of the entries of row (s, a) whose successor is s'.
+
+Entries are linear in the model's *local probabilities* (the numbers people read, e.g. one table of
+outcomes per local model), which are a smooth function of its parameter vector.
+"""
+
+from abc import ABC, abstractmethod
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse
+
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.dynamics.transition_groups import TransitionGroups, group_entries
+from serd_core.errors import SerdError
+
+
+class TransitionModel(ABC):
+    """Sparse P(s' | s, a) as a smooth function of a parameter vector.
+
+    available: (S, A) which actions exist in which states; other rows have no entries.
+    """
+
+    available: BoolArray
+
+    @property
+    @abstractmethod
+    def row_start(self) -> IntArray:
+        """(S*A + 1,) first entry of each row."""
+
+    @property
+    @abstractmethod
+    def successor(self) -> IntArray:
+        """(E,) next state of each entry."""
+
+    @property
+    @abstractmethod
+    def n_parameters(self) -> int:
+        """Length of the parameter vector."""
+
+    @abstractmethod
+    def local_probabilities(self, parameters: FloatArray) -> FloatArray:
+        """The model's local probabilities at `parameters` (n_parameters,)."""
+
+    @abstractmethod
+    def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
+        """(n_parameters,) vector-Jacobian product of `local_probabilities`."""
+
+    @abstractmethod
+    def entries(self, local_probabilities: FloatArray) -> FloatArray:
+        """(E,) entries for given local probabilities (linear)."""
+
+    @abstractmethod
+    def gather(self, entry_gradient: FloatArray) -> FloatArray:
+        """Gradient by local probabilities of a function with the given (E,) entry gradient."""
+
+    @property
+    def n_states(self) -> int:
+        """Number of states S."""
+        return int(self.available.shape[0])
+
+    @property
+    def n_actions(self) -> int:
+        """Number of actions A."""
+        return int(self.available.shape[1])
+
+    @cached_property
+    def row(self) -> IntArray:
+        """(E,) row s * n_actions + a of each entry."""
+        lengths = np.diff(self.row_start)
+        return np.repeat(np.arange(len(lengths), dtype=np.int64), lengths)
+
+    @cached_property
+    def groups(self) -> TransitionGroups:
+        """Entries grouped by their distinct transition (s, a, s')."""
+        return group_entries(self.row, self.successor, self.n_states)
+
+    @cached_property
+    def absorbing(self) -> BoolArray:
+        """(S,) states that no available action can leave, whatever the parameters."""
+        state = self.row // self.n_actions
+        leaves = np.zeros(self.n_states, dtype=np.bool_)
+        leaves[state[self.successor != state]] = True
+        return ~leaves
+
+    def matrix(self, entries: FloatArray) -> scipy.sparse.csr_array:
+        """(S*A, S) sparse matrix of P(s' | s, a); duplicates of a successor add up."""
+        shape = (self.n_states * self.n_actions, self.n_states)
+        return scipy.sparse.csr_array((entries, self.successor, self.row_start), shape=shape)
+
+    def require_stochastic(self, entries: FloatArray, tolerance: float = 1e-9) -> None:
+        """SerdError naming the first (s, a) whose probabilities are no distribution."""
+        bad = np.flatnonzero(~(np.isfinite(entries) & (entries >= -tolerance)))
+        if bad.size:
+            self._refuse(int(self.row[bad[0]]), f"has an entry of {entries[bad[0]]}")
+        lengths = np.diff(self.row_start)
+        sums = np.bincount(self.row, weights=entries, minlength=len(lengths))
+        wrong = np.flatnonzero((lengths > 0) & (np.abs(sums - 1.0) > tolerance))
+        if wrong.size:
+            self._refuse(int(wrong[0]), f"sums to {sums[wrong[0]]}")
+
+    def _refuse(self, row: int, problem: str) -> None:
+        state, action = divmod(row, self.n_actions)
+        raise SerdError(
+            f"transition probabilities of state {state}, action {action} must be non-negative and"
+            f" sum to 1, but the row {problem}; normalise that row"
+        )
