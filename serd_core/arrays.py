@@ -66,7 +66,7 @@ def require_index(name: str, array: IntArray, size: int, what: str) -> None:
         )
 
 
-def first_index(mask: BoolArray) -> tuple[int, ...] | None:
+def first_index(mask: BoolArray | np.bool_) -> tuple[int, ...] | None:
     """Index of the first true entry of `mask` in row-major order, None when there is none."""
     if not mask.any():
         return None

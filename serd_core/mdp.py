@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import BoolArray, first_index
+from serd_core.dynamics.policy_pattern import PolicyPattern, policy_pattern
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 
@@ -37,7 +38,7 @@ class Mdp:
                 "; give an absorbing state one action that stays"
             )
         empty = np.diff(self.transitions.row_start).reshape(self.available.shape) == 0
-        wrong = first_index(np.asarray(empty & self.available))
+        wrong = first_index(empty & self.available)
         if wrong is not None:
             raise SerdError(
                 f"state {wrong[0]}, action {wrong[1]} must have a successor, got none"
@@ -63,3 +64,9 @@ class Mdp:
     def absorbing(self) -> BoolArray:
         """(S,) states that no action can leave."""
         return self.transitions.absorbing
+
+    @cached_property
+    def policy_pattern(self) -> PolicyPattern:
+        """Symbolic structure of I - gamma P_pi, set up once for all policies and parameters."""
+        model = self.transitions
+        return policy_pattern(model.row, model.successor, self.n_states, self.n_actions)

@@ -106,8 +106,9 @@ class OutcomeModels(TransitionModel):
         ]
         return np.stack(columns, axis=1)
 
-    def parameters_of(self, probabilities: FloatArray) -> FloatArray:
+    def parameters_of(self, initial: FloatArray) -> FloatArray:
         """(M*K,) energies of the given (M, K) positive probabilities, zero mean per model."""
+        probabilities = np.asarray(initial, dtype=np.float64)
         self._require_table(probabilities)
         if not np.all(probabilities > 0):
             model, outcome = np.argwhere(~(probabilities > 0))[0]

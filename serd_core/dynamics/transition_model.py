@@ -60,6 +60,10 @@ class TransitionModel(ABC):
     def gather(self, entry_gradient: FloatArray) -> FloatArray:
         """Gradient by local probabilities of a function with the given (E,) entry gradient."""
 
+    @abstractmethod
+    def parameters_of(self, initial: FloatArray) -> FloatArray:
+        """(n_parameters,) parameters for given initial dynamics, in the model's own terms."""
+
     @property
     def n_states(self) -> int:
         """Number of states S."""

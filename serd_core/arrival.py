@@ -1,0 +1,141 @@
+"""Time of arrival: predicted by the absorbing chain of a policy, and measured (Fig. 5.10).
+
+The chain P_pi[s, s'] = sum_a pi(a|s) P(s'|s,a) moves the start distribution one decision period at
+a time; what has reached a goal state has arrived. Goals absorb, whatever the policy does there.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.csgraph
+import scipy.sparse.linalg
+
+from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
+from serd_core.dynamics.transitions import transitions_of
+from serd_core.errors import SerdError
+from serd_core.mdp import Mdp
+
+
+class GoalProblem(Protocol):
+    """An MDP with goal states, such as `NavigationProblem`."""
+
+    @property
+    def mdp(self) -> Mdp:
+        """The MDP."""
+
+    @property
+    def goal_states(self) -> IntArray:
+        """Indices of the states that count as arrived."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArrivalTimes:
+    """Predicted arrival.
+
+    periods: (n_periods + 1,) 0, 1, ...; cdf: probability of having arrived by each period.
+    arrival_probability: probability of ever arriving.
+    """
+
+    periods: IntArray
+    cdf: FloatArray
+    arrival_probability: float
+
+
+def arrival_time_distribution(
+    problem: GoalProblem,
+    policy: FloatArray,
+    outcome_probabilities: FloatArray,
+    start_distribution: FloatArray,
+    n_periods: int,
+) -> ArrivalTimes:
+    """Distribution of the number of decision periods until a goal state is reached.
+
+    policy: (S, A) probabilities; start_distribution: (S,) probabilities.
+    """
+    chain = policy_chain(problem.mdp, policy, outcome_probabilities)
+    share = _distribution("start_distribution", start_distribution, problem.mdp.n_states)
+    if n_periods < 0:
+        raise SerdError(f"n_periods must not be negative, got {n_periods}")
+    goal = np.zeros(problem.mdp.n_states, dtype=np.bool_)
+    goal[problem.goal_states] = True
+    cdf = np.empty(n_periods + 1)
+    moving, arrived = np.where(goal, 0.0, share), float(share[goal].sum())
+    cdf[0] = arrived
+    onward = chain.T.tocsr()
+    for period in range(1, n_periods + 1):
+        moving = onward @ moving
+        arrived += float(moving[goal].sum())
+        moving[goal] = 0.0
+        cdf[period] = arrived
+    return ArrivalTimes(
+        periods=np.arange(n_periods + 1),
+        cdf=np.minimum(cdf, 1.0),
+        arrival_probability=float(np.dot(share, probability_of_ever_arriving(chain, goal))),
+    )
+
+
+def policy_chain(
+    mdp: Mdp, policy: FloatArray, outcome_probabilities: FloatArray
+) -> scipy.sparse.csr_array:
+    """(S, S) Markov chain of an (S, A) policy."""
+    choice = float_array("policy", policy, mdp.available.shape)
+    _require_policy(mdp, choice)
+    transitions = transitions_of(mdp.transitions, np.asarray(outcome_probabilities, np.float64))
+    entries = transitions.entries * choice.ravel()[mdp.transitions.row]
+    state = mdp.transitions.row // mdp.n_actions
+    shape = (mdp.n_states, mdp.n_states)
+    return scipy.sparse.csr_array((entries, (state, mdp.transitions.successor)), shape=shape)
+
+
+def probability_of_ever_arriving(chain: scipy.sparse.csr_array, goal: BoolArray) -> FloatArray:
+    """(S,) least solution of h = P h with h = 1 at the goals."""
+    reaches = _can_reach(chain, goal)
+    inner = np.flatnonzero(reaches & ~goal)
+    arriving = np.where(goal, 1.0, 0.0)
+    if inner.size:
+        rows = chain[inner]
+        system = scipy.sparse.eye_array(inner.size) - rows[:, inner]
+        right_side = rows[:, np.flatnonzero(goal)].sum(axis=1)
+        arriving[inner] = scipy.sparse.linalg.spsolve(system.tocsc(), right_side)
+    return np.clip(arriving, 0.0, 1.0)
+
+
+def _can_reach(chain: scipy.sparse.csr_array, goal: BoolArray) -> BoolArray:
+    # One extra node in front of all goals makes this a single search on the reversed graph.
+    reversed_graph = scipy.sparse.csr_array(chain.T)
+    reversed_graph.eliminate_zeros()
+    source = scipy.sparse.csr_array(goal[None, :].astype(np.float64))
+    corner = scipy.sparse.csr_array((len(goal), 1))
+    graph = scipy.sparse.block_array([[None, source], [corner, reversed_graph]], format="csr")
+    found = scipy.sparse.csgraph.breadth_first_order(graph, 0, return_predecessors=False)
+    reaches = np.zeros(len(goal) + 1, dtype=np.bool_)
+    reaches[found] = True
+    return reaches[1:]
+
+
+def _require_policy(mdp: Mdp, policy: FloatArray) -> None:
+    wrong = (policy < -1e-9) | (~mdp.available & (policy != 0.0))
+    bad = np.argwhere(wrong)
+    if len(bad):
+        state, action = bad[0]
+        raise SerdError(
+            f"policy[{state}, {action}] must be a probability of an available action,"
+            f" got {policy[state, action]}"
+        )
+    sums = policy.sum(axis=1)
+    off = np.flatnonzero(np.abs(sums - 1.0) > 1e-6)
+    if off.size:
+        raise SerdError(
+            f"policy[{off[0]}] must sum to 1, got {sums[off[0]]}; normalise over actions"
+        )
+
+
+def _distribution(name: str, values: FloatArray, size: int) -> FloatArray:
+    share = float_array(name, values, (size,))
+    if np.any(share < 0) or abs(float(share.sum()) - 1.0) > 1e-6:
+        raise SerdError(
+            f"{name} must be non-negative and sum to 1, got a sum of {share.sum()}; normalise it"
+        )
+    return share

@@ -1,0 +1,97 @@
+"""Measured times of arrival as an empirical CDF, and 95 % bands for it and for predictions.
+
+All episodes are cut off at the same horizon, so the share of episodes that arrived by time t
+estimates F(t) without bias for every t up to the horizon.
+
+Both bands are *pointwise*: each time by itself is covered with the stated probability, the whole
+curve with less.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.stats
+from numpy.typing import ArrayLike
+
+from serd_core.arrays import FloatArray, bool_array, float_array
+from serd_core.errors import SerdError
+
+
+@dataclass(frozen=True, eq=False)
+class EmpiricalArrival:
+    """Share of episodes that arrived, as a step function with a band.
+
+    times_s: (n,) 0, the distinct times of arrival, the horizon; cdf, lower, upper: (n,) from each
+    time up to the next.
+    """
+
+    times_s: FloatArray
+    cdf: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    n_episodes: int
+    n_arrived: int
+
+
+def empirical_arrival_cdf(
+    times_s: ArrayLike, timed_out: ArrayLike, horizon_s: float, coverage: float = 0.95
+) -> EmpiricalArrival:
+    """Empirical CDF with exact (Clopper-Pearson) pointwise confidence bands.
+
+    times_s: (N,) time of arrival of each episode (ignored where timed out).
+    timed_out: (N,) episodes that did not arrive; later than the horizon counts as such, too.
+    """
+    late = bool_array("timed_out", timed_out, (None,))
+    times = np.where(late, np.inf, np.asarray(times_s, dtype=np.float64))
+    if not len(late):
+        raise SerdError("times_s must hold at least one episode, got none")
+    _require_coverage(coverage)
+    if np.any(np.isnan(times) | (times < 0)):
+        raise SerdError("times_s must not be NaN or negative for an episode that arrived")
+    arrived = np.sort(times[times <= horizon_s])
+    steps = np.unique(np.concatenate([[0.0], arrived, [float(horizon_s)]]))
+    counts = np.searchsorted(arrived, steps, side="right")
+    lower, upper = clopper_pearson(counts, len(late), coverage)
+    return EmpiricalArrival(
+        times_s=steps,
+        cdf=counts / len(late),
+        lower=lower,
+        upper=upper,
+        n_episodes=len(late),
+        n_arrived=len(arrived),
+    )
+
+
+def clopper_pearson(
+    successes: ArrayLike, n_trials: int, coverage: float = 0.95
+) -> tuple[FloatArray, FloatArray]:
+    """Exact confidence interval of a binomial proportion: quantiles of Beta distributions."""
+    _require_coverage(coverage)
+    count = np.asarray(successes, dtype=np.float64)
+    tail = (1.0 - coverage) / 2.0
+    beta = scipy.stats.beta
+    lower = beta.ppf(tail, np.maximum(count, 1.0), n_trials - count + 1.0)
+    upper = beta.ppf(1.0 - tail, count + 1.0, np.maximum(n_trials - count, 1.0))
+    return np.where(count > 0, lower, 0.0), np.where(count < n_trials, upper, 1.0)
+
+
+def sampling_band(
+    cdf: FloatArray, n_episodes: int, coverage: float = 0.95
+) -> tuple[FloatArray, FloatArray]:
+    """Where the share of `n_episodes` falls if a predicted CDF is right: binomial quantiles.
+
+    Pointwise; discreteness makes the true coverage at least the stated one.
+    """
+    _require_coverage(coverage)
+    if n_episodes < 1:
+        raise SerdError(f"n_episodes must be at least 1, got {n_episodes}")
+    probability = np.clip(float_array("cdf", cdf), 0.0, 1.0)
+    tail = (1.0 - coverage) / 2.0
+    lower = scipy.stats.binom.ppf(tail, n_episodes, probability) / n_episodes
+    upper = scipy.stats.binom.ppf(1.0 - tail, n_episodes, probability) / n_episodes
+    return np.maximum(lower, 0.0), np.asarray(upper)
+
+
+def _require_coverage(coverage: float) -> None:
+    if not 0.0 < coverage < 1.0:
+        raise SerdError(f"coverage must be between 0 and 1, got {coverage}; use 0.95")

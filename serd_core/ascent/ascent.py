@@ -1,0 +1,56 @@
+"""What every ascent offers, what it is given and what it returns."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+
+#: Vector (n,) to objective value and its (n,) gradient.
+Objective = Callable[[FloatArray], tuple[float, FloatArray]]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Progress after one accepted step; `vector` is where the ascent stands."""
+
+    number: int
+    objective: float
+    gradient_norm: float
+    n_evaluations: int
+    vector: FloatArray
+
+
+#: Told after each step; True asks the ascent to stop there (early stopping).
+StepObserver = Callable[[Step], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class AscentResult:
+    """Where an ascent ended; converged means the gradient norm is within its tolerance."""
+
+    vector: FloatArray
+    objective: float
+    gradient_norm: float
+    n_steps: int
+    n_evaluations: int
+    converged: bool
+    message: str
+    objective_trace: FloatArray
+
+
+class Ascent(ABC):
+    """A bounded search for a maximum from a given start."""
+
+    @abstractmethod
+    def maximise(
+        self, objective: Objective, start: FloatArray, observer: StepObserver
+    ) -> AscentResult:
+        """Climb from `start` (n,)."""
+
+
+def largest(gradient: FloatArray) -> float:
+    """Largest absolute entry, 0 for an empty vector."""
+    return float(np.max(np.abs(gradient), initial=0.0))

@@ -1,0 +1,136 @@
+"""A general sparse P(s' | s, a) with a parameterisation of the user's own.
+
+The local probabilities are the entries themselves. Whoever knows a smooth map from parameters to
+entries and its vector-Jacobian product can learn with it; `fixed_transitions` has no parameters.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from serd_core.arrays import BoolArray, FloatArray, IntArray, int_array, require_index
+from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.errors import SerdError
+
+
+@dataclass(frozen=True, eq=False)
+class SparseModel(TransitionModel):
+    """P given entry by entry.
+
+    n_pairs: (S, A); state, action, next_state: (E,) of each entry, in any order of your own.
+    probabilities: parameters (n_parameters,) -> (E,) entries in that order.
+    vector_jacobian: (parameters, (E,) gradient) -> (n_parameters,) gradient.
+    Pairs without entries are not available.
+    """
+
+    n_pairs: tuple[int, int]
+    state: IntArray
+    action: IntArray
+    next_state: IntArray
+    parameter_count: int
+    probabilities: Callable[[FloatArray], FloatArray]
+    vector_jacobian: Callable[[FloatArray, FloatArray], FloatArray]
+
+    def __post_init__(self) -> None:
+        n_entries = len(np.atleast_1d(self.state))
+        for name, size in zip(("state", "action", "next_state"), self._sizes, strict=True):
+            column = int_array(name, getattr(self, name), (n_entries,))
+            require_index(name, column, size, f"a {name.replace('_', ' ')}")
+            object.__setattr__(self, name, column)
+
+    @property
+    def _sizes(self) -> tuple[int, int, int]:
+        n_states, n_actions = self.n_pairs
+        return n_states, n_actions, n_states
+
+    @property
+    def n_parameters(self) -> int:
+        """Length of the user's parameter vector."""
+        return self.parameter_count
+
+    @cached_property
+    def available(self) -> BoolArray:  # type: ignore[override]  # derived here, given elsewhere
+        """(S, A) pairs that have entries."""
+        mask = np.zeros(self.n_pairs, dtype=np.bool_)
+        mask[self.state, self.action] = True
+        return mask
+
+    @cached_property
+    def _order(self) -> IntArray:
+        return np.argsort(self.state * self.n_pairs[1] + self.action, kind="stable")
+
+    @cached_property
+    def row_start(self) -> IntArray:
+        """(S*A + 1,) first entry of each row."""
+        row = self.state * self.n_pairs[1] + self.action
+        lengths = np.bincount(row, minlength=self.n_pairs[0] * self.n_pairs[1])
+        return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+
+    @cached_property
+    def successor(self) -> IntArray:
+        """(E,) next state of each entry, row by row."""
+        return np.asarray(self.next_state[self._order])
+
+    def local_probabilities(self, parameters: FloatArray) -> FloatArray:
+        """(E,) the user's probabilities, in the user's order."""
+        given = np.asarray(self.probabilities(parameters), dtype=np.float64)
+        if given.shape != self.state.shape:
+            raise SerdError(
+                f"probabilities(parameters) must return {self.state.shape} numbers, one per entry,"
+                f" got {given.shape}"
+            )
+        return given
+
+    def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
+        """(n_parameters,) the user's vector-Jacobian product."""
+        gradient = np.asarray(self.vector_jacobian(parameters, local_gradient), dtype=np.float64)
+        if gradient.shape != (self.parameter_count,):
+            raise SerdError(
+                f"vector_jacobian must return ({self.parameter_count},) numbers, one per"
+                f" parameter, got {gradient.shape}"
+            )
+        return gradient
+
+    def entries(self, local_probabilities: FloatArray) -> FloatArray:
+        """(E,) entries row by row."""
+        return np.asarray(local_probabilities[self._order])
+
+    def gather(self, entry_gradient: FloatArray) -> FloatArray:
+        """(E,) gradient in the user's order."""
+        local = np.empty_like(entry_gradient)
+        local[self._order] = entry_gradient
+        return local
+
+    def parameters_of(self, initial: FloatArray) -> FloatArray:
+        """The given (n_parameters,) vector: only the user knows the inverse of the map."""
+        vector = np.asarray(initial, dtype=np.float64)
+        if vector.shape != (self.parameter_count,):
+            raise SerdError(
+                f"initial dynamics of a SparseModel must be its ({self.parameter_count},)"
+                f" parameters, got shape {vector.shape}"
+            )
+        return vector
+
+
+def fixed_transitions(
+    n_pairs: tuple[int, int],
+    state: IntArray,
+    action: IntArray,
+    next_state: IntArray,
+    probability: FloatArray,
+) -> SparseModel:
+    """A known sparse P without parameters; SerdError where a row is no distribution."""
+    known = np.array(probability, dtype=np.float64)
+    model = SparseModel(
+        n_pairs=n_pairs,
+        state=state,
+        action=action,
+        next_state=next_state,
+        parameter_count=0,
+        probabilities=lambda _: known,
+        vector_jacobian=lambda _, __: np.zeros(0),
+    )
+    model.require_stochastic(model.entries(known))
+    return model

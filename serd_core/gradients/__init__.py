@@ -1,0 +1,1 @@
+"""Derivatives of the converged Q-function: by adjoint, and the thesis's forward recursions."""

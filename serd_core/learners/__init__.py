@@ -1,0 +1,1 @@
+"""Estimators of rewards (and dynamics) from demonstrations, one file each."""

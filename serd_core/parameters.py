@@ -1,0 +1,62 @@
+"""The parameters theta of the SERD problem in their four blocks (section 4.2).
+
+theta_R (reward), theta_TE (what the expert believed), theta_T (what the world does) and theta_P
+(the expert's policy). The same record holds a gradient by them.
+"""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+
+
+class Block(Enum):
+    """Names of the parameter blocks."""
+
+    REWARD = "reward"
+    BELIEF = "belief"
+    TRUTH = "truth"
+    POLICY = "policy"
+
+
+@dataclass(frozen=True, eq=False)
+class Parameters:
+    """Four flat blocks: reward (F,), belief (N,), truth (N,), policy (0,) or (1,)."""
+
+    reward: FloatArray
+    belief: FloatArray
+    truth: FloatArray
+    policy: FloatArray
+
+    def block(self, name: Block) -> FloatArray:
+        """The block of that name."""
+        blocks = {
+            Block.REWARD: self.reward,
+            Block.BELIEF: self.belief,
+            Block.TRUTH: self.truth,
+            Block.POLICY: self.policy,
+        }
+        return blocks[name]
+
+    def with_block(self, name: Block, values: FloatArray) -> "Parameters":
+        """A copy with one block exchanged."""
+        return replace(self, **{name.value: values})
+
+    def zeros(self) -> "Parameters":
+        """Blocks of the same lengths filled with zeros."""
+        return Parameters(
+            reward=np.zeros_like(self.reward),
+            belief=np.zeros_like(self.belief),
+            truth=np.zeros_like(self.truth),
+            policy=np.zeros_like(self.policy),
+        )
+
+    def __add__(self, other: "Parameters") -> "Parameters":
+        return Parameters(
+            reward=self.reward + other.reward,
+            belief=self.belief + other.belief,
+            truth=self.truth + other.truth,
+            policy=self.policy + other.policy,
+        )

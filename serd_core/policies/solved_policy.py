@@ -1,0 +1,105 @@
+"""Policies of known rewards and dynamics: solve the Bellman equation, then choose.
+
+policy = soft_policy(problem, reward_weights, outcome_probabilities)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.equation import BellmanEquation
+from serd_core.bellman.hard import HardBellman
+from serd_core.bellman.soft import SoftBellman, boltzmann
+from serd_core.bellman.solution import BellmanSolution
+from serd_core.dynamics.transitions import transitions_of
+from serd_core.errors import SerdError
+from serd_core.problem import Problem, rewards
+from serd_core.solvers.bellman_solver import BellmanSolver
+from serd_core.solvers.newton import Newton
+
+NEWTON = Newton()
+
+
+@dataclass(frozen=True, eq=False)
+class Policy:
+    """A solved policy.
+
+    value: (S,); q: (S, A), -inf where unavailable; probabilities: (S, A); greedy: (S,) best action.
+    residual, error_bound, converged: certificate of the Bellman solve (`BellmanSolution`).
+    """
+
+    value: FloatArray
+    q: FloatArray
+    probabilities: FloatArray
+    greedy: IntArray
+    residual: float
+    error_bound: float
+    converged: bool
+
+
+def soft_policy(
+    problem: Problem,
+    reward_weights: FloatArray,
+    outcome_probabilities: FloatArray,
+    solver: BellmanSolver = NEWTON,
+) -> Policy:
+    """Maximum discounted causal entropy policy (3.28 to 3.30)."""
+    solution = _solved(problem, reward_weights, outcome_probabilities, SoftBellman(), solver)
+    return _policy(solution, solution.policy)
+
+
+def optimal_policy(
+    problem: Problem,
+    reward_weights: FloatArray,
+    outcome_probabilities: FloatArray,
+    solver: BellmanSolver = NEWTON,
+) -> Policy:
+    """Greedy optimal policy (2.24 to 2.26)."""
+    solution = _solved(problem, reward_weights, outcome_probabilities, HardBellman(), solver)
+    return _policy(solution, solution.policy)
+
+
+def boltzmann_policy(
+    problem: Problem,
+    reward_weights: FloatArray,
+    outcome_probabilities: FloatArray,
+    temperature: float,
+    solver: BellmanSolver = NEWTON,
+) -> Policy:
+    """Boltzmann distribution over optimal Q-values (4.62)."""
+    if not (np.isfinite(temperature) and temperature > 0):
+        raise SerdError(f"temperature must be finite and above 0, got {temperature}")
+    solution = _solved(problem, reward_weights, outcome_probabilities, HardBellman(), solver)
+    return _policy(solution, boltzmann(solution.q, temperature))
+
+
+def _solved(
+    problem: Problem,
+    reward_weights: FloatArray,
+    outcome_probabilities: FloatArray,
+    equation: BellmanEquation,
+    solver: BellmanSolver,
+) -> BellmanSolution:
+    mdp = problem.mdp
+    bellman = BellmanProblem(
+        equation=equation,
+        rewards=rewards(problem, reward_weights),
+        transitions=transitions_of(mdp.transitions, np.asarray(outcome_probabilities, np.float64)),
+        discount=mdp.discount,
+        available=mdp.available,
+    )
+    return solver.solve(mdp, bellman)
+
+
+def _policy(solution: BellmanSolution, probabilities: FloatArray) -> Policy:
+    return Policy(
+        value=solution.value,
+        q=solution.q,
+        probabilities=probabilities,
+        greedy=solution.q.argmax(axis=1),
+        residual=solution.residual,
+        error_bound=solution.error_bound,
+        converged=solution.converged,
+    )

@@ -1,0 +1,122 @@
+"""The log posterior of the SERD problem and its gradient (Eqs. 4.5 to 4.9).
+
+J(theta) = sum_D log pi_theta(a | s) + sum_D log P_T(s' | s, a) + log P(theta)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.solution import BellmanSolution
+from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.dynamics.transitions import Transitions, transitions_at
+from serd_core.gradients.adjoint import Adjoint, adjoint
+from serd_core.likelihood.dynamics import dynamics_log_likelihood
+from serd_core.likelihood.observations import Observations
+from serd_core.parameters import Parameters
+from serd_core.policies.policy_model import PolicyModel
+from serd_core.priors.prior import Prior
+from serd_core.problem import Problem
+from serd_core.solvers.bellman_solver import BellmanSolver
+from serd_core.solvers.linear_solver import LinearSolver
+
+
+@dataclass(frozen=True, eq=False)
+class PosteriorValue:
+    """J, its three parts, its gradient by all blocks, and the solved Bellman equation."""
+
+    policy_log_likelihood: float
+    dynamics_log_likelihood: float
+    log_prior: float
+    gradient: Parameters
+    solution: BellmanSolution
+
+    @property
+    def objective(self) -> float:
+        """J(theta)."""
+        return self.policy_log_likelihood + self.dynamics_log_likelihood + self.log_prior
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """J of one problem, one set of demonstrations and one policy model."""
+
+    problem: Problem
+    observations: Observations
+    policy_model: PolicyModel
+    prior: Prior
+    solver: BellmanSolver
+    linear_solver: LinearSolver
+
+    def evaluate(
+        self, parameters: Parameters, initial_value: FloatArray | None = None
+    ) -> PosteriorValue:
+        """Lines 5 to 8 of Algorithm 1: Q, policy, Q-gradient, objective gradient."""
+        believed = transitions_at(self._model, parameters.belief)
+        solution = self._q_iteration(parameters, believed, initial_value)
+        log_policy = self.policy_model.log_probabilities(parameters.policy, solution.q)
+        gradients = self._q_gradient(parameters, believed, solution, np.exp(log_policy))
+        dynamics_value, by_truth = self._dynamics(parameters)
+        log_prior = self.prior.evaluate(self._model, parameters)
+        gradient = Parameters(
+            reward=np.tensordot(gradients.reward_gradient, self.problem.features, axes=2),
+            belief=self._by_dynamics(parameters.belief, gradients.entry_gradient),
+            truth=by_truth,
+            policy=self.policy_model.parameter_gradient(
+                parameters.policy, solution.q, self._counts
+            ),
+        )
+        return PosteriorValue(
+            policy_log_likelihood=expected_log_policy(self._counts, log_policy),
+            dynamics_log_likelihood=dynamics_value,
+            log_prior=log_prior.value,
+            gradient=gradient + log_prior.gradient,
+            solution=solution,
+        )
+
+    @property
+    def _model(self) -> TransitionModel:
+        return self.problem.mdp.transitions
+
+    @property
+    def _counts(self) -> FloatArray:
+        return self.observations.state_action
+
+    def _q_iteration(
+        self, parameters: Parameters, believed: Transitions, initial_value: FloatArray | None
+    ) -> BellmanSolution:
+        mdp = self.problem.mdp
+        bellman = BellmanProblem(
+            equation=self.policy_model.equation,
+            rewards=self.problem.features @ parameters.reward,
+            transitions=believed,
+            discount=mdp.discount,
+            available=mdp.available,
+        )
+        return self.solver.solve(mdp, bellman, initial_value)
+
+    def _q_gradient(
+        self,
+        parameters: Parameters,
+        believed: Transitions,
+        solution: BellmanSolution,
+        policy: FloatArray,
+    ) -> Adjoint:
+        by_q = self.policy_model.q_gradient(parameters.policy, policy, self._counts)
+        return adjoint(self.problem.mdp, believed, solution, by_q, self.linear_solver)
+
+    def _dynamics(self, parameters: Parameters) -> tuple[float, FloatArray]:
+        true = transitions_at(self._model, parameters.truth)
+        value, entry_gradient = dynamics_log_likelihood(self.observations, true.entries)
+        return value, self._by_dynamics(parameters.truth, entry_gradient)
+
+    def _by_dynamics(self, theta: FloatArray, entry_gradient: FloatArray) -> FloatArray:
+        return self._model.pull_back(theta, self._model.gather(entry_gradient))
+
+
+def expected_log_policy(counts: FloatArray, log_policy: FloatArray) -> float:
+    """sum n(s,a) log pi(a|s) over the pairs that were observed."""
+    seen = counts > 0
+    return float(np.sum(counts[seen] * log_policy[seen]))

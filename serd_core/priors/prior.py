@@ -1,0 +1,71 @@
+"""What every prior offers: log P(theta) up to a constant, and its gradient."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.errors import SerdError
+from serd_core.parameters import Parameters
+
+
+@dataclass(frozen=True, eq=False)
+class LogPrior:
+    """log P(theta) + Z and its gradient by every block."""
+
+    value: float
+    gradient: Parameters
+
+
+class Prior(ABC):
+    """A log prior; priors add up with `+`."""
+
+    @abstractmethod
+    def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
+        """Value and gradient at `parameters` of the transition model."""
+
+    def anchored(self, initial_local_probabilities: FloatArray) -> "Prior":
+        """The same prior, referring to the initial dynamics where no reference was given."""
+        del initial_local_probabilities
+        return self
+
+    def __add__(self, other: "Prior") -> "Prior":
+        return SumOfPriors((self, other))
+
+
+@dataclass(frozen=True)
+class UniformPrior(Prior):
+    """No preference: log P(theta) = 0."""
+
+    def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
+        """Zero everywhere."""
+        del model
+        return LogPrior(0.0, parameters.zeros())
+
+
+@dataclass(frozen=True)
+class SumOfPriors(Prior):
+    """Product of independent priors."""
+
+    terms: tuple[Prior, ...]
+
+    def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
+        """Sum of values and of gradients."""
+        value, gradient = 0.0, parameters.zeros()
+        for term in self.terms:
+            part = term.evaluate(model, parameters)
+            value, gradient = value + part.value, gradient + part.gradient
+        return LogPrior(value, gradient)
+
+    def anchored(self, initial_local_probabilities: FloatArray) -> "Prior":
+        """Anchor every term."""
+        terms = tuple(term.anchored(initial_local_probabilities) for term in self.terms)
+        return SumOfPriors(terms)
+
+
+def require_weight(name: str, weight: float) -> None:
+    """SerdError unless the weight is finite and not negative."""
+    if not (np.isfinite(weight) and weight >= 0):
+        raise SerdError(f"{name} must be finite and not negative, got {weight}; use 0 for none")

@@ -1,0 +1,1 @@
+"""How Bellman equations and their linear systems are solved; choose by object."""

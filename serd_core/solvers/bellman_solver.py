@@ -1,0 +1,56 @@
+"""What every Bellman solver offers, and when a residual is small enough."""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, float_array
+from serd_core.bellman.backup import Backup, BellmanProblem
+from serd_core.bellman.solution import BellmanSolution
+from serd_core.mdp import Mdp
+
+#: Multiple of the rounding unit below which a residual cannot be expected to fall.
+ROUNDING_STEPS = 16.0
+
+
+class BellmanSolver(ABC):
+    """A bounded iteration for V = T V."""
+
+    @abstractmethod
+    def solve(
+        self, mdp: Mdp, problem: BellmanProblem, initial_value: FloatArray | None = None
+    ) -> BellmanSolution:
+        """Solve from `initial_value` (S,), or from zero."""
+
+
+def residual_target(discount: float, accuracy: float, value: FloatArray) -> float:
+    """Largest residual that certifies max |V - V*| <= accuracy * max(1, max |V|).
+
+    Never asks for less than rounding allows; the certificate of the solution stays honest.
+    """
+    scale = max(1.0, float(np.max(np.abs(value))))
+    smallest = ROUNDING_STEPS * float(np.finfo(np.float64).eps)
+    return scale * max(accuracy * (1.0 - discount), smallest)
+
+
+def starting_value(mdp: Mdp, initial_value: FloatArray | None) -> FloatArray:
+    """(S,) the given start, checked, or zero."""
+    if initial_value is None:
+        return np.zeros(mdp.n_states)
+    return float_array("initial_value", initial_value, (mdp.n_states,))
+
+
+def solution_from(
+    problem: BellmanProblem, last: Backup, *, steps: int, linear_solves: int, converged: bool
+) -> BellmanSolution:
+    """Record of a finished iteration; the value is T V, no further from V* than V was."""
+    return BellmanSolution(
+        value=last.target,
+        q=last.q,
+        policy=problem.equation.policy(last.q),
+        steps=steps,
+        linear_solves=linear_solves,
+        residual=last.residual,
+        error_bound=last.residual / (1.0 - problem.discount),
+        converged=converged,
+    )
