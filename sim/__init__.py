@@ -1,0 +1,1 @@
+"""The hallway: scenario, people, robot, lidar, local planner and episodes. No ROS."""

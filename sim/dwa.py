@@ -1,0 +1,156 @@
+"""Dynamic window planner (Fox, Burgard & Thrun 1997) among walking people.
+
+Every control period it rolls out the commands the robot can reach soon, throws away those that
+would hit a wall or a person before the robot could have stopped, and takes the cheapest:
+
+    cost = w_p mean_t d_t + w_h |heading error| + w_n sum_t nearness of people + w_w wall nearness
+
+with d_t the smallest distance to the waypoint up to t. Standing still is always allowed: a robot
+that stands does not run into anybody.
+"""
+
+import math
+
+import numpy as np
+
+from serd_core.arrays import BoolArray, FloatArray
+from sim.command import STOP, Command
+from sim.dwa_settings import DwaSettings, reachable_window
+from sim.nearby_people import PredictedPeople, predict_nearby
+from sim.observation import Observation
+from sim.occupancy import wall_distance_raster
+from sim.rollouts import Rollouts, roll_out
+from sim.scenario import Scenario
+from sim.waypoint import Waypoint
+
+_FORBIDDEN = 1e6
+_STANDING = -1  # index of speed 0 among the sampled speeds
+
+
+class DwaPlanner:
+    """Drives to a waypoint around people and away from walls."""
+
+    def __init__(self, scenario: Scenario, settings: DwaSettings | None = None) -> None:
+        self.settings = settings if settings is not None else DwaSettings()
+        self._robot = scenario.robot
+        self._walls = wall_distance_raster(scenario)
+        count, step_s = self.settings.n_steps, self.settings.time_granularity_s
+        self._time_s: FloatArray = step_s * np.arange(1, count + 1, dtype=np.float64)
+        spread = np.linspace(-1.0, 1.0, self.settings.vtheta_samples)
+        self._turn_shares: FloatArray = np.sign(spread) * np.abs(spread) ** 1.5
+        self._foresight: FloatArray = np.exp(-self._time_s / self.settings.foresight_s)
+
+    def reset(self) -> None:
+        """Nothing is remembered."""
+
+    def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
+        """Command for the next control period; without a waypoint, stand still."""
+        if waypoint is None:
+            return STOP
+        to_x, to_y = waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m
+        distance_m = math.hypot(to_x, to_y)
+        if distance_m < self.settings.xy_goal_tolerance_m:
+            return STOP
+        speeds, turns = self._samples(observation, distance_m)
+        rollouts = roll_out(
+            observation.pose,
+            (observation.speed_mps, speeds),
+            (observation.yaw_rate_radps, turns),
+            self._robot,
+            self._time_s,
+            self.settings.turn_time_s,
+        )
+        cost = self._progress_cost(rollouts, waypoint)
+        cost += self._turning_cost(rollouts, turns, to_x, to_y)
+        cost += self._wall_cost(rollouts)
+        cost += self._people_cost(rollouts, observation)
+        best_v, best_w = np.unravel_index(int(np.argmin(cost)), cost.shape)
+        return Command(float(speeds[best_v]), float(turns[best_w]))
+
+    def _samples(
+        self, observation: Observation, distance_m: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Speeds (V,), never too fast to stop at the waypoint and with 0 among them; turns (W,)."""
+        robot, settings = self._robot, self.settings
+        window = reachable_window(
+            robot, observation.speed_mps, observation.yaw_rate_radps, settings.window_s
+        )
+        stopping = math.sqrt(2.0 * settings.braking_share * robot.acc_lim_x_mps2 * distance_m)
+        fastest = max(min(window.fastest_mps, stopping), min(window.slowest_mps, stopping))
+        slowest = min(window.slowest_mps, fastest)
+        speeds = np.append(np.linspace(slowest, fastest, settings.vx_samples - 1), 0.0)
+        half = 0.5 * (window.leftmost_radps - window.rightmost_radps)
+        middle = 0.5 * (window.leftmost_radps + window.rightmost_radps)
+        return speeds, middle + half * self._turn_shares
+
+    def _progress_cost(self, rollouts: Rollouts, waypoint: Waypoint) -> FloatArray:
+        """(V, W) mean over time of the smallest distance to the waypoint so far."""
+        away_x, away_y = rollouts.x_m - waypoint.x_m, rollouts.y_m - waypoint.y_m
+        distance = np.sqrt(away_x * away_x + away_y * away_y)
+        np.minimum.accumulate(distance, axis=2, out=distance)
+        cost: FloatArray = self.settings.progress_weight * distance.mean(axis=2)
+        return cost
+
+    def _turning_cost(
+        self, rollouts: Rollouts, turns: FloatArray, to_x: float, to_y: float
+    ) -> FloatArray:
+        """(1, W) for not facing the waypoint after the turn, and for turning fast."""
+        error = np.arctan2(to_y, to_x) - rollouts.yaw_rad[:, -1]
+        error = np.abs((error + np.pi) % (2.0 * np.pi) - np.pi)
+        weight = self.settings.heading_weight * min(1.0, 2.0 * math.hypot(to_x, to_y))
+        cost: FloatArray = weight * error + self.settings.turning_weight * np.abs(turns)
+        return cost[None, :]
+
+    def _wall_cost(self, rollouts: Rollouts) -> FloatArray:
+        """(V, W) nearness of walls; forbidden where the robot would touch one before it stops."""
+        settings = self.settings
+        gap = self._walls.at(rollouts.x_m, rollouts.y_m) - (
+            self._robot.radius_m + settings.wall_margin_m
+        )
+        hits = (gap < 0.0) & self._cannot_stop_before(rollouts)[:, None, :]
+        nearness = np.exp(-np.maximum(gap.min(axis=2), 0.0) / settings.wall_decay_m)
+        cost: FloatArray = settings.wall_weight * nearness
+        return cost + _FORBIDDEN * self._moving(rollouts, hits)
+
+    def _people_cost(self, rollouts: Rollouts, observation: Observation) -> FloatArray:
+        """(V, W) nearness of people; forbidden where the robot would run into one.
+
+        Being touched by somebody is no reason to stay: only what brings the robot nearer than
+        standing still would is forbidden.
+        """
+        settings = self.settings
+        people = predict_nearby(
+            observation, settings.people_range_m, settings.max_people, self._time_s
+        )
+        if not len(people):
+            return np.zeros(rollouts.x_m.shape[:2])
+        gap = self._gap_to_people(rollouts, people)
+        closer = gap < np.minimum(settings.person_margin_m, gap[_STANDING] - 1e-3)
+        hits = closer & self._cannot_stop_before(rollouts)[:, None, :]
+        nearness = np.exp(-np.maximum(gap, -settings.people_decay_m) / settings.people_decay_m)
+        cost: FloatArray = settings.people_weight * np.max(nearness * self._foresight, axis=2)
+        return cost + _FORBIDDEN * self._moving(rollouts, hits)
+
+    def _gap_to_people(self, rollouts: Rollouts, people: PredictedPeople) -> FloatArray:
+        """(V, W, T) distance between the surfaces of the robot and of the nearest person."""
+        nearest = np.full(rollouts.x_m.shape, np.inf)
+        for x_m, y_m in zip(people.x_m, people.y_m, strict=True):
+            away_x, away_y = rollouts.x_m - x_m, rollouts.y_m - y_m
+            away_x *= away_x
+            away_y *= away_y
+            away_x += away_y
+            np.minimum(nearest, away_x, out=nearest)
+        gap: FloatArray = np.sqrt(nearest)
+        return gap - (self._robot.radius_m + self.settings.person_radius_m)
+
+    def _cannot_stop_before(self, rollouts: Rollouts) -> BoolArray:
+        """(V, T) whether time t is within the stopping time of speed i and one reaction."""
+        stopping_s = np.abs(rollouts.speed_mps[:, -1]) / self._robot.acc_lim_x_mps2
+        within: BoolArray = self._time_s <= stopping_s[:, None] + 0.3
+        return within
+
+    def _moving(self, rollouts: Rollouts, hits: BoolArray) -> BoolArray:
+        """(V, W) hits of rollouts that do not end in standing still."""
+        moving = np.abs(rollouts.speed_mps[:, -1]) > 1e-3
+        found: BoolArray = hits.any(axis=2) & moving[:, None]
+        return found

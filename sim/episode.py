@@ -1,0 +1,135 @@
+"""One episode: a driver decides, the planner drives, the world answers, until the goal or timeout.
+
+The order within a control period is that of the ROS graph: observe, decide when a decision period
+begins, plan towards the waypoint, step the world.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from serd_core.demonstrations import Decisions
+from serd_core.grid import Action, Grid
+from sim.command import Command
+from sim.contacts import ContactCounts
+from sim.decision import is_decision_tick, waypoint_of_intent
+from sim.driver import Driver
+from sim.local_planner import LocalPlanner
+from sim.observation import Observation
+from sim.waypoint import Waypoint
+from sim.world import HallwayWorld
+
+Ending = Literal["arrived", "timeout", "aborted"]
+Observer = Callable[[Observation, Command, Action], bool | None]
+
+
+@dataclass(frozen=True, eq=False)
+class EpisodeRecord:
+    """What came of one episode. time_of_arrival_s: since its start, NaN when it did not arrive."""
+
+    episode: int
+    seed: int
+    driver: str
+    start_area: str
+    outcome: Ending
+    time_of_arrival_s: float
+    duration_s: float
+    n_ticks: int
+    distance_m: float
+    contacts: ContactCounts
+    minimum_person_distance_m: float
+    decisions: Decisions
+
+
+class DecisionLog:
+    """Collects (s, a, s') at the decision clock; a last period cut short by arriving counts."""
+
+    def __init__(self, grid: Grid, episode: int) -> None:
+        self._grid, self._episode = grid, episode
+        self._rows: list[tuple[float, int, int, int]] = []
+        self._open: tuple[float, int, int] | None = None
+
+    def decide(self, observation: Observation, action: Action) -> None:
+        """Close the running period here and begin the next."""
+        self.close(observation)
+        state = self._grid.state_at(observation.x_m, observation.y_m)
+        self._open = (observation.time_s, state, int(action))
+
+    def close(self, observation: Observation) -> None:
+        """End the running period at this observation."""
+        if self._open is not None:
+            reached = self._grid.state_at(observation.x_m, observation.y_m)
+            self._rows.append((*self._open, reached))
+            self._open = None
+
+    def decisions(self, source: str) -> Decisions:
+        """All closed periods that began and ended on the grid."""
+        rows = [row for row in self._rows if row[1] >= 0 and row[3] >= 0]
+        columns = np.array(rows, dtype=np.float64).reshape(-1, 4).T
+        return Decisions(
+            episode=np.full(len(rows), self._episode, dtype=np.int64),
+            time_s=columns[0],
+            state=columns[1].astype(np.int64),
+            action=columns[2].astype(np.int64),
+            next_state=columns[3].astype(np.int64),
+            source=source,
+        )
+
+
+def run_episode(
+    world: HallwayWorld,
+    planner: LocalPlanner,
+    driver: Driver,
+    *,
+    episode: int,
+    start_area: str = "train",
+    timeout_s: float | None = None,
+    observer: Observer | None = None,
+) -> EpisodeRecord:
+    """Run one episode to its end; an observer that returns False aborts it.
+
+    timeout_s: simulated seconds, the scenario's when None.
+    """
+    limit_s = world.scenario.episode_timeout_s if timeout_s is None else timeout_s
+    observation = world.reset(episode, start_area)
+    planner.reset()
+    driver.begin(episode)
+    log = DecisionLog(world.grid, episode)
+    start, distance_m = observation, 0.0
+    outcome: Ending = "timeout"
+    waypoint: Waypoint | None = None
+    action = Action.WAIT
+    n_ticks = round(limit_s / world.scenario.control_period_s)
+    while observation.tick - start.tick < n_ticks:
+        if is_decision_tick(observation, world.scenario):
+            action = driver.decide(observation)
+            log.decide(observation, action)
+            waypoint = waypoint_of_intent(world.grid, observation, action)
+        command = planner.step(observation, waypoint)
+        if observer is not None and observer(observation, command, action) is False:
+            outcome = "aborted"
+            break
+        before, observation = observation, world.step(command)
+        distance_m += float(np.hypot(observation.x_m - before.x_m, observation.y_m - before.y_m))
+        if world.in_goal:
+            outcome = "arrived"
+            break
+    if outcome != "aborted":
+        log.close(observation)
+    duration_s = (observation.tick - start.tick) * world.scenario.control_period_s
+    return EpisodeRecord(
+        episode=episode,
+        seed=world.seed,
+        driver=driver.name,
+        start_area=start_area,
+        outcome=outcome,
+        time_of_arrival_s=duration_s if outcome == "arrived" else float("nan"),
+        duration_s=duration_s,
+        n_ticks=observation.tick - start.tick,
+        distance_m=distance_m,
+        contacts=world.contacts,
+        minimum_person_distance_m=world.minimum_person_distance_m,
+        decisions=log.decisions(f"{driver.name} in {world.scenario.name}, seed {world.seed}"),
+    )

@@ -1,0 +1,50 @@
+"""Where the robot would be: rollouts of many commands at once, under its acceleration limits.
+
+Index order [i, j, t]: speed i, turning rate j, time t. A rollout ramps to its speed and keeps it;
+it ramps to its turning rate, keeps it for the turn time and then goes straight on.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from sim.settings import RobotSettings
+
+
+@dataclass(frozen=True, eq=False)
+class Rollouts:
+    """x_m, y_m: (V, W, T) positions; speed_mps: (V, T); yaw_rad: (W, T)."""
+
+    x_m: FloatArray
+    y_m: FloatArray
+    speed_mps: FloatArray
+    yaw_rad: FloatArray
+
+
+def ramp(start: float, wanted: FloatArray, limit: float, time_s: FloatArray) -> FloatArray:
+    """(n, T) values that go from `start` to each wanted one at the limited rate."""
+    reach = limit * time_s
+    change: FloatArray = np.clip((wanted - start)[:, None], -reach, reach)
+    return start + change
+
+
+def roll_out(
+    pose: tuple[float, float, float],
+    speeds: tuple[float, FloatArray],
+    turns: tuple[float, FloatArray],
+    robot: RobotSettings,
+    time_s: FloatArray,
+    turn_time_s: float,
+) -> Rollouts:
+    """Rollouts from a pose; `speeds` and `turns` are the present value and the sampled ones."""
+    step_s = time_s[0]
+    middle_s = time_s - 0.5 * step_s
+    speed = ramp(speeds[0], speeds[1], robot.acc_lim_x_mps2, middle_s)
+    turning = ramp(turns[0], turns[1], robot.acc_lim_theta_radps2, middle_s)
+    turning = np.where(middle_s > turn_time_s, 0.0, turning)
+    yaw = pose[2] + step_s * np.cumsum(turning, axis=1)
+    middle_yaw = yaw - 0.5 * step_s * turning
+    x = pose[0] + step_s * np.cumsum(speed[:, None, :] * np.cos(middle_yaw), axis=2)
+    y = pose[1] + step_s * np.cumsum(speed[:, None, :] * np.sin(middle_yaw), axis=2)
+    return Rollouts(x_m=x, y_m=y, speed_mps=speed, yaw_rad=yaw)

@@ -1,0 +1,150 @@
+"""A scenario: the place, its walkers, the robot and its task, as one YAML file (metres, seconds).
+
+The walkable area is one simple polygon; its edges and those of the obstacles are the walls. Loops
+are written as right-hand traffic walks them; `flow_convention: left_hand` walks them backwards.
+"""
+
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from serd_core.arrays import FloatArray
+from sim.errors import SimError
+from sim.polygon import contains, edges_of, self_intersection, signed_area_m2
+from sim.settings import LidarSettings, Loop, PedestrianSettings, Point, Polygon, RobotSettings
+from storage.nearest import nearest_name
+from storage.yaml_config import StrictModel, load_yaml_model
+
+_BUILTIN_FOLDER = Path(__file__).parent / "scenarios"
+
+
+class Obstacle(StrictModel):
+    """Something solid inside the walkable area."""
+
+    name: str
+    outline_m: Polygon
+
+
+class Scenario(StrictModel):
+    """Everything that defines one world; the same for every run of it but for the seed."""
+
+    name: str
+    description: str = ""
+    cell_size_m: float = Field(default=1.0, gt=0)
+    decision_period_s: float = Field(default=2.0, gt=0)
+    control_period_s: float = Field(default=0.05, gt=0)
+    episode_timeout_s: float = Field(default=420.0, gt=0)
+    walkable_area_m: Polygon
+    obstacles: tuple[Obstacle, ...] = ()
+    goal_area_m: Polygon
+    start_areas_m: dict[str, Polygon]
+    flow_convention: Literal["right_hand", "left_hand"] = "right_hand"
+    pedestrians: PedestrianSettings = PedestrianSettings()
+    robot: RobotSettings = RobotSettings()
+    lidar: LidarSettings = LidarSettings()
+
+    @field_validator("walkable_area_m", "goal_area_m")
+    @classmethod
+    def _simple(cls, polygon: tuple[Point, ...]) -> tuple[Point, ...]:
+        crossing = self_intersection(polygon)
+        if crossing is not None:
+            raise ValueError(
+                f"must not cross itself, but edges {crossing[0]} and {crossing[1]} do"
+                "; list the corners in order around the area"
+            )
+        return polygon
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Scenario":
+        _require_multiple(self.decision_period_s, self.control_period_s)
+        if "train" not in self.start_areas_m:
+            raise ValueError(f"start_areas_m must have 'train', got {sorted(self.start_areas_m)}")
+        if self.pedestrians.count and not self.pedestrians.loops:
+            raise ValueError("pedestrians.loops must not be empty when pedestrians.count is not 0")
+        for loop in self.pedestrians.loops:
+            _require_inside(self, f"waypoints_m of the loop {loop.name!r}", loop.waypoints_m)
+        return self
+
+    @property
+    def ticks_per_decision(self) -> int:
+        """Control periods in one decision period."""
+        return round(self.decision_period_s / self.control_period_s)
+
+    @property
+    def wall_polygons_m(self) -> list[FloatArray]:
+        """Outline of the walkable area, then of each obstacle, as (n, 2) arrays.
+
+        Corners are ordered so that the free side is to the left of every edge.
+        """
+        outline = np.array(self.walkable_area_m)
+        solids = [np.array(each.outline_m) for each in self.obstacles]
+        return [
+            outline if signed_area_m2(outline) > 0 else outline[::-1],
+            *(solid if signed_area_m2(solid) < 0 else solid[::-1] for solid in solids),
+        ]
+
+    @cached_property
+    def wall_segments_m(self) -> FloatArray:
+        """(W, 2, 2) start and end points of all walls."""
+        return np.concatenate([edges_of(polygon) for polygon in self.wall_polygons_m])
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """(x_min, y_min, x_max, y_max) of the walkable area."""
+        corners = np.array(self.walkable_area_m)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    @property
+    def directed_loops(self) -> tuple[Loop, ...]:
+        """The loops in the order of walking under this scenario's flow convention."""
+        if self.flow_convention == "right_hand":
+            return self.pedestrians.loops
+        return tuple(
+            loop.model_copy(update={"waypoints_m": loop.waypoints_m[::-1]})
+            for loop in self.pedestrians.loops
+        )
+
+    def with_pedestrian_count(self, count: int) -> "Scenario":
+        """The same scenario with another number of people."""
+        pedestrians = self.pedestrians.model_dump() | {"count": count}
+        return type(self).model_validate(self.model_dump() | {"pedestrians": pedestrians})
+
+
+def builtin_scenarios() -> tuple[str, ...]:
+    """Names of the scenarios that come with the package."""
+    return tuple(sorted(path.stem for path in _BUILTIN_FOLDER.glob("*.yaml")))
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """Scenario by the name of a built-in one or by the path of a YAML file."""
+    path = Path(name_or_path)
+    if path.suffix in {".yaml", ".yml"}:
+        return load_yaml_model(path, Scenario)
+    name = str(name_or_path)
+    if name in builtin_scenarios():
+        return load_yaml_model(_BUILTIN_FOLDER / f"{name}.yaml", Scenario)
+    meant = nearest_name(name, builtin_scenarios())
+    hint = f"did you mean {meant!r}?" if meant else f"built in are {', '.join(builtin_scenarios())}"
+    raise SimError(f"scenario must be a built-in name or a .yaml file, got {name!r}; {hint}")
+
+
+def _require_multiple(decision_period_s: float, control_period_s: float) -> None:
+    ratio = decision_period_s / control_period_s
+    if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-9 * ratio:
+        raise ValueError(
+            f"decision_period_s must be a whole number of control_period_s ({control_period_s})"
+            f", got {decision_period_s}"
+        )
+
+
+def _require_inside(scenario: Scenario, what: str, points: tuple[Point, ...]) -> None:
+    walkable = contains(scenario.walkable_area_m, points)
+    for obstacle in scenario.obstacles:
+        walkable &= ~contains(obstacle.outline_m, points)
+    if not walkable.all():
+        outside = points[int(np.argmin(walkable))]
+        raise ValueError(f"{what} must be in the walkable area, got {list(outside)}; move it")

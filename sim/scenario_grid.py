@@ -1,0 +1,82 @@
+"""What a scenario is on the coarse grid: walkable cells, flow, goal, starts, distance to walls."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.grid import Grid
+from serd_core.navigation import FEATURE_NAMES, NavigationProblem, build_navigation_problem
+from sim.errors import SimError
+from sim.flow_field import flow_vectors, quantised_flow
+from sim.polygon import contains, distance_to_segments_m
+from sim.scenario import Scenario
+from storage.nearest import nearest_name
+
+
+def grid_of(scenario: Scenario) -> Grid:
+    """Grid over the scenario's bounds; a cell is walkable when its centre is."""
+    x_min, y_min, x_max, y_max = scenario.bounds_m
+    size = scenario.cell_size_m
+    columns, rows = (int(np.ceil(span / size - 1e-9)) for span in (x_max - x_min, y_max - y_min))
+    x, y = np.meshgrid(
+        x_min + (np.arange(columns) + 0.5) * size, y_min + (np.arange(rows) + 0.5) * size
+    )
+    centers = np.stack([x.ravel(), y.ravel()], axis=1)
+    walkable = contains(scenario.walkable_area_m, centers)
+    for obstacle in scenario.obstacles:
+        walkable &= ~contains(obstacle.outline_m, centers)
+    return Grid((x_min, y_min), size, walkable.reshape(rows, columns))
+
+
+def flow_of(scenario: Scenario, grid: Grid) -> IntArray:
+    """(S,) direction people walk in each cell as an `Action`, -1 for none."""
+    loops = scenario.directed_loops if scenario.pedestrians.count else ()
+    return quantised_flow(flow_vectors(loops, grid.centers_m, grid.cell_size_m))
+
+
+def goal_states_of(scenario: Scenario, grid: Grid) -> IntArray:
+    """States whose centre lies in the goal area."""
+    return _states_in(grid, scenario.goal_area_m, "goal_area_m")
+
+
+def start_states_of(scenario: Scenario, grid: Grid, area: str) -> IntArray:
+    """States whose centre lies in the start area of that name."""
+    if area not in scenario.start_areas_m:
+        known = sorted(scenario.start_areas_m)
+        meant = nearest_name(area, known) or known[0]
+        raise SimError(
+            f"start area must be one of {', '.join(known)}, got {area!r}; did you mean {meant!r}?"
+        )
+    return _states_in(grid, scenario.start_areas_m[area], f"start_areas_m.{area}")
+
+
+def wall_distance_of(scenario: Scenario, grid: Grid) -> FloatArray:
+    """(S,) metres from each cell's centre to the nearest wall."""
+    distance = distance_to_segments_m(grid.centers_m, scenario.wall_segments_m)
+    return np.asarray(distance.min(axis=1))
+
+
+def navigation_problem_of(
+    scenario: Scenario, discount: float, features: Sequence[str] = FEATURE_NAMES
+) -> NavigationProblem:
+    """The decision problem of section 5.1 on this scenario's grid."""
+    grid = grid_of(scenario)
+    return build_navigation_problem(
+        grid=grid,
+        flow=flow_of(scenario, grid),
+        goal_states=goal_states_of(scenario, grid),
+        wall_distance_m=wall_distance_of(scenario, grid),
+        discount=discount,
+        features=features,
+    )
+
+
+def _states_in(grid: Grid, polygon: Sequence[tuple[float, float]], name: str) -> IntArray:
+    states = np.flatnonzero(contains(polygon, grid.centers_m))
+    if not states.size:
+        raise SimError(
+            f"{name} must hold the centre of at least one walkable cell of {grid.cell_size_m} m"
+            f", got {list(polygon)}; enlarge or move it"
+        )
+    return states
