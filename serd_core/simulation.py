@@ -1,5 +1,7 @@
 """Sample demonstrations from a policy in known dynamics."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray, float_array
@@ -34,7 +36,7 @@ def sample_decisions(
     transitions = transitions_of(mdp.transitions, np.asarray(outcome_probabilities, np.float64))
     state = _draw(np.broadcast_to(starts, (n_episodes, mdp.n_states)), rng)
     moving = np.flatnonzero(~mdp.absorbing[state])
-    rows = []
+    rows: list[tuple[IntArray, ...]] = []
     for step in range(n_steps):
         if not moving.size:
             break
@@ -60,10 +62,11 @@ def _successors(transitions: Transitions, row: IntArray, rng: np.random.Generato
     first, last = cumulative[start[row]], cumulative[start[row + 1]]
     level = first + rng.random(len(row)) * (last - first)
     entry = np.searchsorted(cumulative, level, side="right") - 1
-    return transitions.model.successor[np.clip(entry, start[row], start[row + 1] - 1)]
+    entry = np.clip(entry, start[row], start[row + 1] - 1)
+    return np.asarray(transitions.model.successor[entry])
 
 
-def _decisions(rows: list[tuple[IntArray, ...]], source: str) -> Decisions:
+def _decisions(rows: Sequence[tuple[IntArray, ...]], source: str) -> Decisions:
     if not rows:
         empty = np.zeros(0, dtype=np.int64)
         return Decisions(empty, empty.astype(np.float64), empty, empty, empty, source)

@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.errors import SerdError
+
+
+def two_models(beta: float = 1.0) -> OutcomeModels:
+    """Three states in a row, two actions, outcomes stay and move; the end blocks."""
+    successors = np.array([[[0, 1], [0, 0]], [[1, 2], [1, 0]], [[2, 2], [2, 1]]])
+    return OutcomeModels(successors, [[0, 1]] * 3, np.ones((3, 2), bool), n_models=2, beta=beta)
+
+
+def test_equal_energies_give_the_uniform_distribution():
+    np.testing.assert_allclose(two_models().local_probabilities(np.full(4, 7.0)), 0.5)
+
+
+def test_probabilities_follow_the_gibbs_distribution_with_its_scale():
+    probabilities = two_models(beta=2.0).local_probabilities(np.array([0.0, 1.0, 0.0, 0.0]))
+    assert probabilities[0, 1] == pytest.approx(np.exp(2) / (1 + np.exp(2)))
+
+
+def test_outcomes_that_land_in_the_same_cell_add_up():
+    model = two_models()
+    dense = model.matrix(model.entries(np.array([[0.3, 0.7], [0.4, 0.6]]))).toarray()
+    np.testing.assert_allclose(dense[4], [0, 0, 1])
+    np.testing.assert_allclose(dense[2], [0, 0.3, 0.7])
+    np.testing.assert_allclose(dense.sum(axis=1), 1)
+
+
+def test_energies_and_probabilities_are_inverse_to_each_other():
+    model = two_models(beta=3.0)
+    probabilities = np.array([[0.2, 0.8], [0.9, 0.1]])
+    energies = model.parameters_of(probabilities)
+    np.testing.assert_allclose(model.local_probabilities(energies), probabilities)
+    np.testing.assert_allclose(energies.reshape(2, 2).sum(axis=1), 0, atol=1e-15)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 10_000))
+def test_pulled_back_gradient_is_the_finite_difference(seed):
+    rng = np.random.default_rng(seed)
+    model, theta, weight = two_models(beta=1.7), rng.normal(size=4), rng.normal(size=6)
+
+    def total(parameters):
+        dense = model.matrix(model.entries(model.local_probabilities(parameters)))
+        return float(weight @ dense @ np.array([1.0, -2.0, 0.5]))
+
+    entry_gradient = weight[model.row] * np.array([1.0, -2.0, 0.5])[model.successor]
+    gradient = model.pull_back(theta, model.gather(entry_gradient))
+    step = 1e-6
+    numeric = [
+        (total(theta + step * unit) - total(theta - step * unit)) / (2 * step) for unit in np.eye(4)
+    ]
+    np.testing.assert_allclose(gradient, numeric, atol=1e-8)
+
+
+def test_unavailable_actions_have_no_entries_and_their_indices_do_not_matter():
+    model = OutcomeModels(
+        np.array([[[0], [99]]]), np.array([[0, 99]]), np.array([[True, False]]), n_models=1
+    )
+    np.testing.assert_array_equal(model.row_start, [0, 1, 1])
+    np.testing.assert_array_equal(model.successor, [0])
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"successors": [[[0, 3]]]}, r"successors\[0, 0, 1\] must be a state from 0 to 0, got 3"),
+        ({"model_of": [[1]]}, r"model_of\[0, 0\] must be a model from 0 to 0, got 1"),
+        ({"beta": -1.0}, "beta must be finite and above 0, got -1.0"),
+        ({"available": np.ones((2, 1), bool)}, r"available must have shape \(1, 1\)"),
+    ],
+)
+def test_wrong_tables_are_refused_with_the_place(change, sentence):
+    arguments = {
+        "successors": [[[0, 0]]],
+        "model_of": [[0]],
+        "available": np.ones((1, 1), bool),
+        "n_models": 1,
+    }
+    with pytest.raises(SerdError, match=sentence):
+        OutcomeModels(**(arguments | change))
+
+
+def test_a_row_that_is_no_distribution_is_named():
+    model = two_models()
+    with pytest.raises(SerdError, match=r"state 0, action 1 .* the row sums to 1.1"):
+        model.require_stochastic(model.entries(np.array([[0.3, 0.7], [0.5, 0.6]])))
+    with pytest.raises(SerdError, match=r"state 0, action 0 .* has an entry of -0.3"):
+        model.require_stochastic(model.entries(np.array([[-0.3, 1.3], [0.5, 0.5]])))
+    with pytest.raises(SerdError, match="has an entry of nan"):
+        model.require_stochastic(model.entries(np.array([[np.nan, 1.0], [0.5, 0.5]])))
+
+
+def test_a_probability_of_zero_has_no_energy():
+    with pytest.raises(SerdError, match=r"probabilities\[1, 0\] must be above 0"):
+        two_models().parameters_of(np.array([[0.5, 0.5], [0.0, 1.0]]))

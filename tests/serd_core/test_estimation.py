@@ -1,0 +1,157 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from serd_core.demonstrations import Decisions
+from serd_core.errors import SerdError
+from serd_core.estimation import estimate_dynamics, expectation_maximisation, outcome_models_of
+from serd_core.grid import Action, Grid
+from serd_core.likelihood.observations import observe
+from serd_core.navigation import build_navigation_problem
+from serd_core.priors.divergence import floored
+from serd_core.simulation import sample_decisions
+
+
+def decisions_of(rows):
+    state, action, following = np.array(rows, dtype=int).reshape(-1, 3).T
+    zeros = np.zeros(len(state), dtype=int)
+    return Decisions(zeros, np.arange(len(state), dtype=float), state, action, following)
+
+
+def test_unambiguous_counts_give_the_dirichlet_mean(minimum_example):
+    decisions = decisions_of([(0, 0, 1)] * 2 + [(0, 0, 0)])
+    estimate = estimate_dynamics(minimum_example, decisions, pseudo_count=1.0)
+    np.testing.assert_allclose(estimate[0], [2 / 5, 3 / 5])
+
+
+def test_an_unobserved_action_keeps_the_uniform_prior(minimum_example):
+    estimate = estimate_dynamics(minimum_example, decisions_of([(0, 0, 1)]))
+    np.testing.assert_allclose(estimate[1], [0.5, 0.5])
+
+
+def walled_problem():
+    """A corridor one cell wide: moves along it are clear, sideways outcomes look like staying."""
+    grid = Grid(origin_m=(0, 0), cell_size_m=1.0, walkable=np.ones((12, 1), bool))
+    return build_navigation_problem(
+        grid=grid,
+        flow=np.full(12, Action.NORTH),
+        goal_states=[11],
+        wall_distance_m=np.ones(12),
+        discount=0.9,
+    )
+
+
+def room_problem():
+    grid = Grid(origin_m=(0, 0), cell_size_m=1.0, walkable=np.ones((6, 6), bool))
+    return build_navigation_problem(
+        grid=grid,
+        flow=np.full(36, Action.NORTH),
+        goal_states=[35],
+        wall_distance_m=np.ones(36),
+        discount=0.9,
+    )
+
+
+TRUTH = np.array(
+    [
+        [0.1, 0.6, 0.1, 0.05, 0.15],
+        [0.3, 0.3, 0.1, 0.2, 0.1],
+        [0.1, 0.5, 0.2, 0.1, 0.1],
+        [0.7, 0.2, 0.05, 0.02, 0.03],
+    ]
+)
+
+
+def test_estimates_are_unbiased_although_walls_hide_outcomes():
+    problem = room_problem()
+    policy = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
+    decisions = sample_decisions(
+        problem.mdp,
+        policy,
+        TRUTH,
+        np.eye(36)[0],
+        n_episodes=400,
+        n_steps=200,
+        rng=np.random.default_rng(3),
+    )
+    estimate = estimate_dynamics(problem, decisions)
+    np.testing.assert_allclose(estimate, TRUTH, atol=0.02)
+
+
+def test_splitting_ambiguous_counts_evenly_would_be_biased():
+    """The naive twin: its error is several times that of the estimate above."""
+    problem = room_problem()
+    policy = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
+    decisions = sample_decisions(
+        problem.mdp,
+        policy,
+        TRUTH,
+        np.eye(36)[0],
+        n_episodes=400,
+        n_steps=200,
+        rng=np.random.default_rng(3),
+    )
+    model = problem.outcome_models
+    explains = model.successors[decisions.state, decisions.action] == decisions.next_state[:, None]
+    split = explains / explains.sum(axis=1, keepdims=True)
+    naive = np.zeros_like(TRUTH)
+    np.add.at(naive, model.model_of[decisions.state, decisions.action], split)
+    naive /= naive.sum(axis=1, keepdims=True)
+    good = np.abs(estimate_dynamics(problem, decisions) - TRUTH).max()
+    assert np.abs(naive - TRUTH).max() > 3 * good
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 10_000))
+def test_the_estimate_is_a_stationary_point_of_its_objective(seed):
+    problem = walled_problem()
+    rng = np.random.default_rng(seed)
+    policy = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
+    decisions = sample_decisions(
+        problem.mdp, policy, TRUTH, np.eye(12)[0], n_episodes=3, n_steps=30, rng=rng
+    )
+    observations, model = observe(problem.mdp, decisions), problem.outcome_models
+    found = expectation_maximisation(model, observations, pseudo_count=0.5)
+    assert found.converged
+
+    def objective(theta):
+        table = model.local_probabilities(theta)
+        observed = np.bincount(
+            observations.entry_group, weights=model.entries(table)[observations.entry]
+        )
+        return observations.group_count @ np.log(floored(observed)) + 0.5 * np.log(table).sum()
+
+    theta = model.parameters_of(found.probabilities)
+    slopes = [
+        (objective(theta + 1e-5 * unit) - objective(theta - 1e-5 * unit)) / 2e-5
+        for unit in np.eye(len(theta))
+    ]
+    np.testing.assert_allclose(slopes, 0, atol=1e-5)
+
+
+def test_running_out_of_steps_is_said(gridworld):
+    observations = observe(gridworld.problem.mdp, gridworld.decisions)
+    model = outcome_models_of(gridworld.problem.mdp)
+    assert not expectation_maximisation(model, observations, max_steps=1).converged
+
+
+@pytest.mark.parametrize("pseudo_count", [0.0, -1.0, float("nan")])
+def test_a_pseudo_count_that_is_not_positive_is_refused(minimum_example, pseudo_count):
+    with pytest.raises(SerdError, match="pseudo_count must be finite and above 0"):
+        estimate_dynamics(minimum_example, decisions_of([(0, 0, 1)]), pseudo_count)
+
+
+@pytest.mark.parametrize(
+    ("rows", "sentence"),
+    [
+        ([(0, 0, 1), (1, 2, 0)], r"decisions\[1\] reaches state 0 from state 1 by action 2"),
+        ([(1, 0, 1)], r"decisions\[0\] takes action 0 in state 1, where it is not available"),
+        ([(0, 0, 5)], r"decisions\[0\] reaches state 5 from state 0"),
+        ([(7, 0, 0)], r"state\[0\] must be below 2, got 7"),
+        ([], "decisions must hold at least one decision"),
+    ],
+)
+def test_decisions_that_the_problem_rules_out_are_named(minimum_example, rows, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        estimate_dynamics(minimum_example, decisions_of(rows))
