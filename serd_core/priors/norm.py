@@ -1,0 +1,51 @@
+"""Lp-norm prior on any block (Eqs. 4.86, 4.87), smoothed where the norm has kinks.
+
+    log P(theta) = -lambda (sum_i |theta_i|_e^p)^(1/p) - Z,   |x|_e = sqrt(x^2 + e^2)
+
+With e = 0 this is (4.86). The norm is not differentiable where an entry is 0 for p = 1 (and at the
+origin for every p), so gradients need e > 0; the norm is then too large by at most n^(1/p) e.
+(4.87) as printed lacks the factor lambda and writes rho for theta in its denominator.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.errors import SerdError
+from serd_core.parameters import Block, Parameters
+from serd_core.priors.prior import LogPrior, Prior, require_weight
+
+
+@dataclass(frozen=True)
+class NormPrior(Prior):
+    """-weight times the smoothed p-norm of a block; p = 1 for sparsity, 2 for small parameters."""
+
+    weight: float
+    block: Block
+    p: float = 2.0
+    smoothing: float = 1e-4
+
+    def __post_init__(self) -> None:
+        require_weight("weight of NormPrior", self.weight)
+        if not (np.isfinite(self.p) and self.p >= 1.0):
+            raise SerdError(f"p of NormPrior must be finite and at least 1, got {self.p}")
+        if not (np.isfinite(self.smoothing) and self.smoothing > 0):
+            raise SerdError(
+                f"smoothing of NormPrior must be finite and above 0, got {self.smoothing}"
+            )
+
+    def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
+        """Value (4.86) and gradient (4.87)."""
+        del model
+        theta = parameters.block(self.block)
+        if not theta.size:
+            return LogPrior(0.0, parameters.zeros())
+        absolute = np.sqrt(theta**2 + self.smoothing**2)
+        # Scaling by the largest entry keeps large powers finite.
+        largest = float(absolute.max())
+        relative = absolute / largest
+        norm = largest * float(np.sum(relative**self.p)) ** (1.0 / self.p)
+        slope = theta / absolute * (absolute / norm) ** (self.p - 1.0)
+        gradient = parameters.zeros().with_block(self.block, -self.weight * slope)
+        return LogPrior(-self.weight * norm, gradient)

@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+
+from serd_core.ascent.gradient_ascent import GradientAscent
+from serd_core.ascent.lbfgs import Lbfgs
+
+CURVATURE = np.diag([1.0, 10.0])
+TOP = np.array([3.0, -2.0])
+
+
+def quadratic(vector):
+    away = vector - TOP
+    return 5.0 - 0.5 * away @ CURVATURE @ away, -CURVATURE @ away
+
+
+def never(_):
+    return False
+
+
+ASCENTS = [Lbfgs(), GradientAscent(step_size=lambda _: 0.15)]
+EACH_ASCENT = pytest.mark.parametrize("ascent", ASCENTS, ids=lambda ascent: type(ascent).__name__)
+
+
+@EACH_ASCENT
+def test_the_top_of_a_quadratic_is_found(ascent):
+    found = ascent.maximise(quadratic, np.zeros(2), never)
+    np.testing.assert_allclose(found.vector, TOP, atol=1e-5)
+    assert found.converged
+    assert found.objective == pytest.approx(5.0)
+    assert found.gradient_norm <= 1e-6
+    assert found.message == "gradient within tolerance"
+    assert len(found.objective_trace) == found.n_steps
+
+
+@EACH_ASCENT
+def test_the_observer_sees_every_step_and_can_stop(ascent):
+    seen = []
+
+    def stop_after_two(step):
+        seen.append(step)
+        return len(seen) == 2
+
+    found = ascent.maximise(quadratic, np.zeros(2), stop_after_two)
+    assert [step.number for step in seen] == [1, 2]
+    assert not found.converged
+    assert found.message == "stopped by the observer"
+    np.testing.assert_array_equal(found.vector, seen[-1].vector)
+
+
+@pytest.mark.parametrize(
+    "ascent", [Lbfgs(max_steps=2), GradientAscent(step_size=lambda _: 0.01, max_steps=2)]
+)
+def test_running_out_of_steps_is_no_convergence(ascent):
+    def valley(vector):
+        x, y = vector
+        value = -((1 - x) ** 2 + 100 * (y - x**2) ** 2)
+        return value, np.array([2 * (1 - x) + 400 * x * (y - x**2), -200 * (y - x**2)])
+
+    found = ascent.maximise(valley, np.array([-1.2, 1.0]) * 0.01, never)
+    assert not found.converged
+    assert found.message.startswith("not converged")
+    assert found.gradient_norm > 1e-6
+
+
+@EACH_ASCENT
+def test_starting_at_the_top_takes_no_step(ascent):
+    found = ascent.maximise(quadratic, TOP, never)
+    assert found.converged
+    assert found.n_steps == 0

@@ -1,0 +1,218 @@
+import numpy as np
+import pytest
+
+from serd_core.ascent.gradient_ascent import GradientAscent
+from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.beliefs import FixedBelief, FreeBelief
+from serd_core.demonstrations import Decisions
+from serd_core.dynamics.sparse_model import SparseModel
+from serd_core.errors import SerdError
+from serd_core.estimation import estimate_dynamics
+from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.mdp import Mdp
+from serd_core.parameters import Block
+from serd_core.policies.solved_policy import soft_policy
+from serd_core.priors.divergence import KldPrior
+from serd_core.priors.gaussian import GaussianPrior
+from serd_core.problem import TabularProblem
+from serd_core.simulation import sample_decisions
+
+
+def test_rewards_and_dynamics_are_recovered_from_many_decisions(make_gridworld):
+    case = make_gridworld(side=5, n_episodes=1500, n_steps=40)
+    fit = fit_mdce_serd(
+        case.problem, case.decisions, initial_weights=np.zeros(2), prior=KldPrior(1e-3)
+    )
+    assert fit.converged
+    np.testing.assert_allclose(fit.reward_weights, case.weights, atol=0.15)
+    np.testing.assert_allclose(fit.outcome_probabilities, case.probabilities, atol=0.02)
+
+
+def test_the_optimum_does_not_depend_on_where_the_weights_start(gridworld):
+    fits = [
+        fit_mdce_serd(
+            gridworld.problem,
+            gridworld.decisions,
+            rng=np.random.default_rng(seed),
+            prior=KldPrior(0.1),
+        )
+        for seed in (1, 2)
+    ]
+    assert all(fit.converged for fit in fits)
+    np.testing.assert_allclose(fits[0].reward_weights, fits[1].reward_weights, atol=1e-3)
+    assert fits[0].objective == pytest.approx(fits[1].objective, abs=1e-5)
+
+
+def test_plain_gradient_ascent_of_algorithm_1_finds_the_same_optimum(minimum_example):
+    rows = [(0, 0, 1)] * 6 + [(0, 0, 0)] * 4 + [(0, 1, 0)] * 2 + [(0, 1, 1)] * 3
+    state, action, following = np.array(rows).T
+    zeros = np.zeros(len(rows), int)
+    decisions = Decisions(zeros, np.arange(len(rows)), state, action, following)
+    prior = KldPrior(1.0) + GaussianPrior(1.0, Block.REWARD)
+    arguments = {"initial_weights": np.array([0.3]), "prior": prior}
+    slow = fit_mdce_serd(
+        minimum_example,
+        decisions,
+        ascent=GradientAscent(step_size=lambda _: 0.2, gradient_tolerance=1e-7, max_steps=20_000),
+        **arguments,
+    )
+    fast = fit_mdce_serd(
+        minimum_example, decisions, ascent=Lbfgs(gradient_tolerance=1e-7), **arguments
+    )
+    assert slow.converged
+    assert fast.converged
+    np.testing.assert_allclose(slow.reward_weights, fast.reward_weights, atol=1e-5)
+    np.testing.assert_allclose(slow.outcome_probabilities, fast.outcome_probabilities, atol=1e-5)
+    assert fast.n_evaluations < slow.n_evaluations
+
+
+@pytest.mark.parametrize("start", [-3.0, 3.0])
+def test_both_explanations_of_the_minimum_example_are_found(minimum_example, start):
+    """Section 4.6.1: the expert always takes a; what b does is learned from the choice alone."""
+    state = np.zeros(30, int)
+    following = np.array([0, 1, 1] * 10)
+    decisions = Decisions(np.arange(30), state.astype(float), state, state, following)
+    fit = fit_mdce_serd(
+        minimum_example, decisions, initial_weights=np.array([start]), prior=KldPrior(1e-3)
+    )
+    by_a, by_b = fit.outcome_probabilities[:, 1]
+    assert np.sign(fit.reward_weights[0]) == np.sign(start)
+    assert (by_a > by_b) == (start > 0)
+    np.testing.assert_allclose(by_a, 2 / 3, atol=0.05)
+
+
+def test_a_heavy_divergence_prior_turns_serd_into_irl_with_the_estimated_dynamics(gridworld):
+    """Section 5.2: for lambda to infinity MDCE SERD turns to MDCE IRL."""
+    heavy = fit_mdce_serd(
+        gridworld.problem,
+        gridworld.decisions,
+        initial_weights=np.ones(2),
+        prior=KldPrior(1e6),
+        ascent=Lbfgs(gradient_tolerance=1e-3),
+    )
+    fixed = fit_mdce_serd(
+        gridworld.problem, gridworld.decisions, initial_weights=np.ones(2), belief=FixedBelief()
+    )
+    estimate = estimate_dynamics(gridworld.problem, gridworld.decisions)
+    np.testing.assert_allclose(heavy.outcome_probabilities, estimate, atol=1e-3)
+    np.testing.assert_allclose(fixed.outcome_probabilities, estimate, rtol=1e-12)
+    np.testing.assert_allclose(heavy.reward_weights, fixed.reward_weights, atol=2e-2)
+
+
+def test_an_expert_with_a_wrong_belief_is_recovered_as_such(make_gridworld):
+    """Belief and truth are estimated apart: choices show the one, transitions the other."""
+    case = make_gridworld(side=6, n_episodes=1)
+    mdp = case.problem.mdp
+    believed = np.clip(case.probabilities, 0.02, None)
+    believed[5:] = 0.02
+    believed[np.arange(5, 9), np.arange(1, 5)] = 0.92
+    believed /= believed.sum(axis=1, keepdims=True)
+    policy = soft_policy(case.problem, case.weights, believed).probabilities
+    decisions = sample_decisions(
+        mdp,
+        policy,
+        case.probabilities,
+        np.full(36, 1 / 36),
+        n_episodes=2000,
+        n_steps=60,
+        rng=np.random.default_rng(0),
+    )
+    fit = fit_mdce_serd(
+        case.problem,
+        decisions,
+        initial_weights=np.ones(2),
+        belief=FreeBelief(),
+        prior=KldPrior(1e-3),
+        ascent=Lbfgs(gradient_tolerance=1e-5),
+    )
+    forest_believed = fit.believed_outcome_probabilities[np.arange(5, 9), np.arange(1, 5)]
+    forest_true = fit.outcome_probabilities[np.arange(5, 9), np.arange(1, 5)]
+    np.testing.assert_allclose(forest_true, 0.3, atol=0.02)
+    np.testing.assert_allclose(forest_believed, 0.92, atol=0.1)
+    np.testing.assert_allclose(fit.reward_weights, case.weights, rtol=0.15)
+
+
+def test_progress_is_reported_and_a_fit_can_be_stopped(gridworld):
+    seen = []
+
+    def stop_at_three(step):
+        seen.append(step.objective)
+        return len(seen) == 3
+
+    fit = fit_mdce_serd(
+        gridworld.problem, gridworld.decisions, initial_weights=np.zeros(2), on_step=stop_at_three
+    )
+    assert len(seen) == 3
+    assert fit.n_steps == 3
+    assert not fit.converged
+    assert fit.message == "stopped by the observer"
+    np.testing.assert_allclose(fit.objective_trace, np.array(seen) * len(gridworld.decisions))
+
+
+def test_parts_of_the_objective_add_up_and_are_those_of_the_last_step(gridworld):
+    fit = fit_mdce_serd(
+        gridworld.problem, gridworld.decisions, initial_weights=np.zeros(2), prior=KldPrior(0.5)
+    )
+    parts = fit.policy_log_likelihood + fit.dynamics_log_likelihood + fit.log_prior
+    assert fit.objective == pytest.approx(parts)
+    assert fit.objective == pytest.approx(fit.objective_trace[-1])
+    assert fit.log_prior < 0
+    assert np.all(np.diff(fit.objective_trace) > -1e-6)
+    np.testing.assert_allclose(fit.outcome_probabilities.sum(axis=1), 1)
+
+
+def test_a_general_sparse_model_with_its_own_parameters_fits_the_same_learner():
+    """One parameter: the probability 1 / (1 + exp(-theta)) of moving on, in any state."""
+
+    def entries(theta):
+        onward = 1 / (1 + np.exp(-theta[0]))
+        return np.array([onward, 1 - onward, 1.0, onward, 1 - onward, 1.0])
+
+    def vector_jacobian(theta, gradient):
+        onward = 1 / (1 + np.exp(-theta[0]))
+        slope = onward * (1 - onward)
+        return np.array([slope * (gradient[0] - gradient[1] + gradient[3] - gradient[4])])
+
+    model = SparseModel(
+        n_pairs=(3, 2),
+        state=[0, 0, 0, 1, 1, 2],
+        action=[0, 0, 1, 0, 0, 0],
+        next_state=[1, 0, 0, 2, 1, 2],
+        parameter_count=1,
+        probabilities=entries,
+        vector_jacobian=vector_jacobian,
+    )
+    features = np.zeros((3, 2, 1))
+    features[2] = 1.0
+    problem = TabularProblem(Mdp(model, 0.9), features, ("goal",))
+    truth = entries(np.array([0.4]))
+    policy = soft_policy(problem, np.array([1.5]), truth).probabilities
+    decisions = sample_decisions(
+        problem.mdp,
+        policy,
+        truth,
+        np.array([1.0, 0, 0]),
+        n_episodes=4000,
+        n_steps=20,
+        rng=np.random.default_rng(1),
+    )
+    fit = fit_mdce_serd(
+        problem, decisions, initial_weights=np.zeros(1), initial_dynamics=np.zeros(1)
+    )
+    assert fit.converged
+    assert fit.reward_weights[0] == pytest.approx(1.5, abs=0.1)
+    assert fit.outcome_parameters[0] == pytest.approx(0.4, abs=0.1)
+
+
+def test_wrong_starts_are_refused_by_name(gridworld):
+    problem, decisions = gridworld.problem, gridworld.decisions
+    with pytest.raises(SerdError, match="initial_weights or rng must be given, got neither"):
+        fit_mdce_serd(problem, decisions)
+    with pytest.raises(SerdError, match=r"initial_weights must have shape \(2\), got \(3,\)"):
+        fit_mdce_serd(problem, decisions, initial_weights=np.zeros(3))
+    with pytest.raises(SerdError, match=r"initial_weights\[1\] must be finite, got nan"):
+        fit_mdce_serd(problem, decisions, initial_weights=np.array([0, np.nan]))
+    with pytest.raises(SerdError, match=r"outcome probabilities must have shape \(9, 5\)"):
+        fit_mdce_serd(
+            problem, decisions, initial_weights=np.zeros(2), initial_dynamics=np.ones((2, 5)) / 5
+        )

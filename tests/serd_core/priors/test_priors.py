@@ -1,0 +1,131 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.errors import SerdError
+from serd_core.parameters import Block, Parameters
+from serd_core.priors.coupling import CouplingPrior
+from serd_core.priors.divergence import KldPrior
+from serd_core.priors.entropy import EntropyPrior
+from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.norm import NormPrior
+from serd_core.priors.prior import UniformPrior
+
+#: Two states, one action, three outcomes; in state 1 two of them land in the same cell.
+MODEL = OutcomeModels([[[0, 1, 0]], [[1, 0, 1]]], [[0], [0]], np.ones((2, 1), bool), n_models=1)
+REFERENCE = np.array([[0.2, 0.3, 0.5]])
+
+PRIORS = [
+    NormPrior(0.7, Block.REWARD, p=1.0),
+    NormPrior(0.7, Block.TRUTH, p=2.0),
+    NormPrior(0.7, Block.BELIEF, p=7.0),
+    NormPrior(0.7, Block.POLICY),
+    GaussianPrior(1.5, Block.REWARD, mean=0.3),
+    EntropyPrior(0.7),
+    EntropyPrior(0.7, Block.BELIEF, state_action_weights=np.array([[2.0], [0.5]])),
+    KldPrior(0.7, REFERENCE),
+    KldPrior(0.7, REFERENCE, Block.BELIEF, np.array([[2.0], [0.5]])),
+    CouplingPrior(0.7),
+    KldPrior(0.7, REFERENCE) + GaussianPrior(2.0, Block.REWARD) + UniformPrior(),
+]
+
+
+def blocks(vector):
+    return Parameters(vector[:2], vector[2:5], vector[5:8], vector[8:])
+
+
+@pytest.mark.parametrize("prior", PRIORS, ids=lambda prior: type(prior).__name__)
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 10_000))
+def test_the_gradient_is_the_finite_difference(prior, seed):
+    vector = np.random.default_rng(seed).normal(size=9)
+    gradient = prior.evaluate(MODEL, blocks(vector)).gradient
+    found = np.concatenate([gradient.reward, gradient.belief, gradient.truth, gradient.policy])
+    step = 1e-6
+    numeric = [
+        (
+            prior.evaluate(MODEL, blocks(vector + step * unit)).value
+            - prior.evaluate(MODEL, blocks(vector - step * unit)).value
+        )
+        / (2 * step)
+        for unit in np.eye(9)
+    ]
+    np.testing.assert_allclose(found, numeric, atol=2e-7)
+
+
+def at(reward=(0.0, 0.0), belief=(0.0,) * 3, truth=(0.0,) * 3):
+    return Parameters(*(np.array(block, float) for block in (reward, belief, truth, (1.0,))))
+
+
+def test_norms_are_those_of_the_textbook():
+    point = at(reward=(3.0, -4.0))
+    for p, norm in ((1.0, 7.0), (2.0, 5.0), (3.0, 91 ** (1 / 3))):
+        value = NormPrior(2.0, Block.REWARD, p=p).evaluate(MODEL, point).value
+        assert value == pytest.approx(-2 * norm, abs=1e-6)
+
+
+def test_a_norm_of_zeros_has_a_gradient_of_zero():
+    for p in (1.0, 2.0):
+        found = NormPrior(1.0, Block.REWARD, p=p).evaluate(MODEL, at())
+        np.testing.assert_array_equal(found.gradient.reward, 0)
+
+
+def test_entropy_sums_over_merged_transitions():
+    truth = np.log([0.2, 0.3, 0.5])
+    value = EntropyPrior(1.0).evaluate(MODEL, at(truth=truth)).value
+    binary = -(0.7 * np.log(0.7) + 0.3 * np.log(0.3))
+    assert value == pytest.approx(2 * binary)
+
+
+def test_divergence_is_zero_at_the_reference_and_negative_elsewhere():
+    reference = np.log(REFERENCE[0])
+    prior = KldPrior(1.0, REFERENCE)
+    assert prior.evaluate(MODEL, at(truth=reference)).value == pytest.approx(0, abs=1e-12)
+    elsewhere = prior.evaluate(MODEL, at()).value
+    expected = 0.3 * np.log(0.3 / (1 / 3)) + 0.7 * np.log(0.7 / (2 / 3))
+    assert elsewhere == pytest.approx(-2 * expected)
+
+
+def test_transitions_that_the_reference_rules_out_do_not_count():
+    prior = KldPrior(1.0, np.array([[1.0, 0.0, 0.0]]))
+    value = prior.evaluate(MODEL, at(truth=(0.0, 0.0, 0.0))).value
+    assert value == pytest.approx(-2 * np.log(3 / 2))
+
+
+def test_an_unanchored_divergence_takes_the_initial_dynamics():
+    prior = (KldPrior(1.0) + UniformPrior()).anchored(REFERENCE)
+    assert prior.evaluate(MODEL, at(truth=np.log(REFERENCE[0]))).value == pytest.approx(0)
+    with pytest.raises(SerdError, match="reference of KldPrior must be given"):
+        KldPrior(1.0).evaluate(MODEL, at())
+
+
+def test_coupling_is_zero_where_belief_and_truth_are_the_same():
+    same = np.array([0.3, -0.2, 1.0])
+    assert CouplingPrior(3.0).evaluate(MODEL, at(belief=same, truth=same)).value == 0
+    assert CouplingPrior(3.0).evaluate(MODEL, at(belief=same)).value < 0
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: KldPrior(-1.0), "weight of KldPrior must be finite and not negative, got -1.0"),
+        (lambda: KldPrior(1.0, block=Block.REWARD), "block of KldPrior must be BELIEF or TRUTH"),
+        (lambda: EntropyPrior(float("nan")), "weight of EntropyPrior must be finite"),
+        (lambda: NormPrior(1.0, Block.REWARD, p=0.5), "p of NormPrior must be .* got 0.5"),
+        (lambda: NormPrior(1.0, Block.REWARD, smoothing=0.0), "smoothing of NormPrior"),
+        (lambda: GaussianPrior(0.0, Block.REWARD), "standard_deviation of GaussianPrior"),
+        (lambda: GaussianPrior(1.0, Block.REWARD, mean=float("inf")), "mean of GaussianPrior"),
+        (lambda: CouplingPrior(-2.0), "weight of CouplingPrior"),
+    ],
+)
+def test_wrong_settings_are_refused_by_name(make, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        make()
+
+
+def test_wrong_pair_weights_are_refused():
+    prior = EntropyPrior(1.0, state_action_weights=np.ones(3))
+    with pytest.raises(SerdError, match=r"state_action_weights must have shape \(2, 1\)"):
+        prior.evaluate(MODEL, at())
