@@ -1,0 +1,1 @@
+"""One figure per module: pure functions from plain values to a matplotlib Figure."""

@@ -1,0 +1,137 @@
+"""Map axes: metres, equal aspect, walkable floor, walls and named areas under every map figure."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon, Rectangle
+from matplotlib.ticker import MultipleLocator
+
+from report import style
+from report.canvas import new_figure
+from report.layout import HallwayLayout
+from serd_core.arrays import FloatArray
+from serd_core.grid import Grid
+
+_MARGIN_M = 0.5
+_INCHES_PER_METRE_LIMITS = (0.12, 0.5)
+
+
+def map_figure(
+    layout: HallwayLayout, n_panels: int = 1, *, height_in: float = 6.4
+) -> tuple[Figure, Sequence[Axes]]:
+    """A figure with `n_panels` equal map axes, as tall as asked if the map's shape allows."""
+    x_min, y_min, x_max, y_max = layout.bounds_m
+    width_m, height_m = x_max - x_min + 2 * _MARGIN_M, y_max - y_min + 2 * _MARGIN_M
+    columns = n_panels if height_m >= width_m else 1
+    rows = math.ceil(n_panels / columns)
+    scale = min(height_in / (rows * height_m), 9.0 / (columns * width_m))
+    scale = float(np.clip(scale, *_INCHES_PER_METRE_LIMITS))
+    width_in = columns * (width_m * scale + 0.65) + 0.5
+    figure = new_figure(width_in, rows * (height_m * scale + 0.45) + 0.45)
+    with style.report_style():
+        grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    axes = list(grid.ravel())
+    for each in axes:
+        draw_layout(each, layout)
+    return figure, axes
+
+
+def draw_layout(axes: Axes, layout: HallwayLayout) -> None:
+    """Floor, walls, obstacles and axes in metres."""
+    axes.add_patch(
+        Polygon(layout.outline_m, facecolor=style.FLOOR, edgecolor="none", zorder=0)
+    )
+    axes.add_patch(
+        Polygon(
+            layout.outline_m, fill=False, edgecolor=style.WALL, linewidth=2.2, zorder=6,
+            joinstyle="miter", gid="wall",
+        )
+    )
+    for obstacle in layout.obstacles_m:
+        axes.add_patch(
+            Polygon(obstacle, facecolor=style.WALL, edgecolor=style.WALL, zorder=6, gid="obstacle")
+        )
+    _frame(axes, layout)
+
+
+def draw_areas(axes: Axes, layout: HallwayLayout, *, labels: bool = True) -> None:
+    """The goal area (hatched) and the start areas, each named inside the map."""
+    colours = _start_colours(layout)
+    areas = [("goal", layout.goal_area_m, style.GOAL_COLOUR)]
+    areas += [(f"start\n{name}", polygon, colours[name]) for name, polygon in layout.start_areas_m]
+    for name, polygon, colour in areas:
+        axes.add_patch(
+            Polygon(
+                polygon, facecolor=colour + "26", edgecolor=colour, linewidth=1.1,
+                linestyle="-" if name == "goal" else "--", zorder=2, gid=f"area {name}",
+            )
+        )
+        if labels:
+            _label_area(axes, name, polygon, colour)
+
+
+def draw_cells(
+    axes: Axes,
+    grid: Grid,
+    values: FloatArray,
+    norm: Normalize,
+    colour_map: object,
+) -> PatchCollection:
+    """Every state's cell filled by its value (S,); returns the collection for a colour bar."""
+    side = grid.cell_size_m
+    cells = [Rectangle((x - side / 2, y - side / 2), side, side) for x, y in grid.centers_m]
+    collection = PatchCollection(
+        cells, cmap=colour_map, norm=norm, edgecolor="#ffffff", linewidth=0.4, zorder=1
+    )
+    collection.set_array(np.asarray(values, dtype=np.float64))
+    axes.add_collection(collection)
+    return collection
+
+
+def outline_cells(axes: Axes, grid: Grid, states: Sequence[int], colour: str, gid: str) -> None:
+    """A dashed frame around each of the given states."""
+    side = grid.cell_size_m
+    for x, y in grid.centers_m[list(states)]:
+        axes.add_patch(
+            Rectangle(
+                (x - 0.46 * side, y - 0.46 * side), 0.92 * side, 0.92 * side,
+                fill=False, edgecolor=colour, linewidth=1.3, linestyle=(0, (2, 1)),
+                zorder=5, gid=gid,
+            )
+        )
+
+
+def _frame(axes: Axes, layout: HallwayLayout) -> None:
+    x_min, y_min, x_max, y_max = layout.bounds_m
+    axes.set_aspect("equal")
+    axes.set_xlim(x_min - _MARGIN_M, x_max + _MARGIN_M)
+    axes.set_ylim(y_min - _MARGIN_M, y_max + _MARGIN_M)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MultipleLocator(4.0))
+    axes.set_xlabel("x in m")
+    axes.set_ylabel("y in m")
+    axes.label_outer()
+    axes.tick_params(length=3)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+def _start_colours(layout: HallwayLayout) -> dict[str, str]:
+    return {
+        name: style.START_COLOURS[i % len(style.START_COLOURS)]
+        for i, (name, _) in enumerate(layout.start_areas_m)
+    }
+
+
+def _label_area(axes: Axes, name: str, polygon: FloatArray, colour: str) -> None:
+    x, y = (polygon.min(axis=0) + polygon.max(axis=0)) / 2
+    axes.text(
+        x, y, name, color=colour, fontsize=7.5, fontweight="bold", ha="center", va="center",
+        zorder=7, parse_math=False,
+        bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.0},
+    )

@@ -1,0 +1,81 @@
+"""The look every figure shares: colours that colour-blind readers can tell apart, fonts, lines.
+
+The line colours are from Paul Tol's "bright" scheme (SRON/EPS/TN/09-002); meanings never rest on
+colour alone: line styles, markers or labels repeat them.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.colors import LinearSegmentedColormap
+
+INK = "#26323d"
+MUTED = "#6b7885"
+HAIRLINE = "#d5dbe1"
+PAPER = "#ffffff"
+WALL = "#55606b"
+FLOOR = "#f6f5f1"
+BLUE = "#4477aa"
+RED = "#ee6677"
+GREEN = "#228833"
+YELLOW = "#ccbb44"
+CYAN = "#66ccee"
+PURPLE = "#aa3377"
+
+GOAL_COLOUR = GREEN
+PERSON_COLOUR = "#b98a2f"
+ROBOT_COLOUR = PURPLE
+START_COLOURS = (BLUE, RED, CYAN, YELLOW)
+LEARNED_COLOUR = BLUE
+INITIAL_COLOUR = "#c3cad1"
+PREDICTED_COLOUR = BLUE
+MEASURED_COLOUR = RED
+
+VISITS_MAP = LinearSegmentedColormap.from_list(
+    "visits", ["#fdfcfa", "#f7cfc0", "#e58a78", "#c04a50", "#7a1733"]
+)
+VALUE_MAP = LinearSegmentedColormap.from_list(
+    "value", ["#f4f7fa", "#d3e2ee", "#a3c4de", "#6f9fc6"]
+)
+FEATURE_MAP = LinearSegmentedColormap.from_list(
+    "feature", ["#4477aa", "#a8c3dc", "#fdfcfa", "#f0a59d", "#b92f44"]
+)
+
+_STYLE: dict[str, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": MUTED,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "axes.grid": False,
+    "grid.color": HAIRLINE,
+    "grid.linewidth": 0.7,
+    "text.color": INK,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "figure.facecolor": PAPER,
+    "figure.constrained_layout.h_pad": 0.06,
+    "figure.constrained_layout.w_pad": 0.06,
+    "savefig.facecolor": PAPER,
+    "svg.hashsalt": "serd",
+    "svg.fonttype": "path",
+}
+
+
+@contextmanager
+def report_style() -> Iterator[None]:
+    """The report's matplotlib settings for the length of a `with` block; nothing stays behind."""
+    with rc_context(_STYLE):
+        yield
