@@ -3,7 +3,8 @@
 Every control period it rolls out the commands the robot can reach soon, throws away those that
 would hit a wall or a person before the robot could have stopped, and takes the cheapest:
 
-    cost = w_p mean_t d_t + w_h |heading error| + w_n sum_t nearness of people + w_w wall nearness
+    cost = w_p mean_t d_t + w_s last distance + w_h |heading error|
+           + w_n max_t nearness of people + w_w nearness of walls
 
 with d_t the smallest distance to the waypoint up to t. Standing still is always allowed: a robot
 that stands does not run into anybody.
@@ -70,26 +71,30 @@ class DwaPlanner:
     def _samples(
         self, observation: Observation, distance_m: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Speeds (V,), never too fast to stop at the waypoint and with 0 among them; turns (W,)."""
+        """Speeds (V,) forward, slow enough to stop at the waypoint, the last one 0; turns (W,)."""
         robot, settings = self._robot, self.settings
         window = reachable_window(
             robot, observation.speed_mps, observation.yaw_rate_radps, settings.window_s
         )
         stopping = math.sqrt(2.0 * settings.braking_share * robot.acc_lim_x_mps2 * distance_m)
-        fastest = max(min(window.fastest_mps, stopping), min(window.slowest_mps, stopping))
-        slowest = min(window.slowest_mps, fastest)
+        fastest = max(min(window.fastest_mps, stopping), 0.0)
+        slowest = min(max(window.slowest_mps, 0.0), fastest)
         speeds = np.append(np.linspace(slowest, fastest, settings.vx_samples - 1), 0.0)
         half = 0.5 * (window.leftmost_radps - window.rightmost_radps)
         middle = 0.5 * (window.leftmost_radps + window.rightmost_radps)
         return speeds, middle + half * self._turn_shares
 
     def _progress_cost(self, rollouts: Rollouts, waypoint: Waypoint) -> FloatArray:
-        """(V, W) mean over time of the smallest distance to the waypoint so far."""
+        """(V, W) mean over time of the smallest distance to the waypoint so far, and the last one.
+
+        The smallest distance rewards speed; the last one keeps the robot at the waypoint.
+        """
         away_x, away_y = rollouts.x_m - waypoint.x_m, rollouts.y_m - waypoint.y_m
         distance = np.sqrt(away_x * away_x + away_y * away_y)
+        last = distance[:, :, -1].copy()
         np.minimum.accumulate(distance, axis=2, out=distance)
         cost: FloatArray = self.settings.progress_weight * distance.mean(axis=2)
-        return cost
+        return cost + self.settings.staying_weight * last
 
     def _turning_cost(
         self, rollouts: Rollouts, turns: FloatArray, to_x: float, to_y: float

@@ -28,6 +28,7 @@ class DwaSettings:
     people_range_m: float = 3.5
     max_people: int = 8
     progress_weight: float = 1.0
+    staying_weight: float = 0.3
     heading_weight: float = 0.25
     people_weight: float = 1.2
     people_decay_m: float = 0.25

@@ -8,9 +8,9 @@ ray tests and pictures, and is told so only when somebody looks.
 import math
 
 import numpy as np
-import pybullet
 
 from serd_core.arrays import FloatArray
+from sim.quiet_pybullet import pybullet
 from sim.scenario import Scenario
 from sim.settings import RobotSettings
 

@@ -8,7 +8,7 @@ import numpy as np
 from serd_core.arrays import FloatArray, IntArray
 from sim.errors import SimError
 
-_LOOK_AHEAD_M = 2.0
+_LOOK_AHEAD_M = 5.0
 _CORNER_REACHED_M = 0.6
 
 

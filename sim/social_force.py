@@ -74,7 +74,7 @@ class CircularAnisotropic:
     body_radius_m: float = 0.25
     strength_mps2: float = 4.0
     decay_m: float = 0.25
-    anisotropy: float = 0.5
+    anisotropy: float = 0.45
     wall_strength_mps2: float = 4.0
     wall_decay_m: float = 0.2
 

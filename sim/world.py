@@ -53,8 +53,9 @@ class HallwayWorld:
 
     def reset(self, episode: int, start_area: str = "train") -> Observation:
         """Begin an episode: new people, warmed up, and the robot standing at a random start."""
-        per_decision = self.scenario.ticks_per_decision
-        self.tick = -(-self.tick // per_decision) * per_decision
+        if self._crowd is not None:
+            per_decision = self.scenario.ticks_per_decision
+            self.tick = (self.tick // per_decision + 1) * per_decision
         pose = self._draw_start(episode_rng(self.seed, episode, START), start_area)
         self._physics.place_robot(*pose)
         self._pose = pose

@@ -1,0 +1,114 @@
+"""Scenario files: what is built in, and what is refused with which sentence."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import sim.scenario
+from serd_core.errors import SerdError
+from sim.scenario import Scenario, builtin_scenarios, load_scenario
+
+HALLWAY = Path(sim.scenario.__file__).parent / "scenarios" / "hallway.yaml"
+
+
+def changed(tmp_path, **values):
+    content = yaml.safe_load(HALLWAY.read_text())
+    for dotted, value in values.items():
+        target = content
+        *parents, last = dotted.split("__")
+        for key in parents:
+            target = target[key]
+        target[last] = value
+    path = tmp_path / "own.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+@pytest.mark.parametrize("name", builtin_scenarios())
+def test_every_built_in_scenario_loads_under_its_own_name(name):
+    assert load_scenario(name).name == name
+
+
+def test_a_scenario_by_path_equals_the_built_in_one(tmp_path):
+    path = tmp_path / "copy.yaml"
+    shutil.copy(HALLWAY, path)
+    assert load_scenario(path) == load_scenario("hallway")
+
+
+def test_the_hallway_is_6_by_24_metres_with_24_people():
+    scenario = load_scenario("hallway")
+    outline = np.array(scenario.walkable_area_m)
+    assert outline[:, 1].min() == 0
+    assert outline[:, 1].max() == 24
+    assert scenario.pedestrians.count == 24
+    assert scenario.ticks_per_decision == 40
+
+
+def test_an_unknown_key_is_refused_with_the_nearest_right_one(tmp_path):
+    path = changed(tmp_path, robot__radius=0.3)
+    with pytest.raises(SerdError, match=r"robot\.radius.*did you mean 'radius_m'"):
+        load_scenario(path)
+
+
+def test_a_wrong_scenario_name_is_refused_with_the_nearest_right_one():
+    with pytest.raises(SerdError, match="did you mean 'hallway'"):
+        load_scenario("halway")
+
+
+def test_a_wrong_pedestrian_model_is_refused_with_the_nearest_right_one(tmp_path):
+    path = changed(tmp_path, pedestrians__model="helbing_molnar")
+    with pytest.raises(SerdError, match="did you mean 'helbing_molnar_1995'"):
+        load_scenario(path)
+
+
+def test_a_loop_that_leaves_the_walkable_area_is_refused(tmp_path):
+    loop = {"name": "astray", "waypoints_m": [[1, 1], [9, 1], [1, 9]]}
+    path = changed(tmp_path, pedestrians__loops=[loop])
+    with pytest.raises(SerdError, match=r"'astray' must be in the walkable area, got \[9\.0, 1\.0"):
+        load_scenario(path)
+
+
+def test_a_walkable_area_that_crosses_itself_is_refused(tmp_path):
+    path = changed(tmp_path, walkable_area_m=[[0, 0], [6, 24], [6, 0], [0, 24]])
+    with pytest.raises(SerdError, match="must not cross itself"):
+        load_scenario(path)
+
+
+def test_a_decision_period_that_is_no_multiple_of_the_control_period_is_refused(tmp_path):
+    path = changed(tmp_path, decision_period_s=0.12)
+    with pytest.raises(SerdError, match="whole number of control_period_s"):
+        load_scenario(path)
+
+
+def test_left_hand_traffic_walks_the_loops_backwards():
+    right = load_scenario("hallway")
+    left = right.model_copy(update={"flow_convention": "left_hand"})
+    first_right, first_left = right.directed_loops[0], left.directed_loops[0]
+    assert first_left.waypoints_m == first_right.waypoints_m[::-1]
+
+
+def test_the_number_of_people_can_be_changed():
+    assert load_scenario("hallway").with_pedestrian_count(60).pedestrians.count == 60
+
+
+def test_free_space_lies_left_of_every_wall_whatever_the_order_of_corners():
+    square = [(0.0, 0.0), (0.0, 8.0), (8.0, 8.0), (8.0, 0.0)]
+    pillar = [(3.0, 3.0), (4.0, 3.0), (4.0, 4.0), (3.0, 4.0)]
+    scenario = Scenario(
+        name="square",
+        walkable_area_m=square,
+        obstacles=[{"name": "pillar", "outline_m": pillar}],
+        goal_area_m=[(6, 6), (8, 6), (8, 8), (6, 8)],
+        start_areas_m={"train": [(0, 0), (2, 0), (2, 2), (0, 2)]},
+        pedestrians={"count": 0},
+    )
+    start, end = scenario.wall_segments_m[:, 0], scenario.wall_segments_m[:, 1]
+    along = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
+    beside = 0.5 * (start + end) + 0.1 * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    free = (beside > 0).all(axis=1) & (beside < 8).all(axis=1)
+    in_pillar = ((beside > 3) & (beside < 4)).all(axis=1)
+    assert free.all()
+    assert not in_pillar.any()
