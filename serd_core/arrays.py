@@ -66,6 +66,11 @@ def require_index(name: str, array: IntArray, size: int, what: str) -> None:
         )
 
 
+def weighted_counts(index: IntArray, weights: FloatArray, size: int) -> FloatArray:
+    """(size,) sum of the weights that share an index."""
+    return np.asarray(np.bincount(index, weights=weights, minlength=size), dtype=np.float64)
+
+
 def first_index(mask: BoolArray | np.bool_) -> tuple[int, ...] | None:
     """Index of the first true entry of `mask` in row-major order, None when there is none."""
     if not mask.any():

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, weighted_counts
 from serd_core.demonstrations import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
@@ -85,8 +85,8 @@ def expected_outcome_counts(
     """(M, K) E-step: observations shared among the outcomes that explain them."""
     entries = model.entries(probabilities)
     explaining = entries[observations.entry]
-    total = np.bincount(observations.entry_group, weights=explaining)
-    share = observations.group_count / floored(np.asarray(total, dtype=np.float64))
+    total = weighted_counts(observations.entry_group, explaining, len(observations.group))
+    share = observations.group_count / floored(total)
     counts = np.zeros_like(entries)
     counts[observations.entry] = explaining * share[observations.entry_group]
     return model.gather(counts)

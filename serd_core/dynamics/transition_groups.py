@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray, weighted_counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +28,7 @@ class TransitionGroups:
 
     def probabilities(self, entries: FloatArray) -> FloatArray:
         """(G,) probability of each distinct transition."""
-        sums = np.bincount(self.group_of_entry, weights=entries, minlength=len(self))
-        return np.asarray(sums, dtype=np.float64)
+        return weighted_counts(self.group_of_entry, entries, len(self))
 
     def find(self, row: IntArray, successor: IntArray) -> IntArray:
         """(N,) group of each transition asked for, -1 where the structure has none."""

@@ -5,7 +5,7 @@ Where several outcomes land in s', their probabilities add up; none of them is g
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, weighted_counts
 from serd_core.likelihood.observations import Observations
 from serd_core.priors.divergence import floored
 
@@ -14,8 +14,11 @@ def dynamics_log_likelihood(
     observations: Observations, entries: FloatArray
 ) -> tuple[float, FloatArray]:
     """Value and (E,) gradient by the entries of P."""
-    observed = np.bincount(observations.entry_group, weights=entries[observations.entry])
-    probability = floored(np.asarray(observed, dtype=np.float64))
+    probability = floored(
+        weighted_counts(
+            observations.entry_group, entries[observations.entry], len(observations.group)
+        )
+    )
     value = float(np.sum(observations.group_count * np.log(probability)))
     gradient = np.zeros_like(entries)
     ratio = observations.group_count / probability

@@ -1,0 +1,121 @@
+"""Maximum entropy IRL (section 3.2.2): a Boltzmann distribution over whole trajectories.
+
+    P(tau | s0, T) = exp(theta . phi(tau)) prod_t P(s_{t+1} | s_t, a_t) / Z_T(s0)        (3.21)
+
+phi holds discounted feature counts. For deterministic dynamics this is (3.21) as printed; for
+others it is Ziebart's form with the dynamics as base measure. Every observed episode is compared
+with all trajectories of its own start and length, so nothing depends on an iteration limit. The
+log-likelihood per episode is concave and its gradient is phi~ minus expected counts (3.22).
+
+Unlike the causal model this one lets the agent choose as if it could pick outcomes, too.
+(3.19) as printed has the sign of theta that would give exp(-theta . phi).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, IntArray, weighted_counts
+from serd_core.ascent.ascent import Ascent
+from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.demonstrations import Decisions
+from serd_core.dynamics.transitions import Transitions, transitions_of
+from serd_core.learners.irl_result import IrlResult, irl_result
+from serd_core.learners.serd import initial_dynamics_or_estimate, initial_weights_or_sample
+from serd_core.likelihood.observations import observe
+from serd_core.priors.divergence import floored
+from serd_core.problem import Problem
+from serd_core.trajectories import absorption_features, feature_counts, trajectories_of
+
+LBFGS = Lbfgs()
+
+
+def fit_maxent_irl(
+    problem: Problem,
+    decisions: Decisions,
+    *,
+    initial_weights: FloatArray | None = None,
+    rng: np.random.Generator | None = None,
+    dynamics: FloatArray | None = None,
+    ascent: Ascent = LBFGS,
+) -> IrlResult:
+    """Reward weights under which the demonstrated trajectories are most likely.
+
+    dynamics: (M, K), or None for the M-estimate. The objective is the mean over episodes.
+    """
+    observe(problem.mdp, decisions)
+    table = initial_dynamics_or_estimate(problem, decisions, dynamics)
+    model = TrajectoryModel(problem, transitions_of(problem.mdp.transitions, table))
+    episodes = trajectories_of(decisions)
+    demonstrated = feature_counts(problem, decisions).mean(axis=0)
+
+    def log_likelihood(weights: FloatArray) -> tuple[float, FloatArray]:
+        log_z, expected = 0.0, np.zeros_like(weights)
+        for length in np.unique(episodes.length):
+            starts = np.bincount(
+                episodes.start[episodes.length == length], minlength=problem.mdp.n_states
+            )
+            part, counts = model.partition(weights, starts / len(episodes), int(length))
+            log_z, expected = log_z + part, expected + counts
+        return float(weights @ demonstrated) - log_z, demonstrated - expected
+
+    start = initial_weights_or_sample(problem, initial_weights, rng)
+    ascended = ascent.maximise(log_likelihood, start, lambda _: False)
+    return irl_result(problem.feature_names, table, ascended)
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryModel:
+    """Sums over all trajectories by recursion over time, in logarithms."""
+
+    problem: Problem
+    transitions: Transitions
+
+    def partition(
+        self, weights: FloatArray, starts: FloatArray, length: int
+    ) -> tuple[float, FloatArray]:
+        """sum_s starts(s) log Z_T(s) and its (F,) gradient: expected feature counts."""
+        mdp, features = self.problem.mdp, self.problem.features
+        rewards = np.where(mdp.available, features @ weights, -np.inf)
+        ends = absorption_features(self.problem) * mdp.discount**length
+        log_z, choices, moves = ends @ weights, [], []
+        for step in reversed(range(length)):
+            onward, move = self._expected_exponential(log_z)
+            q = mdp.discount**step * rewards + onward
+            log_z = _log_sum_exp(q)
+            choices.append(np.exp(q - log_z[:, None]))
+            moves.append(move)
+        total = float(starts @ log_z)
+        share, expected = np.array(starts, dtype=np.float64), np.zeros(features.shape[2])
+        for step in range(length):
+            pairs = share[:, None] * choices.pop()
+            expected += mdp.discount**step * np.tensordot(pairs, features, axes=2)
+            flow = pairs.ravel()[self._row] * moves.pop()
+            share = weighted_counts(self._successor, flow, mdp.n_states)
+        return total, expected + share @ ends
+
+    @property
+    def _row(self) -> IntArray:
+        return self.transitions.model.row
+
+    @property
+    def _successor(self) -> IntArray:
+        return self.transitions.model.successor
+
+    def _expected_exponential(self, log_z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(S, A) log sum_s' P z(s'), and (E,) share of each entry in its row's sum."""
+        model = self.transitions.model
+        terms = np.log(floored(self.transitions.entries)) + log_z[model.successor]
+        first = model.row_start[:-1][model.available.ravel()]
+        lengths = np.diff(np.append(first, len(terms)))
+        highest = np.maximum.reduceat(terms, first)
+        shifted = np.exp(terms - np.repeat(highest, lengths))
+        sums = np.add.reduceat(shifted, first)
+        onward = np.full(model.available.size, -np.inf)
+        onward[model.available.ravel()] = highest + np.log(sums)
+        return onward.reshape(model.available.shape), shifted / np.repeat(sums, lengths)
+
+
+def _log_sum_exp(q: FloatArray) -> FloatArray:
+    highest = q.max(axis=1)
+    return np.asarray(highest + np.log(np.exp(q - highest[:, None]).sum(axis=1)))

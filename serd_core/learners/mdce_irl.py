@@ -1,0 +1,125 @@
+"""Maximum discounted causal entropy IRL under given dynamics (section 3.2.3).
+
+By likelihood (3.33): maximise sum log pi_theta(a | s) of the observed choices.
+
+By entropy (3.24 to 3.27, 3.34): match discounted feature expectations. The dual of the causal
+entropy problem is concave,
+
+    J(theta) = theta . phi~ - E_{s0}[V_theta(s0)],   dJ/dtheta = phi~ - phi(pi_theta)      (3.34)
+
+Both agree for many demonstrations under true dynamics, and differ for few. Feature counts are
+*discounted*, as the constraint says; matching them undiscounted converges to a wrong reward.
+"""
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.ascent.ascent import Ascent
+from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.beliefs import FixedBelief
+from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.soft import SoftBellman
+from serd_core.bellman.solution import BellmanSolution
+from serd_core.demonstrations import Decisions, start_distribution
+from serd_core.dynamics.transitions import Transitions, transitions_of
+from serd_core.fit_result import FitResult
+from serd_core.learners.irl_result import IrlResult, irl_result
+from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.serd import initial_dynamics_or_estimate, initial_weights_or_sample
+from serd_core.likelihood.observations import observe
+from serd_core.priors.prior import Prior, UniformPrior
+from serd_core.problem import Problem
+from serd_core.solvers.newton import Newton
+from serd_core.solvers.sparse_lu import SparseLu
+from serd_core.trajectories import feature_counts
+
+UNIFORM, LBFGS = UniformPrior(), Lbfgs()
+
+
+def fit_mdce_irl_by_likelihood(
+    problem: Problem,
+    decisions: Decisions,
+    *,
+    initial_weights: FloatArray | None = None,
+    rng: np.random.Generator | None = None,
+    dynamics: FloatArray | None = None,
+    prior: Prior = UNIFORM,
+    ascent: Ascent = LBFGS,
+) -> FitResult:
+    """Reward weights of highest likelihood; dynamics: (M, K), or None for the M-estimate."""
+    return fit_mdce_serd(
+        problem,
+        decisions,
+        initial_weights=initial_weights,
+        rng=rng,
+        initial_dynamics=dynamics,
+        belief=FixedBelief(),
+        prior=prior,
+        ascent=ascent,
+    )
+
+
+def fit_mdce_irl_by_entropy(
+    problem: Problem,
+    decisions: Decisions,
+    *,
+    initial_weights: FloatArray | None = None,
+    rng: np.random.Generator | None = None,
+    dynamics: FloatArray | None = None,
+    ascent: Ascent = LBFGS,
+) -> IrlResult:
+    """Reward weights whose policy matches the discounted features of the demonstrations.
+
+    dynamics: (M, K), or None for the M-estimate. Episodes that end in an absorbing state with one
+    action count as staying there forever; other episodes are taken as they were recorded, so they
+    should be long against the horizon 1 / (1 - discount).
+    """
+    observe(problem.mdp, decisions)
+    table = initial_dynamics_or_estimate(problem, decisions, dynamics)
+    transitions = transitions_of(problem.mdp.transitions, table)
+    wanted = empirical_feature_expectation(problem, decisions)
+    starts = start_distribution(decisions, problem.mdp.n_states)
+    last: list[BellmanSolution] = []
+
+    def dual(weights: FloatArray) -> tuple[float, FloatArray]:
+        """J scaled by 1 - gamma, which makes feature expectations averages."""
+        solution = _solve(problem, transitions, weights, last[-1].value if last else None)
+        last[:] = [solution]
+        expected = feature_expectation(problem, transitions, solution.policy, starts)
+        value = float(weights @ wanted - starts @ solution.value)
+        scale = 1.0 - problem.mdp.discount
+        return value * scale, (wanted - expected) * scale
+
+    start = initial_weights_or_sample(problem, initial_weights, rng)
+    ascended = ascent.maximise(dual, start, lambda _: False)
+    return irl_result(problem.feature_names, table, ascended, solved=last[-1].converged)
+
+
+def empirical_feature_expectation(problem: Problem, decisions: Decisions) -> FloatArray:
+    """(F,) mean discounted features of the episodes, with what follows absorption."""
+    return np.asarray(feature_counts(problem, decisions).mean(axis=0))
+
+
+def feature_expectation(
+    problem: Problem, transitions: Transitions, policy: FloatArray, starts: FloatArray
+) -> FloatArray:
+    """(F,) expected discounted features phi(pi) from the (S,) start distribution."""
+    mdp = problem.mdp
+    data = mdp.policy_pattern.system_data(policy, transitions.entries, mdp.discount)
+    system = SparseLu().prepare(mdp.policy_pattern, data)
+    occupancy = system.solve_transposed(starts)[:, None] * policy
+    return np.asarray(np.tensordot(occupancy, problem.features, axes=2))
+
+
+def _solve(
+    problem: Problem, transitions: Transitions, weights: FloatArray, value: FloatArray | None
+) -> BellmanSolution:
+    mdp = problem.mdp
+    bellman = BellmanProblem(
+        equation=SoftBellman(),
+        rewards=problem.features @ weights,
+        transitions=transitions,
+        discount=mdp.discount,
+        available=mdp.available,
+    )
+    return Newton().solve(mdp, bellman, value)

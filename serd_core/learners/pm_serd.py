@@ -1,0 +1,55 @@
+"""PM SERD: SERD with a Boltzmann policy over optimal Q-values (section 4.4.2).
+
+The temperature theta_P is learned with rewards and dynamics. Scaling all rewards and theta_P by
+one factor changes nothing, so a prior on the reward weights or the temperature must fix the scale.
+"""
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.ascent.ascent import Ascent
+from serd_core.beliefs import Belief
+from serd_core.demonstrations import Decisions
+from serd_core.fit_result import FitResult
+from serd_core.learners.serd import (
+    LBFGS,
+    TIED,
+    UNIFORM,
+    OnStep,
+    SerdSettings,
+    fit_serd,
+    initial_dynamics_or_estimate,
+    initial_weights_or_sample,
+)
+from serd_core.policies.policy_matching import PolicyMatchingPolicy
+from serd_core.priors.prior import Prior
+from serd_core.problem import Problem
+
+
+def fit_pm_serd(
+    problem: Problem,
+    decisions: Decisions,
+    *,
+    initial_weights: FloatArray | None = None,
+    rng: np.random.Generator | None = None,
+    initial_dynamics: FloatArray | None = None,
+    initial_temperature: float = 1.0,
+    belief: Belief = TIED,
+    prior: Prior = UNIFORM,
+    ascent: Ascent = LBFGS,
+    on_step: OnStep | None = None,
+) -> FitResult:
+    """Learn rewards, dynamics and temperature of an expert who knows the optimal Q-values.
+
+    Arguments as in `fit_mdce_serd`; initial_temperature: theta_P to start from. The objective has
+    kinks where the greedy policy changes: there an ascent may stop without convergence and say so.
+    """
+    return fit_serd(
+        problem,
+        decisions,
+        PolicyMatchingPolicy(start_temperature=initial_temperature),
+        SerdSettings(belief=belief, prior=prior, ascent=ascent),
+        initial_weights=initial_weights_or_sample(problem, initial_weights, rng),
+        initial_dynamics=initial_dynamics_or_estimate(problem, decisions, initial_dynamics),
+        on_step=on_step,
+    )

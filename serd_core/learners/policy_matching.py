@@ -1,0 +1,113 @@
+"""Policy-matching IRL under given dynamics (Neu and Szepesvari; Eqs. 3.8 to 3.14).
+
+The policy is Boltzmann over optimal Q-values with inverse temperature beta (3.11). On the loss,
+
+    L = 1/2 sum_{s,a} mu_E(s) (pi_theta(a|s) - pi_E(a|s))^2                               (3.8)
+
+with mu_E and pi_E the empirical frequencies, or on the likelihood sum n(s,a) log pi_theta(a|s).
+Both gradients run through dQ*/dtheta, here by one adjoint solve.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.ascent.ascent import Ascent
+from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.hard import HardBellman
+from serd_core.bellman.soft import boltzmann
+from serd_core.bellman.solution import BellmanSolution
+from serd_core.demonstrations import Decisions
+from serd_core.dynamics.transitions import transitions_of
+from serd_core.errors import SerdError
+from serd_core.gradients.adjoint import adjoint
+from serd_core.learners.irl_result import IrlResult, irl_result
+from serd_core.learners.serd import initial_dynamics_or_estimate, initial_weights_or_sample
+from serd_core.likelihood.observations import observe
+from serd_core.problem import Problem
+from serd_core.solvers.newton import Newton
+from serd_core.solvers.sparse_lu import SparseLu
+
+
+class MatchingObjective(ABC):
+    """How well a policy matches (S, A) counts; larger is better."""
+
+    @abstractmethod
+    def evaluate(self, policy: FloatArray, counts: FloatArray) -> tuple[float, FloatArray]:
+        """Value and (S, A) gradient by beta Q."""
+
+
+@dataclass(frozen=True)
+class SquaredLoss(MatchingObjective):
+    """Minus the loss (3.8)."""
+
+    def evaluate(self, policy: FloatArray, counts: FloatArray) -> tuple[float, FloatArray]:
+        """Value and gradient; chain rule (3.10) with the Boltzmann derivative (3.13)."""
+        visits = counts.sum(axis=1, keepdims=True)
+        frequency = visits / visits.sum()
+        difference = policy - counts / np.maximum(visits, 1.0)
+        by_policy = -frequency * difference
+        mean = np.sum(policy * by_policy, axis=1, keepdims=True)
+        value = -0.5 * float(np.sum(frequency * difference**2))
+        return value, np.asarray(policy * (by_policy - mean))
+
+
+@dataclass(frozen=True)
+class MeanLogLikelihood(MatchingObjective):
+    """Log-likelihood of the choices per decision."""
+
+    def evaluate(self, policy: FloatArray, counts: FloatArray) -> tuple[float, FloatArray]:
+        """Value and gradient."""
+        total = counts.sum()
+        seen = counts > 0
+        floor = np.maximum(policy[seen], np.finfo(np.float64).tiny)
+        value = float(np.sum(counts[seen] * np.log(floor)) / total)
+        return value, (counts - counts.sum(axis=1, keepdims=True) * policy) / total
+
+
+SQUARED_LOSS, LBFGS = SquaredLoss(), Lbfgs()
+
+
+def fit_policy_matching(
+    problem: Problem,
+    decisions: Decisions,
+    *,
+    inverse_temperature: float = 1.0,
+    initial_weights: FloatArray | None = None,
+    rng: np.random.Generator | None = None,
+    dynamics: FloatArray | None = None,
+    objective: MatchingObjective = SQUARED_LOSS,
+    ascent: Ascent = LBFGS,
+) -> IrlResult:
+    """Reward weights whose Boltzmann policy matches the observed choices.
+
+    dynamics: (M, K), or None for the M-estimate. The loss is not convex: start more than once.
+    """
+    if not (np.isfinite(inverse_temperature) and inverse_temperature > 0):
+        raise SerdError(
+            f"inverse_temperature must be finite and above 0, got {inverse_temperature}"
+        )
+    mdp = problem.mdp
+    counts = observe(mdp, decisions).state_action
+    table = initial_dynamics_or_estimate(problem, decisions, dynamics)
+    transitions = transitions_of(mdp.transitions, table)
+    last: list[BellmanSolution] = []
+
+    def matching(weights: FloatArray) -> tuple[float, FloatArray]:
+        bellman = BellmanProblem(
+            HardBellman(), problem.features @ weights, transitions, mdp.discount, mdp.available
+        )
+        solution = Newton().solve(mdp, bellman, last[-1].value if last else None)
+        last[:] = [solution]
+        policy = boltzmann(solution.q, 1.0 / inverse_temperature)
+        value, by_scaled_q = objective.evaluate(policy, counts)
+        by_q = inverse_temperature * by_scaled_q
+        found = adjoint(mdp, transitions, solution, by_q, SparseLu())
+        return value, np.tensordot(found.reward_gradient, problem.features, axes=2)
+
+    start = initial_weights_or_sample(problem, initial_weights, rng)
+    ascended = ascent.maximise(matching, start, lambda _: False)
+    return irl_result(problem.feature_names, table, ascended, solved=last[-1].converged)

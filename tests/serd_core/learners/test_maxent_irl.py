@@ -1,0 +1,107 @@
+from itertools import product
+
+import numpy as np
+import pytest
+
+from serd_core.demonstrations import Decisions
+from serd_core.dynamics.transitions import transitions_of
+from serd_core.learners.maxent_irl import TrajectoryModel, fit_maxent_irl
+from serd_core.simulation import sample_decisions
+
+
+def brute_force(problem, table, weights, start, length):
+    """Naive twin: enumerate all trajectories; gives log Z and expected features."""
+    mdp = problem.mdp
+    dense = mdp.transitions.matrix(mdp.transitions.entries(table)).toarray()
+    dense = dense.reshape(mdp.n_states, mdp.n_actions, mdp.n_states)
+    total, features = 0.0, np.zeros(problem.features.shape[2])
+    for actions in product(range(mdp.n_actions), repeat=length):
+        for states in product(range(mdp.n_states), repeat=length):
+            path = (start, *states)
+            if not all(mdp.available[s, a] for s, a in zip(path[:-1], actions, strict=True)):
+                continue
+            steps = list(zip(path[:-1], actions, path[1:], strict=True))
+            chance = np.prod([dense[s, a, following] for s, a, following in steps])
+            phi = sum(mdp.discount**t * problem.features[s, a] for t, (s, a, _) in enumerate(steps))
+            if mdp.absorbing[path[-1]]:
+                only = mdp.available[path[-1]].argmax()
+                tail = mdp.discount**length / (1 - mdp.discount)
+                phi = phi + tail * problem.features[path[-1], only]
+            total += chance * np.exp(weights @ phi)
+            features += chance * np.exp(weights @ phi) * phi
+    return np.log(total), features / total
+
+
+@pytest.mark.parametrize("length", [1, 2, 4])
+def test_the_recursion_sums_over_all_trajectories(minimum_example, length):
+    table = np.array([[0.3, 0.7], [0.8, 0.2]])
+    model = TrajectoryModel(minimum_example, transitions_of(minimum_example.mdp.transitions, table))
+    weights = np.array([0.4])
+    for start in (0, 1):
+        log_z, expected = model.partition(weights, np.eye(2)[start], length)
+        naive_log_z, naive_features = brute_force(minimum_example, table, weights, start, length)
+        assert log_z == pytest.approx(naive_log_z)
+        np.testing.assert_allclose(expected, naive_features)
+
+
+def test_the_weights_of_a_maximum_entropy_agent_are_recovered(gridworld):
+    """Under deterministic dynamics the causal and the plain model differ only by the horizon."""
+    problem = gridworld.problem
+    certain = np.eye(5)[[0, 1, 2, 3, 4, 1, 2, 3, 4]]
+    model = TrajectoryModel(problem, transitions_of(problem.mdp.transitions, certain))
+    weights, length = np.array([2.0, 3.0]), 12
+    log_z, step_policies = np.zeros(25), []
+    for step in reversed(range(length)):
+        onward, _ = model._expected_exponential(log_z)
+        q = 0.9**step * (problem.features @ weights) + onward
+        log_z = np.log(np.exp(q).sum(axis=1))
+        step_policies.append(np.exp(q - log_z[:, None]))
+    step_policies.reverse()
+    decisions = _walk(problem, certain, step_policies, np.random.default_rng(0))
+    fit = fit_maxent_irl(problem, decisions, initial_weights=np.zeros(2), dynamics=certain)
+    assert fit.converged
+    np.testing.assert_allclose(fit.reward_weights, weights, atol=0.15)
+
+
+def _walk(problem, table, step_policies, rng):
+    n_episodes = 3000
+    state = rng.integers(25, size=n_episodes)
+    columns = []
+    for step, policy in enumerate(step_policies):
+        action = np.array([rng.choice(5, p=row) for row in policy[state]])
+        model = problem.mdp.transitions
+        outcome = table[model.model_of[state, action]].argmax(axis=1)
+        following = model.successors[state, action, outcome]
+        columns.append((np.arange(n_episodes), np.full(n_episodes, step), state, action, following))
+        state = following
+    return Decisions(*(np.concatenate(column) for column in zip(*columns, strict=True)))
+
+
+def test_large_rewards_do_not_overflow(gridworld):
+    table = np.clip(gridworld.probabilities, 1e-9, None)
+    model = TrajectoryModel(
+        gridworld.problem,
+        transitions_of(gridworld.problem.mdp.transitions, table / table.sum(1)[:, None]),
+    )
+    log_z, expected = model.partition(np.array([1e4, -1e4]), np.eye(25)[0], 40)
+    assert np.isfinite(log_z)
+    assert np.all(np.isfinite(expected))
+
+
+def test_stochastic_demonstrations_give_a_finite_converged_fit(make_gridworld):
+    case = make_gridworld(side=4, n_episodes=50, n_steps=10)
+    fit = fit_maxent_irl(case.problem, case.decisions, rng=np.random.default_rng(0))
+    assert fit.converged
+    sampled = sample_decisions(
+        case.problem.mdp,
+        case.problem.mdp.available / 5,
+        case.probabilities,
+        np.full(16, 1 / 16),
+        n_episodes=400,
+        n_steps=10,
+        rng=np.random.default_rng(1),
+    )
+    indifferent = fit_maxent_irl(
+        case.problem, sampled, initial_weights=np.ones(2), dynamics=case.probabilities
+    )
+    np.testing.assert_allclose(indifferent.reward_weights, 0, atol=0.3)

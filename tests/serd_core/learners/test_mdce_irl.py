@@ -1,0 +1,103 @@
+import numpy as np
+import pytest
+
+from serd_core.demonstrations import start_distribution
+from serd_core.dynamics.transitions import transitions_of
+from serd_core.learners.mdce_irl import (
+    empirical_feature_expectation,
+    feature_expectation,
+    fit_mdce_irl_by_entropy,
+    fit_mdce_irl_by_likelihood,
+)
+from serd_core.policies.solved_policy import soft_policy
+from serd_core.simulation import sample_decisions
+from serd_core.trajectories import feature_counts, trajectories_of
+
+
+@pytest.fixture(scope="module")
+def long_case(make_gridworld):
+    """Episodes long against the horizon 1 / (1 - 0.8)."""
+    return make_gridworld(side=5, discount=0.8, n_episodes=1500, n_steps=60)
+
+
+def test_at_the_entropy_optimum_the_features_match(long_case):
+    fit = fit_mdce_irl_by_entropy(
+        long_case.problem,
+        long_case.decisions,
+        initial_weights=np.zeros(2),
+        dynamics=long_case.probabilities,
+    )
+    assert fit.converged
+    policy = soft_policy(long_case.problem, fit.reward_weights, long_case.probabilities)
+    matched = feature_expectation(
+        long_case.problem,
+        transitions_of(long_case.problem.mdp.transitions, long_case.probabilities),
+        policy.probabilities,
+        start_distribution(long_case.decisions, 25),
+    )
+    wanted = empirical_feature_expectation(long_case.problem, long_case.decisions)
+    np.testing.assert_allclose(matched, wanted, atol=1e-4)
+
+
+def test_entropy_and_likelihood_agree_for_many_demonstrations_under_true_dynamics(long_case):
+    arguments = {"initial_weights": np.zeros(2), "dynamics": long_case.probabilities}
+    matched = fit_mdce_irl_by_entropy(long_case.problem, long_case.decisions, **arguments)
+    likely = _by_likelihood(long_case)
+    np.testing.assert_allclose(matched.reward_weights, long_case.weights, atol=0.3)
+    np.testing.assert_allclose(likely.reward_weights, long_case.weights, atol=0.15)
+
+
+def _by_likelihood(case):
+    smoothed = np.clip(case.probabilities, 1e-6, None)
+    smoothed /= smoothed.sum(axis=1, keepdims=True)
+    return fit_mdce_irl_by_likelihood(
+        case.problem, case.decisions, initial_weights=np.zeros(2), dynamics=smoothed
+    )
+
+
+def test_matching_features_without_their_discount_would_learn_a_wrong_reward(long_case):
+    """A fault seen elsewhere: undiscounted counts are far from what the constraint asks for."""
+    problem, decisions = long_case.problem, long_case.decisions
+    undiscounted = np.zeros(2)
+    np.add.at(
+        undiscounted, slice(None), problem.features[decisions.state, decisions.action].sum(axis=0)
+    )
+    undiscounted /= len(decisions.episodes)
+    wanted = empirical_feature_expectation(problem, decisions)
+    assert np.all(np.abs(undiscounted - wanted) > 0.5 * wanted)
+
+
+def test_occupancy_of_any_policy_sums_to_the_geometric_series(random_problem):
+    problem, table = random_problem(3)
+    ones = np.ones((*problem.mdp.available.shape, 1))
+    plain = type(problem)(problem.mdp, ones, ("one",))
+    uniform = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
+    starts = np.full(problem.mdp.n_states, 1 / problem.mdp.n_states)
+    total = feature_expectation(
+        plain, transitions_of(problem.mdp.transitions, table), uniform, starts
+    )
+    assert total[0] == pytest.approx(1 / (1 - problem.mdp.discount))
+
+
+def test_feature_counts_continue_in_an_absorbing_state(minimum_example):
+    decisions = sample_decisions(
+        minimum_example.mdp,
+        np.array([[1.0, 0, 0], [0, 0, 1.0]]),
+        np.array([[0.5, 0.5], [0.5, 0.5]]),
+        np.array([1.0, 0.0]),
+        n_episodes=20,
+        n_steps=200,
+        rng=np.random.default_rng(0),
+    )
+    lengths = trajectories_of(decisions).length
+    discounts = 0.9 ** lengths.astype(float)
+    expected = -(1 - discounts) / 0.1 + discounts / 0.1
+    np.testing.assert_allclose(feature_counts(minimum_example, decisions)[:, 0], expected)
+
+
+def test_large_rewards_and_episodes_stuck_in_one_state_are_no_trouble(gridworld):
+    fit = fit_mdce_irl_by_entropy(
+        gridworld.problem, gridworld.decisions, initial_weights=np.array([1e3, -1e3])
+    )
+    assert np.all(np.isfinite(fit.reward_weights))
+    assert fit.converged

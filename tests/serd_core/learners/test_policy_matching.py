@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from serd_core.errors import SerdError
+from serd_core.learners.policy_matching import (
+    MeanLogLikelihood,
+    SquaredLoss,
+    fit_policy_matching,
+)
+from serd_core.policies.solved_policy import boltzmann_policy
+from serd_core.simulation import sample_decisions
+
+OBJECTIVES = [SquaredLoss(), MeanLogLikelihood()]
+EACH_OBJECTIVE = pytest.mark.parametrize("objective", OBJECTIVES, ids=repr)
+
+
+@EACH_OBJECTIVE
+def test_the_gradient_by_q_is_the_finite_difference(objective):
+    rng = np.random.default_rng(0)
+    counts = rng.integers(0, 5, (4, 3)).astype(float)
+    q = rng.normal(size=(4, 3))
+
+    def value(energies):
+        weights = np.exp(energies)
+        return objective.evaluate(weights / weights.sum(axis=1, keepdims=True), counts)
+
+    step = 1e-6
+    for s in range(4):
+        for a in range(3):
+            up, down = q.copy(), q.copy()
+            up[s, a] += step
+            down[s, a] -= step
+            numeric = (value(up)[0] - value(down)[0]) / (2 * step)
+            assert value(q)[1][s, a] == pytest.approx(numeric, abs=1e-8)
+
+
+@EACH_OBJECTIVE
+def test_the_weights_of_a_boltzmann_expert_are_recovered(objective, make_gridworld):
+    case = make_gridworld(side=5, n_episodes=1)
+    policy = boltzmann_policy(case.problem, case.weights, case.probabilities, 1 / 0.7)
+    decisions = sample_decisions(
+        case.problem.mdp,
+        policy.probabilities,
+        case.probabilities,
+        np.full(25, 0.04),
+        n_episodes=2000,
+        n_steps=40,
+        rng=np.random.default_rng(0),
+    )
+    fit = fit_policy_matching(
+        case.problem,
+        decisions,
+        inverse_temperature=0.7,
+        initial_weights=np.ones(2),
+        dynamics=case.probabilities,
+        objective=objective,
+    )
+    np.testing.assert_allclose(fit.reward_weights, case.weights, rtol=0.05)
+
+
+def test_a_wrong_inverse_temperature_is_refused(gridworld):
+    with pytest.raises(SerdError, match="inverse_temperature must be finite and above 0"):
+        fit_policy_matching(gridworld.problem, gridworld.decisions, inverse_temperature=0.0)

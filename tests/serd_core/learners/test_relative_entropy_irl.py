@@ -1,0 +1,134 @@
+import numpy as np
+import pytest
+
+from serd_core.dynamics.transitions import transitions_of
+from serd_core.errors import SerdError
+from serd_core.learners.maxent_irl import TrajectoryModel
+from serd_core.learners.relative_entropy_irl import (
+    fit_relative_entropy_irl,
+    hoeffding_thresholds,
+    importance_log_weights,
+    sample_from_estimates,
+)
+from serd_core.simulation import sample_decisions
+from serd_core.trajectories import feature_counts
+
+
+def uniform_samples(case, n_episodes, seed=0):
+    policy = case.problem.mdp.available / 5.0
+    samples = sample_decisions(
+        case.problem.mdp,
+        policy,
+        case.probabilities,
+        np.full(16, 1 / 16),
+        n_episodes=n_episodes,
+        n_steps=8,
+        rng=np.random.default_rng(seed),
+    )
+    return samples, policy
+
+
+@pytest.fixture(scope="module")
+def case(make_gridworld):
+    return make_gridworld(side=4, n_episodes=60, n_steps=8)
+
+
+def test_with_exact_matching_the_weighted_samples_have_the_features_of_the_expert(case):
+    samples, policy = uniform_samples(case, 3000)
+    fit = fit_relative_entropy_irl(
+        case.problem,
+        case.decisions,
+        samples=samples,
+        sampling_policy=policy,
+        thresholds=np.zeros(2),
+        initial_weights=np.zeros(2),
+    )
+    assert fit.converged
+    counts = feature_counts(case.problem, samples)
+    share = np.exp(counts @ fit.reward_weights)
+    matched = share @ counts / share.sum()
+    wanted = feature_counts(case.problem, case.decisions).mean(axis=0)
+    np.testing.assert_allclose(matched, wanted, atol=1e-4)
+
+
+def test_many_samples_approach_the_exact_sum_over_trajectories(case):
+    """With a uniform baseline the dual is that of maximum entropy up to a constant."""
+    samples, _ = uniform_samples(case, 60_000)
+    counts = feature_counts(case.problem, samples)
+    weights = np.array([0.4, 0.6])
+    share = np.exp(counts @ weights)
+    sampled = share @ counts / share.sum()
+    model = TrajectoryModel(
+        case.problem, transitions_of(case.problem.mdp.transitions, case.probabilities)
+    )
+    # Trajectories of all starts share one Z here, so starts are reweighted by their own Z.
+    log_z = np.array([model.partition(weights, start, 8)[0] for start in np.eye(16)])
+    starts = np.exp(log_z - log_z.max())
+    exact = model.partition(weights, starts / starts.sum(), 8)[1]
+    np.testing.assert_allclose(sampled, exact, rtol=0.03)
+
+
+def test_features_within_their_thresholds_get_no_weight(case):
+    samples, policy = uniform_samples(case, 500)
+    fit = fit_relative_entropy_irl(
+        case.problem,
+        case.decisions,
+        samples=samples,
+        sampling_policy=policy,
+        thresholds=np.full(2, 100.0),
+        initial_weights=np.array([3.0, -2.0]),
+    )
+    assert fit.converged
+    np.testing.assert_array_equal(fit.reward_weights, 0)
+
+
+def test_hoeffding_thresholds_shrink_with_the_root_of_the_episodes(case):
+    few, many = (hoeffding_thresholds(case.problem, n) for n in (10, 1000))
+    np.testing.assert_allclose(few / many, 10)
+    spread = case.problem.features[..., 1].max() / (1 - 0.9)
+    assert few[1] == pytest.approx(spread * np.sqrt(np.log(40) / 20))
+
+
+def test_importance_weights_are_ratios_of_action_probabilities(case):
+    samples, policy = uniform_samples(case, 5)
+    skewed = np.tile([0.5, 0.2, 0.1, 0.1, 0.1], (16, 1))
+    log_weights = importance_log_weights(case.problem, samples, policy, skewed)
+    for episode in range(5):
+        actions = samples.action[samples.episode == episode]
+        expected = np.prod(skewed[0][actions] / 0.2)
+        assert np.exp(log_weights[episode]) == pytest.approx(expected)
+
+
+def test_only_demonstrations_are_enough_with_samples_from_estimates(case):
+    samples, policy = sample_from_estimates(
+        case.problem, case.decisions, n_episodes=500, n_steps=8, rng=np.random.default_rng(2)
+    )
+    fit = fit_relative_entropy_irl(
+        case.problem,
+        case.decisions,
+        samples=samples,
+        sampling_policy=policy,
+        rng=np.random.default_rng(3),
+        thresholds=np.full(2, 0.05),
+    )
+    assert fit.converged
+    assert np.all(np.isfinite(fit.reward_weights))
+
+
+def test_wrong_arguments_are_refused_by_name(case):
+    samples, policy = uniform_samples(case, 5)
+    common = {"samples": samples, "initial_weights": np.zeros(2)}
+    with pytest.raises(SerdError, match="sampling_policy must be above 0 wherever"):
+        fit_relative_entropy_irl(
+            case.problem, case.decisions, sampling_policy=np.eye(5)[[0] * 16], **common
+        )
+    with pytest.raises(SerdError, match="thresholds must not be negative, got -1"):
+        fit_relative_entropy_irl(
+            case.problem,
+            case.decisions,
+            sampling_policy=policy,
+            thresholds=np.array([0.0, -1.0]),
+            **common,
+        )
+    with pytest.raises(SerdError, match="confidence must be between 0 and 1, got 1"):
+        hoeffding_thresholds(case.problem, 10, confidence=1.0)
