@@ -37,10 +37,13 @@ def at_times(curve: ArrivalCurve, times_s: FloatArray) -> ArrivalCurve:
     )
 
 
-def largest_gap(first: ArrivalCurve, second: ArrivalCurve) -> float:
-    """Kolmogorov-Smirnov distance: the largest difference of the two step functions."""
-    times = np.union1d(first.time_s, second.time_s)
-    difference = at_times(first, times).probability - at_times(second, times).probability
+def largest_gap(predicted: ArrivalCurve, measured: ArrivalCurve) -> float:
+    """Largest difference of the two step functions, looked at whenever `predicted` may step.
+
+    This is the Kolmogorov-Smirnov distance of times rounded up to whole decision periods: the
+    model knows of nothing finer.
+    """
+    difference = predicted.probability - at_times(measured, predicted.time_s).probability
     return float(np.abs(difference).max())
 
 

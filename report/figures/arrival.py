@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from report import style
@@ -45,12 +46,23 @@ def draw_arrival(
         )
         for label, curve, colour, line in curves:
             axes.fill_between(
-                curve.time_s, curve.lower, curve.upper, step="post", color=colour, alpha=0.18,
-                linewidth=0, label=f"95 % band, {label.split()[0]}",
+                curve.time_s,
+                curve.lower,
+                curve.upper,
+                step="post",
+                color=colour,
+                alpha=0.18,
+                linewidth=0,
+                label=f"95 % band, {label.split()[0]}",
             )
             axes.step(
-                curve.time_s, curve.probability, where="post", color=colour, linestyle=line,
-                linewidth=2.0, label=label,
+                curve.time_s,
+                curve.probability,
+                where="post",
+                color=colour,
+                linestyle=line,
+                linewidth=2.0,
+                label=label,
             )
         axes.set_xlim(0, shown_until_s)
         axes.set_ylim(0, 1.03)
@@ -62,9 +74,7 @@ def draw_arrival(
     return figure
 
 
-def _legend_lines_first(axes: object) -> None:
-    handles, labels = axes.get_legend_handles_labels()  # type: ignore[attr-defined]
+def _legend_lines_first(axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
     order = sorted(range(len(labels)), key=lambda i: labels[i].startswith("95"))
-    axes.legend(  # type: ignore[attr-defined]
-        [handles[i] for i in order], [labels[i] for i in order], loc="lower right"
-    )
+    axes.legend([handles[i] for i in order], [labels[i] for i in order], loc="upper left")

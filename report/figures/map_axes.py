@@ -32,7 +32,7 @@ def map_figure(
     scale = min(height_in / (rows * height_m), 9.0 / (columns * width_m))
     scale = float(np.clip(scale, *_INCHES_PER_METRE_LIMITS))
     width_in = columns * (width_m * scale + 0.65) + 0.5
-    figure = new_figure(width_in, rows * (height_m * scale + 0.45) + 0.45)
+    figure = new_figure(width_in, rows * (height_m * scale + 0.45) + 1.0)
     with style.report_style():
         grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     axes = list(grid.ravel())
@@ -43,13 +43,16 @@ def map_figure(
 
 def draw_layout(axes: Axes, layout: HallwayLayout) -> None:
     """Floor, walls, obstacles and axes in metres."""
-    axes.add_patch(
-        Polygon(layout.outline_m, facecolor=style.FLOOR, edgecolor="none", zorder=0)
-    )
+    axes.add_patch(Polygon(layout.outline_m, facecolor=style.FLOOR, edgecolor="none", zorder=0))
     axes.add_patch(
         Polygon(
-            layout.outline_m, fill=False, edgecolor=style.WALL, linewidth=2.2, zorder=6,
-            joinstyle="miter", gid="wall",
+            layout.outline_m,
+            fill=False,
+            edgecolor=style.WALL,
+            linewidth=2.2,
+            zorder=6,
+            joinstyle="miter",
+            gid="wall",
         )
     )
     for obstacle in layout.obstacles_m:
@@ -59,19 +62,24 @@ def draw_layout(axes: Axes, layout: HallwayLayout) -> None:
     _frame(axes, layout)
 
 
-def draw_areas(axes: Axes, layout: HallwayLayout, *, labels: bool = True) -> None:
-    """The goal area (hatched) and the start areas, each named inside the map."""
+def draw_areas(axes: Axes, layout: HallwayLayout, *, filled: bool) -> None:
+    """The goal area and the dashed start areas: filled and named, or as outlines over data."""
     colours = _start_colours(layout)
     areas = [("goal", layout.goal_area_m, style.GOAL_COLOUR)]
     areas += [(f"start\n{name}", polygon, colours[name]) for name, polygon in layout.start_areas_m]
     for name, polygon, colour in areas:
         axes.add_patch(
             Polygon(
-                polygon, facecolor=colour + "26", edgecolor=colour, linewidth=1.1,
-                linestyle="-" if name == "goal" else "--", zorder=2, gid=f"area {name}",
+                polygon,
+                facecolor=colour + "26" if filled else "none",
+                edgecolor=colour,
+                linewidth=1.4,
+                linestyle="-" if name == "goal" else "--",
+                zorder=2,
+                gid=f"area {name}",
             )
         )
-        if labels:
+        if filled:
             _label_area(axes, name, polygon, colour)
 
 
@@ -93,15 +101,36 @@ def draw_cells(
     return collection
 
 
+def colour_bar(
+    figure: Figure,
+    axes: Axes | Sequence[Axes],
+    cells: PatchCollection,
+    label: str,
+    extend: str = "neither",
+) -> None:
+    """A slim horizontal colour bar under the map."""
+    bar = figure.colorbar(
+        cells, ax=axes, location="bottom", shrink=0.85, pad=0.02, aspect=35, extend=extend
+    )
+    bar.set_label(label)
+    bar.outline.set_visible(False)
+
+
 def outline_cells(axes: Axes, grid: Grid, states: Sequence[int], colour: str, gid: str) -> None:
     """A dashed frame around each of the given states."""
     side = grid.cell_size_m
     for x, y in grid.centers_m[list(states)]:
         axes.add_patch(
             Rectangle(
-                (x - 0.46 * side, y - 0.46 * side), 0.92 * side, 0.92 * side,
-                fill=False, edgecolor=colour, linewidth=1.3, linestyle=(0, (2, 1)),
-                zorder=5, gid=gid,
+                (x - 0.46 * side, y - 0.46 * side),
+                0.92 * side,
+                0.92 * side,
+                fill=False,
+                edgecolor=colour,
+                linewidth=1.3,
+                linestyle=(0, (2, 1)),
+                zorder=5,
+                gid=gid,
             )
         )
 
@@ -131,7 +160,15 @@ def _start_colours(layout: HallwayLayout) -> dict[str, str]:
 def _label_area(axes: Axes, name: str, polygon: FloatArray, colour: str) -> None:
     x, y = (polygon.min(axis=0) + polygon.max(axis=0)) / 2
     axes.text(
-        x, y, name, color=colour, fontsize=7.5, fontweight="bold", ha="center", va="center",
-        zorder=7, parse_math=False,
+        x,
+        y,
+        name,
+        color=colour,
+        fontsize=7.5,
+        fontweight="bold",
+        ha="center",
+        va="center",
+        zorder=7,
+        parse_math=False,
         bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.0},
     )

@@ -33,18 +33,29 @@ def draw_outcomes(
             axes.set_title(in_words(model_names[i]), loc="left", pad=16, parse_math=False)
             axes.text(0, 1.02, decided, transform=axes.transAxes, fontsize=8, color=style.MUTED)
         panels[0].set_ylabel("probability")
-        figure.legend(
-            *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2
-        )
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
 def _draw_model(axes: Axes, initial: FloatArray, learned: FloatArray) -> None:
     places = np.arange(len(OUTCOME_LABELS))
-    axes.bar(places - _BAR_WIDTH / 2, initial, _BAR_WIDTH, color=style.INITIAL_COLOUR,
-             hatch="////", edgecolor="white", linewidth=0, label="initial (M-estimate)")
-    bars = axes.bar(places + _BAR_WIDTH / 2, learned, _BAR_WIDTH, color=style.LEARNED_COLOUR,
-                    label="learned (SERD)")
+    axes.bar(
+        places - _BAR_WIDTH / 2,
+        initial,
+        _BAR_WIDTH,
+        color=style.INITIAL_COLOUR,
+        hatch="////",
+        edgecolor="white",
+        linewidth=0,
+        label="initial (M-estimate)",
+    )
+    bars = axes.bar(
+        places + _BAR_WIDTH / 2,
+        learned,
+        _BAR_WIDTH,
+        color=style.LEARNED_COLOUR,
+        label="learned (SERD)",
+    )
     axes.bar_label(bars, labels=[f"{p:.2f}".lstrip("0") for p in learned], fontsize=7, padding=1)
     axes.set_xticks(places, OUTCOME_LABELS, fontsize=8)
     axes.set_ylim(0, 1.08)

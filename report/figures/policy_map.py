@@ -6,7 +6,13 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from report import style
-from report.figures.map_axes import draw_areas, draw_cells, map_figure, outline_cells
+from report.figures.map_axes import (
+    colour_bar,
+    draw_areas,
+    draw_cells,
+    map_figure,
+    outline_cells,
+)
 from report.layout import HallwayLayout
 from report.wording import counted
 from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
@@ -28,24 +34,22 @@ def draw_policy_map(
         elsewhere = np.delete(values, goal_states)
         norm = Normalize(*_colour_range(elsewhere if len(elsewhere) else values))
         cells = draw_cells(axes, grid, values, norm, style.VALUE_MAP)
-        draw_areas(axes, layout, labels=False)
+        draw_areas(axes, layout, filled=False)
         _arrows(axes, grid, greedy, np.isin(np.arange(grid.n_states), goal_states), trapped)
         outline_cells(axes, grid, np.flatnonzero(trapped).tolist(), style.RED, "trap")
-        bar = figure.colorbar(cells, ax=axes, shrink=0.5, pad=0.02, aspect=25, extend="both")
-        bar.set_label("value of the cell (reward)")
-        bar.outline.set_visible(False)
+        colour_bar(figure, axes, cells, "value of the cell (discounted reward)", extend="both")
         axes.set_title(_title(int(trapped.sum())))
     return figure
 
 
 def _colour_range(values: FloatArray) -> tuple[float, float]:
-    low, high = np.percentile(values, [2, 100])
+    low, high = np.percentile(values, [2, 98])
     return (float(low), float(high)) if high > low else (float(low) - 0.5, float(low) + 0.5)
 
 
 def _title(n_trapped: int) -> str:
     if not n_trapped:
-        return "no trap states"
+        return "every arrow leads to the goal"
     return f"{counted(n_trapped, 'trap state')} (dashed red)"
 
 
@@ -59,9 +63,19 @@ def _arrows(
     tail = grid.centers_m[moving] - shift / 2
     if moving.any():
         axes.quiver(
-            *tail.T, *shift.T, angles="xy", scale_units="xy", scale=1.0, units="inches",
-            width=0.016, headwidth=4.5, headlength=4.5, headaxislength=4.0,
-            color=colours[moving].tolist(), zorder=5, gid="greedy moves",
+            *tail.T,
+            *shift.T,
+            angles="xy",
+            scale_units="xy",
+            scale=1.0,
+            units="inches",
+            width=0.016,
+            headwidth=4.5,
+            headlength=4.5,
+            headaxislength=4.0,
+            color=colours[moving].tolist(),
+            zorder=5,
+            gid="greedy moves",
         )
     axes.scatter(
         *grid.centers_m[waiting].T, s=16, c=colours[waiting].tolist(), zorder=5, gid="greedy waits"

@@ -6,7 +6,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from report import style
-from report.figures.map_axes import draw_areas, draw_cells, map_figure
+from report.figures.map_axes import colour_bar, draw_areas, draw_cells, map_figure
 from report.layout import HallwayLayout
 from serd_core.arrays import FloatArray, float_array
 from serd_core.grid import Grid
@@ -23,12 +23,10 @@ def draw_visitation(
     with style.report_style():
         figure, (axes,) = map_figure(layout, height_in=8.2)
         cells = draw_cells(axes, grid, counts, Normalize(0, max(counts.max(), 1)), style.VISITS_MAP)
-        draw_areas(axes, layout, labels=False)
+        draw_areas(axes, layout, filled=False)
         for track in tracks_m:
             axes.plot(*track.T, color=style.INK, linewidth=0.7, alpha=0.55, zorder=4, gid="track")
-        bar = figure.colorbar(cells, ax=axes, shrink=0.5, pad=0.02, aspect=25)
-        bar.set_label("decisions taken in the cell")
-        bar.outline.set_visible(False)
+        colour_bar(figure, axes, cells, "decisions taken in the cell")
         n_tracks = f", {len(tracks_m)} tracks" if tracks_m else ""
         axes.set_title(f"{int(counts.sum())} decisions{n_tracks}")
     return figure

@@ -24,7 +24,12 @@ def draw_weights(feature_names: tuple[str, ...], reward_weights: FloatArray) -> 
         rows = np.arange(len(weights))
         colours = [style.BLUE if w >= 0 else style.RED for w in weights]
         bars = axes.barh(rows, weights, height=0.6, color=colours)
-        axes.bar_label(bars, labels=[f"{w:+.2f}" for w in weights], padding=4, fontsize=8.5)
+        axes.bar_label(
+            bars,
+            labels=[f"{w:+.2f}".replace("-", "\N{MINUS SIGN}") for w in weights],
+            padding=4,
+            fontsize=8.5,
+        )
         axes.set_yticks(rows, [in_words(name) for name in feature_names], parse_math=False)
         axes.invert_yaxis()
         axes.axvline(0, color=style.MUTED, linewidth=0.8)

@@ -1,0 +1,95 @@
+"""The numbers of a report in one flat record: for summary.json, the headline and the terminal."""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from report.curves import largest_gap, measured_curve, predicted_curve, time_reaching
+from report.figure_set import decisions_per_model, trapped_states
+from report.inputs import ReportInputs
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Plain numbers; a median is None when fewer than half of the episodes arrived."""
+
+    n_demonstrations: int
+    n_decisions: int
+    n_episodes: int
+    n_arrived: int
+    measured_arrival_probability: float
+    predicted_arrival_probability: float
+    measured_median_s: float | None
+    predicted_median_s: float | None
+    measured_mean_s: float | None
+    largest_cdf_gap: float
+    timeout_s: float
+    robot_on_person_contacts: int
+    person_on_robot_contacts: int
+    wall_contacts: int
+    n_trap_states: int
+    converged: bool
+    n_steps: int
+    objective: float
+    reward_weights: dict[str, float]
+    decisions_per_model: dict[str, int]
+    outcome_probabilities: dict[str, list[float]]
+    initial_outcome_probabilities: dict[str, list[float]]
+    real_time_factor: dict[str, float]
+    wall_s: dict[str, float]
+    seeds: dict[str, int]
+    versions: dict[str, str]
+    command: str
+    how: str
+    finished_at: str
+
+    def as_json(self) -> dict[str, object]:
+        """The record as JSON-ready values."""
+        return asdict(self)
+
+
+def summary_of(inputs: ReportInputs) -> Summary:
+    """Count and compare: everything the report states as a number."""
+    episodes, fit, run = inputs.episodes, inputs.fit, inputs.run
+    predicted = predicted_curve(inputs.predicted, inputs.decision_period_s, len(episodes))
+    measured = measured_curve(episodes, inputs.timeout_s)
+    times = [row.time_of_arrival_s for row in episodes if row.time_of_arrival_s is not None]
+    models = inputs.problem.model_names
+    counts = decisions_per_model(inputs).tolist()
+    return Summary(
+        n_demonstrations=len(inputs.demonstrations.episodes),
+        n_decisions=len(inputs.demonstrations),
+        n_episodes=len(episodes),
+        n_arrived=len(times),
+        measured_arrival_probability=len(times) / len(episodes),
+        predicted_arrival_probability=float(predicted.probability[-1]),
+        measured_median_s=time_reaching(measured, 0.5),
+        predicted_median_s=time_reaching(predicted, 0.5),
+        measured_mean_s=float(np.mean(times)) if times else None,
+        largest_cdf_gap=largest_gap(predicted, measured),
+        timeout_s=inputs.timeout_s,
+        robot_on_person_contacts=sum(row.robot_on_person_contacts for row in episodes),
+        person_on_robot_contacts=sum(row.person_on_robot_contacts for row in episodes),
+        wall_contacts=sum(row.wall_contacts for row in episodes),
+        n_trap_states=int(trapped_states(inputs).sum()),
+        converged=bool(fit.converged),
+        n_steps=int(fit.n_steps),
+        objective=float(fit.objective),
+        reward_weights=dict(zip(fit.feature_names, fit.reward_weights.tolist(), strict=True)),
+        decisions_per_model=dict(zip(models, counts, strict=True)),
+        outcome_probabilities=dict(zip(models, fit.outcome_probabilities.tolist(), strict=True)),
+        initial_outcome_probabilities=dict(
+            zip(models, fit.initial_outcome_probabilities.tolist(), strict=True)
+        ),
+        real_time_factor={
+            phase.name: phase.real_time_factor
+            for phase in run.phases
+            if phase.real_time_factor is not None
+        },
+        wall_s={phase.name: phase.wall_s for phase in run.phases},
+        seeds=dict(run.seeds),
+        versions=dict(run.versions),
+        command=run.command,
+        how=run.how,
+        finished_at=run.finished_at,
+    )
