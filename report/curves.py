@@ -4,9 +4,9 @@ import numpy as np
 
 from report.episode_row import EpisodeRow
 from report.figures.arrival import ArrivalCurve
+from serd_core.arrays import FloatArray
 from serd_core.arrival import ArrivalTimes
 from serd_core.arrival_bands import empirical_arrival_cdf, sampling_band
-from serd_core.arrays import FloatArray
 
 
 def predicted_curve(
@@ -14,7 +14,12 @@ def predicted_curve(
 ) -> ArrivalCurve:
     """Predicted CDF; the band is where the share of `n_episodes` episodes would fall in 95 %."""
     lower, upper = sampling_band(predicted.cdf, n_episodes)
-    return ArrivalCurve(predicted.periods * decision_period_s, predicted.cdf, lower, upper)
+    return ArrivalCurve(
+        np.multiply(predicted.periods, decision_period_s, dtype=np.float64),
+        predicted.cdf,
+        lower,
+        upper,
+    )
 
 
 def measured_curve(episodes: tuple[EpisodeRow, ...], timeout_s: float) -> ArrivalCurve:

@@ -9,9 +9,9 @@ def headline_of(summary: Summary) -> str:
     learned = (
         f"After {counted(summary.n_demonstrations, 'demonstration')} the robot reached the goal in "
         f"{summary.n_arrived} of {counted(summary.n_episodes, 'new episode')} "
+        f"within {seconds_in_words(summary.timeout_s)} "
         f"({percent(summary.measured_arrival_probability)}; predicted "
-        f"{percent(summary.predicted_arrival_probability)} "
-        f"within {seconds_in_words(summary.timeout_s)})"
+        f"{percent(summary.predicted_arrival_probability)})"
     )
     return f"{learned}{_speed(summary)}."
 

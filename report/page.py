@@ -63,6 +63,7 @@ def render_page(
 
 def summary_rows(summary: Summary) -> list[tuple[str, str]]:
     """The summary table: what, and how much, in words."""
+    low, high = summary.measured_arrival_interval_95
     rows = [
         (
             "Demonstrations",
@@ -71,7 +72,8 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
         (
             "Arrived",
             f"{summary.n_arrived} of {counted(summary.n_episodes, 'episode')} "
-            f"({percent(summary.measured_arrival_probability)}); "
+            f"({percent(summary.measured_arrival_probability)}, 95 % interval "
+            f"{percent(low)} to {percent(high)}); "
             f"predicted {percent(summary.predicted_arrival_probability)}",
         ),
         (

@@ -18,6 +18,7 @@ class Summary:
     n_episodes: int
     n_arrived: int
     measured_arrival_probability: float
+    measured_arrival_interval_95: tuple[float, float]
     predicted_arrival_probability: float
     measured_median_s: float | None
     predicted_median_s: float | None
@@ -62,6 +63,7 @@ def summary_of(inputs: ReportInputs) -> Summary:
         n_episodes=len(episodes),
         n_arrived=len(times),
         measured_arrival_probability=len(times) / len(episodes),
+        measured_arrival_interval_95=(float(measured.lower[-1]), float(measured.upper[-1])),
         predicted_arrival_probability=float(predicted.probability[-1]),
         measured_median_s=time_reaching(measured, 0.5),
         predicted_median_s=time_reaching(predicted, 0.5),

@@ -11,7 +11,10 @@ from serd_core.arrays import BoolArray, IntArray
 
 
 def trap_states(neighbours: IntArray, greedy: IntArray, goal_states: IntArray) -> BoolArray:
-    """(S,) mask; neighbours (S, A) next cell of each intended move, greedy (S,), goal_states (G,)."""
+    """(S,) mask of the trap states.
+
+    neighbours: (S, A) next cell of each intended move; greedy: (S,); goal_states: (G,).
+    """
     n_states = len(greedy)
     successor = neighbours[np.arange(n_states), greedy].copy()
     successor[goal_states] = goal_states

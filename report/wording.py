@@ -11,7 +11,7 @@ def seconds_in_words(seconds: float) -> str:
     if seconds < 120:
         return f"{seconds:.0f} s" if seconds >= 10 else f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest:02d} s"
+    return f"{minutes} min {rest:02d} s" if rest else f"{minutes} min"
 
 
 def percent(share: float) -> str:

@@ -1,4 +1,4 @@
-"""The reward features on the map (Fig. 5.5): one panel per feature, or per action if they differ."""
+"""The reward features on the map (Fig. 5.5), one panel per action where the action matters."""
 
 import numpy as np
 from matplotlib.colors import Normalize
@@ -27,7 +27,7 @@ def draw_features(
         for panel in _panels(name, table[:, :, i], np.asarray(available))
     ]
     with style.report_style():
-        figure, axes = map_figure(layout, len(panels), height_in=3.6)
+        figure, axes = map_figure(layout, len(panels), height_in=2.9)
         for each, (title, values) in zip(axes, panels, strict=True):
             cells = draw_cells(each, grid, values, Normalize(-1, 1), style.FEATURE_MAP)
             each.set_title(title, fontsize=8)

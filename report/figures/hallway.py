@@ -21,7 +21,7 @@ _ARROW_PER_SPEED_S = 0.7
 def draw_hallway(layout: HallwayLayout, snapshot: CrowdSnapshot) -> Figure:
     """Fig. 5.6 with a recorded crowd: arrows show where each person is in 0.7 s at this speed."""
     with style.report_style():
-        figure, (axes,) = map_figure(layout, height_in=8.2)
+        figure, (axes,) = map_figure(layout, height_in=5.9)
         draw_areas(axes, layout, filled=True)
         for trail in np.swapaxes(snapshot.people_trail_m, 0, 1):
             _fading_trail(axes, trail, style.PERSON_COLOUR, width=1.6)
@@ -90,7 +90,7 @@ def _fading_trail(axes: Axes, trail: FloatArray, colour: str, width: float) -> N
     segments = np.stack([known[:-1], known[1:]], axis=1)
     shades = [to_rgba(colour, alpha) for alpha in np.linspace(0.03, 0.6, len(segments))]
     axes.add_collection(
-        LineCollection(segments, colors=shades, linewidths=width, zorder=7, capstyle="butt")
+        LineCollection(list(segments), colors=shades, linewidths=width, zorder=7, capstyle="butt")
     )
 
 

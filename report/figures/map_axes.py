@@ -18,7 +18,7 @@ from serd_core.arrays import FloatArray
 from serd_core.grid import Grid
 
 _MARGIN_M = 0.5
-_INCHES_PER_METRE_LIMITS = (0.12, 0.5)
+_INCHES_PER_METRE_LIMITS = (0.08, 0.5)
 
 
 def map_figure(
@@ -31,7 +31,7 @@ def map_figure(
     rows = math.ceil(n_panels / columns)
     scale = min(height_in / (rows * height_m), 9.0 / (columns * width_m))
     scale = float(np.clip(scale, *_INCHES_PER_METRE_LIMITS))
-    width_in = columns * (width_m * scale + 0.65) + 0.5
+    width_in = columns * (width_m * scale + 0.3) + 0.85
     figure = new_figure(width_in, rows * (height_m * scale + 0.45) + 1.0)
     with style.report_style():
         grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
