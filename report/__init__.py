@@ -1,1 +1,1 @@
-"""The report: figures of one run of the loop and the self-contained HTML page that holds them."""
+"""The report of a run: figures, tables and one self-contained HTML page."""

@@ -26,8 +26,8 @@ CAPTIONS: dict[str, str] = {
     ),
     "weights": (
         "What the demonstrator seems to want: reward per unit of each feature. Blue bars attract, "
-        "red bars repel. Compare a weight with how often its feature is met: the goal is reached "
-        "once and for all, the other features count at every decision."
+        "red bars repel. Compare a weight with how often its feature is met: a robot at "
+        "the goal stays there and collects its weight for good."
     ),
     "outcomes": (
         "What happens to an intended move within one decision period, relative to its direction, "

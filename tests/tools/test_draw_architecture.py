@@ -1,0 +1,73 @@
+"""The committed pictures show what their sources say; Graphviz is not needed to check."""
+
+import importlib.util
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(scope="module")
+def drawing() -> ModuleType:
+    path = ROOT / "tools" / "draw_architecture.py"
+    spec = importlib.util.spec_from_file_location("draw_architecture", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def titles(picture: Path, kind: str) -> set[str]:
+    """Titles of all nodes or edges of an SVG that Graphviz wrote."""
+    root = ElementTree.parse(picture).getroot()
+    groups = [group for group in root.iter(f"{SVG}g") if group.get("class") == kind]
+    return {str(group.findtext(f"{SVG}title")).replace("\\n", "\n") for group in groups}
+
+
+@pytest.mark.parametrize("name", ["packages", "topics"])
+def test_the_committed_picture_has_the_nodes_and_arrows_of_its_source(
+    drawing: ModuleType, name: str
+) -> None:
+    if name == "topics" and not drawing.GRAPH_FILE.exists():
+        pytest.skip("serd_ros/graph.yaml is not there yet")
+    picture = getattr(drawing, f"{name}_picture")()
+    file = drawing.PICTURES / f"{name}.svg"
+    hint = "run `make pictures` and commit the result"
+    assert titles(file, "node") == set(picture.nodes), hint
+    assert titles(file, "edge") == {f"{start}->{end}" for start, end in picture.edges}, hint
+
+
+def test_the_packages_picture_names_every_package_of_the_import_rules(drawing: ModuleType) -> None:
+    packages = {
+        name for layer in drawing.package_layers(ROOT / "pyproject.toml") for name in layer
+    }
+    assert packages == set(drawing.packages_picture().nodes)
+    assert {"serd_core", "serd_ros", "report"} <= packages
+
+
+def test_topics_with_the_same_ends_share_one_node_and_topics_of_everybody_have_no_arrows(
+    drawing: ModuleType, tmp_path: Path
+) -> None:
+    graph = tmp_path / "graph.yaml"
+    graph.write_text(
+        "nodes:\n"
+        "  simulator: {publishes: [/clock, scan, map], subscribes: [cmd_vel]}\n"
+        "  planner: {publishes: [cmd_vel], subscribes: [/clock, scan, map]}\n"
+        "  strategy: {publishes: [], subscribes: [/clock]}\n"
+    )
+    picture = drawing.topics_picture(graph)
+    assert "map\nscan" in picture.nodes
+    assert "(most nodes)\n/clock" in picture.nodes
+    assert set(picture.edges) == {
+        ("simulator", "map\nscan"),
+        ("map\nscan", "planner"),
+        ("planner", "cmd_vel"),
+        ("cmd_vel", "simulator"),
+    }

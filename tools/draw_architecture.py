@@ -1,0 +1,166 @@
+"""Draw docs/pictures/packages.svg and topics.svg with Graphviz from their single sources.
+
+Packages: the layers of the import-linter contract in pyproject.toml, described by the first line of
+each package. Topics: serd_ros/graph.yaml. Run `make pictures` after changing either.
+"""
+
+import ast
+import subprocess
+import textwrap
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10
+    import tomli as tomllib
+
+ROOT = Path(__file__).resolve().parents[1]
+PICTURES = ROOT / "docs" / "pictures"
+GRAPH_FILE = ROOT / "serd_ros" / "graph.yaml"
+
+_LOOK = """
+  graph [bgcolor="white", fontname="DejaVu Sans", pad=0.25, nodesep=0.28, ranksep=0.5];
+  node [fontname="DejaVu Sans", fontsize=11, fontcolor="#26323d", color="#6b7885", penwidth=1.1];
+  edge [color="#8a96a3", arrowsize=0.65, penwidth=1.0];
+"""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A directed graph: label and Graphviz attributes of each node, edges, and ranks of nodes."""
+
+    direction: str
+    nodes: Mapping[str, str]
+    edges: tuple[tuple[str, str], ...]
+    ranks: tuple[tuple[str, ...], ...] = ()
+    caption: str = ""
+
+    def dot(self) -> str:
+        """The graph in the DOT language."""
+        lines = [f"  {_quoted(name)} [{attributes}];" for name, attributes in self.nodes.items()]
+        lines += [f"  {{ rank=same; {' '.join(map(_quoted, rank))} }}" for rank in self.ranks]
+        lines += [f"  {_quoted(start)} -> {_quoted(end)};" for start, end in self.edges]
+        if self.caption:
+            lines.append(f'  label={_quoted(self.caption)}; fontsize=10; fontcolor="#6b7885";')
+        return f"digraph {{\n  rankdir={self.direction};{_LOOK}" + "\n".join(lines) + "\n}\n"
+
+
+def package_layers(pyproject: Path) -> list[list[str]]:
+    """Packages from the top layer down, as the import-linter contract lists them."""
+    contracts = tomllib.loads(pyproject.read_text())["tool"]["importlinter"]["contracts"]
+    layered = next(contract for contract in contracts if contract["type"] == "layers")
+    return [[name.strip() for name in layer.split("|")] for layer in layered["layers"]]
+
+
+def packages_picture(root: Path = ROOT) -> Picture:
+    """Packages in layers; an arrow goes to each package of the next layer down."""
+    layers = package_layers(root / "pyproject.toml")
+    nodes = {
+        name: f'shape=box, style="rounded,filled", fillcolor="#eef3f8", margin="0.18,0.10", '
+        f"label=<{_package_label(name, root / name / '__init__.py')}>"
+        for layer in layers
+        for name in layer
+    }
+    edges = tuple(
+        (upper, lower)
+        for above, below in zip(layers, layers[1:], strict=False)
+        for upper in above
+        for lower in below
+    )
+    caption = "arrow: may import; also everything further down"
+    return Picture("TB", nodes, edges, tuple(map(tuple, layers)), caption)
+
+
+def topics_picture(graph_file: Path = GRAPH_FILE) -> Picture:
+    """Nodes as boxes; topics with the same talkers and listeners share one ellipse.
+
+    What more than half of the nodes hear or publish is named once, in a note without arrows.
+    """
+    graph: dict[str, dict[str, list[str]]] = yaml.safe_load(graph_file.read_text())["nodes"]
+    publishers, subscribers = _by_topic(graph, "publishes"), _by_topic(graph, "subscribes")
+    topics = sorted(publishers.keys() | subscribers.keys())
+    crowd = len(graph) / 2
+    busy = [
+        topic
+        for topic in topics
+        if max(len(publishers.get(topic, ())), len(subscribers.get(topic, ()))) > crowd
+    ]
+    groups = _grouped([topic for topic in topics if topic not in busy], publishers, subscribers)
+    nodes = {
+        name: 'shape=box, style="rounded,filled", fillcolor="#dfeaf4", margin="0.15,0.09"'
+        for name in graph
+    }
+    topic_look = (
+        'shape=ellipse, style="filled", fillcolor="#ffffff", fontsize=10, margin="0.04,0.03"'
+    )
+    nodes |= {name: topic_look for name in groups}
+    if busy:
+        nodes["\n".join(["(most nodes)", *busy])] = (
+            'shape=note, style="filled", fillcolor="#f6f5f1", fontsize=10'
+        )
+    edges = [(talker, group) for group, (talkers, _) in groups.items() for talker in talkers]
+    edges += [(group, hearer) for group, (_, hearers) in groups.items() for hearer in hearers]
+    return Picture("LR", nodes, tuple(edges))
+
+
+def draw(picture: Picture, path: Path) -> None:
+    """Write `path` (.svg) and its DOT source beside it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.with_suffix(".dot").write_text(picture.dot())
+    try:
+        subprocess.run(["dot", "-Tsvg", "-o", str(path), str(path.with_suffix(".dot"))], check=True)
+    except FileNotFoundError:
+        raise SystemExit("draw_architecture needs Graphviz: apt-get install graphviz") from None
+
+
+def _package_label(name: str, module: Path) -> str:
+    documentation = ast.get_docstring(ast.parse(module.read_text())) or ""
+    first_line = _escaped(documentation.split("\n")[0].rstrip("."))
+    lines = "<br/>".join(textwrap.wrap(first_line, 44))
+    small = f'<br/><font point-size="9" color="#6b7885">{lines}</font>' if lines else ""
+    return f"<b>{name}</b>{small}"
+
+
+def _by_topic(graph: Mapping[str, Mapping[str, list[str]]], key: str) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for node, ends in graph.items():
+        for topic in ends.get(key) or ():
+            found.setdefault(topic, []).append(node)
+    return found
+
+
+def _grouped(
+    topics: Iterable[str], publishers: dict[str, list[str]], subscribers: dict[str, list[str]]
+) -> dict[str, tuple[list[str], list[str]]]:
+    """{topic names, one a line: (publishers, subscribers)}."""
+    groups: dict[tuple[tuple[str, ...], tuple[str, ...]], list[str]] = {}
+    for topic in topics:
+        ends = tuple(publishers.get(topic, ())), tuple(subscribers.get(topic, ()))
+        groups.setdefault(ends, []).append(topic)
+    return {
+        "\n".join(names): (list(talkers), list(hearers))
+        for (talkers, hearers), names in groups.items()
+    }
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '\\"').replace("\n", "\\n") + '"'
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace("`", "")
+
+
+def main() -> None:
+    """Draw both pictures."""
+    for name, picture in (("packages", packages_picture()), ("topics", topics_picture())):
+        draw(picture, PICTURES / f"{name}.svg")
+        print(f"drawn: {PICTURES / name}.svg")
+
+
+if __name__ == "__main__":
+    main()
