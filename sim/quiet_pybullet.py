@@ -2,12 +2,12 @@
 
 import os
 import sys
-from types import ModuleType
+from typing import Any
 
 _STANDARD_ERROR = 2
 
 
-def import_pybullet() -> ModuleType:
+def import_pybullet() -> Any:
     """The pybullet module; what its import writes to standard error is thrown away."""
     sys.stderr.flush()
     kept = os.dup(_STANDARD_ERROR)

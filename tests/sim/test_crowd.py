@@ -4,13 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
-from sim.crowd import Crowd, RobotBody, people_per_loop, start_crowd
+from sim.crowd import RobotBody, people_per_loop, start_crowd
 from sim.polygon import contains, distance_to_segments_m
-from sim.routes import Routes, offset_loop
+from sim.routes import offset_loop
 from sim.scenario import load_scenario
-from sim.social_force import model_named, model_names
+from sim.social_force import model_names
 
 HALLWAY = load_scenario("hallway")
 
@@ -79,47 +78,6 @@ def test_people_walk_on_the_right_of_the_hallway():
         total += int(middle.sum())
     assert total > 1000
     assert on_their_side / total > 0.97
-
-
-def ring_speed_mps(density_pm2, seed=1):
-    """Mean speed of one-way walkers in a ring corridor of 4 m width at a density."""
-    width, length = 4.0, 20.0
-    count = round(density_pm2 * width * length)
-    rng = np.random.default_rng(seed)
-    columns = int(np.ceil(np.sqrt(count * length / width)))
-    slots = rng.permutation(columns * int(np.ceil(count / columns)))[:count]
-    x = (slots % columns + 0.5) * length / columns
-    y = 0.3 + (slots // columns + 0.5) * (width - 0.6) / int(np.ceil(count / columns))
-    speed = rng.permutation(norm(1.34, 0.26).ppf((np.arange(count) + 0.5) / count))
-    far = 1e7
-    loops = [np.array([[-far, v], [far, v], [far, v + far], [-far, v + far]]) for v in y]
-    routes = Routes(loops)
-    routes.place(np.full(count, 0.5 * 2 * far / (6 * far)))
-    walls = np.array([[[-100.0, 0.0], [100.0, 0.0]], [[100.0, width], [-100.0, width]]])
-    crowd = Crowd(
-        model=model_named("circular_anisotropic"),
-        routes=routes,
-        x_m=x,
-        y_m=y,
-        desired_speed_mps=speed,
-        walls_m=walls,
-        fluctuation_mps2=0.1,
-        rng=rng,
-        period_m=length,
-    )
-    speeds = []
-    for step in range(1000):
-        crowd.step(0.05)
-        if step >= 400:
-            speeds.append(crowd.velocity_x_mps.mean())
-    return float(np.mean(speeds))
-
-
-@pytest.mark.parametrize("density_pm2", [0.5, 1.0, 1.5, 2.0])
-def test_walking_speed_falls_with_density_as_weidmann_measured(density_pm2):
-    """Weidmann (1993): v = 1.34 (1 - exp(-1.913 (1 / rho - 1 / 5.4)))."""
-    expected = 1.34 * (1.0 - np.exp(-1.913 * (1.0 / density_pm2 - 1.0 / 5.4)))
-    assert ring_speed_mps(density_pm2) == pytest.approx(expected, abs=0.1)
 
 
 def test_people_are_shared_out_to_loops_by_largest_remainder():

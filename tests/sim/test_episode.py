@@ -8,7 +8,7 @@ from sim.episode import run_episode
 from sim.expert import ScriptedExpert
 from sim.planners import make_planner
 from sim.policy_driver import PolicyDriver
-from sim.scenario import load_scenario
+from sim.scenario import builtin_scenarios, load_scenario
 from sim.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway")
@@ -114,3 +114,19 @@ def test_an_observer_may_abort_and_sees_every_tick():
         )
     assert record.outcome == "aborted"
     assert seen == list(range(30))
+
+
+@pytest.mark.parametrize("name", builtin_scenarios())
+@pytest.mark.parametrize("start_area", ["train", "transfer"])
+def test_the_expert_arrives_in_every_built_in_scenario_from_every_start(name, start_area):
+    scenario = load_scenario(name)
+    with HallwayWorld(scenario, seed=5) as world:
+        record = run_episode(
+            world,
+            make_planner("dwa", scenario),
+            ScriptedExpert(scenario, 5),
+            episode=0,
+            start_area=start_area,
+        )
+    assert record.outcome == "arrived"
+    assert record.contacts.robot_on_wall == 0

@@ -112,3 +112,13 @@ def test_free_space_lies_left_of_every_wall_whatever_the_order_of_corners():
     in_pillar = ((beside > 3) & (beside < 4)).all(axis=1)
     assert free.all()
     assert not in_pillar.any()
+
+
+def test_there_are_at_least_four_built_in_scenarios():
+    assert {"hallway", "corridor", "t_junction", "crossing"} <= set(builtin_scenarios())
+
+
+def test_the_json_schema_names_every_key_with_its_unit():
+    schema = Scenario.model_json_schema()
+    assert {"walkable_area_m", "decision_period_s", "pedestrians"} <= set(schema["properties"])
+    assert schema["additionalProperties"] is False
