@@ -17,6 +17,9 @@ BoolArray = NDArray[np.bool_]
 
 Shape = Sequence[int | None]
 
+#: Probabilities below this count as this in logarithms.
+SMALLEST_PROBABILITY = 1e-300
+
 
 def float_array(name: str, values: Any, shape: Shape | None = None) -> FloatArray:
     """Read-only float copy of `values`; SerdError where it is not finite or misshapen."""
@@ -64,6 +67,11 @@ def require_index(name: str, array: IntArray, size: int, what: str) -> None:
             f"{name}{list(bad)} must be {what} from 0 to {size - 1}, got {array[bad]}"
             f"; drop it or use the problem it was made for"
         )
+
+
+def floored(probabilities: FloatArray) -> FloatArray:
+    """Probabilities with a positive floor, so that logarithms stay finite."""
+    return np.maximum(probabilities, SMALLEST_PROBABILITY)
 
 
 def weighted_counts(index: IntArray, weights: FloatArray, size: int) -> FloatArray:

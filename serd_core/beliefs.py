@@ -36,6 +36,10 @@ class Belief(ABC):
         """Blocks of a vector; `like` gives the lengths (and the values of fixed blocks)."""
 
     @abstractmethod
+    def jacobian(self, at: Parameters) -> FloatArray:
+        """(n, m) derivative of all blocks in a row (`Parameters.vector`) by the vector."""
+
+    @abstractmethod
     def pull_back(self, gradient: Parameters, at: Parameters) -> FloatArray:
         """Gradient by the vector of a function with the given block gradients."""
 
@@ -52,6 +56,11 @@ class TiedBelief(Belief):
         """Blocks with belief and truth equal."""
         reward, truth, temperature = _split(vector, (like.reward, like.truth, like.policy))
         return Parameters(reward, truth, truth, np.exp(temperature))
+
+    def jacobian(self, at: Parameters) -> FloatArray:
+        """Both dynamics blocks follow one part of the vector."""
+        reward, dynamics, temperature = _unit_blocks(at.reward, at.truth, at.policy)
+        return np.concatenate([reward, dynamics, dynamics, at.policy[:, None] * temperature])
 
     def pull_back(self, gradient: Parameters, at: Parameters) -> FloatArray:
         """Both dynamics terms add up."""
@@ -75,6 +84,11 @@ class FreeBelief(Belief):
             vector, (like.reward, like.belief, like.truth, like.policy)
         )
         return Parameters(reward, belief, truth, np.exp(temperature))
+
+    def jacobian(self, at: Parameters) -> FloatArray:
+        """Each block follows its own part of the vector."""
+        reward, belief, truth, temperature = _unit_blocks(at.reward, at.belief, at.truth, at.policy)
+        return np.concatenate([reward, belief, truth, at.policy[:, None] * temperature])
 
     def pull_back(self, gradient: Parameters, at: Parameters) -> FloatArray:
         """Each block has its own term."""
@@ -108,6 +122,12 @@ class FixedBelief(Belief):
         reward, temperature = _split(vector, (like.reward, like.policy))
         return Parameters(reward, like.belief, like.truth, np.exp(temperature))
 
+    def jacobian(self, at: Parameters) -> FloatArray:
+        """Dynamics blocks follow nothing."""
+        reward, temperature = _unit_blocks(at.reward, at.policy)
+        still = np.zeros((len(at.belief) + len(at.truth), reward.shape[1]))
+        return np.concatenate([reward, still, at.policy[:, None] * temperature])
+
     def pull_back(self, gradient: Parameters, at: Parameters) -> FloatArray:
         """Dynamics terms have nothing to move."""
         return np.concatenate([gradient.reward, gradient.policy * at.policy])
@@ -116,3 +136,9 @@ class FixedBelief(Belief):
 def _split(vector: FloatArray, like: tuple[FloatArray, ...]) -> list[FloatArray]:
     ends = np.cumsum([len(block) for block in like])[:-1]
     return list(np.split(vector, ends))
+
+
+def _unit_blocks(*blocks: FloatArray) -> list[FloatArray]:
+    """Rows of an identity matrix, split into one piece per block."""
+    sizes = [len(block) for block in blocks]
+    return list(np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1]))

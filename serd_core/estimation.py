@@ -18,13 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, weighted_counts
+from serd_core.arrays import FloatArray, floored, weighted_counts
 from serd_core.demonstrations import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.likelihood.observations import Observations, observe
 from serd_core.mdp import Mdp
-from serd_core.priors.divergence import floored
 from serd_core.problem import Problem
 
 

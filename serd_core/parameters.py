@@ -30,6 +30,26 @@ class Parameters:
     truth: FloatArray
     policy: FloatArray
 
+    @property
+    def vector(self) -> FloatArray:
+        """All blocks in a row: reward, belief, truth, policy."""
+        return np.concatenate([self.reward, self.belief, self.truth, self.policy])
+
+    def with_vector(self, vector: FloatArray) -> "Parameters":
+        """Blocks of these lengths filled from such a row."""
+        ends = np.cumsum([len(self.reward), len(self.belief), len(self.truth)])
+        return Parameters(*np.split(vector, ends))
+
+    def place(self, name: Block) -> slice:
+        """Where a block stands in that row."""
+        start = 0
+        for other in Block:
+            length = len(self.block(other))
+            if other is name:
+                return slice(start, start + length)
+            start += length
+        raise AssertionError(name)
+
     def block(self, name: Block) -> FloatArray:
         """The block of that name."""
         blocks = {

@@ -25,13 +25,14 @@ from serd_core.solvers.linear_solver import LinearSolver
 
 @dataclass(frozen=True, eq=False)
 class PosteriorValue:
-    """J, its three parts, its gradient by all blocks, and the solved Bellman equation."""
+    """J in its three parts, its gradient by all blocks, the solved equation and its adjoint."""
 
     policy_log_likelihood: float
     dynamics_log_likelihood: float
     log_prior: float
     gradient: Parameters
     solution: BellmanSolution
+    adjoint: Adjoint
 
     @property
     def objective(self) -> float:
@@ -74,6 +75,7 @@ class Posterior:
             log_prior=log_prior.value,
             gradient=gradient + log_prior.gradient,
             solution=solution,
+            adjoint=gradients,
         )
 
     @property

@@ -7,9 +7,30 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
+from serd_core.differences import gradient_differences
 
-#: Vector (n,) to objective value and its (n,) gradient.
-Objective = Callable[[FloatArray], tuple[float, FloatArray]]
+
+class Objective(ABC):
+    """What is climbed: a function of a vector (n,) with its derivatives."""
+
+    @abstractmethod
+    def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
+        """Value and (n,) gradient."""
+
+    def hessian(self, vector: FloatArray) -> FloatArray:
+        """(n, n) second derivatives; by central differences of the gradient unless overridden."""
+        return gradient_differences(lambda at: self.evaluate(at)[1], vector)
+
+
+@dataclass(frozen=True)
+class FunctionObjective(Objective):
+    """An objective given as one function of a vector, returning value and gradient."""
+
+    function: Callable[[FloatArray], tuple[float, FloatArray]]
+
+    def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
+        """Value and (n,) gradient."""
+        return self.function(vector)
 
 
 @dataclass(frozen=True, eq=False)

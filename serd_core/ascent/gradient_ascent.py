@@ -27,12 +27,12 @@ class GradientAscent(Ascent):
     ) -> AscentResult:
         """Step until the gradient vanishes, the observer stops or steps run out."""
         vector = np.array(start, dtype=np.float64)
-        value, gradient = objective(vector)
+        value, gradient = objective.evaluate(vector)
         trace: list[float] = []
         stopped = False
         while largest(gradient) > self.gradient_tolerance and len(trace) < self.max_steps:
             vector = vector + self.step_size(len(trace) + 1) * gradient
-            value, gradient = objective(vector)
+            value, gradient = objective.evaluate(vector)
             trace.append(value)
             step = Step(len(trace), value, largest(gradient), len(trace) + 1, vector)
             if stopped := observer(step):

@@ -82,7 +82,7 @@ class _Run:
         """Evaluate at `vector` unless that was the last evaluation."""
         if not np.array_equal(vector, self.vector):
             self.vector = vector.copy()
-            self.value, self.gradient = self.objective(self.vector)
+            self.value, self.gradient = self.objective.evaluate(self.vector)
             self.n_evaluations += 1
 
     def after_step(self, intermediate_result: scipy.optimize.OptimizeResult) -> None:

@@ -15,6 +15,11 @@ from serd_core.arrays import FloatArray
 class BellmanEquation(ABC):
     """A maximum over actions and its derivative; Q is -inf where an action is unavailable."""
 
+    @property
+    @abstractmethod
+    def curved(self) -> bool:
+        """Whether the maximum has second derivatives; they are then those of log-sum-exp."""
+
     @abstractmethod
     def maximum(self, q: FloatArray) -> FloatArray:
         """(S,) maximum over the actions of (S, A) values."""

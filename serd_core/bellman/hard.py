@@ -12,6 +12,11 @@ from serd_core.bellman.equation import BellmanEquation
 class HardBellman(BellmanEquation):
     """Maximum over actions; a derivative is the greedy policy (a sub-derivative at ties)."""
 
+    @property
+    def curved(self) -> bool:
+        """Piecewise linear."""
+        return False
+
     def maximum(self, q: FloatArray) -> FloatArray:
         """(S,) max_a Q(s, a) (2.25)."""
         return np.asarray(q.max(axis=1))

@@ -15,6 +15,11 @@ from serd_core.bellman.equation import BellmanEquation
 class SoftBellman(BellmanEquation):
     """Log-sum-exp over actions; its derivative is the Boltzmann policy."""
 
+    @property
+    def curved(self) -> bool:
+        """Smooth."""
+        return True
+
     def maximum(self, q: FloatArray) -> FloatArray:
         """(S,) log sum_a exp Q(s, a) (3.29)."""
         highest = q.max(axis=1)

@@ -80,6 +80,43 @@ class OutcomeModels(TransitionModel):
     def _model_of_pair(self) -> IntArray:
         return self.model_of[self.available]
 
+    @cached_property
+    def local_index(self) -> IntArray:
+        """(E,) place of each entry's probability in the flattened (M, K) table."""
+        first = self._model_of_pair * self.n_outcomes
+        return np.asarray((first[:, None] + np.arange(self.n_outcomes)).ravel())
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """(M*K,) one name per energy."""
+        return tuple(
+            f"model {m} outcome {k}" for m in range(self.n_models) for k in range(self.n_outcomes)
+        )
+
+    @property
+    def gauge(self) -> FloatArray:
+        """(M, M*K) adding a constant to all energies of a model changes nothing."""
+        same = np.kron(np.eye(self.n_models), np.ones((1, self.n_outcomes)))
+        return np.asarray(same, dtype=np.float64)
+
+    def local_jacobian(self, parameters: FloatArray) -> FloatArray:
+        """(M*K, M*K) derivative of the probabilities by the energies (5.2)."""
+        probabilities = self.local_probabilities(parameters)
+        table = np.zeros((self.n_models, self.n_outcomes) * 2)
+        for m, p in enumerate(probabilities):
+            table[m, :, m, :] = self.beta * (np.diag(p) - np.outer(p, p))
+        return table.reshape(self.n_parameters, self.n_parameters)
+
+    def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
+        """(M*K, M*K) second derivatives of local_gradient . probabilities by the energies."""
+        probabilities = self.local_probabilities(parameters)
+        table = np.zeros((self.n_models, self.n_outcomes) * 2)
+        for m, (p, c) in enumerate(zip(probabilities, local_gradient, strict=True)):
+            pull = p * (c - p @ c)
+            mixed = np.outer(p, pull)
+            table[m, :, m, :] = self.beta**2 * (np.diag(pull) - mixed - mixed.T)
+        return table.reshape(self.n_parameters, self.n_parameters)
+
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
         """(M, K) outcome probabilities P_m(k) (5.1)."""
         energies = self.beta * np.reshape(parameters, (self.n_models, self.n_outcomes))

@@ -73,6 +73,16 @@ class SparseModel(TransitionModel):
         """(E,) next state of each entry, row by row."""
         return np.asarray(self.next_state[self._order])
 
+    @property
+    def local_index(self) -> IntArray:
+        """(E,) the user's number of each entry."""
+        return self._order
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """(n_parameters,) numbered."""
+        return tuple(f"dynamics parameter {i}" for i in range(self.parameter_count))
+
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
         """(E,) the user's probabilities, in the user's order."""
         given = np.asarray(self.probabilities(parameters), dtype=np.float64)

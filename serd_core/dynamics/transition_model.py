@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.differences import gradient_differences
 from serd_core.dynamics.transition_groups import TransitionGroups, group_entries
 from serd_core.errors import SerdError
 
@@ -63,6 +64,39 @@ class TransitionModel(ABC):
     @abstractmethod
     def parameters_of(self, initial: FloatArray) -> FloatArray:
         """(n_parameters,) parameters for given initial dynamics, in the model's own terms."""
+
+    @property
+    @abstractmethod
+    def local_index(self) -> IntArray:
+        """(E,) which of the flattened local probabilities each entry is."""
+
+    @property
+    @abstractmethod
+    def parameter_names(self) -> tuple[str, ...]:
+        """(n_parameters,) names for people to read."""
+
+    @property
+    def gauge(self) -> FloatArray:
+        """(g, n_parameters) directions in which parameters move without changing P; none here."""
+        return np.zeros((0, self.n_parameters))
+
+    def local_jacobian(self, parameters: FloatArray) -> FloatArray:
+        """(L, n_parameters) derivative of the flattened local probabilities, by differences."""
+        step = 1e-6
+        columns = [
+            (
+                self.local_probabilities(parameters + step * unit).ravel()
+                - self.local_probabilities(parameters - step * unit).ravel()
+            )
+            / (2.0 * step)
+            for unit in np.eye(self.n_parameters)
+        ]
+        n_local = self.local_probabilities(parameters).size
+        return np.array(columns).reshape(self.n_parameters, n_local).T
+
+    def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
+        """(n, n) second derivatives of local_gradient . local_probabilities, by differences."""
+        return gradient_differences(lambda at: self.pull_back(at, local_gradient), parameters)
 
     @property
     def n_states(self) -> int:

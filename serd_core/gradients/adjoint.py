@@ -23,10 +23,11 @@ from serd_core.solvers.linear_solver import LinearSolver
 
 @dataclass(frozen=True, eq=False)
 class Adjoint:
-    """dJ/dR as (S, A) and dJ/d(entries of P) as (E,)."""
+    """dJ/dR as (S, A), dJ/d(entries of P) as (E,), and the state part y as (S,)."""
 
     reward_gradient: FloatArray
     entry_gradient: FloatArray
+    state_gradient: FloatArray
 
 
 def adjoint(
@@ -45,6 +46,7 @@ def adjoint(
     return Adjoint(
         reward_gradient=reward_gradient,
         entry_gradient=_entry_gradient(mdp, reward_gradient, solution.value),
+        state_gradient=state_gradient,
     )
 
 

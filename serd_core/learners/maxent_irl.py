@@ -15,15 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, weighted_counts
-from serd_core.ascent.ascent import Ascent
+from serd_core.arrays import FloatArray, IntArray, floored, weighted_counts
+from serd_core.ascent.ascent import Ascent, FunctionObjective
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.demonstrations import Decisions
 from serd_core.dynamics.transitions import Transitions, transitions_of
 from serd_core.learners.irl_result import IrlResult, irl_result
 from serd_core.learners.serd import initial_dynamics_or_estimate, initial_weights_or_sample
 from serd_core.likelihood.observations import observe
-from serd_core.priors.divergence import floored
 from serd_core.problem import Problem
 from serd_core.trajectories import absorption_features, feature_counts, trajectories_of
 
@@ -60,7 +59,7 @@ def fit_maxent_irl(
         return float(weights @ demonstrated) - log_z, demonstrated - expected
 
     start = initial_weights_or_sample(problem, initial_weights, rng)
-    ascended = ascent.maximise(log_likelihood, start, lambda _: False)
+    ascended = ascent.maximise(FunctionObjective(log_likelihood), start, lambda _: False)
     return irl_result(problem.feature_names, table, ascended)
 
 

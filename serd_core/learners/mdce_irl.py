@@ -14,7 +14,7 @@ Both agree for many demonstrations under true dynamics, and differ for few. Feat
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent
+from serd_core.ascent.ascent import Ascent, FunctionObjective
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.beliefs import FixedBelief
 from serd_core.bellman.backup import BellmanProblem
@@ -91,7 +91,7 @@ def fit_mdce_irl_by_entropy(
         return value * scale, (wanted - expected) * scale
 
     start = initial_weights_or_sample(problem, initial_weights, rng)
-    ascended = ascent.maximise(dual, start, lambda _: False)
+    ascended = ascent.maximise(FunctionObjective(dual), start, lambda _: False)
     return irl_result(problem.feature_names, table, ascended, solved=last[-1].converged)
 
 

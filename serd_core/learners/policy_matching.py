@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent
+from serd_core.ascent.ascent import Ascent, FunctionObjective
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.hard import HardBellman
@@ -109,5 +109,5 @@ def fit_policy_matching(
         return value, np.tensordot(found.reward_gradient, problem.features, axes=2)
 
     start = initial_weights_or_sample(problem, initial_weights, rng)
-    ascended = ascent.maximise(matching, start, lambda _: False)
+    ascended = ascent.maximise(FunctionObjective(matching), start, lambda _: False)
     return irl_result(problem.feature_names, table, ascended, solved=last[-1].converged)

@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from serd_core.arrays import FloatArray, float_array
-from serd_core.ascent.ascent import Ascent, AscentResult, Step
+from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.beliefs import Belief, TiedBelief
+from serd_core.curvature.posterior_hessian import posterior_hessian, vector_hessian
 from serd_core.demonstrations import Decisions
 from serd_core.errors import SerdError
 from serd_core.estimation import estimate_dynamics
@@ -66,7 +67,7 @@ def fit_serd(
     )
     climb = _Climb(posterior, settings.belief, start, observations.n_decisions)
     ascended = settings.ascent.maximise(
-        climb.objective, settings.belief.pack(start), lambda step: _told(on_step, step)
+        climb, settings.belief.pack(start), lambda step: _told(on_step, step)
     )
     return _result(climb, ascended)
 
@@ -93,7 +94,7 @@ def initial_weights_or_sample(
 
 
 @dataclass(eq=False)
-class _Climb:
+class _Climb(Objective):
     """J per decision as a function of the free vector, warm-started from the last value."""
 
     posterior: Posterior
@@ -102,13 +103,22 @@ class _Climb:
     n_decisions: int
     last_value: FloatArray | None = None
 
-    def objective(self, vector: FloatArray) -> tuple[float, FloatArray]:
+    def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
+        """J per decision and its gradient by the free vector."""
         parameters = self.belief.unpack(vector, self.start)
-        found = self.evaluate(parameters)
+        found = self.at(parameters)
         gradient = self.belief.pull_back(found.gradient, parameters)
         return found.objective / self.n_decisions, gradient / self.n_decisions
 
-    def evaluate(self, parameters: Parameters) -> PosteriorValue:
+    def hessian(self, vector: FloatArray) -> FloatArray:
+        """Exact second derivatives of J per decision by the free vector."""
+        parameters = self.belief.unpack(vector, self.start)
+        found = self.at(parameters)
+        blocks = posterior_hessian(self.posterior, parameters, found)
+        return vector_hessian(self.belief, blocks, found.gradient, parameters) / self.n_decisions
+
+    def at(self, parameters: Parameters) -> PosteriorValue:
+        """The posterior at given parameters."""
         found = self.posterior.evaluate(parameters, self.last_value)
         self.last_value = found.solution.value
         return found
@@ -136,7 +146,7 @@ def _told(on_step: OnStep | None, step: Step) -> bool:
 def _result(climb: _Climb, ascended: AscentResult) -> FitResult:
     problem, model = climb.posterior.problem, climb.posterior.problem.mdp.transitions
     parameters = climb.belief.unpack(ascended.vector, climb.start)
-    final = climb.evaluate(parameters)
+    final = climb.at(parameters)
     probabilities = model.local_probabilities(parameters.truth)
     shape = probabilities.shape if probabilities.size == parameters.truth.size else (-1,)
     return FitResult(

@@ -5,9 +5,8 @@ Where several outcomes land in s', their probabilities add up; none of them is g
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, weighted_counts
+from serd_core.arrays import FloatArray, floored, weighted_counts
 from serd_core.likelihood.observations import Observations
-from serd_core.priors.divergence import floored
 
 
 def dynamics_log_likelihood(

@@ -34,3 +34,10 @@ class MdcePolicy(PolicyModel):
         """Empty."""
         del policy_parameters, q, log_policy_gradient
         return np.zeros(0)
+
+    def parameter_curvature(
+        self, policy_parameters: FloatArray, q: FloatArray, counts: FloatArray
+    ) -> tuple[FloatArray, float]:
+        """Nothing."""
+        del policy_parameters, q
+        return np.zeros_like(counts), 0.0

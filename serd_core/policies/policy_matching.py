@@ -42,7 +42,24 @@ class PolicyMatchingPolicy(PolicyModel):
     ) -> FloatArray:
         """(1,) sum w (E_pi[Q] - Q) / theta_P^2 (4.63, second case)."""
         temperature = self.temperature(policy_parameters)
-        policy = boltzmann(q, temperature)
-        finite_q = np.where(np.isfinite(q), q, 0.0)
-        advantage = np.sum(policy * finite_q, axis=1, keepdims=True) - finite_q
-        return np.array([np.sum(log_policy_gradient * advantage) / temperature**2])
+        shortfall = _shortfall(boltzmann(q, temperature), q)
+        return np.array([np.sum(log_policy_gradient * shortfall) / temperature**2])
+
+    def parameter_curvature(
+        self, policy_parameters: FloatArray, q: FloatArray, counts: FloatArray
+    ) -> tuple[FloatArray, float]:
+        """(S, A) and a number: derivatives of sum n (E_pi[Q] - Q) / theta_P^2."""
+        temperature = self.temperature(policy_parameters)
+        policy, visits = boltzmann(q, temperature), counts.sum(axis=1, keepdims=True)
+        shortfall = _shortfall(policy, q)
+        by_q = visits * policy * (1.0 - shortfall / temperature) - counts
+        variance = np.sum(policy * shortfall**2, axis=1)
+        first = float(np.sum(counts * shortfall))
+        spread = float(np.sum(visits[:, 0] * variance))
+        return by_q / temperature**2, -spread / temperature**4 - 2.0 * first / temperature**3
+
+
+def _shortfall(policy: FloatArray, q: FloatArray) -> FloatArray:
+    """(S, A) E_pi[Q] - Q, with 0 taken for Q where an action is unavailable."""
+    finite_q = np.where(np.isfinite(q), q, 0.0)
+    return np.asarray(np.sum(policy * finite_q, axis=1, keepdims=True) - finite_q)

@@ -31,6 +31,12 @@ class PolicyModel(ABC):
     ) -> FloatArray:
         """Gradient by theta_P of sum_sa w(s,a) log pi(a|s) for w = `log_policy_gradient`."""
 
+    @abstractmethod
+    def parameter_curvature(
+        self, policy_parameters: FloatArray, q: FloatArray, counts: FloatArray
+    ) -> tuple[FloatArray, float]:
+        """(S, A) derivative of `parameter_gradient` by Q, and its derivative by theta_P."""
+
     def log_probabilities(self, policy_parameters: FloatArray, q: FloatArray) -> FloatArray:
         """(S, A) log pi(a | s); -inf where an action is unavailable."""
         scaled = (q - q.max(axis=1, keepdims=True)) / self.temperature(policy_parameters)

@@ -10,14 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array
+from serd_core.arrays import FloatArray, float_array, floored
+from serd_core.curvature.log_transitions import log_transition_hessian
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.parameters import Block, Parameters
 from serd_core.priors.prior import LogPrior, Prior, require_weight
-
-#: Probabilities below this count as this in logarithms.
-SMALLEST_PROBABILITY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +57,18 @@ class KldPrior(Prior):
         gradient = dynamics_gradient(model, theta, group_gradient)
         return LogPrior(value, parameters.zeros().with_block(self.block, gradient))
 
+    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
+        """Only sum w Q log P depends on the parameters."""
+        if self.reference is None:
+            raise SerdError("reference of KldPrior must be given here; pass local probabilities")
+        reference = model.groups.probabilities(model.entries(self.reference))
+        weights = self.weight * group_weights(model, self.state_action_weights) * reference
+        table = np.zeros((len(parameters.vector),) * 2)
+        place = parameters.place(self.block)
+        theta = parameters.block(self.block)
+        table[place, place] = log_transition_hessian(model, theta, weights)
+        return table
+
 
 def dynamics_gradient(
     model: TransitionModel, theta: FloatArray, group_gradient: FloatArray
@@ -74,11 +84,6 @@ def group_weights(model: TransitionModel, weights: FloatArray | None) -> FloatAr
         return np.ones(len(model.groups))
     checked = float_array("state_action_weights", weights, model.available.shape)
     return np.asarray(checked.ravel()[model.groups.row])
-
-
-def floored(probabilities: FloatArray) -> FloatArray:
-    """Probabilities with a positive floor, so that logarithms stay finite."""
-    return np.maximum(probabilities, SMALLEST_PROBABILITY)
 
 
 def require_dynamics_block(name: str, block: Block) -> None:

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, floored
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.parameters import Block, Parameters
 from serd_core.priors.divergence import (
     dynamics_gradient,
-    floored,
     group_weights,
     require_dynamics_block,
 )

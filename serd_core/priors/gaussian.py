@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from serd_core.arrays import FloatArray
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.parameters import Block, Parameters
@@ -33,3 +34,10 @@ class GaussianPrior(Prior):
         away = (parameters.block(self.block) - self.mean) / self.standard_deviation
         gradient = parameters.zeros().with_block(self.block, -away / self.standard_deviation)
         return LogPrior(-0.5 * float(np.sum(away**2)), gradient)
+
+    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
+        """-1 / sd^2 on the block's diagonal."""
+        del model
+        diagonal = np.zeros(len(parameters.vector))
+        diagonal[parameters.place(self.block)] = -1.0 / self.standard_deviation**2
+        return np.diag(diagonal)

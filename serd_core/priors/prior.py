@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
+from serd_core.differences import gradient_differences
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.parameters import Parameters
@@ -26,6 +27,13 @@ class Prior(ABC):
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
         """Value and gradient at `parameters` of the transition model."""
 
+    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
+        """(n, n) second derivatives by all blocks in a row; by differences unless overridden."""
+        return gradient_differences(
+            lambda at: self.evaluate(model, parameters.with_vector(at)).gradient.vector,
+            parameters.vector,
+        )
+
     def anchored(self, initial_local_probabilities: FloatArray) -> "Prior":
         """The same prior, referring to the initial dynamics where no reference was given."""
         del initial_local_probabilities
@@ -44,6 +52,11 @@ class UniformPrior(Prior):
         del model
         return LogPrior(0.0, parameters.zeros())
 
+    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
+        """Zero everywhere."""
+        del model
+        return np.zeros((len(parameters.vector),) * 2)
+
 
 @dataclass(frozen=True)
 class SumOfPriors(Prior):
@@ -58,6 +71,10 @@ class SumOfPriors(Prior):
             part = term.evaluate(model, parameters)
             value, gradient = value + part.value, gradient + part.gradient
         return LogPrior(value, gradient)
+
+    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
+        """Sum of the terms' second derivatives."""
+        return np.asarray(sum(term.hessian(model, parameters) for term in self.terms))
 
     def anchored(self, initial_local_probabilities: FloatArray) -> "Prior":
         """Anchor every term."""

@@ -3,13 +3,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from serd_core.arrays import floored
 from serd_core.demonstrations import Decisions
 from serd_core.errors import SerdError
 from serd_core.estimation import estimate_dynamics, expectation_maximisation, outcome_models_of
 from serd_core.grid import Action, Grid
 from serd_core.likelihood.observations import observe
 from serd_core.navigation import build_navigation_problem
-from serd_core.priors.divergence import floored
 from serd_core.simulation import sample_decisions
 
 

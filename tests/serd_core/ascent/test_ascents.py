@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
+from serd_core.ascent.ascent import FunctionObjective
 from serd_core.ascent.gradient_ascent import GradientAscent
 from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.ascent.trust_region import TrustRegion, quadratic_step
 
 CURVATURE = np.diag([1.0, 10.0])
 TOP = np.array([3.0, -2.0])
@@ -17,13 +19,13 @@ def never(_):
     return False
 
 
-ASCENTS = [Lbfgs(), GradientAscent(step_size=lambda _: 0.15)]
+ASCENTS = [Lbfgs(), GradientAscent(step_size=lambda _: 0.15), TrustRegion(initial_radius=0.5)]
 EACH_ASCENT = pytest.mark.parametrize("ascent", ASCENTS, ids=lambda ascent: type(ascent).__name__)
 
 
 @EACH_ASCENT
 def test_the_top_of_a_quadratic_is_found(ascent):
-    found = ascent.maximise(quadratic, np.zeros(2), never)
+    found = ascent.maximise(FunctionObjective(quadratic), np.zeros(2), never)
     np.testing.assert_allclose(found.vector, TOP, atol=1e-5)
     assert found.converged
     assert found.objective == pytest.approx(5.0)
@@ -40,7 +42,7 @@ def test_the_observer_sees_every_step_and_can_stop(ascent):
         seen.append(step)
         return len(seen) == 2
 
-    found = ascent.maximise(quadratic, np.zeros(2), stop_after_two)
+    found = ascent.maximise(FunctionObjective(quadratic), np.zeros(2), stop_after_two)
     assert [step.number for step in seen] == [1, 2]
     assert not found.converged
     assert found.message == "stopped by the observer"
@@ -48,7 +50,12 @@ def test_the_observer_sees_every_step_and_can_stop(ascent):
 
 
 @pytest.mark.parametrize(
-    "ascent", [Lbfgs(max_steps=2), GradientAscent(step_size=lambda _: 0.01, max_steps=2)]
+    "ascent",
+    [
+        Lbfgs(max_steps=2),
+        GradientAscent(step_size=lambda _: 0.01, max_steps=2),
+        TrustRegion(max_steps=2),
+    ],
 )
 def test_running_out_of_steps_is_no_convergence(ascent):
     def valley(vector):
@@ -56,7 +63,7 @@ def test_running_out_of_steps_is_no_convergence(ascent):
         value = -((1 - x) ** 2 + 100 * (y - x**2) ** 2)
         return value, np.array([2 * (1 - x) + 400 * x * (y - x**2), -200 * (y - x**2)])
 
-    found = ascent.maximise(valley, np.array([-1.2, 1.0]) * 0.01, never)
+    found = ascent.maximise(FunctionObjective(valley), np.array([-1.2, 1.0]) * 0.01, never)
     assert not found.converged
     assert found.message.startswith("not converged")
     assert found.gradient_norm > 1e-6
@@ -64,6 +71,35 @@ def test_running_out_of_steps_is_no_convergence(ascent):
 
 @EACH_ASCENT
 def test_starting_at_the_top_takes_no_step(ascent):
-    found = ascent.maximise(quadratic, TOP, never)
+    found = ascent.maximise(FunctionObjective(quadratic), TOP, never)
     assert found.converged
     assert found.n_steps == 0
+
+
+def test_the_trust_region_climbs_out_of_a_region_of_upward_curvature():
+    def wave(vector):
+        return float(np.sin(vector[0])), np.array([np.cos(vector[0])])
+
+    found = TrustRegion().maximise(FunctionObjective(wave), np.array([-1.4]), never)
+    assert found.converged
+    assert found.objective == pytest.approx(1.0)
+
+
+def test_a_flat_direction_is_left_alone():
+    def ridge(vector):
+        total = vector.sum()
+        return -0.5 * (total - 1.0) ** 2, np.full(2, 1.0 - total)
+
+    found = TrustRegion().maximise(FunctionObjective(ridge), np.array([3.0, 0.0]), never)
+    assert found.converged
+    np.testing.assert_allclose(found.vector, [2.0, -1.0], atol=1e-6)
+
+
+def test_a_step_is_never_longer_than_its_radius():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        square = rng.normal(size=(4, 4))
+        curvatures, directions = np.linalg.eigh(square + square.T)
+        radius = rng.uniform(0.01, 3.0)
+        step = quadratic_step(rng.normal(size=4), curvatures, directions, radius)
+        assert np.linalg.norm(step) <= radius * (1 + 1e-6)

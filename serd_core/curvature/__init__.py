@@ -1,0 +1,1 @@
+"""Exact second derivatives of the log posterior, and first derivatives per decision."""

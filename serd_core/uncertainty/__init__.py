@@ -1,0 +1,1 @@
+"""How sure a fit can be: standard errors, confidence intervals, identifiability."""
