@@ -1,0 +1,59 @@
+"""Files are written whole or not at all."""
+
+import errno
+import os
+import stat
+
+import pytest
+
+from storage.atomic import atomic_write_bytes, atomic_write_text
+from storage.errors import FileError
+
+
+def test_the_content_is_written_and_folders_are_made(tmp_path):
+    path = tmp_path / "new" / "folder" / "file.txt"
+    atomic_write_text(path, "grüße\n")
+    assert path.read_bytes() == "grüße\n".encode()
+
+
+def test_a_link_is_followed_and_the_mode_kept(tmp_path):
+    target, link = tmp_path / "target", tmp_path / "link"
+    target.write_bytes(b"old")
+    target.chmod(0o640)
+    link.symlink_to(target)
+    atomic_write_bytes(link, b"new")
+    assert link.is_symlink()
+    assert target.read_bytes() == b"new"
+    assert stat.S_IMODE(target.stat().st_mode) == 0o640
+
+
+@pytest.mark.parametrize("step", ["fsync", "fchmod"])
+@pytest.mark.parametrize(
+    ("code", "sentence"),
+    [(errno.ENOSPC, "the disk is full; free some space"), (errno.EROFS, "is read-only")],
+)
+def test_a_failure_keeps_the_old_content_and_leaves_no_temporary(
+    tmp_path, monkeypatch, step, code, sentence
+):
+    path = tmp_path / "file"
+    path.write_bytes(b"old")
+
+    def fail(*_):
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(os, step, fail)
+    with pytest.raises(FileError, match=sentence):
+        atomic_write_bytes(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_where_a_folder_should_be_gets_a_sentence(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(FileError, match="cannot write .*; "):
+        atomic_write_bytes(tmp_path / "file" / "x", b"x")
+
+
+def test_a_folder_in_the_way_gets_a_sentence(tmp_path):
+    with pytest.raises(FileError, match="it is a folder; name a file"):
+        atomic_write_bytes(tmp_path, b"x")
