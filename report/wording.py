@@ -8,7 +8,7 @@ def in_words(name: str) -> str:
 
 def seconds_in_words(seconds: float) -> str:
     """A duration to the second, in minutes where that reads better."""
-    if seconds < 120:
+    if round(seconds) < 120:
         return f"{seconds:.0f} s" if seconds >= 10 else f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest:02d} s" if rest else f"{minutes} min"

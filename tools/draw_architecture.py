@@ -9,6 +9,7 @@ import subprocess
 import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import yaml
@@ -27,6 +28,8 @@ _LOOK = """
   node [fontname="DejaVu Sans", fontsize=11, fontcolor="#26323d", color="#6b7885", penwidth=1.1];
   edge [color="#8a96a3", arrowsize=0.65, penwidth=1.0];
 """
+_NODE_LOOK = 'shape=box, style="rounded,filled", fillcolor="#dfeaf4", margin="0.15,0.09"'
+_TOPIC_LOOK = 'shape=ellipse, style="filled", fillcolor="#ffffff", fontsize=10, margin="0.04,0.03"'
 
 
 @dataclass(frozen=True)
@@ -66,10 +69,7 @@ def packages_picture(root: Path = ROOT) -> Picture:
         for name in layer
     }
     edges = tuple(
-        (upper, lower)
-        for above, below in zip(layers, layers[1:], strict=False)
-        for upper in above
-        for lower in below
+        (upper, lower) for above, below in pairwise(layers) for upper in above for lower in below
     )
     caption = "arrow: may import; also everything further down"
     return Picture("TB", nodes, edges, tuple(map(tuple, layers)), caption)
@@ -90,14 +90,7 @@ def topics_picture(graph_file: Path = GRAPH_FILE) -> Picture:
         if max(len(publishers.get(topic, ())), len(subscribers.get(topic, ()))) > crowd
     ]
     groups = _grouped([topic for topic in topics if topic not in busy], publishers, subscribers)
-    nodes = {
-        name: 'shape=box, style="rounded,filled", fillcolor="#dfeaf4", margin="0.15,0.09"'
-        for name in graph
-    }
-    topic_look = (
-        'shape=ellipse, style="filled", fillcolor="#ffffff", fontsize=10, margin="0.04,0.03"'
-    )
-    nodes |= {name: topic_look for name in groups}
+    nodes = dict.fromkeys(graph, _NODE_LOOK) | dict.fromkeys(groups, _TOPIC_LOOK)
     if busy:
         nodes["\n".join(["(most nodes)", *busy])] = (
             'shape=note, style="filled", fillcolor="#f6f5f1", fontsize=10'

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from report import style
 from report.figures.map_axes import colour_bar, draw_areas, draw_cells, map_figure
 from report.layout import HallwayLayout
+from report.wording import counted
 from serd_core.arrays import FloatArray, float_array
 from serd_core.grid import Grid
 
@@ -27,6 +28,6 @@ def draw_visitation(
         for track in tracks_m:
             axes.plot(*track.T, color=style.INK, linewidth=0.7, alpha=0.55, zorder=4, gid="track")
         colour_bar(figure, axes, cells, "decisions taken in the cell")
-        n_tracks = f", {len(tracks_m)} tracks" if tracks_m else ""
+        n_tracks = f", {counted(len(tracks_m), 'track')}" if len(tracks_m) else ""
         axes.set_title(f"{int(counts.sum())} decisions{n_tracks}")
     return figure

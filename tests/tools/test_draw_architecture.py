@@ -45,9 +45,7 @@ def test_the_committed_picture_has_the_nodes_and_arrows_of_its_source(
 
 
 def test_the_packages_picture_names_every_package_of_the_import_rules(drawing: ModuleType) -> None:
-    packages = {
-        name for layer in drawing.package_layers(ROOT / "pyproject.toml") for name in layer
-    }
+    packages = {name for layer in drawing.package_layers(ROOT / "pyproject.toml") for name in layer}
     assert packages == set(drawing.packages_picture().nodes)
     assert {"serd_core", "serd_ros", "report"} <= packages
 

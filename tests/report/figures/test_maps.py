@@ -1,0 +1,141 @@
+"""Map figures carry the data they were given: positions, counts, arrows, traps."""
+
+import numpy as np
+import pytest
+from matplotlib.collections import PatchCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon
+from matplotlib.quiver import Quiver
+
+from report.canvas import png_bytes, svg_bytes
+from report.figures.features import draw_features
+from report.figures.hallway import draw_hallway
+from report.figures.policy_map import draw_policy_map
+from report.figures.visitation import draw_visitation
+from report.layout import HallwayLayout
+from report.snapshot import CrowdSnapshot
+from serd_core.errors import SerdError
+from serd_core.grid import Action
+from serd_core.navigation import NavigationProblem
+
+
+def artists(figure: Figure, kind: type, gid: str) -> list:
+    return [a for a in figure.axes[0].get_children() if isinstance(a, kind) and a.get_gid() == gid]
+
+
+def cell_values(figure: Figure, panel: int = 0) -> np.ndarray:
+    (cells,) = [a for a in figure.axes[panel].collections if isinstance(a, PatchCollection)]
+    return np.ma.filled(cells.get_array(), np.nan)
+
+
+@pytest.fixture
+def hallway(layout: HallwayLayout, snapshot: CrowdSnapshot) -> Figure:
+    return draw_hallway(layout, snapshot)
+
+
+def test_every_person_and_the_robot_stand_where_they_were(
+    hallway: Figure, snapshot: CrowdSnapshot
+) -> None:
+    people = [circle.center for circle in artists(hallway, Circle, "person")]
+    np.testing.assert_allclose(people, snapshot.people_position_m)
+    (robot,) = artists(hallway, Circle, "robot")
+    np.testing.assert_allclose(robot.center, snapshot.robot_pose[:2])
+
+
+def test_arrows_point_along_the_velocities(hallway: Figure, snapshot: CrowdSnapshot) -> None:
+    (arrows,) = artists(hallway, Quiver, "walking direction")
+    drawn = np.stack([arrows.U, arrows.V], axis=1)
+    np.testing.assert_allclose(drawn, 0.7 * snapshot.people_velocity_mps)
+
+
+def test_walls_and_areas_are_those_of_the_scenario(hallway: Figure, layout: HallwayLayout) -> None:
+    (wall,) = artists(hallway, Polygon, "wall")
+    np.testing.assert_allclose(wall.get_xy()[:-1], layout.outline_m)
+    for name in ("goal", "start\ntrain", "start\ntransfer"):
+        assert len(artists(hallway, Polygon, f"area {name}")) == 1
+
+
+def test_maps_are_in_metres_with_equal_scales(hallway: Figure) -> None:
+    axes = hallway.axes[0]
+    assert axes.get_aspect() == 1.0
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x in m", "y in m")
+
+
+def test_an_empty_hallway_can_be_drawn(layout: HallwayLayout) -> None:
+    nobody = CrowdSnapshot(
+        time_s=0.0,
+        robot_pose=np.zeros(3),
+        people_position_m=np.zeros((0, 2)),
+        people_velocity_mps=np.zeros((0, 2)),
+        people_trail_m=np.zeros((0, 0, 2)),
+        robot_trail_m=np.zeros((0, 2)),
+    )
+    assert png_bytes(draw_hallway(layout, nobody))
+
+
+def test_visitation_shows_the_counts_and_the_tracks(
+    layout: HallwayLayout, problem: NavigationProblem
+) -> None:
+    counts = np.arange(problem.grid.n_states, dtype=float)
+    track = np.array([[0.5, 0.5], [2.5, 4.5], [6.5, 5.0]])
+    figure = draw_visitation(layout, problem.grid, counts, [track])
+    np.testing.assert_array_equal(cell_values(figure), counts)
+    (line,) = [line for line in figure.axes[0].lines if line.get_gid() == "track"]
+    np.testing.assert_array_equal(line.get_xydata(), track)
+    assert figure.axes[0].get_title() == f"{int(counts.sum())} decisions, 1 track"
+
+
+def test_policy_arrows_follow_the_greedy_actions_and_traps_are_framed(
+    layout: HallwayLayout, problem: NavigationProblem
+) -> None:
+    n_states = problem.grid.n_states
+    greedy = np.full(n_states, Action.EAST)
+    greedy[0], greedy[1] = Action.WAIT, Action.SOUTH
+    trapped = np.arange(n_states) < 2
+    value = np.linspace(0.0, 1.0, n_states)
+    figure = draw_policy_map(layout, problem.grid, value, greedy, problem.goal_states, trapped)
+    np.testing.assert_array_equal(cell_values(figure), value)
+    (arrows,) = artists(figure, Quiver, "greedy moves")
+    n_moving = n_states - 1 - len(problem.goal_states)
+    assert len(arrows.U) == n_moving
+    assert arrows.V[0] == pytest.approx(-0.62)
+    assert set(np.round(arrows.U[1:], 6)) == {0.62}
+    (waits,) = [c for c in figure.axes[0].collections if c.get_gid() == "greedy waits"]
+    np.testing.assert_allclose(waits.get_offsets(), problem.grid.centers_m[:1])
+    frames = [patch for patch in figure.axes[0].patches if patch.get_gid() == "trap"]
+    assert len(frames) == 2
+    assert "2 trap states" in figure.axes[0].get_title()
+
+
+def test_features_have_one_panel_per_action_only_where_the_action_matters(
+    layout: HallwayLayout, problem: NavigationProblem
+) -> None:
+    available = problem.mdp.available
+    figure = draw_features(layout, problem.grid, problem.features, problem.feature_names, available)
+    titles = [axes.get_title() for axes in figure.axes[:-1]]
+    assert titles[0] == "goal\nany action"
+    assert titles[1:6] == [f"social norm\n{action.name.lower()}" for action in Action]
+    assert titles[6] == "inverse wall distance\nany action"
+    np.testing.assert_array_equal(cell_values(figure), problem.features[:, 0, 0])
+    north = np.where(available, problem.features[:, :, 1], np.nan)[:, Action.NORTH]
+    np.testing.assert_array_equal(cell_values(figure, 2), north)
+
+
+def test_a_nan_value_is_refused_with_its_place(
+    layout: HallwayLayout, problem: NavigationProblem
+) -> None:
+    value = np.zeros(problem.grid.n_states)
+    value[4] = np.nan
+    greedy = np.zeros(problem.grid.n_states, dtype=int)
+    with pytest.raises(SerdError, match=r"value\[4\] must be finite, got nan"):
+        draw_policy_map(
+            layout, problem.grid, value, greedy, problem.goal_states, greedy.astype(bool)
+        )
+
+
+def test_pictures_are_the_same_bytes_each_time(
+    layout: HallwayLayout, snapshot: CrowdSnapshot
+) -> None:
+    first, second = (draw_hallway(layout, snapshot) for _ in range(2))
+    assert svg_bytes(first) == svg_bytes(second)
+    assert b"<dc:date>" not in svg_bytes(first)

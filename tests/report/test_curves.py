@@ -1,0 +1,57 @@
+"""Arrival curves: the step functions behind the CDF figure and the summary."""
+
+import numpy as np
+import pytest
+
+from report.curves import at_times, largest_gap, measured_curve, predicted_curve, time_reaching
+from report.episode_row import EpisodeRow
+from report.figures.arrival import ArrivalCurve
+from serd_core.arrival import ArrivalTimes
+from serd_core.errors import SerdError
+
+
+def curve(times: list[float], shares: list[float]) -> ArrivalCurve:
+    share = np.array(shares)
+    return ArrivalCurve(np.array(times), share, share, share)
+
+
+def rows(*times: float | None) -> tuple[EpisodeRow, ...]:
+    return tuple(
+        EpisodeRow(i, 0, "timeout" if time is None else "arrived", time, 1.0)
+        for i, time in enumerate(times)
+    )
+
+
+def test_the_measured_curve_counts_who_never_arrived() -> None:
+    measured = measured_curve(rows(3.0, 5.0, None, 5.0), 60.0)
+    assert at_times(measured, np.array([2.9, 3.0, 5.0, 60.0])).probability.tolist() == [
+        0.0,
+        0.25,
+        0.75,
+        0.75,
+    ]
+    assert (measured.lower <= measured.probability).all()
+    assert (measured.upper >= measured.probability).all()
+
+
+def test_the_predicted_band_narrows_with_the_number_of_episodes() -> None:
+    predicted = ArrivalTimes(np.arange(4), np.array([0.0, 0.2, 0.6, 0.9]), 1.0)
+    few, many = predicted_curve(predicted, 2.0, 10), predicted_curve(predicted, 2.0, 1000)
+    assert few.time_s.tolist() == [0.0, 2.0, 4.0, 6.0]
+    assert (many.upper - many.lower)[1:].max() < (few.upper - few.lower)[1:].min()
+
+
+def test_the_largest_gap_is_taken_at_the_ends_of_decision_periods() -> None:
+    predicted = curve([0.0, 2.0, 4.0], [0.0, 0.5, 1.0])
+    measured = curve([0.0, 1.5, 2.5, 4.0], [0.0, 0.4, 0.8, 1.0])
+    assert largest_gap(predicted, measured) == pytest.approx(0.1)
+
+
+def test_a_share_that_is_never_reached_has_no_time() -> None:
+    assert time_reaching(curve([0.0, 1.0], [0.0, 0.4]), 0.5) is None
+    assert time_reaching(curve([0.0, 1.0], [0.0, 0.5]), 0.5) == 1.0
+
+
+def test_counts_passed_as_probabilities_are_refused() -> None:
+    with pytest.raises(SerdError, match=r"must lie in \[0, 1\], got up to 7.0"):
+        curve([0.0, 1.0], [0.0, 7.0])

@@ -1,0 +1,26 @@
+"""The headline says what happened, whatever happened."""
+
+from dataclasses import replace
+
+from report.episode_row import EpisodeRow
+from report.headline import headline_of
+from report.inputs import ReportInputs
+from report.page import summary_rows
+from report.summary import summary_of
+
+
+def test_all_arrived(inputs: ReportInputs) -> None:
+    episodes = tuple(EpisodeRow(i, 1, "arrived", 20.0 + i, 10.0) for i in range(5))
+    sentence = headline_of(summary_of(replace(inputs, episodes=episodes)))
+    assert "reached the goal in 5 of 5 new episodes" in sentence
+    assert "(100 %; predicted" in sentence
+    assert "half of them within 22 s (predicted" in sentence
+
+
+def test_nobody_arrived(inputs: ReportInputs) -> None:
+    episodes = (EpisodeRow(0, 1, "timeout", None, 10.0), EpisodeRow(1, 1, "aborted", None, 3.0))
+    summary = summary_of(replace(inputs, episodes=episodes))
+    assert "in 0 of 2 new episodes" in headline_of(summary)
+    assert headline_of(summary).endswith("fewer than half of them in time.")
+    assert summary.measured_mean_s is None
+    assert "more than half never arrived" in dict(summary_rows(summary))["Median time of arrival"]

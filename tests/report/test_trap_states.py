@@ -1,0 +1,39 @@
+"""Trap states: where following the arrows never ends at the goal."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from report.trap_states import trap_states
+
+CORRIDOR = np.array([[max(i - 1, 0), i, min(i + 1, 5)] for i in range(6)])
+LEFT, STAY, RIGHT = 0, 1, 2
+
+
+def test_arrows_that_all_lead_to_the_goal_leave_no_trap() -> None:
+    assert not trap_states(CORRIDOR, np.full(6, RIGHT), np.array([5])).any()
+
+
+def test_waiting_and_walking_to_and_fro_are_traps() -> None:
+    greedy = np.array([STAY, LEFT, RIGHT, LEFT, RIGHT, STAY])
+    trapped = trap_states(CORRIDOR, greedy, np.array([5]))
+    assert trapped.tolist() == [True, True, True, True, False, False]
+
+
+def test_a_goal_is_no_trap_even_if_its_arrow_leads_away() -> None:
+    assert not trap_states(CORRIDOR, np.full(6, LEFT), np.array([0, 5])).any()
+
+
+@given(st.data())
+def test_it_agrees_with_walking_along_the_arrows(data: st.DataObject) -> None:
+    n_states = data.draw(st.integers(1, 40))
+    states = st.integers(0, n_states - 1)
+    successor = np.array(data.draw(st.lists(states, min_size=n_states, max_size=n_states)))
+    goal = data.draw(states)
+    trapped = trap_states(successor[:, None], np.zeros(n_states, dtype=int), np.array([goal]))
+    for first in range(n_states):
+        state = first
+        for _ in range(n_states):
+            if state != goal:
+                state = int(successor[state])
+        assert trapped[first] == (state != goal)
