@@ -27,7 +27,7 @@ def draw_features(
         for panel in _panels(name, table[:, :, i], np.asarray(available))
     ]
     with style.report_style():
-        figure, axes = map_figure(layout, len(panels), height_in=2.9)
+        figure, axes = map_figure(layout, len(panels), height_in=4.8, width_in=12.0)
         for each, (title, values) in zip(axes, panels, strict=True):
             cells = draw_cells(each, grid, values, Normalize(-1, 1), style.FEATURE_MAP)
             each.set_title(title, fontsize=8)

@@ -21,7 +21,7 @@ _ARROW_PER_SPEED_S = 0.7
 def draw_hallway(layout: HallwayLayout, snapshot: CrowdSnapshot) -> Figure:
     """Fig. 5.6 with a recorded crowd: arrows show where each person is in 0.7 s at this speed."""
     with style.report_style():
-        figure, (axes,) = map_figure(layout, height_in=5.9)
+        figure, (axes,) = map_figure(layout, height_in=7.3, width_in=6.4)
         draw_areas(axes, layout, filled=True)
         for trail in np.swapaxes(snapshot.people_trail_m, 0, 1):
             _fading_trail(axes, trail, style.PERSON_COLOUR, width=1.6)

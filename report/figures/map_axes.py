@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,27 +19,53 @@ from serd_core.arrays import FloatArray
 from serd_core.grid import Grid
 
 _MARGIN_M = 0.5
-_INCHES_PER_METRE_LIMITS = (0.08, 0.5)
+_GAP_IN, _SIDE_IN, _FOOT_IN = 0.3, 0.85, 1.0
+_TITLE_HEIGHT_IN, _TITLE_WIDTH_IN, _LEGEND_WIDTH_IN = 0.45, 1.4, 4.3
 
 
 def map_figure(
-    layout: HallwayLayout, n_panels: int = 1, *, height_in: float = 6.4
-) -> tuple[Figure, Sequence[Axes]]:
-    """A figure with `n_panels` equal map axes, as tall as asked if the map's shape allows."""
-    x_min, y_min, x_max, y_max = layout.bounds_m
-    width_m, height_m = x_max - x_min + 2 * _MARGIN_M, y_max - y_min + 2 * _MARGIN_M
-    columns = n_panels if height_m >= width_m else 1
-    rows = math.ceil(n_panels / columns)
-    scale = min(height_in / (rows * height_m), 9.0 / (columns * width_m))
-    scale = float(np.clip(scale, *_INCHES_PER_METRE_LIMITS))
-    width_in = columns * (width_m * scale + 0.3) + 0.85
-    figure = new_figure(width_in, rows * (height_m * scale + 0.45) + 1.0)
+    layout: HallwayLayout, n_panels: int = 1, *, height_in: float, width_in: float
+) -> tuple[Figure, list[Axes]]:
+    """A figure of `n_panels` equal map axes, arranged to be as large as the given space allows."""
+    panels = _arranged(layout, n_panels, width_in, height_in)
+    figure = new_figure(*panels.figure_size_in)
     with style.report_style():
-        grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        grid = figure.subplots(panels.rows, panels.columns, squeeze=False, sharex=True, sharey=True)
     axes = list(grid.ravel())
-    for each in axes:
+    for spare in axes[n_panels:]:
+        spare.remove()
+    for each in axes[:n_panels]:
         draw_layout(each, layout)
-    return figure, axes
+    return figure, axes[:n_panels]
+
+
+@dataclass(frozen=True)
+class _Panels:
+    """Rows and columns of equal maps of `size_m` at `scale` inches per metre."""
+
+    rows: int
+    columns: int
+    size_m: tuple[float, float]
+    scale: float
+
+    @property
+    def figure_size_in(self) -> tuple[float, float]:
+        """Width and height with room for titles, labels and a colour bar or legend."""
+        pitch = max(self.size_m[0] * self.scale + _GAP_IN, _TITLE_WIDTH_IN)
+        width = max(self.columns * pitch + _SIDE_IN, _LEGEND_WIDTH_IN)
+        return width, self.rows * (self.size_m[1] * self.scale + _TITLE_HEIGHT_IN) + _FOOT_IN
+
+
+def _arranged(layout: HallwayLayout, n_panels: int, width_in: float, height_in: float) -> _Panels:
+    x_min, y_min, x_max, y_max = layout.bounds_m
+    size_m = x_max - x_min + 2 * _MARGIN_M, y_max - y_min + 2 * _MARGIN_M
+    candidates = []
+    for columns in range(1, n_panels + 1):
+        rows = math.ceil(n_panels / columns)
+        across = (width_in - _SIDE_IN - columns * _GAP_IN) / (columns * size_m[0])
+        upright = (height_in - _FOOT_IN - rows * _TITLE_HEIGHT_IN) / (rows * size_m[1])
+        candidates.append(_Panels(rows, columns, size_m, max(min(across, upright), 0.01)))
+    return max(candidates, key=lambda panels: panels.scale)
 
 
 def draw_layout(axes: Axes, layout: HallwayLayout) -> None:

@@ -30,7 +30,7 @@ def draw_policy_map(
     """value (S,) as shades of blue, greedy (S,) as arrows (dot = wait), trapped (S,) outlined."""
     values = float_array("value", value, (grid.n_states,))
     with style.report_style():
-        figure, (axes,) = map_figure(layout, height_in=5.9)
+        figure, (axes,) = map_figure(layout, height_in=7.3, width_in=6.4)
         elsewhere = np.delete(values, goal_states)
         norm = Normalize(*_colour_range(elsewhere if len(elsewhere) else values))
         cells = draw_cells(axes, grid, values, norm, style.VALUE_MAP)

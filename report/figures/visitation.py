@@ -22,7 +22,7 @@ def draw_visitation(
     """Decisions taken per cell (S,) in shades of red, tracks (T, 2) as thin lines."""
     counts = float_array("decisions_per_state", decisions_per_state, (grid.n_states,))
     with style.report_style():
-        figure, (axes,) = map_figure(layout, height_in=5.9)
+        figure, (axes,) = map_figure(layout, height_in=7.3, width_in=6.4)
         cells = draw_cells(axes, grid, counts, Normalize(0, max(counts.max(), 1)), style.VISITS_MAP)
         draw_areas(axes, layout, filled=False)
         for track in tracks_m:
