@@ -6,7 +6,6 @@ begins, plan towards the waypoint, step the world.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -16,12 +15,12 @@ from sim.command import Command
 from sim.contacts import ContactCounts
 from sim.decision import is_decision_tick, waypoint_of_intent
 from sim.driver import Driver
+from sim.episode_progress import Ending, EpisodeProgress
 from sim.local_planner import LocalPlanner
 from sim.observation import Observation
 from sim.waypoint import Waypoint
 from sim.world import HallwayWorld
 
-Ending = Literal["arrived", "timeout", "aborted"]
 Observer = Callable[[Observation, Command, Action], bool | None]
 
 
@@ -97,12 +96,11 @@ def run_episode(
     planner.reset()
     driver.begin(episode)
     log = DecisionLog(world.grid, episode)
-    start, distance_m = observation, 0.0
-    outcome: Ending = "timeout"
+    progress = EpisodeProgress(world.scenario, observation, limit_s)
     waypoint: Waypoint | None = None
     action = Action.WAIT
-    n_ticks = round(limit_s / world.scenario.control_period_s)
-    while observation.tick - start.tick < n_ticks:
+    outcome: Ending | None = None
+    while outcome is None:
         if is_decision_tick(observation, world.scenario):
             action = driver.decide(observation)
             log.decide(observation, action)
@@ -110,25 +108,21 @@ def run_episode(
         command = planner.step(observation, waypoint)
         if observer is not None and observer(observation, command, action) is False:
             outcome = "aborted"
-            break
-        before, observation = observation, world.step(command)
-        distance_m += float(np.hypot(observation.x_m - before.x_m, observation.y_m - before.y_m))
-        if world.in_goal:
-            outcome = "arrived"
-            break
+        else:
+            observation = world.step(command)
+            outcome = progress.see(observation)
     if outcome != "aborted":
         log.close(observation)
-    duration_s = (observation.tick - start.tick) * world.scenario.control_period_s
     return EpisodeRecord(
         episode=episode,
         seed=world.seed,
         driver=driver.name,
         start_area=start_area,
         outcome=outcome,
-        time_of_arrival_s=duration_s if outcome == "arrived" else float("nan"),
-        duration_s=duration_s,
-        n_ticks=observation.tick - start.tick,
-        distance_m=distance_m,
+        time_of_arrival_s=progress.duration_s if outcome == "arrived" else float("nan"),
+        duration_s=progress.duration_s,
+        n_ticks=progress.n_ticks,
+        distance_m=progress.distance_m,
         contacts=world.contacts,
         minimum_person_distance_m=world.minimum_person_distance_m,
         decisions=log.decisions(f"{driver.name} in {world.scenario.name}, seed {world.seed}"),

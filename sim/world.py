@@ -55,7 +55,7 @@ class HallwayWorld:
         """Begin an episode: new people, warmed up, and the robot standing at a random start."""
         if self._crowd is not None:
             per_decision = self.scenario.ticks_per_decision
-            self.tick = (self.tick // per_decision + 1) * per_decision
+            self.tick = (self.tick // per_decision + 2) * per_decision
         pose = self._draw_start(episode_rng(self.seed, episode, START), start_area)
         self._physics.place_robot(*pose)
         self._pose = pose

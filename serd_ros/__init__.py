@@ -1,0 +1,1 @@
+"""The rclpy nodes: thin shells that convert messages, call one core object and publish."""

@@ -1,0 +1,89 @@
+"""Parameters of each node as frozen, validated records; the defaults are in nodes.yaml."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from storage.yaml_config import StrictModel
+
+
+class HallwaySimConfig(StrictModel):
+    """See nodes.yaml for what each parameter means."""
+
+    scenario: str = Field(min_length=1)
+    seed: int = Field(ge=0)
+    start_area: str
+    lockstep: bool
+    lockstep_timeout_s: float = Field(gt=0)
+    gui: bool
+    real_time_factor: float = Field(gt=0)
+    stamped_cmd_vel: bool
+    command_timeout_s: float = Field(gt=0, le=0.5)
+
+
+class LocalPlannerConfig(StrictModel):
+    """See nodes.yaml for what each parameter means."""
+
+    scenario: str = Field(min_length=1)
+    planner: str
+    lockstep: bool
+    stamped_cmd_vel: bool
+    input_timeout_s: float = Field(gt=0, le=0.5)
+
+
+class DriverConfig(StrictModel):
+    """What every node that drives episodes needs."""
+
+    scenario: str = Field(min_length=1)
+    seed: int = Field(ge=0)
+    start_area: str
+    episodes: int = Field(ge=1)
+    timeout_s: float = Field(gt=0)
+    required_nodes: tuple[str, ...]
+    output: str
+
+
+class ScriptedExpertConfig(DriverConfig):
+    """The scripted expert has its own behaviour settings in sim.expert."""
+
+
+class StrategyConfig(DriverConfig):
+    """See nodes.yaml for what each parameter means."""
+
+    model: str = Field(min_length=1)
+    policy: Literal["optimal", "soft"]
+
+
+class DemoRecorderConfig(StrictModel):
+    """See nodes.yaml for what each parameter means."""
+
+    output: str = Field(min_length=1)
+    topics: tuple[str, ...] = Field(min_length=1)
+    stamped_cmd_vel: bool
+    record_at_start: bool
+    minimum_free_mb: float = Field(ge=0)
+
+
+class LearnerConfig(StrictModel):
+    """See nodes.yaml for what each parameter means."""
+
+    scenario: str = Field(min_length=1)
+    bag: str
+    output: str = Field(min_length=1)
+    decisions: str
+    seed: int = Field(ge=0)
+    discount: float = Field(ge=0, lt=1)
+    prior_weight: float = Field(ge=0)
+    pseudo_count: float = Field(gt=0)
+    starts: int = Field(ge=1)
+    exit_when_done: bool
+
+
+CONFIGS: dict[str, type[StrictModel]] = {
+    "hallway_sim": HallwaySimConfig,
+    "local_planner": LocalPlannerConfig,
+    "scripted_expert": ScriptedExpertConfig,
+    "demo_recorder": DemoRecorderConfig,
+    "learner": LearnerConfig,
+    "strategy": StrategyConfig,
+}

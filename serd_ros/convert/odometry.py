@@ -1,0 +1,25 @@
+"""The robot's motion to and from nav_msgs/Odometry (pose in odom, twist in base_link)."""
+
+from nav_msgs.msg import Odometry
+
+from serd_ros import topics
+from serd_ros.convert.pose import to_pose
+from serd_ros.convert.stamp import to_stamp
+from sim.observation import Observation
+
+
+def to_odometry(observation: Observation) -> Odometry:
+    """Odometry at the observation's time."""
+    message = Odometry()
+    message.header.stamp = to_stamp(observation.time_s)
+    message.header.frame_id = topics.ODOM_FRAME
+    message.child_frame_id = topics.BASE_FRAME
+    message.pose.pose = to_pose(observation.pose)
+    message.twist.twist.linear.x = float(observation.speed_mps)
+    message.twist.twist.angular.z = float(observation.yaw_rate_radps)
+    return message
+
+
+def speeds_of(message: Odometry) -> tuple[float, float]:
+    """(speed_mps, yaw_rate_radps) of the robot."""
+    return message.twist.twist.linear.x, message.twist.twist.angular.z

@@ -1,0 +1,65 @@
+"""People to and from sensor_msgs/PointCloud2 with fields x, y, z, vx, vy (m, m/s) and id."""
+
+import array
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2, PointField
+
+from serd_ros import topics
+from serd_ros.convert.stamp import to_stamp
+from serd_ros.errors import NodeError
+
+_NAMES = ("x", "y", "z", "vx", "vy")
+_ROW = np.dtype([(name, "<f4") for name in _NAMES] + [("id", "<i4")])
+_FIELDS = [
+    PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
+    for index, name in enumerate(_NAMES)
+] + [PointField(name="id", offset=20, datatype=PointField.INT32, count=1)]
+
+
+@dataclass(frozen=True, eq=False)
+class People:
+    """position_m, velocity_mps: (N, 2); identity: (N,)."""
+
+    position_m: NDArray[np.float64]
+    velocity_mps: NDArray[np.float64]
+    identity: NDArray[np.int64]
+
+
+def to_people_message(people: People, time_s: float) -> PointCloud2:
+    """The people as a cloud in the map."""
+    rows = np.zeros(len(people.identity), dtype=_ROW)
+    rows["x"], rows["y"] = people.position_m[:, 0], people.position_m[:, 1]
+    rows["vx"], rows["vy"] = people.velocity_mps[:, 0], people.velocity_mps[:, 1]
+    rows["id"] = people.identity
+    message = PointCloud2(
+        height=1,
+        width=len(rows),
+        fields=_FIELDS,
+        is_bigendian=False,
+        point_step=_ROW.itemsize,
+        row_step=_ROW.itemsize * len(rows),
+        data=array.array("B", rows.tobytes()),
+        is_dense=True,
+    )
+    message.header.frame_id = topics.MAP_FRAME
+    message.header.stamp = to_stamp(time_s)
+    return message
+
+
+def from_people_message(message: PointCloud2) -> People:
+    """The people of a cloud that has our layout; NodeError for any other."""
+    names = tuple(field.name for field in message.fields)
+    if names != (*_NAMES, "id") or message.point_step != _ROW.itemsize:
+        raise NodeError(
+            f"pedestrians must have the fields {', '.join(_NAMES)}, id in {_ROW.itemsize} bytes, "
+            f"got {', '.join(names)} in {message.point_step}; publish them as hallway_sim does"
+        )
+    rows = np.frombuffer(bytes(message.data), dtype=_ROW)
+    return People(
+        position_m=np.stack([rows["x"], rows["y"]], axis=1).astype(np.float64),
+        velocity_mps=np.stack([rows["vx"], rows["vy"]], axis=1).astype(np.float64),
+        identity=rows["id"].astype(np.int64),
+    )

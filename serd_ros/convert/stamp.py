@@ -1,0 +1,21 @@
+"""Simulated time in seconds to and from builtin_interfaces/Time, exact to the nanosecond."""
+
+from builtin_interfaces.msg import Time
+
+_NS = 1_000_000_000
+
+
+def to_stamp(time_s: float) -> Time:
+    """The stamp nearest to `time_s` (s, >= 0)."""
+    seconds, nanoseconds = divmod(round(time_s * _NS), _NS)
+    return Time(sec=int(seconds), nanosec=int(nanoseconds))
+
+
+def stamp_ns(stamp: Time) -> int:
+    """The stamp in nanoseconds."""
+    return int(stamp.sec) * _NS + int(stamp.nanosec)
+
+
+def stamp_s(stamp: Time) -> float:
+    """The stamp in seconds."""
+    return stamp_ns(stamp) / _NS

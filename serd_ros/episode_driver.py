@@ -1,0 +1,183 @@
+"""A node that drives episodes: resets the world, decides once per period, writes what came of it.
+
+The scripted expert and the strategy are this node with another driver and another topic to steer
+by. Nothing sleeps: the first reset waits until the nodes it needs are there and all endpoints
+between them are matched.
+"""
+
+import math
+from abc import abstractmethod
+from pathlib import Path
+from typing import TypeVar
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from serd_core.grid import Action
+from serd_ros import qos, topics
+from serd_ros.configs import DriverConfig
+from serd_ros.convert.diagnostics import values_of
+from serd_ros.convert.episode_mark import END, START, EpisodeMark, to_episode_message
+from serd_ros.convert.reset_reply import ResetReply, from_reset_sentence
+from serd_ros.convert.stamp import stamp_ns, to_stamp
+from serd_ros.graph_readiness import missing_endpoints
+from serd_ros.observation_endpoints import subscribe_observations
+from serd_ros.serd_node import SerdNode
+from sim.decision import is_decision_tick
+from sim.driver import Driver
+from sim.episode_progress import Ending, EpisodeProgress
+from sim.observation import Observation
+from sim.scenario import Scenario, load_scenario
+from storage.episode_table import EpisodeResult, save_episodes
+
+Config = TypeVar("Config", bound=DriverConfig)
+_LOOK_AGAIN_S = 0.1
+_SAY_AGAIN_S = 5.0
+
+
+class EpisodeDriverNode(SerdNode[Config]):
+    """Runs `episodes` episodes one after the other, then ends its process."""
+
+    def __init__(self, kind: str, config_class: type[Config]) -> None:
+        super().__init__(kind, config_class)
+        self.scenario: Scenario = load_scenario(self.config.scenario)
+        self.driver: Driver = self.make_driver()
+        self._results: list[EpisodeResult] = []
+        self._running: ResetReply | None = None
+        self._progress: EpisodeProgress | None = None
+        self._decision: tuple[int, Observation, Action] | None = None
+        self._ending: tuple[Ending, Observation] | None = None
+        self._world_report: tuple[int, dict[str, str]] | None = None
+        self._said_wall_s = self.wall_s()
+        self._started_wall_s = 0.0
+        self._marks = self.create_publisher(DiagnosticArray, topics.EPISODE, qos.STATE)
+        self._reset = self.create_client(Trigger, topics.RESET)
+        self.create_subscription(
+            DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
+        )
+        subscribe_observations(self, self.scenario.control_period_s, self._on_observation)
+        self._look = self.create_timer(_LOOK_AGAIN_S, self._begin_when_ready, clock=self.wall_clock)
+
+    @abstractmethod
+    def make_driver(self) -> Driver:
+        """Who decides."""
+
+    @abstractmethod
+    def steer(self, observation: Observation, action: Action) -> None:
+        """Tell the local planner, with the observation's stamp."""
+
+    def _begin_when_ready(self) -> None:
+        """Wait for the graph, then begin the first episode."""
+        missing = missing_endpoints(self, self.config.required_nodes)
+        if not missing and self._reset.service_is_ready():
+            self._look.cancel()
+            self._ask_for_episode()
+        elif self.wall_s() - self._said_wall_s > _SAY_AGAIN_S:
+            self._said_wall_s = self.wall_s()
+            self.get_logger().info(f"waiting for {missing or 'the reset service'}")
+
+    def _ask_for_episode(self) -> None:
+        self._running, self._progress, self._decision, self._ending = None, None, None, None
+        self._reset.call_async(Trigger.Request()).add_done_callback(self._on_reset)
+
+    def _on_reset(self, future: Future) -> None:
+        self._running = from_reset_sentence(future.result().message)
+        self.driver.begin(self._running.episode)
+        if self._waiting is not None:
+            self._on_observation(self._waiting)
+
+    _waiting: Observation | None = None
+
+    def _on_observation(self, observation: Observation) -> None:
+        """Follow the episode; an observation may come before the reply that begins it."""
+        if self._running is None:
+            self._waiting = observation
+            return
+        self._waiting = None
+        if self._progress is None:
+            self._start(observation)
+        assert self._progress is not None
+        ending = self._progress.see(observation)
+        if ending is not None:
+            self._ending = ending, observation
+            self._finish_when_reported()
+        elif is_decision_tick(observation, self.scenario):
+            self._decide(observation)
+
+    def _start(self, observation: Observation) -> None:
+        self._progress = EpisodeProgress(self.scenario, observation, self.config.timeout_s)
+        self._started_wall_s = self.wall_s()
+        self._mark(START, observation)
+
+    def _decide(self, observation: Observation) -> None:
+        """Decide once per decision tick; a tick that comes again gets the same answer."""
+        if self._decision is None or self._decision[0] != observation.tick:
+            self._decision = observation.tick, observation, self.driver.decide(observation)
+        self.steer(observation, self._decision[2])
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        values = values_of(message, "hallway_sim")
+        if values is not None:
+            self._world_report = stamp_ns(message.header.stamp), values
+            self._finish_when_reported()
+
+    def _finish_when_reported(self) -> None:
+        """End the episode once the world's own count of contacts at its last tick is here."""
+        if self._ending is None or self._running is None or self._world_report is None:
+            return
+        ending, observation = self._ending
+        if self._world_report[0] < stamp_ns(to_stamp(observation.time_s)):
+            return
+        self._mark(END, observation, ending)
+        self._results.append(self._result(ending, self._world_report[1]))
+        self._save()
+        self._tell(self._results[-1])
+        if len(self._results) < self.config.episodes:
+            self._ask_for_episode()
+        else:
+            self._running = None
+            self.finish(0)
+
+    def _result(self, ending: Ending, report: dict[str, str]) -> EpisodeResult:
+        assert self._running is not None
+        assert self._progress is not None
+        duration_s = self._progress.duration_s
+        return EpisodeResult(
+            episode=self._running.episode,
+            seed=self._running.seed,
+            driver=self.driver.name,
+            start_area=self._running.start_area,
+            outcome=ending,
+            time_of_arrival_s=duration_s if ending == "arrived" else math.nan,
+            duration_s=duration_s,
+            distance_m=self._progress.distance_m,
+            robot_on_person=int(report["robot_on_person"]),
+            person_on_robot=int(report["person_on_robot"]),
+            robot_on_wall=int(report["robot_on_wall"]),
+            minimum_person_distance_m=float(report["minimum_person_distance_m"]),
+            wall_s=self.wall_s() - self._started_wall_s,
+        )
+
+    def _save(self) -> None:
+        if self.config.output:
+            save_episodes(Path(self.config.output) / "episodes.csv", self._results)
+
+    def _tell(self, result: EpisodeResult) -> None:
+        self.get_logger().info(
+            f"episode {len(self._results)} of {self.config.episodes}: {result.outcome} after "
+            f"{result.duration_s:.1f} s ({result.duration_s / result.wall_s:.1f} times real time)"
+        )
+
+    def _mark(self, event: str, observation: Observation, outcome: str = "") -> None:
+        assert self._running is not None
+        mark = EpisodeMark(
+            event=event,
+            time_s=observation.time_s,
+            episode=self._running.episode,
+            driver=self.driver.name,
+            seed=self._running.seed,
+            start_area=self._running.start_area,
+            outcome=outcome,
+        )
+        self._marks.publish(to_episode_message(mark))

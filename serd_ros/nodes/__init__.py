@@ -1,0 +1,1 @@
+"""One module per executable; each has a `main` that is its entry point."""

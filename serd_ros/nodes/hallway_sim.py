@@ -1,0 +1,63 @@
+"""hallway_sim: the PyBullet hallway with its people and the robot, as a ROS 2 node."""
+
+import sys
+
+from std_srvs.srv import SetBool, Trigger
+
+from serd_ros import topics
+from serd_ros.configs import HallwaySimConfig
+from serd_ros.convert.reset_reply import ResetReply, to_reset_sentence
+from serd_ros.run_node import run_node
+from serd_ros.serd_node import SerdNode
+from serd_ros.world_loop import LiveLoop, LockstepLoop, WorldLoop
+from serd_ros.world_publisher import WorldPublisher
+from sim.scenario import load_scenario
+from sim.world import HallwayWorld
+
+
+class HallwaySim(SerdNode[HallwaySimConfig]):
+    """Holds the world; `reset` begins its next episode, `pause` stops its time."""
+
+    def __init__(self) -> None:
+        super().__init__("hallway_sim", HallwaySimConfig)
+        scenario = load_scenario(self.config.scenario)
+        self._world = HallwayWorld(scenario, seed=self.config.seed, gui=self.config.gui)
+        self._publisher = WorldPublisher(self, self._world)
+        self._next_episode = 0
+        loop = LockstepLoop if self.config.lockstep else LiveLoop
+        self._loop: WorldLoop = loop(self, self._world, self._publisher)
+        self.create_service(Trigger, topics.RESET, self._on_reset)
+        self.create_service(SetBool, topics.PAUSE, self._on_pause)
+        if not self.config.lockstep:
+            self._begin_episode()
+
+    def close(self) -> None:
+        """Give PyBullet's world back."""
+        self._world.close()
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.message = to_reset_sentence(self._begin_episode())
+        response.success = True
+        return response
+
+    def _begin_episode(self) -> ResetReply:
+        episode = self._next_episode
+        self._world.reset(episode, self.config.start_area)
+        self._next_episode += 1
+        self._loop.begin()
+        return ResetReply(episode, self.config.seed, self.config.start_area)
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._loop.paused = bool(request.data)
+        response.success = True
+        response.message = "paused" if self._loop.paused else "running"
+        return response
+
+
+def main() -> int:
+    """Entry point of `ros2 run serd_ros hallway_sim`."""
+    return run_node(HallwaySim)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

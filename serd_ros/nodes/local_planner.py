@@ -1,0 +1,122 @@
+"""local_planner: follows the current waypoint or intent, as a ROS 2 node.
+
+In lock-step every observation is answered by one command with its stamp; at a decision tick the
+answer waits for the waypoint or intent of that tick. Live, a timer plans on the newest messages,
+and stale ones stop the robot.
+"""
+
+import sys
+
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, Vector3Stamped
+
+from serd_core.grid import Action
+from serd_ros import qos, topics
+from serd_ros.configs import LocalPlannerConfig
+from serd_ros.convert.command import to_twist, to_twist_stamped
+from serd_ros.convert.diagnostics import WARN
+from serd_ros.convert.intent import from_intent
+from serd_ros.convert.pose import from_waypoint_message
+from serd_ros.convert.stamp import stamp_ns, to_stamp
+from serd_ros.observation_endpoints import subscribe_observations
+from serd_ros.run_node import run_node
+from serd_ros.serd_node import SerdNode
+from sim.command import STOP, Command
+from sim.decision import is_decision_tick, waypoint_of_intent
+from sim.observation import Observation
+from sim.planners import make_planner
+from sim.scenario import load_scenario
+from sim.scenario_grid import grid_of
+from sim.waypoint import Waypoint
+
+
+class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
+    """Converts, calls `LocalPlanner.step`, publishes `cmd_vel`."""
+
+    def __init__(self) -> None:
+        super().__init__("local_planner", LocalPlannerConfig)
+        self._scenario = load_scenario(self.config.scenario)
+        self._grid = grid_of(self._scenario)
+        self._planner = make_planner(self.config.planner, self._scenario)
+        self._observation: Observation | None = None
+        self._directive: tuple[int, Action | Waypoint] | None = None
+        self._waypoint: Waypoint | None = None
+        self._answer: tuple[int, Command] | None = None
+        self._heard_wall_s = self.wall_s()
+        self._stamped = self.config.stamped_cmd_vel or self.config.lockstep
+        kind = TwistStamped if self._stamped else Twist
+        self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.COMMAND)
+        subscribe_observations(self, self._scenario.control_period_s, self._on_observation)
+        self.create_subscription(Vector3Stamped, topics.INTENT, self._on_intent, qos.COMMAND)
+        self.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
+        if not self.config.lockstep:
+            period_s = self._scenario.control_period_s
+            self.create_timer(period_s, self._plan_live, clock=self.wall_clock)
+
+    def _on_intent(self, message: Vector3Stamped) -> None:
+        self._take_directive(stamp_ns(message.header.stamp), from_intent(message))
+
+    def _on_waypoint(self, message: PoseStamped) -> None:
+        self._take_directive(stamp_ns(message.header.stamp), from_waypoint_message(message))
+
+    def _take_directive(self, time_ns: int, directive: Action | Waypoint) -> None:
+        self._directive = time_ns, directive
+        if self.config.lockstep:
+            self._answer_tick()
+        elif self._observation is not None:
+            self._waypoint = self._towards(self._observation, directive)
+
+    def _on_observation(self, observation: Observation) -> None:
+        last, self._observation = self._observation, observation
+        self._heard_wall_s = self.wall_s()
+        if last is None or observation.tick not in (last.tick, last.tick + 1):
+            self._planner.reset()
+            self._waypoint = None
+        if self.config.lockstep:
+            self._answer_tick()
+
+    def _answer_tick(self) -> None:
+        """Answer the present tick once all it depends on is here; a repeated one the same way."""
+        observation = self._observation
+        if observation is None:
+            return
+        time_ns = stamp_ns(to_stamp(observation.time_s))
+        if self._answer is None or self._answer[0] != time_ns:
+            if is_decision_tick(observation, self._scenario):
+                if self._directive is None or self._directive[0] != time_ns:
+                    return
+                self._waypoint = self._towards(observation, self._directive[1])
+            self._answer = time_ns, self._planner.step(observation, self._waypoint)
+        self._send(self._answer[1], observation.time_s)
+
+    def _plan_live(self) -> None:
+        observation = self._observation
+        if observation is None:
+            return
+        silent_s = self.wall_s() - self._heard_wall_s
+        if silent_s > self.config.input_timeout_s:
+            self.get_logger().warning(
+                f"nothing heard of pose and people for {silent_s:.1f} s: stopping",
+                throttle_duration_sec=2.0,
+            )
+            self.report(observation.time_s, {"silent_s": silent_s}, level=WARN, message="stale")
+            self._send(STOP, observation.time_s)
+            return
+        self._send(self._planner.step(observation, self._waypoint), observation.time_s)
+
+    def _towards(self, observation: Observation, directive: Action | Waypoint) -> Waypoint:
+        if isinstance(directive, Waypoint):
+            return directive
+        return waypoint_of_intent(self._grid, observation, directive)
+
+    def _send(self, command: Command, time_s: float) -> None:
+        message = to_twist_stamped(command, time_s) if self._stamped else to_twist(command)
+        self._commands.publish(message)
+
+
+def main() -> int:
+    """Entry point of `ros2 run serd_ros local_planner`."""
+    return run_node(LocalPlannerNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

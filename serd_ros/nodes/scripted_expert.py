@@ -1,0 +1,40 @@
+"""scripted_expert: demonstrates episodes by publishing one intent per decision period."""
+
+import sys
+
+from geometry_msgs.msg import Vector3Stamped
+
+from serd_core.grid import Action
+from serd_ros import qos, topics
+from serd_ros.configs import ScriptedExpertConfig
+from serd_ros.convert.intent import to_intent
+from serd_ros.episode_driver import EpisodeDriverNode
+from serd_ros.run_node import run_node
+from sim.driver import Driver
+from sim.expert import ScriptedExpert
+from sim.observation import Observation
+
+
+class ScriptedExpertNode(EpisodeDriverNode[ScriptedExpertConfig]):
+    """Steers by `intent`, as a person with arrow keys does."""
+
+    def __init__(self) -> None:
+        super().__init__("scripted_expert", ScriptedExpertConfig)
+        self._intents = self.create_publisher(Vector3Stamped, topics.INTENT, qos.STATE)
+
+    def make_driver(self) -> Driver:
+        """The expert of the scenario."""
+        return ScriptedExpert(self.scenario, self.config.seed)
+
+    def steer(self, observation: Observation, action: Action) -> None:
+        """Publish the intended direction."""
+        self._intents.publish(to_intent(action, observation.time_s))
+
+
+def main() -> int:
+    """Entry point of `ros2 run serd_ros scripted_expert`."""
+    return run_node(ScriptedExpertNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

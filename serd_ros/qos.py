@@ -1,0 +1,35 @@
+"""Quality of service per topic.
+
+In lock-step nothing may be lost, so the state topics are reliable and deep: a recorder on a busy
+machine may lag behind a world that runs many times faster than real time.
+"""
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+STATE_DEPTH = 2000
+COMMAND_DEPTH = 10
+
+STATE = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=STATE_DEPTH,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+COMMAND = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=COMMAND_DEPTH,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+CLOCK = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)
+LATCHED = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)

@@ -1,0 +1,52 @@
+"""Start a node, spin it until it is done or told to stop, and end with an exit code."""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
+
+from serd_core.errors import SerdError
+from serd_ros.serd_node import SerdNode
+
+_BAD_INPUT = 2
+
+
+def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
+    """Exit code: the node's own, 0 when told to stop, 2 when it cannot start or go on."""
+    rclpy.init()
+    node: SerdNode[Any] | None = None
+    try:
+        node = make_node()
+        return _spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 0
+    except SerdError as error:
+        name = node.get_name() if node is not None else "serd_ros"
+        print(f"{name}: {error}", file=sys.stderr, flush=True)
+        return _BAD_INPUT
+    finally:
+        try:
+            if node is not None:
+                node.close()
+                node.destroy_node()
+        finally:
+            rclpy.try_shutdown()
+
+
+def _spin(node: SerdNode[Any]) -> int:
+    """Spin with the events executor, the fastest here.
+
+    Its `spin` keeps a core busy in these wheels; waiting for a future, second by second, does not.
+    """
+    executor = EventsExecutor()
+    executor.add_node(node)
+    try:
+        while rclpy.ok() and not node.finished.done():
+            executor.spin_until_future_complete(node.finished, timeout_sec=1.0)
+    finally:
+        executor.remove_node(node)
+        executor.shutdown()
+    return int(node.finished.result()) if node.finished.done() else 0
