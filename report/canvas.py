@@ -31,5 +31,6 @@ def svg_bytes(figure: Figure) -> bytes:
 def _saved(figure: Figure, kind: str, metadata: dict[str, None], dpi: int) -> bytes:
     buffer = BytesIO()
     with report_style():
+        figure.draw_without_rendering()  # maps of fixed aspect settle in the second layout only
         figure.savefig(buffer, format=kind, metadata=metadata, dpi=dpi)
     return buffer.getvalue()

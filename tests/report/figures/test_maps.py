@@ -1,7 +1,10 @@
 """Map figures carry the data they were given: positions, counts, arrows, traps."""
 
+from io import BytesIO
+
 import numpy as np
 import pytest
+from matplotlib import image as mpl_image
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
@@ -12,11 +15,12 @@ from report.figures.features import draw_features
 from report.figures.hallway import draw_hallway
 from report.figures.policy_map import draw_policy_map
 from report.figures.visitation import draw_visitation
-from report.layout import HallwayLayout
+from report.layout import HallwayLayout, layout_of
 from report.snapshot import CrowdSnapshot
 from serd_core.errors import SerdError
 from serd_core.grid import Action
 from serd_core.navigation import NavigationProblem
+from sim.scenario import load_scenario
 
 
 def artists(figure: Figure, kind: type, gid: str) -> list:
@@ -139,3 +143,9 @@ def test_pictures_are_the_same_bytes_each_time(
     first, second = (draw_hallway(layout, snapshot) for _ in range(2))
     assert svg_bytes(first) == svg_bytes(second)
     assert b"<dc:date>" not in svg_bytes(first)
+
+
+def test_the_title_is_inside_the_picture_at_the_first_saving(snapshot: CrowdSnapshot) -> None:
+    layout = layout_of(load_scenario("t_junction"))
+    picture = mpl_image.imread(BytesIO(png_bytes(draw_hallway(layout, snapshot))))
+    assert (picture[:3, :, :3] == 1.0).all()
