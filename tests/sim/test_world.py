@@ -68,15 +68,15 @@ def test_other_seeds_and_episodes_give_other_crowds():
         assert not np.array_equal(first, one.reset(1).people_position_m)
 
 
-def test_time_runs_on_over_episodes_to_the_next_whole_decision_period():
+def test_time_runs_on_over_episodes_and_leaves_a_gap_of_at_least_one_decision_period():
     with HallwayWorld(EMPTY, seed=1) as world:
         assert world.reset(0).tick == 0
         for _ in range(45):
             world.step(STOP)
-        assert world.reset(1).time_s == pytest.approx(4.0)
+        assert world.reset(1).time_s == pytest.approx(6.0)
         for _ in range(40):
             world.step(STOP)
-        assert world.reset(2).tick == 160
+        assert world.reset(2).tick == 240
 
 
 def test_a_constant_command_drives_the_exact_circle():
