@@ -15,9 +15,10 @@ import math
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
+from sim.clearance import cannot_stop_before, gap_to_people_m, gap_to_walls_m
 from sim.command import STOP, Command
 from sim.dwa_settings import DwaSettings, reachable_window
-from sim.nearby_people import PredictedPeople, predict_nearby
+from sim.nearby_people import predict_nearby
 from sim.observation import Observation
 from sim.occupancy import wall_distance_raster
 from sim.rollouts import Rollouts, roll_out
@@ -109,13 +110,11 @@ class DwaPlanner:
     def _wall_cost(self, rollouts: Rollouts) -> FloatArray:
         """(V, W) nearness of walls; forbidden where the robot would touch one before it stops."""
         settings = self.settings
-        gap = self._walls.at(rollouts.x_m, rollouts.y_m) - (
-            self._robot.radius_m + settings.wall_margin_m
-        )
-        hits = (gap < 0.0) & self._cannot_stop_before(rollouts)[:, None, :]
+        reach_m = self._robot.radius_m + settings.wall_margin_m
+        gap = gap_to_walls_m(rollouts.x_m, rollouts.y_m, self._walls, reach_m)
         nearness = np.exp(-np.maximum(gap.min(axis=2), 0.0) / settings.wall_decay_m)
         cost: FloatArray = settings.wall_weight * nearness
-        return cost + _FORBIDDEN * self._moving(rollouts, hits)
+        return cost + _FORBIDDEN * self._hits(rollouts, gap < 0.0)
 
     def _people_cost(self, rollouts: Rollouts, observation: Observation) -> FloatArray:
         """(V, W) nearness of people; forbidden where the robot would run into one.
@@ -129,33 +128,17 @@ class DwaPlanner:
         )
         if not len(people):
             return np.zeros(rollouts.x_m.shape[:2])
-        gap = self._gap_to_people(rollouts, people)
+        reach_m = self._robot.radius_m + settings.person_radius_m
+        gap = gap_to_people_m(rollouts.x_m, rollouts.y_m, people, reach_m)
         closer = gap < np.minimum(settings.person_margin_m, gap[_STANDING] - 1e-3)
-        hits = closer & self._cannot_stop_before(rollouts)[:, None, :]
         nearness = np.exp(-np.maximum(gap, -settings.people_decay_m) / settings.people_decay_m)
         cost: FloatArray = settings.people_weight * np.max(nearness * self._foresight, axis=2)
-        return cost + _FORBIDDEN * self._moving(rollouts, hits)
+        return cost + _FORBIDDEN * self._hits(rollouts, closer)
 
-    def _gap_to_people(self, rollouts: Rollouts, people: PredictedPeople) -> FloatArray:
-        """(V, W, T) distance between the surfaces of the robot and of the nearest person."""
-        nearest = np.full(rollouts.x_m.shape, np.inf)
-        for x_m, y_m in zip(people.x_m, people.y_m, strict=True):
-            away_x, away_y = rollouts.x_m - x_m, rollouts.y_m - y_m
-            away_x *= away_x
-            away_y *= away_y
-            away_x += away_y
-            np.minimum(nearest, away_x, out=nearest)
-        gap: FloatArray = np.sqrt(nearest)
-        return gap - (self._robot.radius_m + self.settings.person_radius_m)
-
-    def _cannot_stop_before(self, rollouts: Rollouts) -> BoolArray:
-        """(V, T) whether time t is within the stopping time of speed i and one reaction."""
-        stopping_s = np.abs(rollouts.speed_mps[:, -1]) / self._robot.acc_lim_x_mps2
-        within: BoolArray = self._time_s <= stopping_s[:, None] + 0.3
-        return within
-
-    def _moving(self, rollouts: Rollouts, hits: BoolArray) -> BoolArray:
-        """(V, W) hits of rollouts that do not end in standing still."""
-        moving = np.abs(rollouts.speed_mps[:, -1]) > 1e-3
-        found: BoolArray = hits.any(axis=2) & moving[:, None]
+    def _hits(self, rollouts: Rollouts, too_close: BoolArray) -> BoolArray:
+        """(V, W) rollouts that come too close before they could stop and end up moving."""
+        final_speed = rollouts.speed_mps[:, -1]
+        soon = cannot_stop_before(final_speed, self._robot.acc_lim_x_mps2, self._time_s)
+        moving = np.abs(final_speed) > 1e-3
+        found: BoolArray = (too_close & soon[:, None, :]).any(axis=2) & moving[:, None]
         return found

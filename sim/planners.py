@@ -5,10 +5,11 @@ from collections.abc import Callable
 from sim.dwa import DwaPlanner
 from sim.errors import SimError
 from sim.local_planner import LocalPlanner
+from sim.mppi import MppiPlanner
 from sim.scenario import Scenario
 from storage.nearest import nearest_name
 
-_PLANNERS: dict[str, Callable[[Scenario], LocalPlanner]] = {"dwa": DwaPlanner}
+_PLANNERS: dict[str, Callable[[Scenario], LocalPlanner]] = {"dwa": DwaPlanner, "mppi": MppiPlanner}
 
 
 def planner_names() -> tuple[str, ...]:
