@@ -7,7 +7,7 @@ each package. Topics: serd_ros/graph.yaml. Run `make pictures` after changing ei
 import ast
 import subprocess
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -30,6 +30,8 @@ _LOOK = """
 """
 _NODE_LOOK = 'shape=box, style="rounded,filled", fillcolor="#dfeaf4", margin="0.15,0.09"'
 _TOPIC_LOOK = 'shape=ellipse, style="filled", fillcolor="#ffffff", fontsize=10, margin="0.04,0.03"'
+_SERVICE_LOOK = 'shape=ellipse, style="dashed", fontsize=10, margin="0.04,0.03"'
+_NOTE_LOOK = 'shape=note, style="filled", fillcolor="#f6f5f1", fontsize=10'
 
 
 @dataclass(frozen=True)
@@ -76,28 +78,25 @@ def packages_picture(root: Path = ROOT) -> Picture:
 
 
 def topics_picture(graph_file: Path = GRAPH_FILE) -> Picture:
-    """Nodes as boxes; topics with the same talkers and listeners share one ellipse.
+    """Nodes as boxes; topics, and services, with the same ends share one ellipse.
 
-    What more than half of the nodes hear or publish is named once, in a note without arrows.
+    Topics that touch every node are named in a note without arrows.
     """
     graph: dict[str, dict[str, list[str]]] = yaml.safe_load(graph_file.read_text())["nodes"]
-    publishers, subscribers = _by_topic(graph, "publishes"), _by_topic(graph, "subscribes")
-    topics = sorted(publishers.keys() | subscribers.keys())
-    crowd = len(graph) / 2
-    busy = [
-        topic
-        for topic in topics
-        if max(len(publishers.get(topic, ())), len(subscribers.get(topic, ()))) > crowd
-    ]
-    groups = _grouped([topic for topic in topics if topic not in busy], publishers, subscribers)
+    topics = _ends(graph, "publishes", "subscribes")
+    shared = [name for name, (talkers, hearers) in topics.items() if talkers | hearers == {*graph}]
+    groups = _grouped({name: ends for name, ends in topics.items() if name not in shared})
+    services = _grouped(_ends(graph, "calls", "serves"))
     nodes = dict.fromkeys(graph, _NODE_LOOK) | dict.fromkeys(groups, _TOPIC_LOOK)
-    if busy:
-        nodes["\n".join(["(most nodes)", *busy])] = (
-            'shape=note, style="filled", fillcolor="#f6f5f1", fontsize=10'
-        )
-    edges = [(talker, group) for group, (talkers, _) in groups.items() for talker in talkers]
-    edges += [(group, hearer) for group, (_, hearers) in groups.items() for hearer in hearers]
-    return Picture("LR", nodes, tuple(edges))
+    nodes |= dict.fromkeys(services, _SERVICE_LOOK)
+    if shared:
+        nodes["\n".join(["(every node)", *shared])] = _NOTE_LOOK
+    edges = [
+        edge
+        for name, (talkers, hearers) in (groups | services).items()
+        for edge in [*((end, name) for end in talkers), *((name, end) for end in hearers)]
+    ]
+    return Picture("LR", nodes, tuple(edges), caption="ellipse: topic; dashed ellipse: service")
 
 
 def draw(picture: Picture, path: Path) -> None:
@@ -118,22 +117,25 @@ def _package_label(name: str, module: Path) -> str:
     return f"<b>{name}</b>{small}"
 
 
-def _by_topic(graph: Mapping[str, Mapping[str, list[str]]], key: str) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
-    for node, ends in graph.items():
-        for topic in ends.get(key) or ():
-            found.setdefault(topic, []).append(node)
-    return found
+def _ends(
+    graph: Mapping[str, Mapping[str, list[str]]], first: str, second: str
+) -> dict[str, tuple[set[str], set[str]]]:
+    """{topic or service: (nodes that list it under `first`, nodes that list it under `second`)}."""
+    found: dict[str, tuple[set[str], set[str]]] = {}
+    for node, listed in graph.items():
+        for side, key in enumerate((first, second)):
+            for name in listed.get(key) or ():
+                found.setdefault(name, (set(), set()))[side].add(node)
+    return dict(sorted(found.items()))
 
 
 def _grouped(
-    topics: Iterable[str], publishers: dict[str, list[str]], subscribers: dict[str, list[str]]
+    ends: Mapping[str, tuple[set[str], set[str]]],
 ) -> dict[str, tuple[list[str], list[str]]]:
-    """{topic names, one a line: (publishers, subscribers)}."""
+    """{names with the same ends, one a line: their sorted ends}."""
     groups: dict[tuple[tuple[str, ...], tuple[str, ...]], list[str]] = {}
-    for topic in topics:
-        ends = tuple(publishers.get(topic, ())), tuple(subscribers.get(topic, ()))
-        groups.setdefault(ends, []).append(topic)
+    for name, (talkers, hearers) in ends.items():
+        groups.setdefault((tuple(sorted(talkers)), tuple(sorted(hearers))), []).append(name)
     return {
         "\n".join(names): (list(talkers), list(hearers))
         for (talkers, hearers), names in groups.items()
