@@ -50,7 +50,7 @@ def test_a_failure_keeps_the_old_content_and_leaves_no_temporary(
 
 def test_a_file_where_a_folder_should_be_gets_a_sentence(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(FileError, match="cannot write .*; "):
+    with pytest.raises(FileError, match=r"cannot write .*; "):
         atomic_write_bytes(tmp_path / "file" / "x", b"x")
 
 
