@@ -26,6 +26,7 @@ from sim.scenario import Scenario
 from sim.waypoint import Waypoint
 
 _FORBIDDEN = 1e6
+_SLOWEST_MPS = 1e-3
 _STANDING = -1  # index of speed 0 among the sampled speeds
 
 
@@ -41,12 +42,20 @@ class DwaPlanner:
         spread = np.linspace(-1.0, 1.0, self.settings.vtheta_samples)
         self._turn_shares: FloatArray = np.sign(spread) * np.abs(spread) ** 1.5
         self._foresight: FloatArray = np.exp(-self._time_s / self.settings.foresight_s)
+        self._is_blocked = False
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether every way to move was forbidden when it was asked last."""
+        return self._is_blocked
 
     def reset(self) -> None:
-        """Nothing is remembered."""
+        """Nothing is remembered but whether the robot was blocked."""
+        self._is_blocked = False
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """Command for the next control period; without a waypoint, stand still."""
+        self._is_blocked = False
         if waypoint is None:
             return STOP
         to_x, to_y = waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m
@@ -66,6 +75,8 @@ class DwaPlanner:
         cost += self._turning_cost(rollouts, turns, to_x, to_y)
         cost += self._wall_cost(rollouts)
         cost += self._people_cost(rollouts, observation)
+        moving = speeds > _SLOWEST_MPS
+        self._is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
         best_v, best_w = np.unravel_index(int(np.argmin(cost)), cost.shape)
         return Command(float(speeds[best_v]), float(turns[best_w]))
 
@@ -139,6 +150,6 @@ class DwaPlanner:
         """(V, W) rollouts that come too close before they could stop and end up moving."""
         final_speed = rollouts.speed_mps[:, -1]
         soon = cannot_stop_before(final_speed, self._robot.acc_lim_x_mps2, self._time_s)
-        moving = np.abs(final_speed) > 1e-3
+        moving = np.abs(final_speed) > _SLOWEST_MPS
         found: BoolArray = (too_close & soon[:, None, :]).any(axis=2) & moving[:, None]
         return found

@@ -10,6 +10,11 @@ from sim.waypoint import Waypoint
 class LocalPlanner(Protocol):
     """Drives to waypoints around people; one object for the node, batch runs and tests."""
 
+    @property
+    def is_blocked(self) -> bool:
+        """Whether every way to move was forbidden when it was asked last."""
+        ...
+
     def reset(self) -> None:
         """Forget the past, at the start of an episode."""
         ...

@@ -25,6 +25,7 @@ from sim.scenario import Scenario
 from sim.waypoint import Waypoint
 
 _FORBIDDEN = 1e4
+_SLOWEST_MPS = 0.02
 
 
 class MppiPlanner:
@@ -39,19 +40,28 @@ class MppiPlanner:
         self._foresight: FloatArray = np.exp(-self._time_s / self.settings.foresight_s)
         self.reset()
 
+    @property
+    def is_blocked(self) -> bool:
+        """Whether every way to move was forbidden when it was asked last."""
+        return self._is_blocked
+
     def reset(self) -> None:
         """Forget the plan and start the random numbers again."""
+        self._is_blocked = False
         self._rng = np.random.default_rng(self.settings.seed)
         self._plan: FloatArray = np.zeros((2, self.settings.time_steps))
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """Command for the next control period; without a waypoint, stand still."""
+        self._is_blocked = False
         if waypoint is None or self._is_at(observation, waypoint):
             self._plan[:] = 0.0
             return STOP
         plans = self._sampled_plans()
         speed, turning = self._limited(observation, plans, waypoint)
         cost = self._cost(observation, waypoint, speed, turning)
+        moving = speed[:, 0] > _SLOWEST_MPS
+        self._is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
         weight = np.exp(-(cost - cost.min()) / self.settings.temperature)
         weight /= weight.sum()
         mean_speed, mean_turning = weight @ speed, weight @ turning
@@ -122,7 +132,7 @@ class MppiPlanner:
         )
         nearness = np.exp(-np.maximum(wall_gap.min(axis=1), 0.0) / settings.wall_decay_m)
         cost += settings.wall_weight * nearness
-        moving = speed[:, 0] > 0.02
+        moving = speed[:, 0] > _SLOWEST_MPS
         cost += _FORBIDDEN * ((wall_gap < 0.0) & soon).any(axis=1) * moving
         people = predict_nearby(
             observation, settings.people_range_m, settings.max_people, self._time_s

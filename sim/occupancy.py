@@ -4,15 +4,18 @@ Row 0 is the lowest y and column 0 the lowest x, as in nav_msgs/OccupancyGrid.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
-from sim.polygon import contains, distance_to_segments_m
+from sim.polygon import contains, distance_to_segments_m, edges_of
 from sim.scenario import Scenario
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
+_MARGIN_M = 0.5
+_WALL_THICKNESS_M = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,43 +50,54 @@ class WallDistanceRaster:
 
 
 def wall_distance_raster(scenario: Scenario, resolution_m: float = 0.05) -> WallDistanceRaster:
-    """Distance to the walls at the centre of every raster cell, with a margin outside."""
-    origin, points, shape = _raster_points(scenario, resolution_m)
-    distance = np.min(distance_to_segments_m(points, scenario.wall_segments_m), axis=1)
-    signed = np.where(_walkable(scenario, points), distance, -distance)
-    return WallDistanceRaster(origin, resolution_m, signed.reshape(shape))
+    """Distance to the walls at the centre of every raster cell, with a margin outside.
+
+    Computed once for each set of walls and shared, read-only, by everything that asks again.
+    """
+    outlines = tuple(
+        tuple((float(x), float(y)) for x, y in polygon) for polygon in scenario.wall_polygons_m
+    )
+    return _wall_distance_raster(outlines, resolution_m)
 
 
 def occupancy_raster(scenario: Scenario, resolution_m: float = 0.05) -> OccupancyRaster:
-    """Free inside the walkable area, occupied up to 0.2 m behind its walls, unknown beyond."""
+    """Free inside the walkable area, occupied in and up to 0.2 m behind walls, unknown beyond."""
     raster = wall_distance_raster(scenario, resolution_m)
     cells = np.full(raster.distance_m.shape, UNKNOWN, dtype=np.int8)
-    cells[raster.distance_m > -0.2] = OCCUPIED
+    cells[raster.distance_m > -_WALL_THICKNESS_M] = OCCUPIED
     cells[raster.distance_m > 0.0] = FREE
-    for obstacle in scenario.obstacles:
-        _, points, shape = _raster_points(scenario, resolution_m)
-        cells[contains(obstacle.outline_m, points).reshape(shape)] = OCCUPIED
+    points, shape = _raster_points(scenario.wall_polygons_m[0], resolution_m)
+    for solid in scenario.wall_polygons_m[1:]:
+        cells[contains(solid, points).reshape(shape)] = OCCUPIED
     return OccupancyRaster(raster.origin_m, resolution_m, cells)
 
 
-def _walkable(scenario: Scenario, points: FloatArray) -> NDArray[np.bool_]:
-    walkable = contains(scenario.walkable_area_m, points)
-    for obstacle in scenario.obstacles:
-        walkable &= ~contains(obstacle.outline_m, points)
-    return walkable
+@lru_cache(maxsize=16)
+def _wall_distance_raster(
+    outlines: tuple[tuple[tuple[float, float], ...], ...], resolution_m: float
+) -> WallDistanceRaster:
+    points, shape = _raster_points(np.array(outlines[0]), resolution_m)
+    segments = np.concatenate([edges_of(outline) for outline in outlines])
+    distance = np.full(len(points), np.inf)
+    for segment in segments:
+        np.minimum(distance, distance_to_segments_m(points, segment[None])[:, 0], out=distance)
+    walkable = contains(outlines[0], points)
+    for solid in outlines[1:]:
+        walkable &= ~contains(solid, points)
+    signed = np.where(walkable, distance, -distance).reshape(shape)
+    signed.flags.writeable = False
+    corner = points[0] - 0.5 * resolution_m
+    return WallDistanceRaster((float(corner[0]), float(corner[1])), resolution_m, signed)
 
 
 def _raster_points(
-    scenario: Scenario, resolution_m: float
-) -> tuple[tuple[float, float], FloatArray, tuple[int, int]]:
-    """Lower-left corner, (rows * columns, 2) cell centres and (rows, columns)."""
-    margin = 0.5
-    x_min, y_min, x_max, y_max = scenario.bounds_m
-    origin = (x_min - margin, y_min - margin)
-    columns = int(np.ceil((x_max - x_min + 2 * margin) / resolution_m))
-    rows = int(np.ceil((y_max - y_min + 2 * margin) / resolution_m))
+    outline_m: FloatArray, resolution_m: float
+) -> tuple[FloatArray, tuple[int, int]]:
+    """(rows * columns, 2) cell centres around the outline, and (rows, columns)."""
+    low, high = outline_m.min(axis=0) - _MARGIN_M, outline_m.max(axis=0) + _MARGIN_M
+    columns, rows = np.ceil((high - low) / resolution_m - 1e-9).astype(int)
     x, y = np.meshgrid(
-        origin[0] + (np.arange(columns) + 0.5) * resolution_m,
-        origin[1] + (np.arange(rows) + 0.5) * resolution_m,
+        low[0] + (np.arange(columns) + 0.5) * resolution_m,
+        low[1] + (np.arange(rows) + 0.5) * resolution_m,
     )
-    return origin, np.stack([x.ravel(), y.ravel()], axis=1), (rows, columns)
+    return np.stack([x.ravel(), y.ravel()], axis=1), (int(rows), int(columns))

@@ -6,6 +6,7 @@ from sim.dwa import DwaPlanner
 from sim.errors import SimError
 from sim.local_planner import LocalPlanner
 from sim.mppi import MppiPlanner
+from sim.recovery import RecoveringPlanner
 from sim.scenario import Scenario
 from storage.nearest import nearest_name
 
@@ -17,11 +18,11 @@ def planner_names() -> tuple[str, ...]:
     return tuple(_PLANNERS)
 
 
-def make_planner(name: str, scenario: Scenario) -> LocalPlanner:
-    """A planner for the scenario's walls and robot, with its default settings."""
+def make_planner(name: str, scenario: Scenario) -> RecoveringPlanner:
+    """A planner for the scenario's walls and robot, with its default settings and recoveries."""
     if name not in _PLANNERS:
         meant = nearest_name(name, planner_names()) or planner_names()[0]
         raise SimError(
             f"planner must be one of {', '.join(_PLANNERS)}, got {name!r}; did you mean {meant!r}?"
         )
-    return _PLANNERS[name](scenario)
+    return RecoveringPlanner(_PLANNERS[name](scenario), scenario)

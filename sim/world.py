@@ -1,7 +1,7 @@
 """The hallway world: people, robot, lidar and clock, advanced one control period at a time.
 
 What happens in an episode depends on the scenario, the seed, the episode number and the start area
-only. Time runs on from episode to episode; an episode starts at a whole decision period, after a gap
+only. Time runs on from episode to episode; an episode starts at a whole decision period after a gap
 by which anyone who sees the observations can tell it from the last.
 """
 
