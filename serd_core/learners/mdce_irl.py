@@ -29,8 +29,8 @@ from serd_core.learners.serd import initial_dynamics_or_estimate, initial_weight
 from serd_core.likelihood.observations import observe
 from serd_core.priors.prior import Prior, UniformPrior
 from serd_core.problem import Problem
+from serd_core.solvers.automatic import Automatic
 from serd_core.solvers.newton import Newton
-from serd_core.solvers.sparse_lu import SparseLu
 from serd_core.trajectories import feature_counts
 
 UNIFORM, LBFGS = UniformPrior(), Lbfgs()
@@ -106,7 +106,7 @@ def feature_expectation(
     """(F,) expected discounted features phi(pi) from the (S,) start distribution."""
     mdp = problem.mdp
     data = mdp.policy_pattern.system_data(policy, transitions.entries, mdp.discount)
-    system = SparseLu().prepare(mdp.policy_pattern, data)
+    system = Automatic().prepare(mdp.policy_pattern, data)
     occupancy = system.solve_transposed(starts)[:, None] * policy
     return np.asarray(np.tensordot(occupancy, problem.features, axes=2))
 

@@ -28,8 +28,8 @@ from serd_core.learners.irl_result import IrlResult, irl_result
 from serd_core.learners.serd import initial_dynamics_or_estimate, initial_weights_or_sample
 from serd_core.likelihood.observations import observe
 from serd_core.problem import Problem
+from serd_core.solvers.automatic import Automatic
 from serd_core.solvers.newton import Newton
-from serd_core.solvers.sparse_lu import SparseLu
 
 
 class MatchingObjective(ABC):
@@ -105,7 +105,7 @@ def fit_policy_matching(
         policy = boltzmann(solution.q, 1.0 / inverse_temperature)
         value, by_scaled_q = objective.evaluate(policy, counts)
         by_q = inverse_temperature * by_scaled_q
-        found = adjoint(mdp, transitions, solution, by_q, SparseLu())
+        found = adjoint(mdp, transitions, solution, by_q, Automatic())
         return value, np.tensordot(found.reward_gradient, problem.features, axes=2)
 
     start = initial_weights_or_sample(problem, initial_weights, rng)

@@ -25,10 +25,10 @@ from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior import Posterior, PosteriorValue
 from serd_core.priors.prior import Prior, UniformPrior
 from serd_core.problem import Problem
+from serd_core.solvers.automatic import Automatic
 from serd_core.solvers.bellman_solver import BellmanSolver
 from serd_core.solvers.linear_solver import LinearSolver
 from serd_core.solvers.newton import Newton
-from serd_core.solvers.sparse_lu import SparseLu
 
 #: Told after each step (J per decision); returning True stops the fit there.
 OnStep = Callable[[Step], bool | None]
@@ -44,7 +44,7 @@ class SerdSettings:
     prior: Prior = UNIFORM
     ascent: Ascent = LBFGS
     solver: BellmanSolver = field(default_factory=Newton)
-    linear_solver: LinearSolver = field(default_factory=SparseLu)
+    linear_solver: LinearSolver = field(default_factory=Automatic)
 
 
 def fit_serd(

@@ -15,6 +15,7 @@ from serd_core.arrays import FloatArray
 from serd_core.bellman.backup import Backup, BellmanProblem, backup
 from serd_core.bellman.solution import BellmanSolution
 from serd_core.mdp import Mdp
+from serd_core.solvers.automatic import Automatic
 from serd_core.solvers.bellman_solver import (
     BellmanSolver,
     residual_target,
@@ -22,7 +23,9 @@ from serd_core.solvers.bellman_solver import (
     starting_value,
 )
 from serd_core.solvers.linear_solver import LinearSolver
-from serd_core.solvers.sparse_lu import SparseLu
+
+#: Relative residual an iterative solver may leave in a correction; the next step removes it.
+FORCING = 1e-4
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class Newton(BellmanSolver):
     max_steps: bound of sweeps and Newton steps together; cold_sweeps: sweeps before a cold start.
     """
 
-    linear_solver: LinearSolver = field(default_factory=SparseLu)
+    linear_solver: LinearSolver = field(default_factory=Automatic)
     accuracy: float = 1e-12
     max_steps: int = 1_000
     cold_sweeps: int = 5
@@ -65,7 +68,8 @@ class Newton(BellmanSolver):
         policy = problem.equation.policy(latest.q)
         data = pattern.system_data(policy, problem.transitions.entries, problem.discount)
         system = self.linear_solver.prepare(pattern, data)
-        return latest.target - latest.gap + system.solve(latest.gap)
+        correction = system.solve(latest.gap, relative_residual=FORCING)
+        return latest.target - latest.gap + correction
 
     def _done(self, problem: BellmanProblem, latest: Backup) -> bool:
         target = residual_target(problem.discount, self.accuracy, latest.target)

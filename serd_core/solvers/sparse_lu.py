@@ -38,8 +38,9 @@ class LuFactor(LinearSystem):
     factor: Any
     order: IntArray
 
-    def solve(self, right_side: FloatArray) -> FloatArray:
-        """Solve with the matrix."""
+    def solve(self, right_side: FloatArray, relative_residual: float = 0.0) -> FloatArray:
+        """Solve with the matrix, to rounding."""
+        del relative_residual
         return self._restored(self.factor.solve(right_side[self.order]))
 
     def solve_transposed(self, right_side: FloatArray) -> FloatArray:

@@ -30,8 +30,8 @@ from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior import Posterior, PosteriorValue
 from serd_core.priors.prior import Prior
 from serd_core.problem import Problem
+from serd_core.solvers.automatic import Automatic
 from serd_core.solvers.newton import Newton
-from serd_core.solvers.sparse_lu import SparseLu
 
 MDCE = MdcePolicy()
 
@@ -65,7 +65,7 @@ def fit_information(
     """Information at a fit; pass the policy model, belief and prior it was made with."""
     observations = observe(problem.mdp, decisions)
     whole_prior = (prior + belief.prior).anchored(fit.initial_outcome_probabilities)
-    posterior = Posterior(problem, observations, policy_model, whole_prior, Newton(), SparseLu())
+    posterior = Posterior(problem, observations, policy_model, whole_prior, Newton(), Automatic())
     at = posterior.evaluate(fit.parameters)
     hessian = posterior_hessian(posterior, fit.parameters, at)
     jacobian = belief.jacobian(fit.parameters)

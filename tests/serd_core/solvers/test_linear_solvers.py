@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.soft import SoftBellman
+from serd_core.dynamics.transitions import transitions_of
+from serd_core.errors import SerdError
+from serd_core.solvers.automatic import Automatic, StandBy
+from serd_core.solvers.krylov import Krylov
+from serd_core.solvers.newton import Newton
+from serd_core.solvers.sparse_lu import SparseLu
+
+SOLVERS = [SparseLu(), Krylov(), Krylov(fill=5.0), Automatic(), Automatic(always_lu_states=0)]
+EACH_SOLVER = pytest.mark.parametrize("solver", SOLVERS, ids=repr)
+
+
+def random_system(random_problem, seed):
+    problem, table = random_problem(seed, 0.95)
+    mdp = problem.mdp
+    rng = np.random.default_rng(seed)
+    policy = rng.random(mdp.available.shape) * mdp.available
+    policy /= policy.sum(axis=1, keepdims=True)
+    entries = mdp.transitions.entries(table)
+    chosen = mdp.transitions.matrix(entries).toarray().reshape(*mdp.available.shape, -1)
+    dense = np.eye(mdp.n_states) - 0.95 * np.einsum("sa,sat->st", policy, chosen)
+    return mdp.policy_pattern, mdp.policy_pattern.system_data(policy, entries, 0.95), dense
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 10_000))
+def test_the_pattern_holds_the_matrix_of_the_definition(random_problem, seed):
+    pattern, data, dense = random_system(random_problem, seed)
+    np.testing.assert_allclose(pattern.matrix(data).toarray(), dense, atol=1e-14)
+    order = pattern.elimination.order
+    np.testing.assert_allclose(
+        pattern.elimination.matrix(data).toarray(), dense[np.ix_(order, order)], atol=1e-14
+    )
+    assert sorted(order) == list(range(len(dense)))
+
+
+@EACH_SOLVER
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 10_000))
+def test_solutions_are_those_of_the_dense_solver(random_problem, solver, seed):
+    pattern, data, dense = random_system(random_problem, seed)
+    right_side = np.random.default_rng(seed).normal(size=(len(dense), 3))
+    system = solver.prepare(pattern, data)
+    np.testing.assert_allclose(
+        system.solve(right_side), np.linalg.solve(dense, right_side), atol=1e-7
+    )
+    np.testing.assert_allclose(
+        system.solve_transposed(right_side[:, 0]),
+        np.linalg.solve(dense.T, right_side[:, 0]),
+        atol=1e-7,
+    )
+
+
+def test_a_right_side_of_zeros_has_the_solution_zero(random_problem):
+    pattern, data, _ = random_system(random_problem, 1)
+    zeros = np.zeros(pattern.n_states)
+    np.testing.assert_array_equal(Krylov().prepare(pattern, data).solve(zeros), 0)
+
+
+@pytest.mark.parametrize("solver", [Krylov(), Krylov(fill=10.0), Automatic()], ids=repr)
+def test_newton_reaches_its_accuracy_with_every_linear_solver(make_gridworld, solver):
+    case = make_gridworld(side=30, discount=0.99, n_episodes=1, n_steps=1)
+    mdp = case.problem.mdp
+    posed = BellmanProblem(
+        SoftBellman(),
+        case.problem.features @ case.weights,
+        transitions_of(mdp.transitions, case.probabilities),
+        mdp.discount,
+        mdp.available,
+    )
+    exact = Newton(linear_solver=SparseLu()).solve(mdp, posed)
+    other = Newton(linear_solver=solver).solve(mdp, posed)
+    assert other.converged
+    np.testing.assert_allclose(other.value, exact.value, rtol=1e-10)
+
+
+def test_the_choice_follows_size_and_horizon():
+    automatic = Automatic()
+    assert automatic.choose(400, 1e4) == SparseLu()
+    assert automatic.choose(90_000, 100.0) == Krylov()
+    assert automatic.choose(90_000, 1e4) == SparseLu()
+    assert automatic.choose(1_000_000, 1e4) == Krylov(fill=10.0)
+
+
+def test_krylov_says_when_it_did_not_get_there_and_lu_stands_by(make_gridworld):
+    case = make_gridworld(side=12, discount=0.9999, n_episodes=1, n_steps=1)
+    mdp = case.problem.mdp
+    entries = mdp.transitions.entries(case.probabilities)
+    pattern = mdp.policy_pattern
+    data = pattern.system_data(mdp.available / 5.0, entries, 0.9999)
+    right_side = np.random.default_rng(0).normal(size=144)
+    weak = Krylov(max_iterations=2, max_runs=1).prepare(pattern, data)
+    with pytest.raises(SerdError, match="Krylov must reach a relative residual of 1e-11, got"):
+        weak.solve(right_side)
+    helped = StandBy(weak, pattern, data)
+    exact = SparseLu().prepare(pattern, data)
+    np.testing.assert_allclose(helped.solve(right_side), exact.solve(right_side))
+    np.testing.assert_allclose(
+        helped.solve_transposed(right_side), exact.solve_transposed(right_side)
+    )
