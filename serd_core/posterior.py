@@ -56,7 +56,7 @@ class Posterior:
     ) -> PosteriorValue:
         """Lines 5 to 8 of Algorithm 1: Q, policy, Q-gradient, objective gradient."""
         believed = transitions_at(self._model, parameters.belief)
-        solution = self._q_iteration(parameters, believed, initial_value)
+        solution = self.q_iteration(parameters, believed, initial_value)
         log_policy = self.policy_model.log_probabilities(parameters.policy, solution.q)
         gradients = self._q_gradient(parameters, believed, solution, np.exp(log_policy))
         dynamics_value, by_truth = self._dynamics(parameters)
@@ -78,17 +78,10 @@ class Posterior:
             adjoint=gradients,
         )
 
-    @property
-    def _model(self) -> TransitionModel:
-        return self.problem.mdp.transitions
-
-    @property
-    def _counts(self) -> FloatArray:
-        return self.observations.state_action
-
-    def _q_iteration(
+    def q_iteration(
         self, parameters: Parameters, believed: Transitions, initial_value: FloatArray | None
     ) -> BellmanSolution:
+        """Line 5 of Algorithm 1: the Bellman equation under the believed transitions."""
         mdp = self.problem.mdp
         bellman = BellmanProblem(
             equation=self.policy_model.equation,
@@ -98,6 +91,14 @@ class Posterior:
             available=mdp.available,
         )
         return self.solver.solve(mdp, bellman, initial_value)
+
+    @property
+    def _model(self) -> TransitionModel:
+        return self.problem.mdp.transitions
+
+    @property
+    def _counts(self) -> FloatArray:
+        return self.observations.state_action
 
     def _q_gradient(
         self,

@@ -59,7 +59,7 @@ def fit_serd(
 ) -> FitResult:
     """Algorithm 1 from the given start."""
     observations = observe(problem.mdp, decisions)
-    start = _start(problem, policy_model, initial_weights, initial_dynamics)
+    start = starting_parameters(problem, policy_model, initial_weights, initial_dynamics)
     initial_probabilities = problem.mdp.transitions.local_probabilities(start.truth)
     prior = (settings.prior + settings.belief.prior).anchored(initial_probabilities)
     posterior = Posterior(
@@ -124,12 +124,13 @@ class _Climb(Objective):
         return found
 
 
-def _start(
+def starting_parameters(
     problem: Problem,
     policy_model: PolicyModel,
     initial_weights: FloatArray,
     initial_dynamics: FloatArray,
 ) -> Parameters:
+    """All four blocks for given weights and dynamics; belief and truth start equal."""
     model = problem.mdp.transitions
     theta = model.parameters_of(initial_dynamics)
     model.require_stochastic(model.entries(model.local_probabilities(theta)))

@@ -1,0 +1,71 @@
+"""How good an estimate is: the measures of sections 4.6 and 5.2.
+
+Log-likelihoods are per decision. Divergences are KLD(truth || estimate), averaged over the states
+and actions that the truth visits; transitions are compared, not outcomes, so outcomes that land in
+the same cell count together.
+"""
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, float_array, floored
+from serd_core.demonstrations import Decisions
+from serd_core.errors import SerdError
+from serd_core.fit_result import FitResult
+from serd_core.likelihood.observations import observe
+from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
+from serd_core.problem import Problem
+
+
+def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatArray) -> float:
+    """Mean log pi(a | s) over the decisions; -inf where the policy rules one out."""
+    counts = observe(problem.mdp, decisions).state_action
+    chosen = float_array("policy", policy, counts.shape)
+    seen = counts > 0
+    if np.any(chosen[seen] <= 0):
+        return -np.inf
+    return float(np.sum(counts[seen] * np.log(chosen[seen])) / counts.sum())
+
+
+def fitted_policy(problem: Problem, fit: FitResult) -> FloatArray:
+    """(S, A) policy of a fit's rewards and belief, in the fitted problem or a transfer one.
+
+    Boltzmann over optimal Q-values where the fit has a temperature of its own, else soft.
+    """
+    weights, belief = fit.reward_weights, fit.believed_outcome_probabilities
+    if len(fit.parameters.policy):
+        return boltzmann_policy(problem, weights, belief, fit.temperature).probabilities
+    return soft_policy(problem, weights, belief).probabilities
+
+
+def validation_log_likelihood(problem: Problem, decisions: Decisions, fit: FitResult) -> float:
+    """Mean log-likelihood of decisions under the policy of a fit."""
+    return policy_log_likelihood(problem, decisions, fitted_policy(problem, fit))
+
+
+def dynamics_divergence(
+    problem: Problem, truth: FloatArray, estimate: FloatArray, visits: FloatArray
+) -> float:
+    """Mean KLD from true to estimated transitions under (S, A) visits (counts or shares)."""
+    model = problem.mdp.transitions
+    true = model.groups.probabilities(model.entries(np.asarray(truth, np.float64)))
+    other = model.groups.probabilities(model.entries(np.asarray(estimate, np.float64)))
+    terms = true * (np.log(floored(true)) - np.log(floored(other)))
+    by_row = np.zeros(model.available.size)
+    np.add.at(by_row, model.groups.row, terms)
+    return float(_shares(visits, model.available.shape).ravel() @ by_row)
+
+
+def policy_divergence(truth: FloatArray, estimate: FloatArray, visits: FloatArray) -> float:
+    """Mean KLD from a true to an estimated (S, A) policy under (S,) or (S, A) visits."""
+    true, other = np.asarray(truth, np.float64), np.asarray(estimate, np.float64)
+    by_state = np.sum(true * (np.log(floored(true)) - np.log(floored(other))), axis=1)
+    total = np.asarray(visits, np.float64)
+    per_state = total.sum(axis=1) if total.ndim == 2 else total
+    return float(_shares(per_state, by_state.shape) @ by_state)
+
+
+def _shares(visits: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    checked = float_array("visits", visits, shape)
+    if np.any(checked < 0) or not checked.sum() > 0:
+        raise SerdError("visits must be non-negative with a positive sum; pass counts or shares")
+    return np.asarray(checked / checked.sum())

@@ -1,0 +1,1 @@
+"""Choosing among fits: starts, stopping times and prior weights."""

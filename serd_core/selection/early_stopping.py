@@ -1,0 +1,134 @@
+"""Stopping an ascent when a validation score no longer improves (section 5.2)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step, StepObserver, largest
+from serd_core.beliefs import Belief
+from serd_core.demonstrations import Decisions
+from serd_core.dynamics.transitions import Transitions
+from serd_core.errors import SerdError
+from serd_core.fit_result import FitResult
+from serd_core.learners.serd import OnStep, SerdSettings, fit_serd, starting_parameters
+from serd_core.likelihood.observations import observe
+from serd_core.parameters import Parameters
+from serd_core.policies.policy_model import PolicyModel
+from serd_core.posterior import Posterior, expected_log_policy
+from serd_core.priors.prior import UniformPrior
+from serd_core.problem import Problem
+from serd_core.solvers.automatic import Automatic
+from serd_core.solvers.newton import Newton
+
+
+@dataclass(frozen=True)
+class EarlyStopping(Ascent):
+    """Runs another ascent and returns the step with the best score.
+
+    score: vector (n,) to a number, larger is better, seen by nobody but this object.
+    patience: steps without improvement after which the ascent is stopped.
+    """
+
+    inner: Ascent
+    score: Callable[[FloatArray], float]
+    patience: int = 20
+
+    def __post_init__(self) -> None:
+        if self.patience < 1:
+            raise SerdError(f"patience must be at least 1, got {self.patience}")
+
+    def maximise(
+        self, objective: Objective, start: FloatArray, observer: StepObserver
+    ) -> AscentResult:
+        """Climb; the result stands at the best step and says so in its message."""
+        watch = _Watch(self, observer, np.array(start), self.score(start))
+        result = self.inner.maximise(objective, start, watch)
+        if np.array_equal(watch.best_vector, result.vector):
+            return result
+        value, gradient = objective.evaluate(watch.best_vector)
+        return replace(
+            result,
+            vector=watch.best_vector,
+            objective=value,
+            gradient_norm=largest(gradient),
+            n_steps=watch.best_step,
+            n_evaluations=result.n_evaluations + 1,
+            converged=False,
+            message=f"stopped early: best validation score {watch.best_score:.6g} at step"
+            f" {watch.best_step}",
+            objective_trace=result.objective_trace[: watch.best_step],
+        )
+
+
+@dataclass(eq=False)
+class _Watch:
+    settings: EarlyStopping
+    observer: StepObserver
+    best_vector: FloatArray
+    best_score: float
+    best_step: int = 0
+
+    def __call__(self, step: Step) -> bool:
+        score = self.settings.score(step.vector)
+        if score > self.best_score:
+            self.best_score, self.best_step = score, step.number
+            self.best_vector = step.vector.copy()
+        tired = step.number - self.best_step >= self.settings.patience
+        return self.observer(step) or tired
+
+
+def fit_serd_with_early_stopping(
+    problem: Problem,
+    training: Decisions,
+    validation: Decisions,
+    policy_model: PolicyModel,
+    settings: SerdSettings,
+    *,
+    initial_weights: FloatArray,
+    initial_dynamics: FloatArray,
+    patience: int = 20,
+    on_step: OnStep | None = None,
+) -> FitResult:
+    """`fit_serd` on the training decisions, ended by the likelihood of the validation ones."""
+    like = starting_parameters(problem, policy_model, initial_weights, initial_dynamics)
+    score = validation_score(problem, validation, policy_model, settings.belief, like)
+    stopping = EarlyStopping(settings.ascent, score, patience)
+    return fit_serd(
+        problem,
+        training,
+        policy_model,
+        replace(settings, ascent=stopping),
+        initial_weights=initial_weights,
+        initial_dynamics=initial_dynamics,
+        on_step=on_step,
+    )
+
+
+def validation_score(
+    problem: Problem,
+    decisions: Decisions,
+    policy_model: PolicyModel,
+    belief: Belief,
+    like: Parameters,
+) -> Callable[[FloatArray], float]:
+    """Mean log-likelihood of validation decisions as a function of the free vector.
+
+    like: parameters of the fit's block lengths (and of its fixed blocks).
+    """
+    observations = observe(problem.mdp, decisions)
+    posterior = Posterior(
+        problem, observations, policy_model, UniformPrior(), Newton(), Automatic()
+    )
+
+    def score(vector: FloatArray) -> float:
+        parameters = belief.unpack(vector, like)
+        model = problem.mdp.transitions
+        believed = Transitions(model, model.entries(model.local_probabilities(parameters.belief)))
+        solution = posterior.q_iteration(parameters, believed, None)
+        log_policy = policy_model.log_probabilities(parameters.policy, solution.q)
+        total = expected_log_policy(observations.state_action, log_policy)
+        return total / observations.n_decisions
+
+    return score

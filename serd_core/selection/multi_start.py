@@ -1,0 +1,112 @@
+"""Several starts, and how many distinct explanations they found (section 4.1).
+
+Rewards and dynamics together can often explain the same demonstrations in more than one way. Fits
+that ended in the same place are one explanation; places are compared by reward weights and outcome
+probabilities, so the softmax gauge does not tell them apart.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.cluster.hierarchy
+
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.errors import SerdError
+from serd_core.fit_result import FitResult
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """One optimum: its best fit and the numbers of the starts that led there."""
+
+    fit: FitResult
+    starts: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class MultiStart:
+    """All fits by start, and the distinct explanations among them, best objective first."""
+
+    fits: tuple[FitResult, ...]
+    explanations: tuple[Explanation, ...]
+
+    @property
+    def best(self) -> FitResult:
+        """The fit with the highest objective."""
+        return self.explanations[0].fit
+
+    @property
+    def n_converged(self) -> int:
+        """How many of the fits converged."""
+        return sum(fit.converged for fit in self.fits)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One number in which two explanations differ."""
+
+    name: str
+    first: float
+    second: float
+
+
+def multi_start(
+    fit: Callable[[np.random.Generator], FitResult],
+    n_starts: int,
+    rng: np.random.Generator,
+    *,
+    tolerance: float = 0.05,
+) -> MultiStart:
+    """Run `fit` with independent generators and group the results.
+
+    tolerance: distance up to which two fits are the same explanation; probabilities count as they
+    are and reward weights relative to their size.
+    """
+    if n_starts < 1:
+        raise SerdError(f"n_starts must be at least 1, got {n_starts}")
+    fits = tuple(fit(generator) for generator in rng.spawn(n_starts))
+    labels = _labels(np.stack([signature(one) for one in fits]), tolerance)
+    groups = [np.flatnonzero(labels == label) for label in np.unique(labels)]
+    explanations = [_explanation(fits, members) for members in groups]
+    explanations.sort(key=lambda found: -found.fit.objective)
+    return MultiStart(fits=fits, explanations=tuple(explanations))
+
+
+def signature(fit: FitResult) -> FloatArray:
+    """(n,) what fits are compared by; weights are squashed so that huge ones are alike."""
+    weights = np.arcsinh(fit.reward_weights)
+    belief, truth = fit.believed_outcome_probabilities, fit.outcome_probabilities
+    return np.concatenate([weights, belief.ravel(), truth.ravel()])
+
+
+def differences(first: FitResult, second: FitResult, largest: int = 5) -> tuple[Difference, ...]:
+    """The numbers in which two fits differ most, the largest first."""
+    names = [f"reward {name}" for name in first.feature_names]
+    for block, table in (
+        ("believed", first.believed_outcome_probabilities),
+        ("true", first.outcome_probabilities),
+    ):
+        names += [f"{block} outcome {list(map(int, i))}" for i in np.ndindex(table.shape)]
+    order = np.argsort(-np.abs(signature(first) - signature(second)), kind="stable")[:largest]
+    values, others = _plain(first), _plain(second)
+    return tuple(Difference(names[i], float(values[i]), float(others[i])) for i in order)
+
+
+def _plain(fit: FitResult) -> FloatArray:
+    belief, truth = fit.believed_outcome_probabilities, fit.outcome_probabilities
+    return np.concatenate([fit.reward_weights, belief.ravel(), truth.ravel()])
+
+
+def _labels(signatures: FloatArray, tolerance: float) -> FloatArray:
+    if len(signatures) == 1:
+        return np.ones(1)
+    tree = scipy.cluster.hierarchy.linkage(signatures, method="complete", metric="chebyshev")
+    labels: FloatArray = scipy.cluster.hierarchy.fcluster(tree, tolerance, criterion="distance")
+    return labels
+
+
+def _explanation(fits: tuple[FitResult, ...], members: IntArray) -> Explanation:
+    starts = tuple(int(member) for member in members)
+    best = max(starts, key=lambda start: fits[start].objective)
+    return Explanation(fit=fits[best], starts=starts)

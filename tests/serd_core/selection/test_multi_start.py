@@ -1,0 +1,65 @@
+import numpy as np
+import pytest
+
+from serd_core.demonstrations import Decisions
+from serd_core.errors import SerdError
+from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.parameters import Block
+from serd_core.priors.divergence import KldPrior
+from serd_core.priors.gaussian import GaussianPrior
+from serd_core.selection.multi_start import differences, multi_start
+
+
+@pytest.fixture
+def always_a():
+    """Thirty decisions for a, two thirds of which led on."""
+    zeros = np.zeros(30, int)
+    return Decisions(np.arange(30), zeros.astype(float), zeros, zeros, np.array([0, 1, 1] * 10))
+
+
+def test_the_ambiguity_of_the_minimum_example_is_shown(minimum_example, always_a):
+    """Both explanations of section 4.6.1: b leads on less often, or more often, than a."""
+    prior = KldPrior(0.1) + GaussianPrior(2.0, Block.REWARD)
+    found = multi_start(
+        lambda rng: fit_mdce_serd(minimum_example, always_a, rng=rng, prior=prior),
+        12,
+        np.random.default_rng(0),
+    )
+    assert found.n_converged == 12
+    assert len(found.explanations) == 2
+    signs = {float(np.sign(one.fit.reward_weights[0])) for one in found.explanations}
+    assert signs == {-1.0, 1.0}
+    assert sorted(start for one in found.explanations for start in one.starts) == list(range(12))
+    assert found.best.objective == max(fit.objective for fit in found.fits)
+    first, second = (one.fit for one in found.explanations)
+    named = differences(first, second, largest=1)[0]
+    assert named.name == "reward state"
+    assert named.first == first.reward_weights[0]
+
+
+def test_one_optimum_is_one_explanation(gridworld):
+    found = multi_start(
+        lambda rng: fit_mdce_serd(
+            gridworld.problem, gridworld.decisions, rng=rng, prior=KldPrior(1.0)
+        ),
+        3,
+        np.random.default_rng(0),
+    )
+    assert len(found.explanations) == 1
+    assert found.explanations[0].starts == (0, 1, 2)
+
+
+def test_one_seed_gives_the_same_fits(minimum_example, always_a):
+    def run():
+        return multi_start(
+            lambda rng: fit_mdce_serd(minimum_example, always_a, rng=rng, prior=KldPrior(1.0)),
+            1,
+            np.random.default_rng(5),
+        )
+
+    np.testing.assert_array_equal(run().best.reward_weights, run().best.reward_weights)
+
+
+def test_no_starts_are_refused():
+    with pytest.raises(SerdError, match="n_starts must be at least 1, got 0"):
+        multi_start(lambda _: None, 0, np.random.default_rng(0))

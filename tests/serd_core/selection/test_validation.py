@@ -1,0 +1,105 @@
+import numpy as np
+import pytest
+
+from serd_core.ascent.ascent import FunctionObjective
+from serd_core.ascent.gradient_ascent import GradientAscent
+from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.beliefs import TiedBelief
+from serd_core.errors import SerdError
+from serd_core.estimation import estimate_dynamics
+from serd_core.evaluation import validation_log_likelihood
+from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.serd import SerdSettings
+from serd_core.policies.mdce import MdcePolicy
+from serd_core.priors.divergence import KldPrior
+from serd_core.selection.early_stopping import (
+    EarlyStopping,
+    fit_serd_with_early_stopping,
+    validation_score,
+)
+from serd_core.selection.prior_weight import select_weight, split_episodes
+
+
+def slope(vector):
+    return -float(vector @ vector) / 2, -vector
+
+
+def test_the_step_with_the_best_score_is_returned():
+    ascent = EarlyStopping(
+        GradientAscent(step_size=lambda _: 0.1), lambda v: -abs(float(v[0]) - 0.5), patience=3
+    )
+    found = ascent.maximise(FunctionObjective(slope), np.array([1.0]), lambda _: False)
+    assert found.vector[0] == pytest.approx(0.9**7)
+    assert found.n_steps == 7
+    assert len(found.objective_trace) == 7
+    assert not found.converged
+    assert found.message.startswith("stopped early: best validation score")
+
+
+def test_a_score_that_keeps_growing_changes_nothing():
+    inner = GradientAscent(step_size=lambda _: 0.5)
+    plain = inner.maximise(FunctionObjective(slope), np.array([1.0]), lambda _: False)
+    watched = EarlyStopping(inner, lambda v: -abs(float(v[0]))).maximise(
+        FunctionObjective(slope), np.array([1.0]), lambda _: False
+    )
+    assert watched.converged
+    np.testing.assert_array_equal(watched.vector, plain.vector)
+
+
+def test_no_other_step_of_the_fit_explains_the_validation_set_better(make_gridworld):
+    case = make_gridworld(side=5, n_episodes=12, n_steps=8)
+    training, validation = split_episodes(case.decisions, 0.5, np.random.default_rng(0))
+    start = {
+        "initial_weights": np.array([-4.0, 9.0]),
+        "initial_dynamics": estimate_dynamics(case.problem, training),
+    }
+    scores = []
+    fit = fit_serd_with_early_stopping(
+        case.problem, training, validation, MdcePolicy(), SerdSettings(), patience=15, **start
+    )
+    score = validation_score(case.problem, validation, MdcePolicy(), TiedBelief(), fit.parameters)
+    fit_mdce_serd(
+        case.problem, training, on_step=lambda step: scores.append(score(step.vector)), **start
+    )
+    reached = validation_log_likelihood(case.problem, validation, fit)
+    assert reached == pytest.approx(max(scores[: fit.n_steps + 15]), abs=1e-6)
+    assert reached > scores[-1]
+
+
+def test_a_prior_weight_is_selected_on_the_validation_set(make_gridworld):
+    case = make_gridworld(side=5, n_episodes=12, n_steps=8)
+    training, validation = split_episodes(case.decisions, 0.3, np.random.default_rng(1))
+    selection = select_weight(
+        lambda weight: fit_mdce_serd(
+            case.problem,
+            training,
+            initial_weights=np.zeros(2),
+            prior=KldPrior(weight),
+            ascent=Lbfgs(gradient_tolerance=1e-4),
+        ),
+        lambda fit: validation_log_likelihood(case.problem, validation, fit),
+        [1.0, 1e-3, 30.0],
+    )
+    np.testing.assert_allclose(selection.weights, [1e-3, 1.0, 30.0])
+    assert selection.scores[selection.best] == selection.scores.max()
+    assert selection.weight == selection.weights[selection.best]
+    assert selection.fit is selection.fits[selection.best]
+
+
+def test_splits_keep_episodes_whole(gridworld):
+    training, validation = split_episodes(gridworld.decisions, 0.2, np.random.default_rng(0))
+    assert len(validation.episodes) == 4
+    assert not set(training.episodes) & set(validation.episodes)
+    assert len(training) + len(validation) == len(gridworld.decisions)
+
+
+def test_wrong_settings_are_refused_by_name(gridworld):
+    rng = np.random.default_rng(0)
+    with pytest.raises(SerdError, match="patience must be at least 1, got 0"):
+        EarlyStopping(Lbfgs(), lambda _: 0.0, patience=0)
+    with pytest.raises(SerdError, match="weights must hold at least one candidate"):
+        select_weight(lambda _: None, lambda _: 0.0, [])
+    with pytest.raises(SerdError, match="validation_share must be between 0 and 1, got 1"):
+        split_episodes(gridworld.decisions, 1.0, rng)
+    with pytest.raises(SerdError, match="at least two episodes to be split, got 1"):
+        split_episodes(gridworld.decisions.select_episodes([0]), 0.5, rng)

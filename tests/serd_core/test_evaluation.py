@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+
+from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.errors import SerdError
+from serd_core.evaluation import (
+    dynamics_divergence,
+    fitted_policy,
+    policy_divergence,
+    policy_log_likelihood,
+)
+from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.pm_serd import fit_pm_serd
+from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
+
+
+def test_log_likelihood_is_the_mean_over_decisions(gridworld):
+    uniform = np.full((25, 5), 0.2)
+    value = policy_log_likelihood(gridworld.problem, gridworld.decisions, uniform)
+    assert value == pytest.approx(np.log(0.2))
+    never = np.tile([1.0, 0, 0, 0, 0], (25, 1))
+    assert policy_log_likelihood(gridworld.problem, gridworld.decisions, never) == -np.inf
+
+
+def test_divergences_vanish_for_the_truth_only(gridworld):
+    problem, table = gridworld.problem, gridworld.probabilities
+    visits = np.ones((25, 5))
+    assert dynamics_divergence(problem, table, table, visits) == pytest.approx(0)
+    other = np.full_like(table, 0.2)
+    assert dynamics_divergence(problem, table, other, visits) > 0.1
+    policy = soft_policy(problem, gridworld.weights, table).probabilities
+    assert policy_divergence(policy, policy, visits) == pytest.approx(0)
+    assert policy_divergence(policy, np.full((25, 5), 0.2), visits.sum(axis=1)) > 0
+
+
+def test_transitions_are_compared_and_not_outcomes(minimum_example):
+    """In state 2 both outcomes stay: how they share does not matter there."""
+    visits = np.zeros((2, 3))
+    visits[1, 2] = 1.0
+    one, two = np.array([[0.9, 0.1], [0.5, 0.5]]), np.array([[0.2, 0.8], [0.5, 0.5]])
+    assert dynamics_divergence(minimum_example, one, two, visits) == pytest.approx(0)
+    visits[0, 0] = 1.0
+    expected = 0.5 * (0.9 * np.log(0.9 / 0.2) + 0.1 * np.log(0.1 / 0.8))
+    assert dynamics_divergence(minimum_example, one, two, visits) == pytest.approx(expected)
+
+
+def test_the_policy_of_a_fit_follows_its_policy_model(gridworld):
+    problem, decisions = gridworld.problem, gridworld.decisions
+    quick = {"initial_weights": np.ones(2), "ascent": Lbfgs(max_steps=2)}
+    soft = fit_mdce_serd(problem, decisions, **quick)
+    expected = soft_policy(problem, soft.reward_weights, soft.outcome_probabilities)
+    np.testing.assert_allclose(fitted_policy(problem, soft), expected.probabilities)
+    matching = fit_pm_serd(problem, decisions, initial_temperature=2.0, **quick)
+    expected = boltzmann_policy(
+        problem, matching.reward_weights, matching.outcome_probabilities, matching.temperature
+    )
+    np.testing.assert_allclose(fitted_policy(problem, matching), expected.probabilities)
+
+
+def test_visits_without_any_visit_are_refused():
+    with pytest.raises(SerdError, match="visits must be non-negative with a positive sum"):
+        policy_divergence(np.ones((2, 1)), np.ones((2, 1)), np.zeros(2))
