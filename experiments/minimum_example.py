@@ -1,0 +1,140 @@
+"""The minimum example (section 4.6.1, Figs. 4.8 and 4.9).
+
+Two states, three actions; the expert always takes a in state 1. What b would have done was never
+seen, so the demonstrations have two explanations: SERD finds either, depending on its start, IRL
+with the naive dynamics only the one its prior for b implies.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from experiments.repetitions import Execution, Progress, Row, run_repetitions
+from serd_core.ascent.ascent import Ascent
+from serd_core.ascent.trust_region import TrustRegion
+from serd_core.beliefs import Belief, FixedBelief, TiedBelief
+from serd_core.demonstrations import Decisions
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.errors import SerdError
+from serd_core.evaluation import fitted_policy
+from serd_core.fit_result import FitResult
+from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.mdp import Mdp
+from serd_core.parameters import Block
+from serd_core.priors.norm import NormPrior
+from serd_core.problem import TabularProblem
+from serd_core.simulation import sample_decisions
+
+FIRST, SECOND = 0, 1
+A, B, C = 0, 1, 2
+ASCENT = TrustRegion(max_steps=200)
+LEARNERS: dict[str, Belief] = {"MDCE SERD": TiedBelief(), "MDCE IRL": FixedBelief()}
+
+
+@dataclass(frozen=True)
+class MinimumExampleConfig:
+    """Settings of section 4.6.1; the thesis does not state the discount.
+
+    sizes: demonstrations per set, the sets are spread evenly over them; horizon: steps of each.
+    weight: of the L2 norms of rewards and dynamics; ascent: who moves the parameters.
+    """
+
+    n_sets: int = 5_000
+    sizes: tuple[int, ...] = (1, 2, 3, 5, 8, 12, 20, 30, 50)
+    horizon: int = 3
+    discount: float = 0.9
+    weight: float = 1e-6
+    seed: int = 0
+    ascent: Ascent = ASCENT
+
+    def __post_init__(self) -> None:
+        if self.n_sets < 1 or not self.sizes or min(self.sizes) < 1:
+            raise SerdError(
+                f"n_sets and sizes must be at least 1, got {self.n_sets} and {self.sizes}"
+            )
+
+
+def run_minimum_example(
+    config: MinimumExampleConfig, folder: Path, execution: Execution, progress: Progress
+) -> list[Row]:
+    """One row per demonstration set and learner; resumable in `folder`."""
+    sets_per_repetition = 50
+    n_repetitions = -(-config.n_sets // sets_per_repetition)
+    repetition = partial(fit_sets, config, sets_per_repetition)
+    return run_repetitions(repetition, n_repetitions, folder, repr(config), execution, progress)
+
+
+def fit_sets(config: MinimumExampleConfig, n_sets: int, number: int) -> list[Row]:
+    """Rows of the sets that belong to one repetition."""
+    last = min((number + 1) * n_sets, config.n_sets)
+    return [row for index in range(number * n_sets, last) for row in fit_one_set(config, index)]
+
+
+def fit_one_set(config: MinimumExampleConfig, index: int) -> list[Row]:
+    """Sample one set, start both learners at the same random weight."""
+    rng = np.random.default_rng([config.seed, index])
+    problem = minimum_example(config.discount)
+    size = config.sizes[index % len(config.sizes)]
+    decisions = demonstrate(problem, size, config.horizon, rng)
+    weight = rng.uniform(-10.0, 10.0, 1)
+    prior = NormPrior(config.weight, Block.REWARD) + NormPrior(config.weight, Block.TRUTH)
+    rows = []
+    for name, belief in LEARNERS.items():
+        fit = fit_mdce_serd(
+            problem,
+            decisions,
+            initial_weights=weight,
+            belief=belief,
+            prior=prior,
+            ascent=config.ascent,
+        )
+        rows.append(_row(problem, name, index, size, fit))
+    return rows
+
+
+def minimum_example(discount: float) -> TabularProblem:
+    """Figure 4.2 with one outcome model per action in state 1, features -1 and +1."""
+    successors = np.zeros((2, 3, 2), dtype=np.int64)
+    successors[FIRST, [A, B]] = [FIRST, SECOND]
+    successors[SECOND, C] = SECOND
+    available = np.array([[True, True, False], [False, False, True]])
+    models = OutcomeModels(successors, np.array([[A, B, A]] * 2), available, n_models=2)
+    features = np.array([-1.0, 1.0])[:, None, None] * np.ones((2, 3, 1))
+    return TabularProblem(Mdp(models, discount), features, ("state",))
+
+
+def demonstrate(
+    problem: TabularProblem, size: int, horizon: int, rng: np.random.Generator
+) -> Decisions:
+    """Episodes of an expert who takes a in state 1, where it moves on with probability 2/3.
+
+    Steps in state 2, where c is the only action, say nothing and are left out.
+    """
+    return sample_decisions(
+        problem.mdp,
+        np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+        np.array([[1 / 3, 2 / 3], [0.5, 0.5]]),
+        np.array([1.0, 0.0]),
+        n_episodes=size,
+        n_steps=horizon,
+        rng=rng,
+    )
+
+
+def _row(problem: TabularProblem, name: str, index: int, size: int, fit: FitResult) -> Row:
+    by_a, by_b = fit.outcome_probabilities[:, SECOND]
+    policy = fitted_policy(problem, fit)
+    return {
+        "set": index,
+        "size": size,
+        "learner": name,
+        "moves_on_a": float(by_a),
+        "moves_on_b": float(by_b),
+        "weight": float(fit.reward_weights[0]),
+        # MDP B of Fig. 4.7: state 2 is the better one and a leads there more often.
+        "mode": "B" if fit.reward_weights[0] > 0 else "A",
+        "log_likelihood": float(np.log(max(policy[FIRST, A], np.finfo(np.float64).tiny))),
+        "converged": fit.converged,
+    }

@@ -1,0 +1,109 @@
+"""What each prior prefers (section 4.5.4, Fig. 4.6, Table 4.3).
+
+A Boltzmann distribution over two outcomes, P(x_i) proportional to exp(theta_i); each log prior is
+drawn over the plane of parameters and maximised on the circle |theta|_2 = 1, which stands in for
+the likelihood.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from experiments.repetitions import Row
+from serd_core.arrays import FloatArray
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.errors import SerdError
+from serd_core.parameters import Block, Parameters
+from serd_core.priors.divergence import KldPrior
+from serd_core.priors.entropy import EntropyPrior
+from serd_core.priors.norm import NormPrior
+from serd_core.priors.prior import Prior
+
+#: One state that knows two outcomes apart: stay, or leave for a second state that only stays.
+MODEL = OutcomeModels(
+    successors=np.array([[[0, 1]], [[1, 1]]]),
+    model_of=np.zeros((2, 1), dtype=np.int64),
+    available=np.ones((2, 1), dtype=np.bool_),
+    n_models=1,
+)
+REFERENCE = np.array([[0.9, 0.1]])
+PRIORS: dict[str, Prior] = {
+    "L1": NormPrior(1.0, Block.TRUTH, p=1.0, smoothing=1e-9),
+    "L2": NormPrior(1.0, Block.TRUTH, p=2.0, smoothing=1e-9),
+    "Entropy": EntropyPrior(1.0),
+    "KLD(Q||P)": KldPrior(1.0, REFERENCE),
+}
+
+
+@dataclass(frozen=True)
+class PriorsConfig:
+    """extent: half-width of the drawn plane; n_points: per side; n_angles: on the circle."""
+
+    extent: float = 2.0
+    n_points: int = 81
+    n_angles: int = 7_200
+
+    def __post_init__(self) -> None:
+        if not self.extent > 0 or self.n_points < 2 or self.n_angles < 8:
+            raise SerdError(
+                "extent must be above 0, n_points at least 2 and n_angles at least 8, got"
+                f" {self.extent}, {self.n_points} and {self.n_angles}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A log prior over the plane: theta (n,) along both axes, value (n, n) by [second, first]."""
+
+    theta: FloatArray
+    value: FloatArray
+
+
+def prior_surfaces(config: PriorsConfig) -> dict[str, Surface]:
+    """Centre column of Table 4.3."""
+    axis = np.linspace(-config.extent, config.extent, config.n_points)
+    return {
+        name: Surface(
+            axis, np.array([[log_prior(prior, one, two) for one in axis] for two in axis])
+        )
+        for name, prior in PRIORS.items()
+    }
+
+
+def optimal_distributions(config: PriorsConfig) -> list[Row]:
+    """Right column of Table 4.3: one row per maximum on the circle.
+
+    Where all points of the circle are as good, one row says so with None for the numbers.
+    """
+    angles = np.linspace(0.0, 2.0 * np.pi, config.n_angles, endpoint=False)
+    return [row for name, prior in PRIORS.items() for row in _optima(name, prior, angles)]
+
+
+def log_prior(prior: Prior, one: float, two: float) -> float:
+    """log P(theta) + Z at theta = (one, two)."""
+    theta = np.array([one, two])
+    return prior.evaluate(MODEL, Parameters(np.zeros(0), theta, theta, np.zeros(0))).value
+
+
+def _optima(name: str, prior: Prior, angles: FloatArray) -> list[Row]:
+    values = np.array([log_prior(prior, np.cos(angle), np.sin(angle)) for angle in angles])
+    if np.ptp(values) < 1e-9:
+        return [_row(name, float(values[0]), None)]
+    # Neighbours that are equal within rounding belong to one maximum: the first of them counts.
+    best = values >= values.max() - 1e-12
+    first = best & ~np.roll(best, 1)
+    return [_row(name, float(values.max()), float(angle)) for angle in angles[first]]
+
+
+def _row(name: str, value: float, angle: float | None) -> Row:
+    row: Row = {"prior": name, "log_prior": value}
+    if angle is None:
+        return row | {"theta_1": None, "theta_2": None, "p_1": None, "p_2": None}
+    theta = np.array([np.cos(angle), np.sin(angle)])
+    first, second = MODEL.local_probabilities(theta)[0]
+    return row | {
+        "theta_1": float(theta[0]),
+        "theta_2": float(theta[1]),
+        "p_1": float(first),
+        "p_2": float(second),
+    }
