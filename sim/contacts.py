@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import BoolArray, FloatArray
 from sim.crowd import Crowd, RobotBody
 
 _TOUCH_M = 0.0
@@ -22,6 +22,16 @@ class ContactCounts:
     robot_on_person: int = 0
     person_on_robot: int = 0
     robot_on_wall: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class ContactState:
+    """What a snapshot keeps of the counter. touching: (N,) who touches the robot now."""
+
+    counts: ContactCounts
+    minimum_distance_m: float
+    touching: BoolArray
+    touching_wall: bool
 
 
 class ContactCounter:
@@ -48,6 +58,17 @@ class ContactCounter:
                 robot_on_wall=self.counts.robot_on_wall + on_wall,
             )
 
+    def snapshot(self) -> ContactState:
+        """Copy of all that changes."""
+        return ContactState(
+            self.counts, self.minimum_distance_m, self._touching.copy(), self._touching_wall
+        )
+
+    def restore(self, state: ContactState) -> None:
+        """Go back to a snapshot."""
+        self.counts, self.minimum_distance_m = state.counts, state.minimum_distance_m
+        self._touching, self._touching_wall = state.touching.copy(), state.touching_wall
+
     def _update_people(self, crowd: Crowd, robot: RobotBody) -> tuple[int, int]:
         away_x, away_y = crowd.x_m - robot.x_m, crowd.y_m - robot.y_m
         distance = np.sqrt(away_x * away_x + away_y * away_y)
@@ -65,8 +86,9 @@ class ContactCounter:
 
 def _robot_closes_in_faster(
     crowd: Crowd, robot: RobotBody, away_x: FloatArray, away_y: FloatArray
-) -> np.ndarray:
+) -> BoolArray:
     """(N,) whether the robot's speed towards each person exceeds the person's towards the robot."""
     robots = away_x * robot.velocity_x_mps + away_y * robot.velocity_y_mps
     persons = -(away_x * crowd.velocity_x_mps + away_y * crowd.velocity_y_mps)
-    return robots > np.maximum(persons, 0.0)
+    faster: BoolArray = robots > np.maximum(persons, 0.0)
+    return faster

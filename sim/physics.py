@@ -1,8 +1,9 @@
 """The PyBullet side of the world: walls, a cylinder that is the robot, capsules that are people.
 
-The robot is driven by setting its velocity each step (an explicit unicycle); Bullet integrates it
-and keeps it out of the walls. People are moved by the crowd; Bullet only knows where they are, for
-ray tests and pictures, and is told so only when somebody looks.
+The robot is driven by setting its velocity each step (an explicit unicycle) and Bullet integrates
+it. Bullet's own collision response is off: its contacts carry hidden state from step to step, which
+a snapshot could not hold; `robot` keeps the robot out of the walls. People are moved by the crowd;
+Bullet only knows where they are, for ray tests and pictures, and is told only when somebody looks.
 """
 
 import math
@@ -41,16 +42,16 @@ class Physics:
             pybullet.configureDebugVisualizer(
                 pybullet.COV_ENABLE_GUI, 0, physicsClientId=self.client
             )
+        self._robot = self._add_robot(scenario.robot)
         for start, end in scenario.wall_segments_m:
             self._add_wall(start, end)
-        self._robot = self._add_robot(scenario.robot)
         self._people = self._add_people(scenario.pedestrians.count, person_radius_m)
 
-    def place_robot(self, x_m: float, y_m: float, yaw_rad: float) -> None:
-        """Put the robot somewhere, standing."""
-        orientation = (0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad))
+    def place_robot(self, x_m: float, y_m: float, half_turn: tuple[float, float]) -> None:
+        """Put the robot somewhere, standing; half_turn: (z, w) of its orientation quaternion."""
+        place = (x_m, y_m, 0.5 * self._robot_height_m)
         pybullet.resetBasePositionAndOrientation(
-            self._robot, (x_m, y_m, 0.5 * self._robot_height_m), orientation, self.client
+            self._robot, place, (0.0, 0.0, *half_turn), self.client
         )
         pybullet.resetBaseVelocity(self._robot, (0, 0, 0), (0, 0, 0), self.client)
 
@@ -61,12 +62,12 @@ class Physics:
         )
         pybullet.stepSimulation(self.client)
 
-    def robot_pose(self) -> tuple[float, float, float]:
-        """(x_m, y_m, yaw_rad) of the robot."""
+    def robot_place(self) -> tuple[float, float, tuple[float, float]]:
+        """(x_m, y_m, (z, w)) of the robot, as `place_robot` takes it."""
         (x_m, y_m, _), (_, _, z, w) = pybullet.getBasePositionAndOrientation(
             self._robot, self.client
         )
-        return x_m, y_m, 2.0 * math.atan2(z, w) if w >= 0 else 2.0 * math.atan2(-z, -w)
+        return x_m, y_m, (z, w)
 
     def place_people(self, x_m: FloatArray, y_m: FloatArray) -> None:
         """Put the capsules where the people are."""
@@ -88,6 +89,11 @@ class Physics:
         if self.client >= 0:
             pybullet.disconnect(self.client)
             self.client = -1
+
+    def _ignore_contacts_with_robot(self, body: int) -> None:
+        pybullet.setCollisionFilterPair(
+            body, self._robot, -1, -1, _NO_COLLISION, physicsClientId=self.client
+        )
 
     def _add_wall(self, start: FloatArray, end: FloatArray) -> None:
         """A box whose face towards the left of start -> end lies on the segment."""
@@ -117,9 +123,7 @@ class Physics:
             0.0, shape, -1, position, orientation, physicsClientId=self.client
         )
         pybullet.changeVisualShape(body, -1, rgbaColor=colour, physicsClientId=self.client)
-        pybullet.changeDynamics(
-            body, -1, lateralFriction=0.0, restitution=0.0, physicsClientId=self.client
-        )
+        self._ignore_contacts_with_robot(body)
         return body
 
     def _add_robot(self, robot: RobotSettings) -> int:
@@ -160,8 +164,5 @@ class Physics:
         for number in range(count):
             place = (-10.0 - number, -10.0, 0.5 * _PERSON_HEIGHT_M)
             body = self._add_fixed_body(shape, place, (0.0, 0.0, 0.0, 1.0), _PERSON_COLOUR)
-            pybullet.setCollisionFilterPair(
-                body, self._robot, -1, -1, _NO_COLLISION, physicsClientId=self.client
-            )
             bodies.append(body)
         return bodies

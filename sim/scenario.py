@@ -14,7 +14,15 @@ from pydantic import Field, field_validator, model_validator
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
 from sim.polygon import contains, edges_of, self_intersection, signed_area_m2
-from sim.settings import LidarSettings, Loop, PedestrianSettings, Point, Polygon, RobotSettings
+from sim.settings import (
+    LidarSettings,
+    Loop,
+    OdometrySettings,
+    PedestrianSettings,
+    Point,
+    Polygon,
+    RobotSettings,
+)
 from storage.nearest import nearest_name
 from storage.yaml_config import StrictModel, load_yaml_model
 
@@ -45,6 +53,7 @@ class Scenario(StrictModel):
     pedestrians: PedestrianSettings = PedestrianSettings()
     robot: RobotSettings = RobotSettings()
     lidar: LidarSettings = LidarSettings()
+    odometry: OdometrySettings = OdometrySettings()
 
     @field_validator("walkable_area_m", "goal_area_m")
     @classmethod
@@ -72,6 +81,11 @@ class Scenario(StrictModel):
     def ticks_per_decision(self) -> int:
         """Control periods in one decision period."""
         return round(self.decision_period_s / self.control_period_s)
+
+    @property
+    def ticks_per_scan(self) -> int:
+        """Control periods between two scans."""
+        return max(1, round(1.0 / (self.lidar.rate_hz * self.control_period_s)))
 
     @property
     def wall_polygons_m(self) -> list[FloatArray]:

@@ -3,9 +3,9 @@
 import numpy as np
 
 #: What a stream is for; part of its key, so that no two of them share numbers.
-CROWD, START, EXPERT, POLICY, SENSOR = range(5)
+CROWD, START, EXPERT, POLICY, LIDAR, ODOMETRY = range(6)
 
 
-def episode_rng(seed: int, episode: int, purpose: int) -> np.random.Generator:
-    """Generator for one purpose in one episode: the same for the same three numbers, always."""
-    return np.random.default_rng(np.random.SeedSequence([seed, episode, purpose]))
+def episode_rng(seed: int, episode: int, purpose: int, *more: int) -> np.random.Generator:
+    """Generator for one purpose in one episode: the same for the same numbers, always."""
+    return np.random.default_rng(np.random.SeedSequence([seed, episode, purpose, *more]))

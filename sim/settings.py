@@ -49,6 +49,24 @@ class LidarSettings(StrictModel):
         return self.angle_min_rad + (self.n_rays - 1) * self.angle_increment_rad
 
 
+class OdometrySettings(StrictModel):
+    """Drift of the wheels' dead reckoning; none by default.
+
+    Scale deviations are relative, drawn per episode; noise grows with the root of the way.
+    """
+
+    distance_scale_deviation: float = Field(default=0.0, ge=0)
+    turn_scale_deviation: float = Field(default=0.0, ge=0)
+    distance_noise_m: float = Field(default=0.0, ge=0)
+    turn_noise_rad: float = Field(default=0.0, ge=0)
+
+    @property
+    def drifts(self) -> bool:
+        """Whether any deviation is above zero."""
+        scales = self.distance_scale_deviation + self.turn_scale_deviation
+        return scales + self.distance_noise_m + self.turn_noise_rad > 0.0
+
+
 class Loop(StrictModel):
     """A closed way people walk round and round, listed as right-hand traffic walks it.
 

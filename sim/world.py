@@ -11,44 +11,47 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_core.arrays import FloatArray
 from serd_core.grid import Grid
 from sim.command import STOP, Command
 from sim.contacts import ContactCounter, ContactCounts
-from sim.crowd import Crowd, RobotBody, start_crowd
+from sim.crowd import Crowd, start_crowd
 from sim.errors import SimError
 from sim.lidar import Lidar
 from sim.observation import Observation, make_observation
 from sim.occupancy import OccupancyRaster, occupancy_raster
+from sim.odometry import Odometry
 from sim.physics import Physics
 from sim.polygon import contains
+from sim.robot import Robot, RobotState, standing_at
 from sim.scenario import Scenario
 from sim.scenario_grid import grid_of, start_states_of
-from sim.seeds import CROWD, START, episode_rng
+from sim.seeds import CROWD, LIDAR, ODOMETRY, START, episode_rng
 from sim.social_force import model_named
-from sim.unicycle import chord_velocity, limited_velocity
-from sim.wall_geometry import WallGeometry
+from sim.world_state import WorldState
 
 _START_SPREAD = 0.2
-_LIDAR_HEIGHT_M = 0.3
 
 
 class HallwayWorld:
     """One world; call `reset`, then `step` with a command every control period."""
 
     def __init__(self, scenario: Scenario, *, seed: int, gui: bool = False) -> None:
+        person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         self.scenario = scenario
         self.seed = seed
         self.grid: Grid = grid_of(scenario)
         self.tick = 0
         self.n_rejected_commands = 0
         self._gui = gui
-        self._lidar = Lidar(scenario.lidar, _LIDAR_HEIGHT_M)
-        self._physics = Physics(
-            scenario, model_named(scenario.pedestrians.model).body_radius_m, gui=gui
-        )
-        self._walls = WallGeometry(1, scenario.wall_segments_m)
+        self._lidar = Lidar(scenario.lidar, scenario.wall_segments_m, person_radius_m)
+        self._physics = Physics(scenario, person_radius_m, gui=gui)
+        self._robot = Robot(scenario, self._physics)
         self._goal_area = np.array(scenario.goal_area_m)
+        self._episode = self._first_tick = 0
+        self._contacts = ContactCounter(0)
+        self._odometry = Odometry(
+            scenario.odometry, self._robot.state.pose, episode_rng(seed, 0, ODOMETRY)
+        )
         self._crowd: Crowd | None = None
         self._observation: Observation | None = None
 
@@ -58,17 +61,8 @@ class HallwayWorld:
             per_decision = self.scenario.ticks_per_decision
             self.tick = (self.tick // per_decision + 2) * per_decision
         pose = self._draw_start(episode_rng(self.seed, episode, START), start_area)
-        self._physics.place_robot(*pose)
-        self._pose = pose
-        self._speed_mps = self._yaw_rate_radps = 0.0
-        self._crowd = start_crowd(
-            self.scenario.pedestrians,
-            self.scenario.directed_loops,
-            self.scenario.wall_segments_m,
-            episode_rng(self.seed, episode, CROWD),
-        )
+        self._begin(episode, standing_at(pose))
         self._warm_up()
-        self._contacts = ContactCounter(len(self._crowd))
         self._observation = self._observe()
         return self._observation
 
@@ -78,12 +72,12 @@ class HallwayWorld:
         if not command.is_finite:
             self.n_rejected_commands += 1
             command = STOP
-        step_s = self.scenario.control_period_s
-        crowd.step(step_s, self._robot_body() if self._sees_robot else None)
-        self._drive(command, step_s)
-        robot = self._robot_body()
-        self._contacts.update(crowd, robot, self._wall_distance_m)
-        crowd.push_out_of(robot)
+        seen = self._robot.body if self.scenario.pedestrians.robot_visible else None
+        crowd.step(self.scenario.control_period_s, seen)
+        self._robot.drive(command)
+        self._odometry.follow(self._robot.state.pose)
+        self._contacts.update(crowd, self._robot.body, self._robot.wall_distance_m)
+        crowd.push_out_of(self._robot.body)
         self.tick += 1
         if self._gui:
             self._physics.place_people(crowd.x_m, crowd.y_m)
@@ -115,18 +109,64 @@ class HallwayWorld:
     @property
     def in_goal(self) -> bool:
         """Whether the robot's centre is in the goal area."""
-        return bool(contains(self._goal_area, self._pose[:2])[0])
+        return bool(contains(self._goal_area, self._robot.state.pose[:2])[0])
+
+    @property
+    def odometry_pose(self) -> tuple[float, float, float]:
+        """(x_m, y_m, yaw_rad) by the wheels alone, from the true pose at the episode's start."""
+        self._running()
+        return self._odometry.pose
+
+    @property
+    def is_scan_tick(self) -> bool:
+        """Whether the lidar has a new scan at this tick."""
+        return self.tick % self.scenario.ticks_per_scan == 0
 
     def scan(self, observation: Observation | None = None) -> NDArray[np.float32]:
-        """(n_rays,) lidar ranges from the observed pose among the people as they are now."""
+        """(n_rays,) lidar ranges from the observed pose among the people as they are now.
+
+        Asked again at the same tick, the noise is the same.
+        """
         crowd = self._running()
-        self._physics.place_people(crowd.x_m, crowd.y_m)
         seen = observation if observation is not None else self.observation
-        return self._lidar.scan(self._physics, seen.pose)
+        rng = None
+        if self.scenario.lidar.noise_deviation_m > 0:
+            rng = episode_rng(self.seed, self._episode, LIDAR, self.tick - self._first_tick)
+        return self._lidar.scan(seen.pose, crowd.x_m, crowd.y_m, rng)
 
     def map_raster(self, resolution_m: float = 0.05) -> OccupancyRaster:
         """The map for people and planners."""
         return occupancy_raster(self.scenario, resolution_m)
+
+    def snapshot(self) -> WorldState:
+        """Everything that changes, as a value."""
+        return WorldState(
+            seed=self.seed,
+            episode=self._episode,
+            tick=self.tick,
+            first_tick=self._first_tick,
+            n_rejected_commands=self.n_rejected_commands,
+            robot=self._robot.state,
+            crowd=self._running().snapshot(),
+            contacts=self._contacts.snapshot(),
+            odometry=self._odometry.snapshot(),
+        )
+
+    def restore(self, state: WorldState) -> Observation:
+        """Go back to a snapshot of a world of this scenario and seed; also in another process."""
+        if state.seed != self.seed:
+            raise SimError(
+                f"state must be of this world's seed {self.seed}, got seed {state.seed}"
+                f"; make the world with seed={state.seed}"
+            )
+        self._begin(state.episode, state.robot)
+        self._running().restore(state.crowd)
+        self._contacts.restore(state.contacts)
+        self._odometry.restore(state.odometry)
+        self.tick, self._first_tick = state.tick, state.first_tick
+        self.n_rejected_commands = state.n_rejected_commands
+        self._observation = self._observe()
+        return self._observation
 
     def close(self) -> None:
         """Give PyBullet's world back; a second call does nothing."""
@@ -143,14 +183,26 @@ class HallwayWorld:
     ) -> None:
         self.close()
 
-    @property
-    def _sees_robot(self) -> bool:
-        return self.scenario.pedestrians.robot_visible
-
     def _running(self) -> Crowd:
         if self._crowd is None:
             raise SimError("the world must be reset before use; call reset(episode) first")
         return self._crowd
+
+    def _begin(self, episode: int, robot: RobotState) -> None:
+        """New people on their loops, not yet warmed up, and the robot in the given state."""
+        self._episode = episode
+        self._first_tick = self.tick
+        self._robot.place(robot)
+        self._odometry = Odometry(
+            self.scenario.odometry, robot.pose, episode_rng(self.seed, episode, ODOMETRY)
+        )
+        self._crowd = start_crowd(
+            self.scenario.pedestrians,
+            self.scenario.directed_loops,
+            self.scenario.wall_segments_m,
+            episode_rng(self.seed, episode, CROWD),
+        )
+        self._contacts = ContactCounter(len(self._crowd))
 
     def _draw_start(self, rng: np.random.Generator, area: str) -> tuple[float, float, float]:
         state = rng.choice(start_states_of(self.scenario, self.grid, area))
@@ -160,49 +212,19 @@ class HallwayWorld:
 
     def _warm_up(self) -> None:
         crowd, step_s = self._running(), self.scenario.control_period_s
-        robot = self._robot_body() if self._sees_robot else None
+        seen = self._robot.body if self.scenario.pedestrians.robot_visible else None
         for _ in range(round(self.scenario.pedestrians.warm_up_s / step_s)):
-            crowd.step(step_s, robot)
-            crowd.push_out_of(self._robot_body())
-
-    def _drive(self, command: Command, step_s: float) -> None:
-        """One control period of the unicycle; what a wall takes of the speed is lost."""
-        speed, yaw_rate = limited_velocity(
-            command, self._speed_mps, self._yaw_rate_radps, self.scenario.robot, step_s
-        )
-        before = self._pose
-        self._physics.move_robot(chord_velocity(before[2], speed, yaw_rate, step_s), yaw_rate)
-        self._pose = self._physics.robot_pose()
-        self._wall_distance_m = self._distance_to_walls_m()
-        if self._wall_distance_m < self.scenario.robot.radius_m + 0.02:
-            moved_x, moved_y = self._pose[0] - before[0], self._pose[1] - before[1]
-            yaw = self._pose[2]
-            speed = (moved_x * math.cos(yaw) + moved_y * math.sin(yaw)) / step_s
-        self._speed_mps, self._yaw_rate_radps = speed, yaw_rate
-
-    def _distance_to_walls_m(self) -> float:
-        here: FloatArray = np.array(self._pose[:2])
-        self._walls.update(here[:1], here[1:])
-        return float(self._walls.distance_m.min())
-
-    def _robot_body(self) -> RobotBody:
-        x_m, y_m, yaw = self._pose
-        return RobotBody(
-            x_m=x_m,
-            y_m=y_m,
-            velocity_x_mps=self._speed_mps * math.cos(yaw),
-            velocity_y_mps=self._speed_mps * math.sin(yaw),
-            radius_m=self.scenario.robot.radius_m,
-        )
+            crowd.step(step_s, seen)
+            crowd.push_out_of(self._robot.body)
 
     def _observe(self) -> Observation:
-        crowd = self._running()
+        crowd, robot = self._running(), self._robot.state
         return make_observation(
             time_s=self.time_s,
             tick=self.tick,
-            pose=self._pose,
-            speed_mps=self._speed_mps,
-            yaw_rate_radps=self._yaw_rate_radps,
+            pose=robot.pose,
+            speed_mps=robot.speed_mps,
+            yaw_rate_radps=robot.yaw_rate_radps,
             people_position_m=np.stack([crowd.x_m, crowd.y_m], axis=1),
             people_velocity_mps=np.stack([crowd.velocity_x_mps, crowd.velocity_y_mps], axis=1),
             people_id=np.arange(len(crowd)),

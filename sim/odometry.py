@@ -1,0 +1,70 @@
+"""Where the robot believes it is from its wheels alone: the truth plus drift.
+
+Each control period the wheels report the true motion in the robot's frame, (d, dyaw), as
+
+    d (1 + s_d) + n_d sqrt(|d|),   dyaw (1 + s_w) + n_w sqrt(|d|)
+
+with scale errors s drawn once per episode and fresh normal n. Without deviations it is the truth.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim.settings import OdometrySettings
+
+Pose = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class OdometryState:
+    """What a snapshot keeps of the odometry."""
+
+    pose: Pose
+    last_truth: Pose
+    generator_state: dict[str, Any]
+
+
+class Odometry:
+    """Dead reckoning from the start of an episode on, beginning at the true pose."""
+
+    def __init__(self, settings: OdometrySettings, start: Pose, rng: np.random.Generator) -> None:
+        self.pose = start
+        self._settings, self._rng = settings, rng
+        self._last_truth = start
+        scale_distance, scale_turn = rng.standard_normal(2)
+        self._distance_scale = 1.0 + settings.distance_scale_deviation * scale_distance
+        self._turn_scale = 1.0 + settings.turn_scale_deviation * scale_turn
+
+    def follow(self, truth: Pose) -> None:
+        """Take the true pose of the next control period."""
+        before, self._last_truth = self._last_truth, truth
+        if not self._settings.drifts:
+            self.pose = truth
+            return
+        turned = math.remainder(truth[2] - before[2], math.tau)
+        heading = before[2] + 0.5 * turned
+        moved_x, moved_y = truth[0] - before[0], truth[1] - before[1]
+        distance = moved_x * math.cos(heading) + moved_y * math.sin(heading)
+        noise = math.sqrt(abs(distance)) * self._rng.standard_normal(2)
+        distance = distance * self._distance_scale + self._settings.distance_noise_m * noise[0]
+        turned = turned * self._turn_scale + self._settings.turn_noise_rad * noise[1]
+        x_m, y_m, yaw_rad = self.pose
+        middle = yaw_rad + 0.5 * turned
+        self.pose = (
+            x_m + distance * math.cos(middle),
+            y_m + distance * math.sin(middle),
+            math.remainder(yaw_rad + turned, math.tau),
+        )
+
+    def snapshot(self) -> OdometryState:
+        """Copy of all that changes."""
+        state = dict(self._rng.bit_generator.state)
+        return OdometryState(self.pose, self._last_truth, state)
+
+    def restore(self, state: OdometryState) -> None:
+        """Go back to a snapshot of this episode's odometry."""
+        self.pose, self._last_truth = state.pose, state.last_truth
+        self._rng.bit_generator.state = state.generator_state

@@ -1,0 +1,23 @@
+"""Everything that changes in a world, as one value: to go back to, or to carry on elsewhere."""
+
+from dataclasses import dataclass
+
+from sim.contacts import ContactState
+from sim.crowd import CrowdState
+from sim.odometry import OdometryState
+from sim.robot import RobotState
+
+
+@dataclass(frozen=True, eq=False)
+class WorldState:
+    """A snapshot of a world of one scenario and seed; restoring repeats what followed exactly."""
+
+    seed: int
+    episode: int
+    tick: int
+    first_tick: int
+    n_rejected_commands: int
+    robot: RobotState
+    crowd: CrowdState
+    contacts: ContactState
+    odometry: OdometryState
