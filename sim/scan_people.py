@@ -1,0 +1,82 @@
+"""People in one lidar scan: what the map does not explain, cut into bodies.
+
+Rays that end away from every wall are grouped while their end points stay close together; a group
+wider than one body is split. Of a round body of radius r only the near side is seen, on average
+pi/4 r before its centre.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from serd_core.arrays import FloatArray
+from sim.occupancy import WallDistanceRaster
+
+Pose = tuple[float, float, float]
+
+_WALL_MARGIN_M = 0.12
+_SAME_BODY_M = 0.25
+_SKIPPED_RAYS = 2
+
+
+def people_in_scan(
+    ranges_m: NDArray[np.float32],
+    angles_rad: FloatArray,
+    pose: Pose,
+    walls: WallDistanceRaster,
+    person_radius_m: float,
+) -> FloatArray:
+    """(K, 2) estimated centres of people, in the map."""
+    rays, x_m, y_m = _unexplained_points(ranges_m, angles_rad, pose, walls)
+    if not len(rays):
+        return np.zeros((0, 2))
+    apart = np.hypot(np.diff(x_m), np.diff(y_m)) > _SAME_BODY_M
+    breaks = np.flatnonzero(apart | (np.diff(rays) > _SKIPPED_RAYS)) + 1
+    groups = np.split(np.stack([x_m, y_m], axis=1), breaks)
+    if len(groups) > 1 and _continues_around(rays, groups, len(angles_rad)):
+        groups[0] = np.concatenate([groups.pop(), groups[0]])
+    centers = [
+        center
+        for group in groups
+        for body in _bodies_of(group, person_radius_m)
+        if (center := _center_of(body, pose, person_radius_m)) is not None
+    ]
+    return np.array(centers).reshape(-1, 2)
+
+
+def _unexplained_points(
+    ranges_m: NDArray[np.float32], angles_rad: FloatArray, pose: Pose, walls: WallDistanceRaster
+) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+    """Indices and end points of the rays that end in the open."""
+    rays = np.flatnonzero(np.isfinite(ranges_m))
+    angle = angles_rad[rays] + pose[2]
+    reach_m = ranges_m[rays].astype(np.float64)
+    x_m: FloatArray = pose[0] + reach_m * np.cos(angle)
+    y_m: FloatArray = pose[1] + reach_m * np.sin(angle)
+    free = walls.at(x_m, y_m) > _WALL_MARGIN_M
+    return rays[free], x_m[free], y_m[free]
+
+
+def _continues_around(rays: NDArray[np.intp], groups: list[FloatArray], n_rays: int) -> bool:
+    """Whether the last group goes on in the first one, across the scan's seam."""
+    near = float(np.hypot(*(groups[-1][-1] - groups[0][0]))) <= _SAME_BODY_M
+    return near and rays[0] + n_rays - rays[-1] <= _SKIPPED_RAYS
+
+
+def _bodies_of(group: FloatArray, person_radius_m: float) -> list[FloatArray]:
+    """The group cut into as many equal parts as bodies fit side by side."""
+    width = float(np.hypot(*(group[-1] - group[0])))
+    count = max(1, math.floor(width / (2.0 * person_radius_m) + 0.4))
+    return [part for part in np.array_split(group, count) if len(part)]
+
+
+def _center_of(body: FloatArray, pose: Pose, person_radius_m: float) -> FloatArray | None:
+    """Centre behind the seen surface; None for a single stray point close by."""
+    seen = body.mean(axis=0)
+    away = seen - np.array(pose[:2])
+    distance = float(np.hypot(*away))
+    if len(body) < 2 and distance < 4.0:
+        return None
+    center: FloatArray = seen + 0.25 * math.pi * person_radius_m * away / max(distance, 1e-6)
+    return center
