@@ -1,0 +1,70 @@
+"""`serd demo`: the whole loop, with a report at the end."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from serd_cli.demo.folder import DemoFolder, new_folder, open_folder
+from serd_cli.demo.phases import demo_environment, demonstrate, learn, navigate
+from serd_cli.demo.report import report_demo
+from serd_cli.demo.settings import DemoSettings
+from serd_cli.errors import RunError
+from serd_cli.terminal import progress_console
+from sim.scenario import load_scenario
+
+_DEFAULT = DemoSettings()
+
+
+def demo(
+    output: Annotated[Path, typer.Option(help="folder that gets a run-N folder")] = Path(
+        "demo_output"
+    ),
+    scenario: Annotated[str, typer.Option(help="built-in scenario or YAML file")] = (
+        _DEFAULT.scenario
+    ),
+    seed: Annotated[int, typer.Option(min=0, help="fixes everything")] = _DEFAULT.seed,
+    demonstrations: Annotated[int, typer.Option(min=1)] = _DEFAULT.demonstrations,
+    episodes: Annotated[
+        int, typer.Option(min=1, help="episodes the learned policy drives")
+    ] = _DEFAULT.episodes,
+    timeout_s: Annotated[
+        float, typer.Option(min=2.0, help="simulated seconds per episode")
+    ] = _DEFAULT.timeout_s,
+    policy: Annotated[str, typer.Option(help="optimal or soft")] = _DEFAULT.policy,
+    resume: Annotated[
+        Path | None, typer.Option(help="continue this run-N folder; its settings count")
+    ] = None,
+) -> None:
+    """Demonstrate, record, learn, navigate and report, all through ROS 2 nodes."""
+    if resume is not None:
+        folder, settings = open_folder(resume)
+    else:
+        load_scenario(scenario)
+        settings = DemoSettings(
+            scenario=scenario,
+            seed=seed,
+            demonstrations=demonstrations,
+            episodes=episodes,
+            timeout_s=timeout_s,
+            policy=policy,
+        )
+        folder = new_folder(output, settings)
+    _run(folder, settings)
+
+
+def _run(folder: DemoFolder, settings: DemoSettings) -> None:
+    """Run the phases; whatever stops them leaves what is done, and says how to go on."""
+    progress_console.print(f"results go to {folder.root}", soft_wrap=True)
+    try:
+        with demo_environment(folder) as environment:
+            phases = [
+                phase(folder, settings, environment) for phase in (demonstrate, learn, navigate)
+            ]
+        report_demo(folder, settings, phases)
+    except (KeyboardInterrupt, RunError):
+        progress_console.print(
+            f"kept in {folder.root}; continue with: serd demo --resume {folder.root}",
+            soft_wrap=True,
+        )
+        raise

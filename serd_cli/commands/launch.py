@@ -1,0 +1,43 @@
+"""`serd launch`: a whole stack of nodes, from the same description as the ROS launch file."""
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from serd_cli.node_commands import parse_assignment, stack_processes
+from serd_cli.supervisor import run_together
+from serd_cli.terminal import console
+from serd_cli.workspace import ros_environment
+from serd_ros.graph import find_stack, load_graph
+
+
+def launch(
+    stack: Annotated[str, typer.Argument(help="stack to start; --list shows them")] = "",
+    assignments: Annotated[
+        list[str] | None, typer.Argument(help="name:=value or node.name:=value")
+    ] = None,
+    show: Annotated[bool, typer.Option("--list", help="list the stacks and their nodes")] = False,
+) -> None:
+    """Start a stack of nodes: serd launch live seed:=3 local_planner.planner:=dwa
+
+    When one of its nodes ends, all end. Ctrl-C ends all.
+    """
+    if show or not stack:
+        _list_stacks()
+        return
+    environment = ros_environment(os.environ)
+    given = dict(parse_assignment(text) for text in assignments or ())
+    processes = stack_processes(find_stack(stack), given, environment)
+    run_together(processes, environment, _print_line)
+
+
+def _list_stacks() -> None:
+    for name, stack in load_graph().stacks.items():
+        console.print(f"[bold]{name}[/bold]: {stack.about}")
+        console.print(f"  {', '.join(stack.nodes)}", style="dim")
+
+
+def _print_line(name: str, line: str) -> None:
+    print(f"{name:>15} | {line}", file=sys.stderr)

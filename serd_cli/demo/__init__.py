@@ -1,0 +1,1 @@
+"""The whole loop as one command: demonstrate, record, learn, navigate, report."""

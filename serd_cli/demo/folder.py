@@ -1,0 +1,79 @@
+"""The folder of one demo run and the paths in it."""
+
+from itertools import count
+from pathlib import Path
+
+from serd_cli.demo.settings import DemoSettings
+from serd_cli.errors import UsageError
+from storage.atomic import atomic_write_text
+from storage.episode_table import EpisodeResult, load_episodes
+from storage.errors import disk_error
+from storage.yaml_config import load_yaml_model, model_yaml
+
+
+class DemoFolder:
+    """Paths of one run; a phase is done when its product is there whole."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root.resolve()
+        self.settings = self.root / "demo.yaml"
+        self.bag = self.root / "bag"
+        self.demonstrations = self.root / "demonstrations"
+        self.model = self.root / "model.yaml"
+        self.decisions = self.root / "decisions.csv"
+        self.learning = self.root / "learning.csv"
+        self.navigation = self.root / "navigation"
+        self.logs = self.root / "logs"
+
+    def demonstrated(self, settings: DemoSettings) -> bool:
+        """Whether all demonstrations are recorded and their bag is closed."""
+        return (
+            len(self.episodes(self.demonstrations)) >= settings.demonstrations
+            and (self.bag / "metadata.yaml").is_file()
+        )
+
+    def learned(self) -> bool:
+        """Whether the model is there."""
+        return self.model.is_file() and self.learning.is_file()
+
+    def navigated(self, settings: DemoSettings) -> bool:
+        """Whether the learned policy has driven all its episodes."""
+        return len(self.episodes(self.navigation)) >= settings.episodes
+
+    @staticmethod
+    def episodes(phase: Path) -> tuple[EpisodeResult, ...]:
+        """Rows of a phase's episodes.csv, none before it exists."""
+        table = phase / "episodes.csv"
+        return load_episodes(table) if table.is_file() else ()
+
+    def set_partial_bag_aside(self) -> None:
+        """Keep an unfinished recording under another name; nothing recorded is deleted."""
+        if self.bag.exists():
+            names = (self.root / f"bag.partial-{number}" for number in count(1))
+            self.bag.rename(next(name for name in names if not name.exists()))
+
+
+def new_folder(output: Path, settings: DemoSettings) -> DemoFolder:
+    """The next free `run-N` below `output`, with the settings in it."""
+    for number in count(1):
+        root = output / f"run-{number}"
+        try:
+            root.mkdir(parents=True)
+        except FileExistsError:
+            if not output.is_dir():
+                raise UsageError(f"{output} is a file; give a folder for the output") from None
+        except OSError as error:
+            raise disk_error("write", root, error) from None
+        else:
+            break
+    folder = DemoFolder(root)
+    atomic_write_text(folder.settings, model_yaml(settings))
+    return folder
+
+
+def open_folder(root: Path) -> tuple[DemoFolder, DemoSettings]:
+    """An earlier run's folder and settings, to continue it."""
+    folder = DemoFolder(root)
+    if not folder.settings.is_file():
+        raise UsageError(f"{root} is no demo run (it has no demo.yaml); give a run-N folder")
+    return folder, load_yaml_model(folder.settings, DemoSettings)

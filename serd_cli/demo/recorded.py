@@ -1,0 +1,81 @@
+"""What the report shows of a recording: the robot's tracks and one moment among the people."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.highlevel import AnyReader
+
+from report.snapshot import CrowdSnapshot, snapshot_from_history
+from serd_ros import topics
+from serd_ros.convert.people import People, from_people_message
+from serd_ros.convert.pose import from_pose
+from serd_ros.convert.stamp import stamp_ns
+
+_GAP_S = 0.5
+_TRAIL_S = 4.0
+_MOMENT = 0.45
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Robot poses (T, 3) at times_s (T,), cut into one piece per episode."""
+
+    times_s: tuple[NDArray[np.float64], ...]
+    poses: tuple[NDArray[np.float64], ...]
+
+    @property
+    def tracks_m(self) -> tuple[NDArray[np.float64], ...]:
+        """(T, 2) positions of each episode."""
+        return tuple(poses[:, :2] for poses in self.poses)
+
+
+def read_recording(bag: Path) -> Recording:
+    """All robot poses of a bag; the clock jumps between episodes."""
+    times, poses = [], []
+    with AnyReader([bag]) as reader:
+        chosen = [c for c in reader.connections if _is(c.topic, topics.ROBOT_POSE)]
+        for connection, _, raw in reader.messages(connections=chosen):
+            message = reader.deserialize(raw, connection.msgtype)
+            times.append(stamp_ns(message.header.stamp) * 1e-9)
+            poses.append(from_pose(message.pose))
+    time_s, pose = np.array(times), np.array(poses)
+    time_s, first = np.unique(time_s, return_index=True)
+    cuts = np.flatnonzero(np.diff(time_s) > _GAP_S) + 1
+    return Recording(tuple(np.split(time_s, cuts)), tuple(np.split(pose[first], cuts)))
+
+
+def busy_moment(bag: Path, recording: Recording) -> CrowdSnapshot:
+    """A moment of the middle episode, with everybody's last seconds."""
+    middle = len(recording.poses) // 2
+    times_s, poses = recording.times_s[middle], recording.poses[middle]
+    at_s = times_s[0] + _MOMENT * (times_s[-1] - times_s[0])
+    people = _people_between(bag, at_s - _TRAIL_S, at_s)
+    kept = [index for index, time_s in enumerate(times_s) if round(time_s * 1e9) in people]
+    seen = [people[round(times_s[index] * 1e9)] for index in kept]
+    return snapshot_from_history(
+        times_s=times_s[kept],
+        robot_pose=poses[kept],
+        people_position_m=np.array([each.position_m for each in seen]),
+        people_velocity_mps=np.array([each.velocity_mps for each in seen]),
+        at_s=at_s,
+        trail_s=_TRAIL_S,
+    )
+
+
+def _people_between(bag: Path, first_s: float, last_s: float) -> dict[int, People]:
+    """People by stamp (ns) in a span of simulated time."""
+    found: dict[int, People] = {}
+    with AnyReader([bag]) as reader:
+        chosen = [c for c in reader.connections if _is(c.topic, topics.PEDESTRIANS)]
+        for connection, _, raw in reader.messages(connections=chosen):
+            message = reader.deserialize(raw, connection.msgtype)
+            time_ns = stamp_ns(message.header.stamp)
+            if first_s <= time_ns * 1e-9 <= last_s:
+                found[time_ns] = from_people_message(message)
+    return found
+
+
+def _is(recorded: str, name: str) -> bool:
+    return recorded.rsplit("/", 1)[-1] == name

@@ -1,0 +1,134 @@
+"""From the files of a finished run to its report and the table on the terminal."""
+
+import csv
+import shlex
+import sys
+from collections.abc import Sequence
+from datetime import datetime
+from importlib.metadata import version
+
+import numpy as np
+from rich.table import Table
+
+from report.episode_row import EpisodeRow
+from report.headline import headline_of
+from report.inputs import ReportInputs
+from report.page import summary_rows
+from report.run_facts import FileLink, PhaseTiming, RunFacts
+from report.summary import summary_of
+from report.write import write_report
+from serd_cli.demo.folder import DemoFolder
+from serd_cli.demo.recorded import busy_moment, read_recording
+from serd_cli.demo.settings import DemoSettings
+from serd_cli.terminal import console
+from serd_core.arrays import FloatArray
+from serd_core.fit_result import FitResult
+from serd_core.navigation import NavigationProblem
+from serd_core.parameters import Parameters
+from serd_ros.strategy import load_strategy, start_distribution
+from sim.scenario import Scenario, load_scenario
+from storage.decision_table import load_decisions
+from storage.episode_table import EpisodeResult
+from storage.model_file import ModelFile, load_model
+
+_PACKAGES = ("serd", "numpy", "scipy", "pybullet", "ros-jazzy-rclpy", "mcap", "rosbags")
+_FILES = (
+    FileLink("bag", "rosbag2 recording (MCAP) of all demonstrations"),
+    FileLink("decisions.csv", "the decisions (s, a, s') learned from"),
+    FileLink("grid.yaml", "the grid they are on"),
+    FileLink("model.yaml", "the learned model"),
+    FileLink("demonstrations/episodes.csv", "how each demonstration ended"),
+    FileLink("navigation/episodes.csv", "how each episode of the learned policy ended"),
+    FileLink("learning.csv", "objective after each step of the fit"),
+    FileLink("demo.yaml", "settings of this run"),
+    FileLink("logs", "what the nodes said"),
+)
+
+
+def report_demo(folder: DemoFolder, settings: DemoSettings, phases: Sequence[PhaseTiming]) -> None:
+    """Write the report beside the run's files and print what it says in short."""
+    inputs = report_inputs(folder, settings, phases)
+    page = write_report(inputs, folder.root)
+    summary = summary_of(inputs)
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    for what, how_much in summary_rows(summary):
+        table.add_row(f"[bold]{what}", how_much)
+    console.print()
+    console.print(headline_of(summary))
+    console.print(table)
+    print(f"report: {page}")
+
+
+def report_inputs(
+    folder: DemoFolder, settings: DemoSettings, phases: Sequence[PhaseTiming]
+) -> ReportInputs:
+    """Everything the report is made of, read back from the run's files."""
+    scenario = load_scenario(settings.scenario)
+    strategy = load_strategy(str(folder.model), scenario, settings.policy)
+    model = load_model(folder.model)
+    n_periods = int(np.ceil(settings.timeout_s / scenario.decision_period_s))
+    recording = read_recording(folder.bag)
+    return ReportInputs(
+        title=f"Learning to navigate: {scenario.name}",
+        scenario=scenario,
+        problem=strategy.problem,
+        demonstrations=load_decisions(folder.decisions),
+        demonstration_tracks_m=recording.tracks_m,
+        fit=fit_of(model, strategy.problem, _trace(folder)),
+        policy=strategy.policy,
+        episodes=tuple(_row(episode) for episode in folder.episodes(folder.navigation)),
+        predicted=strategy.predicted_arrival(start_distribution(scenario, "train"), n_periods),
+        decision_period_s=scenario.decision_period_s,
+        timeout_s=settings.timeout_s,
+        snapshot=busy_moment(folder.bag, recording),
+        run=_facts(settings, scenario, phases),
+        files=_FILES,
+    )
+
+
+def fit_of(model: ModelFile, problem: NavigationProblem, trace: FloatArray) -> FitResult:
+    """The fit a model file keeps, with its objective after each step."""
+    truth = problem.outcome_models.parameters_of(model.outcome_probabilities)
+    belief = problem.outcome_models.parameters_of(model.believed_outcome_probabilities)
+    record = model.fit.model_dump(exclude={"n_episodes"})
+    return FitResult(
+        feature_names=model.feature_names,
+        reward_weights=model.weights,
+        outcome_parameters=truth.reshape(model.outcome_probabilities.shape),
+        outcome_probabilities=model.outcome_probabilities,
+        believed_outcome_probabilities=model.believed_outcome_probabilities,
+        initial_outcome_probabilities=model.initial_outcome_probabilities,
+        temperature=model.temperature,
+        parameters=Parameters(model.weights, belief, truth, np.zeros(0)),
+        objective_trace=trace,
+        **record,
+    )
+
+
+def _trace(folder: DemoFolder) -> FloatArray:
+    with folder.learning.open(encoding="utf-8") as stream:
+        return np.array([float(row["objective"]) for row in csv.DictReader(stream)])
+
+
+def _row(episode: EpisodeResult) -> EpisodeRow:
+    return EpisodeRow(
+        episode=episode.episode,
+        seed=episode.seed,
+        outcome=episode.outcome,  # type: ignore[arg-type]
+        time_of_arrival_s=episode.time_of_arrival_s if episode.arrived else None,
+        path_length_m=episode.distance_m,
+        robot_on_person_contacts=episode.robot_on_person,
+        person_on_robot_contacts=episode.person_on_robot,
+        wall_contacts=episode.robot_on_wall,
+    )
+
+
+def _facts(settings: DemoSettings, scenario: Scenario, phases: Sequence[PhaseTiming]) -> RunFacts:
+    return RunFacts(
+        command=shlex.join(["serd", *sys.argv[1:]]),
+        how=f"ROS 2 nodes in lock-step, {scenario.pedestrians.count} pedestrians",
+        finished_at=datetime.now().astimezone().isoformat(timespec="seconds"),
+        phases=tuple(phases),
+        seeds={"demonstrations": settings.seed, "navigation": settings.navigation_seed},
+        versions={name: version(name) for name in _PACKAGES},
+    )

@@ -1,0 +1,48 @@
+"""The command lines of a stack's nodes, from the graph description."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+
+from serd_cli.errors import UsageError
+from serd_cli.executables import find_executable
+from serd_cli.supervisor import Process
+from serd_ros.graph import PACKAGE, Stack, stack_parameters
+
+
+def parse_assignment(text: str) -> tuple[str, Any]:
+    """`name:=value` as a name and a YAML value, as ROS reads it."""
+    name, separator, value = text.partition(":=")
+    if not separator or not name:
+        raise UsageError(f"a parameter must be written name:=value, got {text!r}")
+    return name, yaml.safe_load(value)
+
+
+def stack_processes(
+    stack: Stack, given: Mapping[str, Any], environment: Mapping[str, str]
+) -> list[Process]:
+    """One process per node of the stack, with its parameters."""
+    layers = stack_parameters(stack, given)
+    return [
+        Process(node, [str(find_executable(PACKAGE, node, environment)), *_arguments(parameters)])
+        for node, parameters in layers.items()
+    ]
+
+
+def _arguments(parameters: Mapping[str, Any]) -> list[str]:
+    arguments = ["--ros-args"]
+    for name, value in parameters.items():
+        arguments += ["-p", f"{name}:={_as_ros(value)}"]
+    return arguments
+
+
+def _as_ros(value: Any) -> str:
+    """A value as rcl's YAML reads it; a string in quotes, or an empty one would get lost."""
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_as_ros(item) for item in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return "'" + value.replace("'", "''") + "'"
+    return repr(value)

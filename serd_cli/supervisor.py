@@ -1,0 +1,106 @@
+"""Runs the processes of a stack together with honcho: one ends, all end; Ctrl-C ends all."""
+
+import os
+import shlex
+import signal
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from honcho.manager import SIGNALS, SYSTEM_PRINTER_NAME, Manager
+from honcho.printer import Message
+
+from serd_cli.errors import RunError
+
+Line = Callable[[str, str], None]
+_KEPT_LINES = 15
+
+
+@dataclass(frozen=True)
+class Process:
+    """One process of a stack."""
+
+    name: str
+    command: Sequence[str]
+
+
+class _Tap:
+    """honcho's printer: passes each line on and keeps the last ones of each process."""
+
+    width = 0
+
+    def __init__(self, on_line: Line) -> None:
+        self.tails: dict[str, deque[str]] = {}
+        self.first_to_fail: str | None = None
+        self._on_line = on_line
+
+    def write(self, message: Message) -> None:
+        data = (
+            message.data.decode(errors="replace")
+            if isinstance(message.data, bytes)
+            else message.data
+        )
+        for line in data.splitlines():
+            if message.name == SYSTEM_PRINTER_NAME:
+                continue
+            self.tails.setdefault(message.name, deque(maxlen=_KEPT_LINES)).append(line)
+            self._on_line(message.name, line)
+
+
+class _Manager(Manager):
+    """honcho's manager that also survives a signal before all processes have started."""
+
+    _stop_when_started = False
+
+    def terminate(self) -> None:
+        """End all processes; once they have all been started."""
+        if super()._all_started():
+            super().terminate()
+        else:
+            self._stop_when_started = True
+
+    def _all_started(self) -> bool:
+        started = bool(super()._all_started())
+        if started and self._stop_when_started:
+            super().terminate()
+        return started
+
+    def exit_codes(self) -> dict[str, int]:
+        """Exit code of each process, in the order they ended."""
+        return {
+            name: process["returncode"]
+            for name, process in self._processes.items()
+            if "returncode" in process
+        }
+
+
+def run_together(
+    processes: Sequence[Process], environment: Mapping[str, str], on_line: Line
+) -> None:
+    """Run until one ends, then end the others; return when all have ended.
+
+    on_line: called with (process name, line) for everything they print. Raises KeyboardInterrupt
+    when told to stop, RunError with the last lines of a process that failed of itself.
+    """
+    tap = _Tap(on_line)
+    manager = _Manager(tap)
+    for process in processes:
+        command = "exec " + shlex.join(process.command)
+        manager.add_process(process.name, command, env=dict(environment))
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    try:
+        manager.loop()
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if manager.returncode in {entry["rc"] for entry in SIGNALS.values()}:
+        raise KeyboardInterrupt
+    if manager.returncode:
+        raise RunError(_what_failed(manager.exit_codes(), manager.returncode, tap.tails))
+
+
+def _what_failed(codes: Mapping[str, int], code: int, tails: Mapping[str, deque[str]]) -> str:
+    name = next(name for name, each in codes.items() if each == code)
+    ending = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
+    said = f"{os.linesep}  ".join(tails.get(name, ()))
+    return f"{name} {ending}; it said last:{os.linesep}  {said}" if said else f"{name} {ending}"

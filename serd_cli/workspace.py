@@ -1,0 +1,63 @@
+"""Where ROS packages are: what sourcing ros_ws/install would put into the environment.
+
+A sourced workspace comes first, then ros_ws/install of this project, then the environment the ROS
+wheels are installed in. colcon describes what each package adds in `share/<package>/hook/*.dsv`
+(one `prepend-non-duplicate;VARIABLE;path` a line), which is read here in place of its shell twin.
+"""
+
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+PROJECT = Path(__file__).resolve().parent.parent
+_PREFIXES = "AMENT_PREFIX_PATH"
+
+
+def workspace_install() -> Path:
+    """The install folder: $SERD_WORKSPACE/install, else that of the project's own ros_ws."""
+    workspace = os.environ.get("SERD_WORKSPACE")
+    return (Path(workspace) if workspace else PROJECT / "ros_ws") / "install"
+
+
+def ros_environment(base: Mapping[str, str]) -> dict[str, str]:
+    """`base` with the packages of the workspace and of the wheels, and loopback-only DDS.
+
+    UDP in place of shared memory costs 0.03 ms a round trip and leaves nothing behind when a
+    process is killed. Whatever `base` sets itself stays.
+    """
+    environment = dict(base)
+    for variable, value in _added(workspace_install()):
+        _prepend(environment, variable, value)
+    if (Path(sys.prefix) / "share/ament_index").is_dir():
+        _append(environment, _PREFIXES, sys.prefix)
+    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    environment.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    environment.setdefault("PYTHONUNBUFFERED", "1")
+    return environment
+
+
+def _added(install: Path) -> Iterator[tuple[str, str]]:
+    for hook in sorted(install.glob("*/share/*/hook/*.dsv")):
+        prefix = hook.parents[3]
+        for line in hook.read_text(encoding="utf-8").splitlines():
+            kind, _, rest = line.partition(";")
+            variable, _, path = rest.partition(";")
+            if kind == "prepend-non-duplicate":
+                yield variable, str(prefix / path) if path else str(prefix)
+
+
+def _prepend(environment: dict[str, str], variable: str, value: str) -> None:
+    parts = _parts(environment, variable)
+    if value not in parts:
+        environment[variable] = os.pathsep.join([value, *parts])
+
+
+def _append(environment: dict[str, str], variable: str, value: str) -> None:
+    parts = _parts(environment, variable)
+    if value not in parts:
+        environment[variable] = os.pathsep.join([*parts, value])
+
+
+def _parts(environment: Mapping[str, str], variable: str) -> list[str]:
+    return [part for part in environment.get(variable, "").split(os.pathsep) if part]

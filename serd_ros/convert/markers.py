@@ -1,0 +1,66 @@
+"""Policy arrows and the value map as visualization_msgs/MarkerArray, for RViz and Foxglove."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from geometry_msgs.msg import Point, Vector3
+from numpy.typing import NDArray
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from serd_core.grid import DIRECTION_VECTORS, Action
+from serd_ros import topics
+from serd_ros.convert.pose import to_pose
+from serd_ros.convert.stamp import to_stamp
+
+_ARROW = ColorRGBA(r=0.1, g=0.1, b=0.1, a=0.9)
+_LOW, _HIGH = np.array([0.93, 0.95, 1.0]), np.array([0.10, 0.35, 0.65])
+
+
+def to_policy_markers(
+    centers_m: NDArray[np.float64], actions: Sequence[Action], cell_size_m: float, time_s: float
+) -> MarkerArray:
+    """One arrow per cell, a flat disc where the policy waits. centers_m: (S, 2)."""
+    markers = [
+        _arrow(number, center, action, cell_size_m, time_s)
+        for number, (center, action) in enumerate(zip(centers_m, actions, strict=True))
+    ]
+    return MarkerArray(markers=markers)
+
+
+def to_value_markers(
+    centers_m: NDArray[np.float64], value: NDArray[np.float64], cell_size_m: float, time_s: float
+) -> MarkerArray:
+    """All cells as one list of cubes, darker where the value (S,) is higher."""
+    marker = _marker(0, "value", Marker.CUBE_LIST, time_s)
+    size = float(0.98 * cell_size_m)
+    marker.scale = Vector3(x=size, y=size, z=0.01)
+    low, high = float(np.min(value)), float(np.max(value))
+    shares = (value - low) / (high - low) if high > low else np.zeros_like(value)
+    for (x_m, y_m), share in zip(centers_m, shares, strict=True):
+        marker.points.append(Point(x=float(x_m), y=float(y_m), z=-0.01))
+        red, green, blue = (float(c) for c in _LOW + share * (_HIGH - _LOW))
+        marker.colors.append(ColorRGBA(r=red, g=green, b=blue, a=0.8))
+    return MarkerArray(markers=[marker])
+
+
+def _arrow(
+    number: int, center: NDArray[np.float64], action: Action, cell_size_m: float, time_s: float
+) -> Marker:
+    east, north = DIRECTION_VECTORS[action]
+    waits = action == Action.WAIT
+    marker = _marker(number, "policy", Marker.CYLINDER if waits else Marker.ARROW, time_s)
+    marker.color = _ARROW
+    length = 0.6 * cell_size_m
+    tail = center - 0.5 * length * np.array([east, north])
+    marker.pose = to_pose((tail[0], tail[1], math.atan2(north, east)))
+    marker.scale = Vector3(x=0.2, y=0.2, z=0.02) if waits else Vector3(x=length, y=0.08, z=0.08)
+    return marker
+
+
+def _marker(number: int, namespace: str, kind: int, time_s: float) -> Marker:
+    marker = Marker(ns=namespace, id=number, type=kind, action=Marker.ADD)
+    marker.header.frame_id = topics.MAP_FRAME
+    marker.header.stamp = to_stamp(time_s)
+    return marker

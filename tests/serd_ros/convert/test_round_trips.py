@@ -1,0 +1,193 @@
+"""Every conversion to a message and back gives what went in, or the nearest the message carries."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from serd_core.grid import Action
+from serd_ros.convert.command import from_twist, to_twist, to_twist_stamped
+from serd_ros.convert.diagnostics import to_diagnostics, values_of
+from serd_ros.convert.episode_mark import EpisodeMark, from_episode_message, to_episode_message
+from serd_ros.convert.intent import from_intent, to_intent
+from serd_ros.convert.markers import to_policy_markers, to_value_markers
+from serd_ros.convert.occupancy import to_occupancy_grid
+from serd_ros.convert.odometry import speeds_of, to_odometry
+from serd_ros.convert.path import to_path
+from serd_ros.convert.people import People, from_people_message, to_people_message
+from serd_ros.convert.pose import (
+    from_pose,
+    from_waypoint_message,
+    to_pose,
+    to_waypoint_message,
+)
+from serd_ros.convert.reset_reply import ResetReply, from_reset_sentence, to_reset_sentence
+from serd_ros.convert.scan import ranges_of, to_scan
+from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
+from serd_ros.errors import NodeError
+from serd_ros.inbox import ObservationInbox
+from sim.command import Command
+from sim.observation import make_observation
+from sim.occupancy import OccupancyRaster
+from sim.settings import LidarSettings
+from sim.waypoint import Waypoint
+
+metres = st.floats(-1e3, 1e3, allow_nan=False)
+angles = st.floats(-3.1415, 3.1415)
+
+
+@given(tick=st.integers(0, 10**8))
+def test_a_stamp_keeps_a_tick_of_the_simulated_clock_to_the_nanosecond(tick):
+    stamp = to_stamp(tick * 0.05)
+    assert stamp_ns(stamp) == tick * 50_000_000
+    assert stamp_s(stamp) == pytest.approx(tick * 0.05, abs=1e-9)
+
+
+@given(x=metres, y=metres, yaw=angles)
+def test_a_pose_keeps_its_position_exactly_and_its_yaw_to_rounding(x, y, yaw):
+    back = from_pose(to_pose((x, y, yaw)))
+    assert back[:2] == (x, y)
+    assert back[2] == pytest.approx(yaw, abs=1e-12)
+
+
+@given(x=metres, y=metres)
+def test_a_waypoint_survives_exactly(x, y):
+    assert from_waypoint_message(to_waypoint_message(Waypoint(x, y), 1.5)) == Waypoint(x, y)
+
+
+@given(v=metres, w=metres)
+def test_a_command_survives_exactly_plain_and_stamped(v, w):
+    assert from_twist(to_twist(Command(v, w))) == Command(v, w)
+    stamped = to_twist_stamped(Command(v, w), 0.15)
+    assert from_twist(stamped.twist) == Command(v, w)
+    assert stamp_ns(stamped.header.stamp) == 150_000_000
+
+
+def test_a_command_that_is_not_finite_arrives_not_finite():
+    assert not from_twist(to_twist(Command(math.nan, 0.0))).is_finite
+
+
+@pytest.mark.parametrize("action", list(Action))
+def test_an_intent_survives(action):
+    assert from_intent(to_intent(action, 2.0)) == action
+
+
+@given(st.lists(st.tuples(metres, metres, metres, metres), max_size=30))
+def test_people_survive_in_single_precision(rows):
+    values = np.array(rows, dtype=np.float32).astype(float).reshape(-1, 4)
+    people = People(values[:, :2], values[:, 2:], np.arange(len(values)))
+    back = from_people_message(to_people_message(people, 0.0))
+    assert np.array_equal(back.position_m, people.position_m)
+    assert np.array_equal(back.velocity_mps, people.velocity_mps)
+    assert np.array_equal(back.identity, people.identity)
+
+
+def test_people_of_another_layout_are_refused_by_name():
+    message = to_people_message(People(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros(1)), 0.0)
+    message.fields = message.fields[:3]
+    with pytest.raises(NodeError, match="must have the fields x, y, z, vx, vy, id"):
+        from_people_message(message)
+
+
+@given(x=metres, y=metres, yaw=angles, v=metres, w=metres, tick=st.integers(0, 10**7))
+def test_an_observation_survives_the_three_topics_bit_for_bit(x, y, yaw, v, w, tick):
+    sent = make_observation(
+        time_s=tick * 0.05,
+        tick=tick,
+        pose=(x, y, yaw),
+        speed_mps=v,
+        yaw_rate_radps=w,
+        people_position_m=[[x, y], [1.1, 2.2]],
+        people_velocity_mps=[[0.1, 0.2], [v, w]],
+        people_id=[0, 1],
+    )
+    inbox = ObservationInbox(0.05)
+    people = People(sent.people_position_m, sent.people_velocity_mps, sent.people_id)
+    assert inbox.take_people(to_people_message(people, sent.time_s)) is None
+    odometry = to_odometry(sent)
+    assert speeds_of(odometry) == (v, w)
+    assert inbox.take_odometry(odometry) is None
+    got = inbox.take_pose(to_waypoint_message(Waypoint(x, y), sent.time_s))
+    assert got is not None
+    pose_message = to_waypoint_message(Waypoint(x, y), sent.time_s)
+    pose_message.pose = to_pose(sent.pose)
+    got = inbox.take_pose(pose_message)
+    assert (got.tick, got.pose, got.speed_mps, got.yaw_rate_radps) == (tick, sent.pose, v, w)
+    assert np.array_equal(got.people_position_m, sent.people_position_m)
+    assert np.array_equal(got.people_velocity_mps, sent.people_velocity_mps)
+
+
+def test_parts_of_different_ticks_make_no_observation():
+    inbox = ObservationInbox(0.05)
+    nobody = People(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+    inbox.take_people(to_people_message(nobody, 1.0))
+    assert inbox.take_pose(to_waypoint_message(Waypoint(0, 0), 1.0)) is None
+    observation = make_observation(
+        time_s=1.05,
+        tick=21,
+        pose=(0, 0, 0),
+        speed_mps=0,
+        yaw_rate_radps=0,
+        people_position_m=[],
+        people_velocity_mps=[],
+        people_id=[],
+    )
+    assert inbox.take_odometry(to_odometry(observation)) is None
+    assert inbox.latest() is not None
+
+
+def test_a_scan_keeps_its_ranges_and_its_geometry():
+    settings = LidarSettings()
+    ranges = np.linspace(0.2, 9.0, settings.n_rays).astype(np.float32)
+    ranges[3] = np.inf
+    message = to_scan(ranges, settings, 0.1)
+    assert np.array_equal(ranges_of(message), ranges)
+    assert message.angle_min + (settings.n_rays - 1) * message.angle_increment == pytest.approx(
+        message.angle_max, abs=1e-5
+    )
+
+
+def test_a_map_keeps_its_cells_row_by_row_from_the_south():
+    cells = np.array([[0, 100, -1], [100, 0, 0]], dtype=np.int8)
+    message = to_occupancy_grid(OccupancyRaster((1.0, -2.0), 0.05, cells), 0.0)
+    assert (message.info.width, message.info.height) == (3, 2)
+    assert list(message.data) == [0, 100, -1, 100, 0, 0]
+    assert (message.info.origin.position.x, message.info.origin.position.y) == (1.0, -2.0)
+
+
+def test_an_episode_mark_survives():
+    mark = EpisodeMark("end", 12.35, 4, "scripted_expert", 3, "train", "arrived")
+    assert from_episode_message(to_episode_message(mark)) == mark
+
+
+def test_diagnostics_carry_floats_exactly():
+    message = to_diagnostics("hallway_sim", 1.0, {"gap_m": 0.1 + 0.2, "count": 3})
+    values = values_of(message, "hallway_sim")
+    assert float(values["gap_m"]) == 0.1 + 0.2
+    assert int(values["count"]) == 3
+    assert values_of(message, "other") is None
+
+
+def test_a_reset_reply_survives_and_another_sentence_is_refused():
+    reply = ResetReply(7, 3, "transfer")
+    assert from_reset_sentence(to_reset_sentence(reply)) == reply
+    with pytest.raises(NodeError, match="drive a world that hallway_sim runs"):
+        from_reset_sentence("done")
+
+
+def test_a_path_looks_along_its_legs():
+    path = to_path(np.array([[0.0, 0.0], [0.0, 2.0], [3.0, 2.0]]), 0.0)
+    yaws = [from_pose(pose.pose)[2] for pose in path.poses]
+    assert yaws == pytest.approx([math.pi / 2, 0.0, 0.0])
+    assert len(to_path(np.zeros((0, 2)), 0.0).poses) == 0
+
+
+def test_markers_show_one_arrow_per_cell_and_darker_cells_for_higher_values():
+    centers = np.array([[0.5, 0.5], [1.5, 0.5]])
+    arrows = to_policy_markers(centers, [Action.WAIT, Action.NORTH], 1.0, 0.0).markers
+    assert [arrow.id for arrow in arrows] == [0, 1]
+    assert from_pose(arrows[1].pose)[2] == pytest.approx(math.pi / 2)
+    (values,) = to_value_markers(centers, np.array([0.0, 5.0]), 1.0, 0.0).markers
+    assert values.colors[1].r < values.colors[0].r

@@ -1,0 +1,66 @@
+"""The graph description: known names only, parameters to the nodes that have them."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from serd_ros.configs import CONFIGS
+from serd_ros.defaults import default_parameters
+from serd_ros.errors import NodeError
+from serd_ros.graph import PACKAGE, find_stack, load_graph, stack_parameters
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_every_node_has_a_module_defaults_and_a_config_with_the_same_parameters():
+    modules = {path.stem for path in (ROOT / PACKAGE / "nodes").glob("*.py")} - {"__init__"}
+    assert modules == set(load_graph().nodes) == set(default_parameters()) == set(CONFIGS)
+    for node, config in CONFIGS.items():
+        assert set(config.model_fields) == set(default_parameters()[node]), node
+
+
+def test_every_node_module_has_a_main():
+    for node in load_graph().nodes:
+        tree = ast.parse((ROOT / PACKAGE / "nodes" / f"{node}.py").read_text())
+        names = {item.name for item in tree.body if isinstance(item, ast.FunctionDef)}
+        assert "main" in names, node
+
+
+def test_every_subscribed_topic_is_published_by_some_node():
+    graph = load_graph()
+    published = {topic for node in graph.nodes.values() for topic in node.publishes}
+    subscribed = {topic for node in graph.nodes.values() for topic in node.subscribes}
+    assert subscribed <= published
+    served = {name for node in graph.nodes.values() for name in node.serves}
+    assert {name for node in graph.nodes.values() for name in node.calls} <= served
+
+
+def test_a_parameter_goes_to_every_node_that_has_it_and_to_no_other():
+    layers = stack_parameters(find_stack("demonstrate"), {"seed": 5})
+    assert layers["hallway_sim"]["seed"] == layers["scripted_expert"]["seed"] == 5
+    assert "seed" not in layers["local_planner"]
+
+
+def test_a_parameter_of_one_node_overrides_the_stack():
+    layers = stack_parameters(find_stack("live"), {"local_planner.scenario": "corridor"})
+    assert layers["local_planner"]["scenario"] == "corridor"
+    assert layers["hallway_sim"]["scenario"] == "hallway"
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("sede", "no node of this stack has a parameter 'sede'; did you mean 'seed'"),
+        ("hallway_sm.seed", "names no node of this stack; did you mean 'hallway_sim'"),
+        ("hallway_sim.sede", "hallway_sim has no parameter 'sede'; did you mean 'seed'"),
+    ],
+)
+def test_a_wrong_name_gets_the_nearest_right_one(name, sentence):
+    with pytest.raises(NodeError, match=sentence):
+        stack_parameters(find_stack("live"), {name: 1})
+
+
+def test_an_unknown_stack_gets_the_nearest_right_one():
+    with pytest.raises(NodeError, match="did you mean 'navigate'"):
+        find_stack("navigat")
