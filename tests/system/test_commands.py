@@ -1,0 +1,101 @@
+"""`serd run` and `serd launch` as a user types them: wrong names, exit codes, signals."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from serd_cli.workspace import PROJECT
+
+SERD = str(Path(sys.executable).with_name("serd"))
+
+
+def serd(*arguments, env, **options):
+    return subprocess.run(
+        [SERD, *arguments], env=env, capture_output=True, text=True, timeout=60, **options
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("run", "serd_rso", "hallway_sim"), "did you mean 'serd_ros'?"),
+        (("run", "serd_ros", "halway_sim"), "did you mean 'hallway_sim'?"),
+        (("launch", "demonstrat"), "did you mean 'demonstrate'?"),
+        (("launch", "live", "sede:=3"), "did you mean 'seed'?"),
+        (("launch", "live", "seed=3"), "must be written name:=value"),
+        (("demo", "--scenario", "hallwy"), "did you mean 'hallway'?"),
+        (("demo", "--resume", "."), "is no demo run"),
+    ],
+)
+def test_a_wrong_name_exits_with_2_and_says_the_right_one(arguments, sentence, ros_env, tmp_path):
+    done = serd(*arguments, env=ros_env, cwd=tmp_path)
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize(
+    ("argument", "sentence"),
+    [
+        ("sede:=3", "hallway_sim has no parameter 'sede'; did you mean 'seed'?"),
+        ("seed:=-3", "seed must be greater than or equal to 0, got -3"),
+        ("scenario:=hallwy", "did you mean 'hallway'?"),
+    ],
+)
+def test_a_wrong_parameter_ends_the_node_with_a_sentence(argument, sentence, ros_env):
+    done = serd("run", "serd_ros", "hallway_sim", "--ros-args", "-p", argument, env=ros_env)
+    assert done.returncode == 2
+    assert sentence in done.stderr
+
+
+@pytest.mark.ros
+def test_serd_run_becomes_the_node_and_passes_signals_and_exit_code_on(ros_env):
+    command = [SERD, "run", "serd_ros", "local_planner", "--ros-args", "-r", "__ns:=/lab"]
+    process = subprocess.Popen(command, env=ros_env)
+    wait_for_command_line(process.pid, "lib/serd_ros/local_planner")
+    time.sleep(1.5)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(15) == 0
+
+
+def wait_for_command_line(pid, text, limit_s=20.0):
+    deadline = time.monotonic() + limit_s
+    while text not in Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " "):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@pytest.mark.ros
+def test_a_failing_node_ends_the_stack_with_its_error(ros_env, tmp_path):
+    occupied = tmp_path / "bag"
+    occupied.mkdir()
+    (occupied / "old.mcap").write_text("not ours")
+    done = serd("launch", "demonstrate", f"demo_recorder.output:={occupied}", env=ros_env)
+    assert done.returncode == 1
+    assert "demo_recorder ended with exit code 2" in done.stderr
+    assert "is not empty" in done.stderr
+
+
+@pytest.mark.slow
+def test_the_workspace_builds_with_plain_colcon(tmp_path):
+    workspace = tmp_path / "ros_ws"
+    source = workspace / "src"
+    source.mkdir(parents=True)
+    (source / "serd_ros").symlink_to(PROJECT / "ros_ws/src/serd_ros")
+    environment = {**os.environ, "PATH": f"{Path(SERD).parent}:{os.environ['PATH']}"}
+    subprocess.run(
+        ["colcon", "build"], cwd=workspace, env=environment, check=True, capture_output=True
+    )
+    prefix = workspace / "install/serd_ros"
+    assert (prefix / "share/ament_index/resource_index/packages/serd_ros").exists()
+    assert (prefix / "share/serd_ros/launch/serd.launch.py").exists()
+    assert (prefix / "share/serd_ros/config/nodes.yaml").exists()
+    installed = next((prefix / "lib").glob("python3*")) / "site-packages"
+    for name in ("sim/scenarios/hallway.yaml", "serd_ros/graph.yaml", "report/templates"):
+        assert (installed / name).exists(), name

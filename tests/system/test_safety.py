@@ -1,0 +1,69 @@
+"""Live mode: plain Twist drives the robot, and silence or NaN stops it within 0.5 s."""
+
+import math
+
+import pytest
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+
+from serd_ros import qos
+from serd_ros.convert.odometry import speeds_of
+from serd_ros.convert.stamp import stamp_s
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+STOPPED_MPS = 1e-6
+
+
+class Robot:
+    """Watches the odometry and commands the robot."""
+
+    def __init__(self, probe):
+        self.probe = probe
+        self.speed_mps = self.time_s = math.nan
+        self.commands = probe.node.create_publisher(Twist, "cmd_vel", qos.COMMAND)
+        probe.node.create_subscription(Odometry, "odom", self._take, qos.STATE)
+
+    def _take(self, message):
+        self.speed_mps = speeds_of(message)[0]
+        self.time_s = stamp_s(message.header.stamp)
+
+    def command(self, linear, angular=0.0):
+        message = Twist()
+        message.linear.x, message.angular.z = linear, angular
+        self.commands.publish(message)
+
+    def spin_round(self):
+        """Turn on the spot while creeping, so that no wall is ever reached; until it moves."""
+        self.probe.spin_until(lambda: self.commands.get_subscription_count() > 0)
+
+        def moving():
+            self.command(0.2, 2.0)
+            return self.speed_mps > 0.15
+
+        self.probe.spin_until(moving)
+
+
+@pytest.fixture
+def robot(nodes, probe):
+    environment = nodes.start_stack("live", seed=2)
+    environment["local_planner"].terminate()
+    environment["local_planner"].wait()
+    robot = Robot(probe)
+    probe.spin_until(lambda: not math.isnan(robot.speed_mps))
+    return robot
+
+
+def test_a_plain_twist_drives_and_silence_stops_within_half_a_second(robot, probe):
+    robot.spin_round()
+    silent_since_s = robot.time_s
+    probe.spin_until(lambda: abs(robot.speed_mps) < STOPPED_MPS, 10)
+    # 0.5 s of silence, then braking at the acceleration limit, plus the odometry's own period.
+    assert robot.time_s - silent_since_s <= 0.5 + 0.2 / 2.5 + 0.1
+
+
+def test_a_command_that_is_not_finite_stops_at_once(robot, probe):
+    robot.spin_round()
+    commanded_s = robot.time_s
+    robot.command(math.nan, 2.0)
+    probe.spin_until(lambda: abs(robot.speed_mps) < STOPPED_MPS, 10)
+    assert robot.time_s - commanded_s <= 0.5
