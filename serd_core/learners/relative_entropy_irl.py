@@ -10,7 +10,9 @@ It is concave but has kinks at 0, so theta is split into positive and negative p
 the subgradient (3.44) an ordinary gradient under bounds.
 
 Thresholds: Hoeffding's bound for the mean of n counts within a range R_i, two-sided, gives
-epsilon_i = R_i sqrt(log(2 / (1 - confidence)) / (2 n)), R_i = (max f_i - min f_i) / (1 - gamma).
+epsilon_i = R_i sqrt(log(2 / (1 - confidence)) / (2 n)), R_i = (max f_i - min f_i) (1 - gamma^T) /
+(1 - gamma) for episodes of at most T decisions (T infinite where episodes are absorbed). They are
+wide: with few demonstrations they may allow every weight to be 0. Smaller ones fit more closely.
 """
 
 import numpy as np
@@ -40,6 +42,7 @@ def fit_relative_entropy_irl(
     confidence: float = 0.95,
     initial_weights: FloatArray | None = None,
     rng: np.random.Generator | None = None,
+    largest_weight: float = 100.0,
     gradient_tolerance: float = 1e-6,
     max_steps: int = 5_000,
 ) -> IrlResult:
@@ -47,6 +50,8 @@ def fit_relative_entropy_irl(
 
     samples: episodes made by `sampling_policy` (S, A); baseline_policy: (S, A), uniform if None.
     thresholds: (F,) epsilon, or None for Hoeffding's at `confidence`; zeros for exact matching.
+    Where the demonstrated features lie outside what the samples span, the dual grows without bound;
+    weights then stop at `largest_weight` and the fit says that it did not converge.
     """
     observe(problem.mdp, decisions)
     wanted = feature_counts(problem, decisions).mean(axis=0)
@@ -73,11 +78,11 @@ def fit_relative_entropy_irl(
         halves,
         jac=True,
         method="L-BFGS-B",
-        bounds=[(0.0, None)] * len(halves),
+        bounds=[(0.0, largest_weight)] * len(halves),
         callback=lambda intermediate_result: trace.append(-float(intermediate_result.fun)),
         options={"gtol": gradient_tolerance, "ftol": 0.0, "maxiter": max_steps, "maxls": 40},
     )
-    return _result(problem, decisions, found, trace, gradient_tolerance)
+    return _result(problem, decisions, found, trace, gradient_tolerance, largest_weight)
 
 
 def sample_from_estimates(
@@ -122,12 +127,19 @@ def importance_log_weights(
     return weighted_counts(episodes.of_decision, np.log(wanted_by) - np.log(made_by), len(episodes))
 
 
-def hoeffding_thresholds(problem: Problem, n_episodes: int, confidence: float = 0.95) -> FloatArray:
-    """(F,) half-widths within which the mean discounted features lie with that confidence."""
+def hoeffding_thresholds(
+    problem: Problem, n_episodes: int, confidence: float = 0.95, horizon: float = np.inf
+) -> FloatArray:
+    """(F,) half-widths within which the mean discounted features lie with that confidence.
+
+    horizon: most decisions of an episode.
+    """
     if not 0.0 < confidence < 1.0:
         raise SerdError(f"confidence must be between 0 and 1, got {confidence}; use 0.95")
     observable = problem.features[problem.mdp.available]
-    spread = (observable.max(axis=0) - observable.min(axis=0)) / (1.0 - problem.mdp.discount)
+    discount = problem.mdp.discount
+    longest = (1.0 - discount**horizon) / (1.0 - discount)
+    spread = (observable.max(axis=0) - observable.min(axis=0)) * longest
     return np.asarray(spread * np.sqrt(np.log(2.0 / (1.0 - confidence)) / (2.0 * n_episodes)))
 
 
@@ -149,7 +161,10 @@ def _thresholds(
     problem: Problem, decisions: Decisions, thresholds: FloatArray | None, confidence: float
 ) -> FloatArray:
     if thresholds is None:
-        return hoeffding_thresholds(problem, len(decisions.episodes), confidence)
+        episodes = trajectories_of(decisions)
+        absorbed = bool(np.any(problem.mdp.absorbing[episodes.end]))
+        horizon = np.inf if absorbed else float(episodes.length.max())
+        return hoeffding_thresholds(problem, len(episodes), confidence, horizon)
     checked = float_array("thresholds", thresholds, (len(problem.feature_names),))
     if np.any(checked < 0):
         raise SerdError(f"thresholds must not be negative, got {checked.min()}")
@@ -162,12 +177,15 @@ def _result(
     found: scipy.optimize.OptimizeResult,
     trace: list[float],
     gradient_tolerance: float,
+    largest_weight: float,
 ) -> IrlResult:
     n_features = len(problem.feature_names)
     # What is left of the gradient once parts held at their bound are taken out.
     free = np.where((found.x > 0) | (found.jac < 0), found.jac, 0.0)
     norm = float(np.max(np.abs(free)))
     converged = norm <= gradient_tolerance
+    stuck = bool(np.any(found.x >= largest_weight))
+    reason = "weights reached largest_weight; take more samples" if stuck else found.message
     return IrlResult(
         feature_names=problem.feature_names,
         reward_weights=found.x[:n_features] - found.x[n_features:],
@@ -177,6 +195,6 @@ def _result(
         n_steps=int(found.nit),
         n_evaluations=int(found.nfev),
         converged=converged,
-        message="gradient within tolerance" if converged else f"not converged: {found.message}",
+        message="gradient within tolerance" if converged else f"not converged: {reason}",
         objective_trace=np.array(trace),
     )

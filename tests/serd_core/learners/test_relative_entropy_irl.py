@@ -89,6 +89,28 @@ def test_hoeffding_thresholds_shrink_with_the_root_of_the_episodes(case):
     assert few[1] == pytest.approx(spread * np.sqrt(np.log(40) / 20))
 
 
+def test_features_that_no_sample_reaches_are_said_and_weights_stay_finite(case):
+    samples, policy = uniform_samples(case, 3)
+    fit = fit_relative_entropy_irl(
+        case.problem,
+        case.decisions,
+        samples=samples,
+        sampling_policy=policy,
+        thresholds=np.zeros(2),
+        initial_weights=np.zeros(2),
+        largest_weight=40.0,
+    )
+    assert not fit.converged
+    assert fit.message == "not converged: weights reached largest_weight; take more samples"
+    assert np.max(np.abs(fit.reward_weights)) == 40.0
+
+
+def test_a_shorter_horizon_narrows_the_thresholds(case):
+    ratio = hoeffding_thresholds(case.problem, 10, horizon=8.0)
+    ratio = ratio / hoeffding_thresholds(case.problem, 10)
+    np.testing.assert_allclose(ratio, 1 - 0.9**8)
+
+
 def test_importance_weights_are_ratios_of_action_probabilities(case):
     samples, policy = uniform_samples(case, 5)
     skewed = np.tile([0.5, 0.2, 0.1, 0.1, 0.1], (16, 1))

@@ -1,0 +1,260 @@
+"""Gridworld navigation on satellite images (section 4.6.2, Figs. 4.10 to 4.13).
+
+Demonstrations are sampled from a known expert, MDCE or policy matching; learners see only them.
+Weights start at random as in the thesis; SERD then goes in two stages, weights first (see
+`serd_core.learners.staged_start`). Each repetition gives one row per number of demonstrations and
+learner, with the four measures of the figures: log-likelihood of new demonstrations, divergence of
+the dynamics, divergence of the policy, and log-likelihood in the transfer environment.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from experiments.gridworld_problem import Gridworld, gridworld, true_dynamics
+from experiments.landscape import Landscape, generated_landscape, landscape_of_image
+from experiments.landscape_image import image_brightness
+from experiments.repetitions import Execution, Progress, Row, run_repetitions
+from serd_core.arrays import FloatArray
+from serd_core.ascent.trust_region import TrustRegion
+from serd_core.beliefs import FixedBelief
+from serd_core.demonstrations import Decisions, state_action_counts
+from serd_core.errors import SerdError
+from serd_core.evaluation import dynamics_divergence, policy_divergence, policy_log_likelihood
+from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
+from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.pm_serd import fit_pm_serd
+from serd_core.learners.relative_entropy_irl import (
+    fit_relative_entropy_irl,
+    hoeffding_thresholds,
+    sample_from_estimates,
+)
+from serd_core.parameters import Block
+from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
+from serd_core.priors.entropy import EntropyPrior
+from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.prior import Prior, UniformPrior
+from serd_core.problem import TabularProblem
+from serd_core.simulation import sample_decisions
+
+ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=150)
+#: Hoeffding's thresholds themselves allow all weights to be 0 up to fifty demonstrations.
+THRESHOLD_SHARE = 0.1
+FIXED = FixedBelief()
+#: Settles the common scale of rewards and temperature while the start is looked for.
+PM_SCALE = GaussianPrior(10.0, Block.REWARD)
+REGULARISATION = (
+    GaussianPrior(10.0, Block.REWARD) + GaussianPrior(10.0, Block.POLICY) + EntropyPrior(0.01)
+)
+
+
+@dataclass(frozen=True)
+class GridworldConfig:
+    """Settings of section 4.6.2; lengths and numbers the thesis does not state are ours.
+
+    expert: `mdce` or `pm`; image, transfer_image: files, or None for a generated landscape.
+    sizes: demonstrations learned from; n_steps: decisions of each.
+    """
+
+    expert: str = "mdce"
+    image: Path | None = None
+    transfer_image: Path | None = None
+    side: int = 20
+    discount: float = 0.99
+    weights: tuple[float, float] = (6.0, 6.0)
+    temperature: float = 2.0
+    sizes: tuple[int, ...] = (1, 3, 6, 12, 25, 50)
+    n_steps: int = 40
+    n_test_episodes: int = 200
+    n_repetitions: int = 50
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.expert not in EXPERTS:
+            raise SerdError(f"expert must be among {sorted(EXPERTS)}, got {self.expert!r}")
+        if not self.sizes or min(self.sizes) < 1 or self.side < 4:
+            raise SerdError(
+                f"sizes must be at least 1 and side at least 4, got {self.sizes} and {self.side}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What a learner found, as far as the measures need it."""
+
+    weights: FloatArray
+    dynamics: FloatArray
+    temperature: float | None
+    converged: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """An environment with its true policy and new demonstrations to be explained."""
+
+    world: Gridworld
+    policy: FloatArray
+    test: Decisions
+
+
+Learner = Callable[[TabularProblem, Decisions, int, np.random.Generator], Estimate]
+
+
+def run_gridworld(
+    config: GridworldConfig, folder: Path, execution: Execution, progress: Progress
+) -> list[Row]:
+    """All rows; resumable in `folder`."""
+    repetition = partial(one_repetition, config)
+    return run_repetitions(
+        repetition, config.n_repetitions, folder, repr(config), execution, progress
+    )
+
+
+def one_repetition(config: GridworldConfig, number: int) -> list[Row]:
+    """Sample demonstrations, fit every learner on growing parts of them, measure."""
+    training, transfer = scenes(config)
+    rng = np.random.default_rng([config.seed, 1, number])
+    decisions = _demonstrate(config, training, max(config.sizes), rng)
+    rows = []
+    for size in config.sizes:
+        seen = decisions.select(decisions.episode < size)
+        for name, learner in EXPERTS[config.expert].items():
+            estimate = learner(training.world.problem, seen, config.n_steps, rng)
+            row: Row = {"repetition": number, "size": size, "learner": name}
+            rows.append(row | measures(training, transfer, estimate))
+    return rows
+
+
+def scenes(config: GridworldConfig) -> tuple[Scene, Scene]:
+    """Training and transfer environments; the same for all repetitions."""
+    training = _landscape(config, config.image, 0)
+    transfer = _landscape(config, config.transfer_image, 1)
+    return (
+        _scene(config, gridworld(training, config.discount, goal_at_left=False), 0),
+        _scene(config, gridworld(transfer, config.discount, goal_at_left=True), 1),
+    )
+
+
+def measures(training: Scene, transfer: Scene, estimate: Estimate) -> Row:
+    """The four panels of Figs. 4.12 and 4.13."""
+    policy = policy_of(training.world.problem, estimate)
+    moved = policy_of(transfer.world.problem, estimate)
+    problem = training.world.problem
+    visits = state_action_counts(training.test, problem.mdp.n_states, problem.mdp.n_actions)
+    return {
+        "log_likelihood": policy_log_likelihood(problem, training.test, policy),
+        "dynamics_divergence": dynamics_divergence(
+            problem, true_dynamics(), estimate.dynamics, visits
+        ),
+        "policy_divergence": policy_divergence(training.policy, policy, visits),
+        "transfer_log_likelihood": policy_log_likelihood(
+            transfer.world.problem, transfer.test, moved
+        ),
+        "converged": estimate.converged,
+    }
+
+
+def policy_of(problem: TabularProblem, estimate: Estimate) -> FloatArray:
+    """(S, A) soft policy, or Boltzmann over optimal values where there is a temperature."""
+    weights, dynamics = estimate.weights, estimate.dynamics
+    if estimate.temperature is None:
+        return soft_policy(problem, weights, dynamics).probabilities
+    return boltzmann_policy(problem, weights, dynamics, estimate.temperature).probabilities
+
+
+def _landscape(config: GridworldConfig, image: Path | None, number: int) -> Landscape:
+    if image is not None:
+        return landscape_of_image(image_brightness(image), config.side)
+    return generated_landscape(config.side, np.random.default_rng([config.seed, 2, number]))
+
+
+def _scene(config: GridworldConfig, world: Gridworld, number: int) -> Scene:
+    temperature = config.temperature if config.expert == "pm" else None
+    truth = Estimate(np.array(config.weights), true_dynamics(), temperature, converged=True)
+    policy = policy_of(world.problem, truth)
+    rng = np.random.default_rng([config.seed, 3, number])
+    scene = Scene(world, policy, _nothing())
+    return Scene(world, policy, _demonstrate(config, scene, config.n_test_episodes, rng))
+
+
+def _demonstrate(
+    config: GridworldConfig, scene: Scene, n_episodes: int, rng: np.random.Generator
+) -> Decisions:
+    return sample_decisions(
+        scene.world.problem.mdp,
+        scene.policy,
+        true_dynamics(),
+        scene.world.starts,
+        n_episodes=n_episodes,
+        n_steps=config.n_steps,
+        rng=rng,
+    )
+
+
+def _nothing() -> Decisions:
+    empty = np.zeros(0, dtype=np.int64)
+    return Decisions(empty, empty.astype(np.float64), empty, empty, empty)
+
+
+def _mdce_serd(
+    problem: TabularProblem, seen: Decisions, n_steps: int, rng: np.random.Generator
+) -> Estimate:
+    del n_steps
+    first = fit_mdce_serd(problem, seen, rng=rng, belief=FIXED, ascent=ASCENT)
+    fit = fit_mdce_serd(problem, seen, initial_weights=first.reward_weights, ascent=ASCENT)
+    return Estimate(fit.reward_weights, fit.outcome_probabilities, None, fit.converged)
+
+
+def _pm_serd(
+    prior: Prior,
+    problem: TabularProblem,
+    seen: Decisions,
+    n_steps: int,
+    rng: np.random.Generator,
+) -> Estimate:
+    del n_steps
+    first = fit_pm_serd(problem, seen, rng=rng, belief=FIXED, prior=prior + PM_SCALE, ascent=ASCENT)
+    fit = fit_pm_serd(
+        problem,
+        seen,
+        initial_weights=first.reward_weights,
+        initial_temperature=first.temperature,
+        prior=prior,
+        ascent=ASCENT,
+    )
+    return Estimate(fit.reward_weights, fit.outcome_probabilities, fit.temperature, fit.converged)
+
+
+def _mdce_irl(
+    problem: TabularProblem, seen: Decisions, n_steps: int, rng: np.random.Generator
+) -> Estimate:
+    del n_steps
+    fit = fit_mdce_irl_by_likelihood(problem, seen, rng=rng, ascent=ASCENT)
+    return Estimate(fit.reward_weights, fit.outcome_probabilities, None, fit.converged)
+
+
+def _relative_entropy(
+    problem: TabularProblem, seen: Decisions, n_steps: int, rng: np.random.Generator
+) -> Estimate:
+    samples, policy = sample_from_estimates(problem, seen, n_episodes=500, n_steps=n_steps, rng=rng)
+    thresholds = THRESHOLD_SHARE * hoeffding_thresholds(
+        problem, len(seen.episodes), horizon=n_steps
+    )
+    fit = fit_relative_entropy_irl(
+        problem, seen, samples=samples, sampling_policy=policy, thresholds=thresholds, rng=rng
+    )
+    return Estimate(fit.reward_weights, fit.outcome_probabilities, None, fit.converged)
+
+
+IRL_LEARNERS: dict[str, Learner] = {"MDCE IRL": _mdce_irl, "REIRL": _relative_entropy}
+EXPERTS: dict[str, dict[str, Learner]] = {
+    "mdce": {"MDCE SERD": _mdce_serd} | IRL_LEARNERS,
+    "pm": {
+        "PM SERD": partial(_pm_serd, UniformPrior()),
+        "PM SERD, regularised": partial(_pm_serd, REGULARISATION),
+    }
+    | IRL_LEARNERS,
+}
