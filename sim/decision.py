@@ -1,9 +1,6 @@
 """The decision clock and the step from a decision on the grid to a waypoint on the map."""
 
-import math
-
-from serd_core.grid import DIRECTION_VECTORS, Action, Grid
-from sim.errors import SimError
+from serd_core.grid import Action, Grid
 from sim.observation import Observation
 from sim.scenario import Scenario
 from sim.waypoint import Waypoint
@@ -29,20 +26,3 @@ def waypoint_of_intent(grid: Grid, observation: Observation, action: Action) -> 
     if action == Action.WAIT or here < 0:
         return Waypoint(x_m=observation.x_m, y_m=observation.y_m)
     return waypoint_of_cell(grid, int(grid.neighbours[here, action]))
-
-
-def direction_of_action(action: Action) -> tuple[float, float]:
-    """(east, north) unit vector of an action, (0, 0) to wait."""
-    east, north = DIRECTION_VECTORS[action]
-    return float(east), float(north)
-
-
-def action_of_direction(east: float, north: float) -> Action:
-    """The action a direction vector means: the nearest axis, WAIT for a vector shorter than 1/2."""
-    if not (math.isfinite(east) and math.isfinite(north)):
-        raise SimError(f"a direction must be finite, got ({east}, {north}); send (0, 0) to wait")
-    if math.hypot(east, north) < 0.5:
-        return Action.WAIT
-    if abs(east) >= abs(north):
-        return Action.EAST if east > 0 else Action.WEST
-    return Action.NORTH if north > 0 else Action.SOUTH

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.highlevel import AnyReader
 
+from bags.messages import messages_of
 from report.snapshot import CrowdSnapshot, snapshot_from_history
 from serd_ros import topics
 from serd_ros.convert.people import People, from_people_message
@@ -34,12 +34,9 @@ class Recording:
 def read_recording(bag: Path) -> Recording:
     """All robot poses of a bag; the clock jumps between episodes."""
     times, poses = [], []
-    with AnyReader([bag]) as reader:
-        chosen = [c for c in reader.connections if _is(c.topic, topics.ROBOT_POSE)]
-        for connection, _, raw in reader.messages(connections=chosen):
-            message = reader.deserialize(raw, connection.msgtype)
-            times.append(stamp_ns(message.header.stamp) * 1e-9)
-            poses.append(from_pose(message.pose))
+    for _, message in messages_of(bag, [topics.ROBOT_POSE]):
+        times.append(stamp_ns(message.header.stamp) * 1e-9)
+        poses.append(from_pose(message.pose))
     time_s, pose = np.array(times), np.array(poses)
     time_s, first = np.unique(time_s, return_index=True)
     cuts = np.flatnonzero(np.diff(time_s) > _GAP_S) + 1
@@ -67,15 +64,8 @@ def busy_moment(bag: Path, recording: Recording) -> CrowdSnapshot:
 def _people_between(bag: Path, first_s: float, last_s: float) -> dict[int, People]:
     """People by stamp (ns) in a span of simulated time."""
     found: dict[int, People] = {}
-    with AnyReader([bag]) as reader:
-        chosen = [c for c in reader.connections if _is(c.topic, topics.PEDESTRIANS)]
-        for connection, _, raw in reader.messages(connections=chosen):
-            message = reader.deserialize(raw, connection.msgtype)
-            time_ns = stamp_ns(message.header.stamp)
-            if first_s <= time_ns * 1e-9 <= last_s:
-                found[time_ns] = from_people_message(message)
+    for _, message in messages_of(bag, [topics.PEDESTRIANS]):
+        time_ns = stamp_ns(message.header.stamp)
+        if first_s <= time_ns * 1e-9 <= last_s:
+            found[time_ns] = from_people_message(message)
     return found
-
-
-def _is(recorded: str, name: str) -> bool:
-    return recorded.rsplit("/", 1)[-1] == name

@@ -1,13 +1,9 @@
-"""From a decision to a waypoint, and directions there and back."""
+"""From a decision to a waypoint."""
 
 import numpy as np
-import pytest
 
-from serd_core.errors import SerdError
 from serd_core.grid import Action
 from sim.decision import (
-    action_of_direction,
-    direction_of_action,
     is_decision_tick,
     waypoint_of_cell,
     waypoint_of_intent,
@@ -51,13 +47,3 @@ def test_the_waypoint_of_a_cell_is_its_centre():
 def test_decisions_are_taken_every_40_ticks():
     ticks = [tick for tick in range(100) if is_decision_tick(seen_at(1, 1, tick), HALLWAY)]
     assert ticks == [0, 40, 80]
-
-
-@pytest.mark.parametrize("action", list(Action))
-def test_an_action_survives_the_way_through_a_direction(action):
-    assert action_of_direction(*direction_of_action(action)) == action
-
-
-def test_a_direction_that_is_not_finite_is_refused_with_the_fix():
-    with pytest.raises(SerdError, match=r"send \(0, 0\) to wait"):
-        action_of_direction(float("nan"), 0.0)

@@ -1,0 +1,45 @@
+"""Quality of service of a topic, written as rosbag2 of Jazzy (metadata version 9) writes it."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import yaml
+
+_INFINITE = {"sec": 9223372036, "nsec": 854775807}
+
+
+@dataclass(frozen=True)
+class QosProfile:
+    """What a publisher offers; deadlines, lifespans and leases are infinite."""
+
+    reliability: Literal["reliable", "best_effort"] = "reliable"
+    durability: Literal["volatile", "transient_local"] = "volatile"
+    history: Literal["keep_last", "keep_all", "unknown"] = "keep_last"
+    depth: int = 10
+
+    def values(self) -> dict[str, Any]:
+        """Keys and values in the order of rosbag2."""
+        return {
+            "history": self.history,
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": dict(_INFINITE),
+            "lifespan": dict(_INFINITE),
+            "liveliness": "automatic",
+            "liveliness_lease_duration": dict(_INFINITE),
+            "avoid_ros_namespace_conventions": False,
+        }
+
+
+RELIABLE = QosProfile()
+SENSOR_DATA = QosProfile(reliability="best_effort", depth=5)
+LATCHED = QosProfile(durability="transient_local", depth=1)
+
+
+def qos_yaml(profiles: tuple[QosProfile, ...]) -> str:
+    """The profiles as the text kept with an MCAP channel."""
+    if not profiles:
+        return ""
+    values = [profile.values() for profile in profiles]
+    return yaml.safe_dump(values, sort_keys=False, default_flow_style=False).rstrip("\n")

@@ -1,0 +1,169 @@
+"""A rosbag2 directory (MCAP), written so that a crash costs at most the last flush period.
+
+Directory `name` holds name_0.mcap, name_1.mcap, ... and, once closed, metadata.yaml.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import TracebackType
+
+from bags.errors import BagError
+from bags.mcap_writer import Compression, McapWriter
+from bags.message_types import MessageType, message_type
+from bags.metadata_file import FILE_NAME, ROOT_KEY, FileSpan, bag_metadata, metadata_text
+from bags.qos import RELIABLE, QosProfile
+from bags.topic import Topic
+from storage.atomic import atomic_write_text
+from storage.errors import disk_error
+from storage.nearest import hint
+
+_LAST_TIME_NS = 2**63 - 1
+
+
+class BagWriter:
+    """Writes messages as they came (CDR bytes).
+
+    max_file_bytes: size at which the next file is begun, None for one file.
+    flush_period_s: what a killed process may lose; `flush_if_due` must be called that often.
+    sync: wait for the disk itself at each flush, so that power loss costs no more either.
+    """
+
+    def __init__(
+        self,
+        directory: str | Path,
+        *,
+        max_file_bytes: int | None = None,
+        compression: Compression = "none",
+        flush_period_s: float = 0.25,
+        sync: bool = False,
+        custom_data: Mapping[str, str] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.directory = _new_folder(Path(directory))
+        self.topics: dict[str, Topic] = {}
+        self.counts: dict[str, int] = {}
+        self._max_file_bytes = max_file_bytes
+        self._compression: Compression = compression
+        self._flush_period_s = flush_period_s
+        self._sync = sync
+        self._custom_data = dict(custom_data or {})
+        self._clock = clock
+        self._finished: list[FileSpan] = []
+        self._channels: dict[str, int] = {}
+        self._closed = False
+        self._file = self._next_file()
+        self._flushed_s = clock()
+
+    def add_topic(
+        self,
+        name: str,
+        type_name: str,
+        qos: tuple[QosProfile, ...] = (RELIABLE,),
+        definition: MessageType | None = None,
+    ) -> None:
+        """Declare a topic; `definition` where the message type is not installed here."""
+        topic = Topic(name, definition or message_type(type_name), qos)
+        known = self.topics.setdefault(name, topic)
+        if known.message_type != topic.message_type:
+            raise BagError(
+                f"topic {name} must keep its type {known.message_type.name}, got {type_name}"
+                "; record it under another name"
+            )
+        if known is topic:
+            self.counts[name] = 0
+            self._channels[name] = self._file.add_topic(topic)
+
+    def write(
+        self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None
+    ) -> None:
+        """Append one message; publish time is the log time where unknown."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            raise BagError(f"topic {topic!r} must be added first; {hint(topic, self.topics)}")
+        published = log_time_ns if publish_time_ns is None else publish_time_ns
+        if not (0 <= log_time_ns <= _LAST_TIME_NS and 0 <= published <= _LAST_TIME_NS):
+            raise BagError(f"times must be 0 to 2^63-1 ns, got {log_time_ns} and {published}")
+        self._file.write(channel, data, log_time_ns, published)
+        self.counts[topic] += 1
+        self.flush_if_due()
+
+    @property
+    def n_messages(self) -> int:
+        """Messages written so far."""
+        return sum(self.counts.values())
+
+    @property
+    def size(self) -> int:
+        """Bytes of the current file."""
+        return self._file.size
+
+    def flush_if_due(self) -> None:
+        """Flush where the flush period is over; call it also when no messages come."""
+        if self._clock() - self._flushed_s >= self._flush_period_s:
+            self.flush()
+
+    def flush(self) -> None:
+        """Put everything on the disk; begin the next file where this one is large enough."""
+        self._file.flush()
+        self._flushed_s = self._clock()
+        if self._max_file_bytes is not None and self._file.size >= self._max_file_bytes:
+            self._finish_file()
+            self._file = self._next_file()
+
+    def close(self) -> None:
+        """Finish the file and write metadata.yaml; a second time does nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._finish_file()
+            text = metadata_text({ROOT_KEY: self._metadata()})
+            atomic_write_text(self.directory / FILE_NAME, text)
+        finally:
+            self._file.close()
+
+    def abandon(self) -> None:
+        """Close without an end, as after a crash: for a disk that takes nothing any more."""
+        self._closed = True
+        self._file.close()
+
+    def __enter__(self) -> "BagWriter":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _next_file(self) -> McapWriter:
+        path = self.directory / f"{self.directory.name}_{len(self._finished)}.mcap"
+        file = McapWriter(path, compression=self._compression, sync=self._sync)
+        self._name = path.name
+        self._channels = {name: file.add_topic(topic) for name, topic in self.topics.items()}
+        return file
+
+    def _finish_file(self) -> None:
+        summary = self._file.summary
+        times = (summary.first_ns, summary.last_ns) if summary.n_messages else (None, None)
+        self._finished.append(FileSpan(self._name, summary.n_messages, *times))
+        self._file.finish({"serialized_metadata": metadata_text(self._metadata())})
+
+    def _metadata(self) -> dict[str, object]:
+        topics = [(topic, self.counts[name]) for name, topic in self.topics.items()]
+        return bag_metadata(self._finished, topics, self._custom_data)
+
+
+def _new_folder(directory: Path) -> Path:
+    directory = directory.resolve()
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        occupied = any(directory.iterdir())
+    except OSError as error:
+        raise BagError(str(disk_error("write", directory, error))) from None
+    if occupied:
+        raise BagError(f"bag folder {directory} must be new or empty; choose another name")
+    return directory
