@@ -36,7 +36,7 @@ def gap_to_walls_m(
 
 
 def cannot_stop_before(
-    speed_mps: FloatArray, deceleration_mps2: float, time_s: FloatArray, reaction_s: float = 0.3
+    speed_mps: FloatArray, deceleration_mps2: float, time_s: FloatArray, reaction_s: float
 ) -> BoolArray:
     """(..., T) whether each time lies within the stopping time of the speeds plus one reaction."""
     stopping_s = np.abs(speed_mps) / deceleration_mps2 + reaction_s

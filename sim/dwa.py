@@ -26,7 +26,9 @@ from sim.scenario import Scenario
 from sim.waypoint import Waypoint
 
 _FORBIDDEN = 1e6
+_REACTION_S = 0.3
 _SLOWEST_MPS = 1e-3
+_STANDS_MPS = 0.05
 _STANDING = -1  # index of speed 0 among the sampled speeds
 
 
@@ -63,22 +65,52 @@ class DwaPlanner:
         if distance_m < self.settings.xy_goal_tolerance_m:
             return STOP
         speeds, turns = self._samples(observation, distance_m)
+        cost = self._cost(observation, waypoint, speeds, turns)
+        moving = speeds > _SLOWEST_MPS
+        self._is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
+        if self._is_blocked and abs(observation.speed_mps) < _STANDS_MPS:
+            return self._turn_to_leave(observation, waypoint)
+        best_v, best_w = np.unravel_index(int(np.argmin(cost)), cost.shape)
+        return Command(float(speeds[best_v]), float(turns[best_w]))
+
+    def _turn_to_leave(self, observation: Observation, waypoint: Waypoint) -> Command:
+        """Turn on the spot towards the best way out; stay as it is where there is none."""
+        settings, robot = self.settings, self._robot
+        speeds = np.append(np.linspace(0.25, 1.0, 3) * robot.max_vel_x_mps, 0.0)
+        turns = robot.max_vel_theta_radps * self._turn_shares
+        cost = self._cost(observation, waypoint, speeds, turns, settings.leaving_turn_s)
+        best_v, best_w = np.unravel_index(int(np.argmin(cost)), cost.shape)
+        return Command(0.0, float(turns[best_w]) if speeds[best_v] > 0.0 else 0.0)
+
+    def _cost(
+        self,
+        observation: Observation,
+        waypoint: Waypoint,
+        speeds: FloatArray,
+        turns: FloatArray,
+        turn_first_s: float = 0.0,
+    ) -> FloatArray:
+        """(V, W) cost of commands, _FORBIDDEN and more where they would hit something.
+
+        turn_first_s: above zero, of turning on the spot for so long before driving on.
+        """
         rollouts = roll_out(
             observation.pose,
             (observation.speed_mps, speeds),
             (observation.yaw_rate_radps, turns),
             self._robot,
             self._time_s,
-            self.settings.turn_time_s,
+            max(self.settings.turn_time_s, turn_first_s),
+            turn_first_s,
         )
+        to_x, to_y = waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m
+        soon_s = _REACTION_S + turn_first_s
         cost = self._progress_cost(rollouts, waypoint)
-        cost += self._turning_cost(rollouts, turns, to_x, to_y)
-        cost += self._wall_cost(rollouts)
-        cost += self._people_cost(rollouts, observation)
-        moving = speeds > _SLOWEST_MPS
-        self._is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
-        best_v, best_w = np.unravel_index(int(np.argmin(cost)), cost.shape)
-        return Command(float(speeds[best_v]), float(turns[best_w]))
+        if turn_first_s == 0.0:
+            cost += self._turning_cost(rollouts, turns, to_x, to_y)
+        cost += self._wall_cost(rollouts, soon_s)
+        cost += self._people_cost(rollouts, observation, soon_s)
+        return cost
 
     def _samples(
         self, observation: Observation, distance_m: float
@@ -118,16 +150,18 @@ class DwaPlanner:
         cost: FloatArray = weight * error + self.settings.turning_weight * np.abs(turns)
         return cost[None, :]
 
-    def _wall_cost(self, rollouts: Rollouts) -> FloatArray:
+    def _wall_cost(self, rollouts: Rollouts, soon_s: float) -> FloatArray:
         """(V, W) nearness of walls; forbidden where the robot would touch one before it stops."""
         settings = self.settings
         reach_m = self._robot.radius_m + settings.wall_margin_m
         gap = gap_to_walls_m(rollouts.x_m, rollouts.y_m, self._walls, reach_m)
         nearness = np.exp(-np.maximum(gap.min(axis=2), 0.0) / settings.wall_decay_m)
         cost: FloatArray = settings.wall_weight * nearness
-        return cost + _FORBIDDEN * self._hits(rollouts, gap < 0.0)
+        return cost + _FORBIDDEN * self._hits(rollouts, gap < 0.0, soon_s)
 
-    def _people_cost(self, rollouts: Rollouts, observation: Observation) -> FloatArray:
+    def _people_cost(
+        self, rollouts: Rollouts, observation: Observation, soon_s: float
+    ) -> FloatArray:
         """(V, W) nearness of people; forbidden where the robot would run into one.
 
         Being touched by somebody is no reason to stay: only what brings the robot nearer than
@@ -144,12 +178,12 @@ class DwaPlanner:
         closer = gap < np.minimum(settings.person_margin_m, gap[_STANDING] - 1e-3)
         nearness = np.exp(-np.maximum(gap, -settings.people_decay_m) / settings.people_decay_m)
         cost: FloatArray = settings.people_weight * np.max(nearness * self._foresight, axis=2)
-        return cost + _FORBIDDEN * self._hits(rollouts, closer)
+        return cost + _FORBIDDEN * self._hits(rollouts, closer, soon_s)
 
-    def _hits(self, rollouts: Rollouts, too_close: BoolArray) -> BoolArray:
+    def _hits(self, rollouts: Rollouts, too_close: BoolArray, soon_s: float) -> BoolArray:
         """(V, W) rollouts that come too close before they could stop and end up moving."""
         final_speed = rollouts.speed_mps[:, -1]
-        soon = cannot_stop_before(final_speed, self._robot.acc_lim_x_mps2, self._time_s)
+        soon = cannot_stop_before(final_speed, self._robot.acc_lim_x_mps2, self._time_s, soon_s)
         moving = np.abs(final_speed) > _SLOWEST_MPS
         found: BoolArray = (too_close & soon[:, None, :]).any(axis=2) & moving[:, None]
         return found

@@ -11,6 +11,7 @@ class DwaSettings:
     """sim_time_s: horizon; vx_samples, vtheta_samples: size of the window; costs as weights.
 
     turn_time_s: how long a sampled turn lasts before the rollout goes straight on.
+    leaving_turn_s: how long a blocked robot may turn on the spot before it drives on.
     """
 
     controller_frequency_hz: float = 20.0
@@ -21,6 +22,7 @@ class DwaSettings:
     vtheta_samples: int = 21
     window_s: float = 0.3
     turn_time_s: float = 0.4
+    leaving_turn_s: float = 0.6
     braking_share: float = 0.7
     wall_margin_m: float = 0.03
     person_margin_m: float = 0.08

@@ -10,7 +10,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.grid import DIRECTION_VECTORS, Action
-from sim.expert_route import MOVES, RouteCosts, costs_to_go, move_costs
+from sim.expert_route import MOVES, RouteCosts, costs_to_go, move_costs, opposite_flow
 from sim.observation import Observation
 from sim.scenario import Scenario
 from sim.scenario_grid import flow_of, goal_states_of, grid_of
@@ -23,6 +23,7 @@ class ExpertSettings:
 
     wait_probability: of waiting when a person will be within `blocked_radius_m` of the next cell's
     centre within `look_ahead_s`; never more than `longest_wait` periods in a row.
+    goes_with_flow: False for one who likes the side of those who come towards him.
     """
 
     costs: RouteCosts = field(default_factory=RouteCosts)
@@ -32,6 +33,7 @@ class ExpertSettings:
     blocked_radius_m: float = 0.6
     look_ahead_s: float = 0.6
     longest_wait: int = 2
+    goes_with_flow: bool = True
 
 
 class ScriptedExpert:
@@ -43,7 +45,8 @@ class ScriptedExpert:
         self._seed = seed
         self._settings = settings if settings is not None else ExpertSettings()
         self._grid = grid_of(scenario)
-        self._flow = flow_of(scenario, self._grid)
+        flow = flow_of(scenario, self._grid)
+        self._flow = flow if self._settings.goes_with_flow else opposite_flow(flow)
         self._goal = goal_states_of(scenario, self._grid)
         self.begin(0)
 

@@ -49,6 +49,11 @@ def move_costs(
     return np.where(blocked, np.inf, cost)
 
 
+def opposite_flow(flow: IntArray) -> IntArray:
+    """(S,) the flow turned round; cells without flow stay without."""
+    return np.where(flow > 0, (flow + 1) % 4 + 1, flow)
+
+
 def costs_to_go(
     grid: Grid, cost: FloatArray, goal_states: IntArray, turning_cost: float
 ) -> FloatArray:

@@ -26,6 +26,7 @@ from sim.waypoint import Waypoint
 
 _FORBIDDEN = 1e4
 _SLOWEST_MPS = 0.02
+_REACTION_S = 0.3
 
 
 class MppiPlanner:
@@ -126,7 +127,9 @@ class MppiPlanner:
         x_m = observation.x_m + step_s * np.cumsum(speed * np.cos(middle_yaw), axis=1)
         y_m = observation.y_m + step_s * np.cumsum(speed * np.sin(middle_yaw), axis=1)
         cost = self._progress_cost(x_m, y_m, yaw[:, -1], waypoint)
-        soon = cannot_stop_before(speed[:, 0], self._robot.acc_lim_x_mps2, self._time_s)
+        soon = cannot_stop_before(
+            speed[:, 0], self._robot.acc_lim_x_mps2, self._time_s, _REACTION_S
+        )
         wall_gap = gap_to_walls_m(
             x_m, y_m, self._walls, self._robot.radius_m + settings.wall_margin_m
         )

@@ -36,11 +36,15 @@ def roll_out(
     robot: RobotSettings,
     time_s: FloatArray,
     turn_time_s: float,
+    start_s: float = 0.0,
 ) -> Rollouts:
-    """Rollouts from a pose; `speeds` and `turns` are the present value and the sampled ones."""
+    """Rollouts from a pose; `speeds` and `turns` are the present value and the sampled ones.
+
+    start_s: how long the present speed is kept before the ramp to the sampled one.
+    """
     step_s = time_s[0]
     middle_s = time_s - 0.5 * step_s
-    speed = ramp(speeds[0], speeds[1], robot.acc_lim_x_mps2, middle_s)
+    speed = ramp(speeds[0], speeds[1], robot.acc_lim_x_mps2, np.maximum(middle_s - start_s, 0.0))
     turning = ramp(turns[0], turns[1], robot.acc_lim_theta_radps2, middle_s)
     turning = np.where(middle_s > turn_time_s, 0.0, turning)
     yaw = pose[2] + step_s * np.cumsum(turning, axis=1)

@@ -1,0 +1,50 @@
+"""Drivers by name, for tables and command lines."""
+
+from collections.abc import Callable
+
+from sim.driver import Driver
+from sim.errors import SimError
+from sim.expert import ExpertSettings, ScriptedExpert
+from sim.scenario import Scenario
+from storage.nearest import nearest_name
+
+
+def _expert(scenario: Scenario, seed: int) -> Driver:
+    return ScriptedExpert(scenario, seed)
+
+
+def _with_flow(scenario: Scenario, seed: int) -> Driver:
+    return ScriptedExpert(scenario, seed, _resolute(goes_with_flow=True))
+
+
+def _against_flow(scenario: Scenario, seed: int) -> Driver:
+    return ScriptedExpert(scenario, seed, _resolute(goes_with_flow=False))
+
+
+def _resolute(*, goes_with_flow: bool) -> ExpertSettings:
+    """One who never wavers nor waits, so that the planner alone is measured."""
+    return ExpertSettings(
+        waver_probability=0.0, wait_probability=0.0, goes_with_flow=goes_with_flow
+    )
+
+
+_DRIVERS: dict[str, Callable[[Scenario, int], Driver]] = {
+    "expert": _expert,
+    "expert_with_flow": _with_flow,
+    "expert_against_flow": _against_flow,
+}
+
+
+def driver_names() -> tuple[str, ...]:
+    """Names `make_driver` knows."""
+    return tuple(_DRIVERS)
+
+
+def make_driver(name: str, scenario: Scenario, seed: int) -> Driver:
+    """The driver of that name; SimError with the nearest name when there is none."""
+    if name not in _DRIVERS:
+        meant = nearest_name(name, driver_names()) or driver_names()[0]
+        raise SimError(
+            f"driver must be one of {', '.join(_DRIVERS)}, got {name!r}; did you mean {meant!r}?"
+        )
+    return _DRIVERS[name](scenario, seed)
