@@ -9,17 +9,20 @@ Bullet only knows where they are, for ray tests and pictures, and is told only w
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
+from sim.camera import Camera, as_frame
 from sim.quiet_pybullet import pybullet
 from sim.scenario import Scenario
 from sim.settings import RobotSettings
 
 _WALL_THICKNESS_M = 0.1
-_WALL_HEIGHT_M = 2.0
+_WALL_HEIGHT_M = 1.2
 _PERSON_HEIGHT_M = 1.75
 _NO_COLLISION = 0
 _WALL_COLOUR = (0.75, 0.73, 0.7, 1.0)
+_FLOOR_COLOUR = (0.93, 0.92, 0.89, 1.0)
 _ROBOT_COLOUR = (0.15, 0.35, 0.75, 1.0)
 _PERSON_COLOUR = (0.25, 0.6, 0.3, 1.0)
 
@@ -45,6 +48,7 @@ class Physics:
         self._robot = self._add_robot(scenario.robot)
         for start, end in scenario.wall_segments_m:
             self._add_wall(start, end)
+        self._add_floor(scenario.bounds_m)
         self._people = self._add_people(scenario.pedestrians.count, person_radius_m)
 
     def place_robot(self, x_m: float, y_m: float, half_turn: tuple[float, float]) -> None:
@@ -84,11 +88,42 @@ class Physics:
         )
         return np.array([hit[2] if hit[0] != self._robot else 1.0 for hit in hits])
 
+    def render(self, camera: Camera) -> NDArray[np.uint8]:
+        """(height, width, 3) picture by PyBullet's software renderer."""
+        view = pybullet.computeViewMatrixFromYawPitchRoll(
+            camera.target_m, camera.distance_m, camera.yaw_deg, camera.pitch_deg, 0.0, 2
+        )
+        ratio = camera.width_px / camera.height_px
+        projection = pybullet.computeProjectionMatrixFOV(
+            camera.field_of_view_deg, ratio, 0.1, 10.0 * camera.distance_m
+        )
+        image = pybullet.getCameraImage(
+            camera.width_px,
+            camera.height_px,
+            view,
+            projection,
+            renderer=pybullet.ER_TINY_RENDERER,
+            physicsClientId=self.client,
+        )
+        return as_frame(image[2], camera)
+
     def close(self) -> None:
         """Leave PyBullet; a second call does nothing."""
         if self.client >= 0:
             pybullet.disconnect(self.client)
             self.client = -1
+
+    def _add_floor(self, bounds_m: tuple[float, float, float, float]) -> None:
+        """A plate to look at; nothing touches it and rays pass above it."""
+        x_min, y_min, x_max, y_max = bounds_m
+        shape = pybullet.createVisualShape(
+            pybullet.GEOM_BOX,
+            halfExtents=(0.5 * (x_max - x_min) + 1.0, 0.5 * (y_max - y_min) + 1.0, 0.01),
+            rgbaColor=_FLOOR_COLOUR,
+            physicsClientId=self.client,
+        )
+        middle = (0.5 * (x_min + x_max), 0.5 * (y_min + y_max), -0.02)
+        pybullet.createMultiBody(0.0, -1, shape, middle, physicsClientId=self.client)
 
     def _ignore_contacts_with_robot(self, body: int) -> None:
         pybullet.setCollisionFilterPair(

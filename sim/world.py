@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.grid import Grid
+from sim.camera import Camera, overview_camera
 from sim.command import STOP, Command
 from sim.contacts import ContactCounter, ContactCounts
 from sim.crowd import Crowd, start_crowd
@@ -137,6 +138,12 @@ class HallwayWorld:
     def map_raster(self, resolution_m: float = 0.05) -> OccupancyRaster:
         """The map for people and planners."""
         return occupancy_raster(self.scenario, resolution_m)
+
+    def picture(self, camera: Camera | None = None) -> NDArray[np.uint8]:
+        """(height, width, 3) picture of the world now, the whole of it when no camera is given."""
+        crowd = self._running()
+        self._physics.place_people(crowd.x_m, crowd.y_m)
+        return self._physics.render(camera if camera else overview_camera(self.scenario))
 
     def snapshot(self) -> WorldState:
         """Everything that changes, as a value."""

@@ -1,0 +1,48 @@
+"""Who was where during an episode, tick by tick."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.grid import Action
+from sim.command import Command
+from sim.errors import SimError
+from sim.observation import Observation
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """time_s: (T,); robot_pose: (T, 3) x, y, yaw; people_position_m: (T, N, 2)."""
+
+    time_s: FloatArray
+    robot_pose: FloatArray
+    people_position_m: FloatArray
+
+    def every(self, step: int) -> "Trajectory":
+        """Every step-th tick, for a movie."""
+        return Trajectory(
+            self.time_s[::step], self.robot_pose[::step], self.people_position_m[::step]
+        )
+
+
+class TrajectoryRecorder:
+    """Pass `see` to run_episode as its observer, then ask for `trajectory`."""
+
+    def __init__(self) -> None:
+        self._seen: list[Observation] = []
+
+    def see(self, observation: Observation, _command: Command, _action: Action) -> None:
+        """Take one control tick."""
+        self._seen.append(observation)
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Everything seen so far; SimError when that is nothing."""
+        if not self._seen:
+            raise SimError("nothing was recorded; pass `see` as the observer of run_episode")
+        return Trajectory(
+            time_s=np.array([seen.time_s for seen in self._seen]),
+            robot_pose=np.array([seen.pose for seen in self._seen]),
+            people_position_m=np.stack([seen.people_position_m for seen in self._seen]),
+        )
