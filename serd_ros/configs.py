@@ -19,6 +19,7 @@ class HallwaySimConfig(StrictModel):
     real_time_factor: float = Field(gt=0)
     stamped_cmd_vel: bool
     command_timeout_s: float = Field(gt=0, le=0.5)
+    required_nodes: tuple[str, ...]
 
 
 class LocalPlannerConfig(StrictModel):
@@ -29,6 +30,7 @@ class LocalPlannerConfig(StrictModel):
     lockstep: bool
     stamped_cmd_vel: bool
     input_timeout_s: float = Field(gt=0, le=0.5)
+    required_nodes: tuple[str, ...]
 
 
 class DriverConfig(StrictModel):

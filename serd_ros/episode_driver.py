@@ -21,7 +21,7 @@ from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.episode_mark import END, START, EpisodeMark, to_episode_message
 from serd_ros.convert.reset_reply import ResetReply, from_reset_sentence
 from serd_ros.convert.stamp import stamp_ns, to_stamp
-from serd_ros.graph_readiness import missing_endpoints
+from serd_ros.graph_readiness import Readiness
 from serd_ros.observation_endpoints import subscribe_observations
 from serd_ros.serd_node import SerdNode
 from sim.decision import is_decision_tick
@@ -57,6 +57,7 @@ class EpisodeDriverNode(SerdNode[Config]):
             DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
         )
         subscribe_observations(self, self.scenario.control_period_s, self._on_observation)
+        self._readiness = Readiness(self, self.config.required_nodes, self.wall_s())
         self._look = self.create_timer(_LOOK_AGAIN_S, self._begin_when_ready, clock=self.wall_clock)
 
     @abstractmethod
@@ -69,20 +70,29 @@ class EpisodeDriverNode(SerdNode[Config]):
 
     def _begin_when_ready(self) -> None:
         """Wait for the graph, then begin the first episode."""
-        missing = missing_endpoints(self, self.config.required_nodes)
-        if not missing and self._reset.service_is_ready():
+        missing = self._readiness.missing(self.wall_s())
+        if missing or not self._reset.service_is_ready():
+            self._say_waiting(missing or "the reset service")
+        else:
             self._look.cancel()
             self._ask_for_episode()
-        elif self.wall_s() - self._said_wall_s > _SAY_AGAIN_S:
+
+    def _say_waiting(self, missing: str) -> None:
+        if self.wall_s() - self._said_wall_s > _SAY_AGAIN_S:
             self._said_wall_s = self.wall_s()
-            self.get_logger().info(f"waiting for {missing or 'the reset service'}")
+            self.get_logger().info(f"waiting for {missing}")
 
     def _ask_for_episode(self) -> None:
         self._running, self._progress, self._decision, self._ending = None, None, None, None
         self._reset.call_async(Trigger.Request()).add_done_callback(self._on_reset)
 
     def _on_reset(self, future: Future) -> None:
-        self._running = from_reset_sentence(future.result().message)
+        reply = future.result()
+        if not reply.success:
+            self._say_waiting(reply.message)
+            self._look.reset()
+            return
+        self._running = from_reset_sentence(reply.message)
         self.driver.begin(self._running.episode)
         if self._waiting is not None:
             self._on_observation(self._waiting)

@@ -7,6 +7,7 @@ from std_srvs.srv import SetBool, Trigger
 from serd_ros import topics
 from serd_ros.configs import HallwaySimConfig
 from serd_ros.convert.reset_reply import ResetReply, to_reset_sentence
+from serd_ros.graph_readiness import Readiness
 from serd_ros.run_node import run_node
 from serd_ros.serd_node import SerdNode
 from serd_ros.world_loop import LiveLoop, LockstepLoop, WorldLoop
@@ -16,7 +17,8 @@ from sim.world import HallwayWorld
 
 
 class HallwaySim(SerdNode[HallwaySimConfig]):
-    """Holds the world; `reset` begins its next episode, `pause` stops its time."""
+    """Holds the world; `reset` begins its next episode (once all who must listen do), `pause` stops
+    its time."""
 
     def __init__(self) -> None:
         super().__init__("hallway_sim", HallwaySimConfig)
@@ -24,6 +26,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         self._world = HallwayWorld(scenario, seed=self.config.seed, gui=self.config.gui)
         self._publisher = WorldPublisher(self, self._world)
         self._next_episode = 0
+        self._readiness = Readiness(self, self.config.required_nodes, self.wall_s())
         loop = LockstepLoop if self.config.lockstep else LiveLoop
         self._loop: WorldLoop = loop(self, self._world, self._publisher)
         self.create_service(Trigger, topics.RESET, self._on_reset)
@@ -36,8 +39,9 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         self._world.close()
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.message = to_reset_sentence(self._begin_episode())
-        response.success = True
+        missing = self._readiness.missing(self.wall_s())
+        response.success = not missing
+        response.message = missing or to_reset_sentence(self._begin_episode())
         return response
 
     def _begin_episode(self) -> ResetReply:

@@ -17,6 +17,7 @@ from serd_ros.convert.diagnostics import WARN
 from serd_ros.convert.intent import from_intent
 from serd_ros.convert.pose import from_waypoint_message
 from serd_ros.convert.stamp import stamp_ns, to_stamp
+from serd_ros.graph_readiness import Readiness
 from serd_ros.observation_endpoints import subscribe_observations
 from serd_ros.run_node import run_node
 from serd_ros.serd_node import SerdNode
@@ -42,6 +43,8 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         self._waypoint: Waypoint | None = None
         self._answer: tuple[int, Command] | None = None
         self._heard_wall_s = self.wall_s()
+        self._readiness = Readiness(self, self.config.required_nodes, self.wall_s())
+        self._ready = False
         self._stamped = self.config.stamped_cmd_vel or self.config.lockstep
         kind = TwistStamped if self._stamped else Twist
         self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.COMMAND)
@@ -77,7 +80,7 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
     def _answer_tick(self) -> None:
         """Answer the present tick once all it depends on is here; a repeated one the same way."""
         observation = self._observation
-        if observation is None:
+        if observation is None or not self._listened_to():
             return
         time_ns = stamp_ns(to_stamp(observation.time_s))
         if self._answer is None or self._answer[0] != time_ns:
@@ -87,6 +90,12 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
                 self._waypoint = self._towards(observation, self._directive[1])
             self._answer = time_ns, self._planner.step(observation, self._waypoint)
         self._send(self._answer[1], observation.time_s)
+
+    def _listened_to(self) -> bool:
+        """Whether all who must hear the commands do; until then the world repeats its tick."""
+        if not self._ready:
+            self._ready = not self._readiness.missing(self.wall_s())
+        return self._ready
 
     def _plan_live(self) -> None:
         observation = self._observation

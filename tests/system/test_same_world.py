@@ -68,4 +68,5 @@ def assert_nothing_was_lost(bag, n_ticks):
         counts = {connection.topic: connection.msgcount for connection in reader.connections}
     assert counts["/robot_pose"] >= n_ticks
     assert counts["/odom"] == counts["/pedestrians"] == counts["/robot_pose"]
+    assert counts["/cmd_vel"] >= n_ticks - EPISODES  # arriving needs no further command
     assert counts["/episode"] == 2 * EPISODES

@@ -5,9 +5,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 PACKAGE = "serd_ros"
-NODES = sorted(
-    path.stem for path in Path("serd_ros/nodes").glob("*.py") if path.stem != "__init__"
-)
+NODES = sorted(path.stem for path in Path("serd_ros/nodes").glob("*.py") if path.stem != "__init__")
 
 
 def files(folder: str) -> list[str]:
