@@ -40,6 +40,13 @@ from serd_core.priors.prior import Prior, UniformPrior
 from serd_core.problem import TabularProblem
 from serd_core.simulation import sample_decisions
 
+#: The four panels of Figs. 4.12 and 4.13, as columns of the table.
+MEASURES = (
+    "log_likelihood",
+    "dynamics_divergence",
+    "policy_divergence",
+    "transfer_log_likelihood",
+)
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=150)
 #: Hoeffding's thresholds themselves allow all weights to be 0 up to fifty demonstrations.
 THRESHOLD_SHARE = 0.1

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.landscape import Landscape
-from serd_core.arrays import FloatArray
+from serd_core.arrays import BoolArray, FloatArray
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.grid import Action, Grid
 from serd_core.mdp import Mdp
@@ -24,10 +24,11 @@ FOREST_SUCCESS, FOREST_OTHER = 0.3, 0.175
 
 @dataclass(frozen=True, eq=False)
 class Gridworld:
-    """A problem with its start distribution (S,); the goal is one state."""
+    """A problem with its start distribution (S,) and forest mask (S,); the goal is one state."""
 
     problem: TabularProblem
     starts: FloatArray
+    forest: BoolArray
     goal: int
 
 
@@ -45,7 +46,7 @@ def gridworld(landscape: Landscape, discount: float, *, goal_at_left: bool) -> G
     features[goal, :, 1] = 1.0
     models = _outcome_models(grid, landscape)
     problem = TabularProblem(Mdp(models, discount), features, ("brightness", "goal"))
-    return Gridworld(problem=problem, starts=starts, goal=goal)
+    return Gridworld(problem, starts, landscape.forest.ravel(), goal)
 
 
 def true_dynamics() -> FloatArray:

@@ -6,7 +6,6 @@ import numpy as np
 import scipy.stats
 
 from experiments.repetitions import Row
-from serd_core.errors import SerdError
 
 
 def quartiles(rows: Sequence[Row], measure: str, by: Sequence[str]) -> list[Row]:
@@ -25,25 +24,22 @@ def quartiles(rows: Sequence[Row], measure: str, by: Sequence[str]) -> list[Row]
 def welch_test(rows: Sequence[Row], measure: str, first: str, second: str) -> list[Row]:
     """Per size: mean difference of two learners and two-sided p-value of Welch's t-test.
 
-    Rows that are not finite are left out and counted.
+    Rows that are not finite are left out and counted; None where fewer than two are left.
     """
     table = []
     for key in _keys(rows, ["size"]):
         samples = [_finite(rows, measure, learner, key["size"]) for learner in (first, second)]
         (one, dropped_one), (two, dropped_two) = samples
-        if min(len(one), len(two)) < 2:
-            raise SerdError(
-                f"rows must hold at least two repetitions of {first} and {second} for size"
-                f" {key['size']}, got {len(one)} and {len(two)}"
-            )
-        result = scipy.stats.ttest_ind(one, two, equal_var=False)
+        # A t-test needs a spread on both sides.
+        enough = min(len(one), len(two)) >= 2
+        result = scipy.stats.ttest_ind(one, two, equal_var=False) if enough else None
         table.append(
             {
                 "size": key["size"],
                 "first": first,
                 "second": second,
-                "mean_difference": float(np.mean(one) - np.mean(two)),
-                "p_value": float(result.pvalue),
+                "mean_difference": float(np.mean(one) - np.mean(two)) if enough else None,
+                "p_value": None if result is None else float(result.pvalue),
                 "n_not_finite": dropped_one + dropped_two,
             }
         )

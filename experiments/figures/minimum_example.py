@@ -1,0 +1,71 @@
+"""Figures 4.8 and 4.9: where the estimates lie, and how likely the expert is under them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from experiments.repetitions import Row
+from experiments.summary import quartiles
+from report.canvas import new_figure
+from report.style import BLUE, CYAN, INK, MUTED, RED
+
+COLOURS = {"MDCE SERD": BLUE, "MDCE IRL": RED}
+
+
+def estimates_figure(rows: Sequence[Row]) -> Figure:
+    """Fig. 4.8: estimated transition models, and densities of the learned weights."""
+    figure = new_figure(8.0, 3.8)
+    dynamics, weights = figure.subplots(1, 2)
+    for learner, colour in COLOURS.items():
+        chosen = [row for row in rows if row["learner"] == learner]
+        across = [row["moves_on_a"] for row in chosen]
+        upward = [row["moves_on_b"] for row in chosen]
+        dynamics.plot(across, upward, ".", color=colour, alpha=0.25, markersize=4, label=learner)
+        _density(weights, [row["weight"] for row in chosen], colour, learner)
+    dynamics.plot([0, 1], [0, 1], "--", color=MUTED, linewidth=1)
+    dynamics.set(xlabel="P(2 | 1, a)", ylabel="P(2 | 1, b)", xlim=(0, 1), ylim=(0, 1))
+    dynamics.set_aspect("equal")
+    weights.set(xlabel="reward weight", ylabel="density")
+    weights.legend()
+    return figure
+
+
+def likelihood_figure(rows: Sequence[Row]) -> Figure:
+    """Fig. 4.9: median and quartiles of the log-likelihood by size, SERD split by mode."""
+    figure = new_figure(6.0, 3.8)
+    axes = figure.subplots()
+    series = {
+        "MDCE SERD, mode A": ("MDCE SERD", "A", CYAN),
+        "MDCE SERD, mode B": ("MDCE SERD", "B", BLUE),
+        "MDCE IRL": ("MDCE IRL", None, RED),
+    }
+    for label, (learner, mode, colour) in series.items():
+        chosen = [
+            row
+            for row in rows
+            if row["learner"] == learner and (mode is None or row["mode"] == mode)
+        ]
+        if chosen:
+            _quartile_band(axes, quartiles(chosen, "log_likelihood", ["size"]), colour, label)
+    axes.set(xlabel="demonstrations", ylabel="log-likelihood of the expert's choice", xscale="log")
+    axes.set_yscale("symlog", linthresh=1e-7)
+    axes.legend()
+    return figure
+
+
+def _density(axes: Axes, values: Sequence[float], colour: str, label: str) -> None:
+    finite = np.clip(values, -60.0, 60.0)
+    axes.hist(
+        finite, bins=60, range=(-60.0, 60.0), density=True, color=colour, alpha=0.5, label=label
+    )
+
+
+def _quartile_band(axes: Axes, table: Sequence[Row], colour: str, label: str) -> None:
+    ordered = sorted(table, key=lambda row: row["size"])
+    sizes = [row["size"] for row in ordered]
+    axes.plot(sizes, [row["median"] for row in ordered], "o-", color=colour, label=label)
+    lower, upper = ([row[name] for row in ordered] for name in ("lower", "upper"))
+    axes.fill_between(sizes, lower, upper, color=colour, alpha=0.2, linewidth=0)
+    axes.tick_params(colors=INK)

@@ -1,0 +1,62 @@
+from pathlib import Path
+
+import pytest
+
+from experiments.catalogue import EXPERIMENTS, experiment_of
+from experiments.gridworld import GridworldConfig
+from experiments.minimum_example import MinimumExampleConfig
+from experiments.policy_cost import PolicyCostConfig
+from experiments.priors import PriorsConfig
+from experiments.repetitions import Execution
+from experiments.rust import RustConfig
+from serd_core.errors import SerdError
+
+DATA = Path(__file__).parents[3] / "shared" / "data" / "rust1987"
+
+SMALL = {
+    "minimum-example": MinimumExampleConfig(n_sets=8, sizes=(3,)),
+    "priors": PriorsConfig(n_points=9),
+    "policy-cost": PolicyCostConfig(
+        base=(9, 2, 2), n_states=(9, 16), n_actions=(2, 3), n_parameters=(2, 3), repeats=1
+    ),
+    "gridworld": GridworldConfig(
+        side=6, sizes=(4,), n_steps=10, n_test_episodes=10, n_repetitions=2
+    ),
+}
+LEFT_BEHIND = {
+    "minimum-example": {"estimates.csv", "log_likelihood.csv", "estimates.png"},
+    "priors": {"optimal_distributions.csv", "surfaces.png"},
+    "policy-cost": {"seconds.csv", "exponents.csv", "cost.png"},
+    "gridworld": {"measures.csv", "welch_log_likelihood.csv", "measures.png", "transfer.png"},
+}
+
+
+@pytest.mark.parametrize("name", sorted(SMALL))
+def test_each_experiment_leaves_its_tables_and_figures(tmp_path, name):
+    told = []
+    summary = experiment_of(name).run(
+        SMALL[name], tmp_path, Execution(n_jobs=1), lambda done, total: told.append((done, total))
+    )
+    assert summary
+    assert LEFT_BEHIND[name] <= {file.name for file in tmp_path.iterdir()}
+    assert told[-1][0] == told[-1][1]
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason=f"Rust's bus data are not there; put them in {DATA}")
+def test_the_table_of_rust_has_estimates_with_errors(tmp_path):
+    table = experiment_of("rust").run(
+        RustConfig(DATA), tmp_path, Execution(n_jobs=1), lambda *_: None
+    )
+    assert [row["name"] for row in table[:2]] == ["RC", "theta_11"]
+    assert (tmp_path / "estimates.csv").exists()
+
+
+def test_configurations_are_the_types_the_catalogue_names():
+    for experiment in EXPERIMENTS:
+        if experiment.name in SMALL:
+            assert isinstance(SMALL[experiment.name], experiment.config)
+
+
+def test_an_unknown_name_is_refused_with_those_there_are():
+    with pytest.raises(SerdError, match=r"must be among minimum-example, priors, .* got 'rest'"):
+        experiment_of("rest")
