@@ -1,6 +1,10 @@
-"""Second derivatives of sum_g c_g log P_g over distinct transitions g = (s, a, s').
+"""Second derivatives of functions of the transition probabilities, sum_g h_g(P_g).
 
-d2 log P = d2 P / P - dP dP^T / P^2
+g = (s, a, s') runs over distinct transitions:
+
+    d2 sum h(P) = sum h'(P) d2 P + sum h''(P) dP dP^T
+
+For h = c log P, the log-likelihood of counts c, h' = c / P and h'' = -c / P^2.
 """
 
 import numpy as np
@@ -13,15 +17,22 @@ from serd_core.dynamics.transition_model import TransitionModel
 def log_transition_hessian(
     model: TransitionModel, theta: FloatArray, counts: FloatArray
 ) -> FloatArray:
-    """(N, N) for (G,) counts of the model's distinct transitions."""
+    """(N, N) of sum c_g log P_g for (G,) counts of the model's distinct transitions."""
     local = model.local_probabilities(theta)
     present = floored(model.groups.probabilities(model.entries(local)))
     ratio = counts / present
-    by_local = model.gather(ratio[model.groups.group_of_entry])
-    slopes = transition_jacobian(model, model.local_jacobian(theta), counts > 0)
-    weights = (ratio / present)[counts > 0]
-    bend = (slopes * weights[:, None]).T @ slopes
-    return np.asarray(model.local_curvature(theta, by_local) - bend)
+    return transition_hessian(model, theta, ratio, -ratio / present)
+
+
+def transition_hessian(
+    model: TransitionModel, theta: FloatArray, first: FloatArray, second: FloatArray
+) -> FloatArray:
+    """(N, N) of sum h_g(P_g) for (G,) first and second derivatives of h."""
+    by_local = model.gather(first[model.groups.group_of_entry])
+    bent = second != 0
+    slopes = transition_jacobian(model, model.local_jacobian(theta), bent)
+    bend = (slopes * second[bent][:, None]).T @ slopes
+    return np.asarray(model.local_curvature(theta, by_local) + bend)
 
 
 def transition_jacobian(

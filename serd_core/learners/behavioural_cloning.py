@@ -3,6 +3,8 @@
     pi(a | s) = (n(s, a) + c) / (n(s) + c |A(s)|)
 
 Nothing is said about states never visited: there the policy is uniform.
+
+    policy = clone_behaviour(problem, decisions, pseudo_count=0.5)
 """
 
 import numpy as np

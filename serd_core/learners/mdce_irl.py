@@ -9,6 +9,9 @@ entropy problem is concave,
 
 Both agree for many demonstrations under true dynamics, and differ for few. Feature counts are
 *discounted*, as the constraint says; matching them undiscounted converges to a wrong reward.
+
+    fit = fit_mdce_irl_by_likelihood(problem, decisions, rng=rng)
+    fit = fit_mdce_irl_by_entropy(problem, decisions, rng=rng, dynamics=known)
 """
 
 import numpy as np

@@ -2,6 +2,8 @@
 
 The temperature theta_P is learned with rewards and dynamics. Scaling all rewards and theta_P by
 one factor changes nothing, so a prior on the reward weights or the temperature must fix the scale.
+
+    fit = fit_pm_serd(problem, decisions, rng=rng, prior=GaussianPrior(3.0, Block.REWARD))
 """
 
 import numpy as np

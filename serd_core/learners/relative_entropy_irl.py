@@ -13,6 +13,11 @@ Thresholds: Hoeffding's bound for the mean of n counts within a range R_i, two-s
 epsilon_i = R_i sqrt(log(2 / (1 - confidence)) / (2 n)), R_i = (max f_i - min f_i) (1 - gamma^T) /
 (1 - gamma) for episodes of at most T decisions (T infinite where episodes are absorbed). They are
 wide: with few demonstrations they may allow every weight to be 0. Smaller ones fit more closely.
+
+    samples, policy = sample_from_estimates(problem, decisions, n_episodes=500, n_steps=40, rng=rng)
+    fit = fit_relative_entropy_irl(
+        problem, decisions, samples=samples, sampling_policy=policy, rng=rng
+    )
 """
 
 import numpy as np

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray, floored
+from serd_core.curvature.log_transitions import transition_hessian, transition_jacobian
 from serd_core.dynamics.transition_model import TransitionModel
-from serd_core.parameters import Parameters
+from serd_core.parameters import Block, Parameters
 from serd_core.priors.divergence import dynamics_gradient, group_weights
 from serd_core.priors.prior import LogPrior, Prior, require_weight
 
@@ -38,6 +39,29 @@ class CouplingPrior(Prior):
         zeros = parameters.zeros()
         gradient = Parameters(zeros.reward, by_belief, by_truth, zeros.policy)
         return LogPrior(value, gradient)
+
+    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
+        """Parts of each block, and the mixed part w / P_TE dP_T dP_TE^T."""
+        weights = self.weight * group_weights(model, self.state_action_weights)
+        truth = floored(_transition_probabilities(model, parameters.truth))
+        belief = floored(_transition_probabilities(model, parameters.belief))
+        at_truth, at_belief = parameters.place(Block.TRUTH), parameters.place(Block.BELIEF)
+        table = np.zeros((len(parameters.vector),) * 2)
+        table[at_truth, at_truth] = transition_hessian(
+            model, parameters.truth, -weights * (np.log(truth / belief) + 1.0), -weights / truth
+        )
+        ratio = weights * truth / belief
+        table[at_belief, at_belief] = transition_hessian(
+            model, parameters.belief, ratio, -ratio / belief
+        )
+        everywhere = np.ones(len(weights), dtype=np.bool_)
+        by_truth, by_belief = (
+            transition_jacobian(model, model.local_jacobian(theta), everywhere)
+            for theta in (parameters.truth, parameters.belief)
+        )
+        mixed = (by_truth * (weights / belief)[:, None]).T @ by_belief
+        table[at_truth, at_belief], table[at_belief, at_truth] = mixed, mixed.T
+        return table
 
 
 def _transition_probabilities(model: TransitionModel, theta: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray, floored
+from serd_core.curvature.log_transitions import transition_hessian
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.parameters import Block, Parameters
 from serd_core.priors.divergence import (
@@ -42,3 +43,16 @@ class EntropyPrior(Prior):
         value = -float(np.sum(weights * probability * log_probability))
         gradient = dynamics_gradient(model, theta, -weights * (log_probability + 1.0))
         return LogPrior(value, parameters.zeros().with_block(self.block, gradient))
+
+    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
+        """Of h(P) = -w P log P: h' = -w (log P + 1), h'' = -w / P."""
+        theta = parameters.block(self.block)
+        entries = model.entries(model.local_probabilities(theta))
+        probability = floored(model.groups.probabilities(entries))
+        weights = self.weight * group_weights(model, self.state_action_weights)
+        table = np.zeros((len(parameters.vector),) * 2)
+        place = parameters.place(self.block)
+        table[place, place] = transition_hessian(
+            model, theta, -weights * (np.log(probability) + 1.0), -weights / probability
+        )
+        return table

@@ -55,7 +55,7 @@ def test_ground_truth_follows_section_4_6_2():
 
 
 def test_learners_of_the_policy_matching_expert_run_too():
-    config = replace(SMALL, expert="pm", sizes=(3,), side=6)
+    config = replace(SMALL, expert="pm", sizes=(2,), side=5, n_steps=8, n_test_episodes=5)
     found = {row["learner"] for row in one_repetition(config, 0)}
     assert found == {"PM SERD", "PM SERD, regularised", "MDCE IRL", "REIRL"}
 

@@ -3,7 +3,8 @@ import pytest
 
 from serd_core.ascent.gradient_ascent import GradientAscent
 from serd_core.ascent.lbfgs import Lbfgs
-from serd_core.beliefs import FixedBelief, FreeBelief
+from serd_core.ascent.trust_region import TrustRegion
+from serd_core.beliefs import CoupledBelief, FixedBelief, FreeBelief
 from serd_core.demonstrations import Decisions
 from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.errors import SerdError
@@ -130,6 +131,31 @@ def test_an_expert_with_a_wrong_belief_is_recovered_as_such(make_gridworld):
     np.testing.assert_allclose(forest_true, 0.3, atol=0.02)
     np.testing.assert_allclose(forest_believed, 0.92, atol=0.1)
     np.testing.assert_allclose(fit.reward_weights, case.weights, rtol=0.15)
+
+
+def test_coupling_leads_from_free_to_tied_blocks(gridworld):
+    """A weak coupling prior changes nothing, a strong one makes belief and truth equal."""
+
+    def fit(belief):
+        prior = KldPrior(0.1) + KldPrior(0.1, block=Block.BELIEF)
+        prior = prior + GaussianPrior(3.0, Block.REWARD)
+        return fit_mdce_serd(
+            gridworld.problem,
+            gridworld.decisions,
+            initial_weights=np.ones(2),
+            belief=belief,
+            prior=prior,
+            ascent=TrustRegion(),
+        )
+
+    free, weak, strong = (
+        fit(belief) for belief in (FreeBelief(), CoupledBelief(1e-7), CoupledBelief(1e4))
+    )
+    np.testing.assert_allclose(weak.reward_weights, free.reward_weights, atol=1e-3)
+    apart = np.abs(free.outcome_probabilities - free.believed_outcome_probabilities).max()
+    together = np.abs(strong.outcome_probabilities - strong.believed_outcome_probabilities).max()
+    assert apart > 0.1
+    assert together < 1e-2
 
 
 def test_progress_is_reported_and_a_fit_can_be_stopped(gridworld):

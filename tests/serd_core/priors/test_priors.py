@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from serd_core.differences import gradient_differences
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.parameters import Block, Parameters
@@ -53,6 +54,18 @@ def test_the_gradient_is_the_finite_difference(prior, seed):
         for unit in np.eye(9)
     ]
     np.testing.assert_allclose(found, numeric, atol=2e-7)
+
+
+@pytest.mark.parametrize("prior", PRIORS, ids=lambda prior: type(prior).__name__)
+@settings(deadline=None, max_examples=10)
+@given(seed=st.integers(0, 10_000))
+def test_second_derivatives_are_differences_of_the_gradient(prior, seed):
+    vector = np.random.default_rng(seed).normal(size=9)
+    exact = prior.hessian(MODEL, blocks(vector))
+    numeric = gradient_differences(
+        lambda v: prior.evaluate(MODEL, blocks(v)).gradient.vector, vector
+    )
+    np.testing.assert_allclose(exact, numeric, atol=1e-6)
 
 
 def at(reward=(0.0, 0.0), belief=(0.0,) * 3, truth=(0.0,) * 3):
