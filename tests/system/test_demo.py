@@ -1,0 +1,114 @@
+"""`serd demo` as a user meets it: interrupted, continued, disturbed, finished."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from rosbags.highlevel import AnyReader
+
+from storage.episode_table import load_episodes
+
+SERD = str(Path(sys.executable).with_name("serd"))
+SMALL = ["--demonstrations", "2", "--episodes", "2", "--seed", "5"]
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+
+class Demo:
+    """A demo in a process of its own."""
+
+    def __init__(self, folder, *arguments):
+        self._log = folder / "demo.log"
+        with self._log.open("wb") as log:
+            self.process = subprocess.Popen(
+                [SERD, "demo", *arguments], cwd=folder, stdout=log, stderr=subprocess.STDOUT
+            )
+
+    def wait(self, limit_s=150):
+        code = self.process.wait(limit_s)
+        return code, self._log.read_text()
+
+    def wait_for(self, condition, limit_s=60):
+        deadline = time.monotonic() + limit_s
+        while not condition():
+            assert self.process.poll() is None, self._log.read_text()
+            assert time.monotonic() < deadline, self._log.read_text()
+            time.sleep(0.05)
+
+
+def processes_of(folder):
+    """Ids and command lines of all processes that work in this folder."""
+    found = {}
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (entry / "cmdline").read_text().split("\0")
+        except OSError:
+            continue
+        if any(str(folder) in word for word in words) and int(entry.name) != os.getpid():
+            found[int(entry.name)] = " ".join(words)
+    return found
+
+
+def shared_memory():
+    return {path.name for path in Path("/dev/shm").iterdir() if "fast" in path.name}
+
+
+def test_an_interrupted_demo_leaves_a_readable_bag_and_can_be_continued_to_its_report(tmp_path):
+    before = shared_memory()
+    run = tmp_path / "demo_output/run-1"
+    demo = Demo(tmp_path, *SMALL)
+    demo.wait_for((run / "demonstrations/episodes.csv").exists)
+    demo.process.send_signal(signal.SIGINT)
+    code, said = demo.wait(20)
+    assert code == 130
+    assert f"serd demo --resume {run}" in said
+    assert processes_of(tmp_path) == {}
+    assert shared_memory() <= before
+    with AnyReader([run / "bag"]) as reader:
+        assert reader.message_count > 1000
+
+    code, said = Demo(tmp_path, "--resume", str(run)).wait()
+    assert code == 0, said
+    assert said.splitlines()[-1] == f"report: {run / 'report.html'}"
+    assert [row.outcome for row in load_episodes(run / "navigation/episodes.csv")] == [
+        "arrived"
+    ] * 2
+    page = (run / "report.html").read_text()
+    assert len(re.findall(r"<figure", page)) >= 6
+    for name in ("bag/metadata.yaml", "bag.partial-1/metadata.yaml", "model.yaml", "decisions.csv"):
+        assert (run / name).is_file(), name
+
+
+def test_a_killed_node_ends_the_demo_with_its_name_and_not_with_a_hang(tmp_path):
+    run = tmp_path / "demo_output/run-1"
+    demo = Demo(tmp_path, "--demonstrations", "50")
+    demo.wait_for((run / "demonstrations/episodes.csv").exists)
+    planner = next(
+        int(entry.name)
+        for entry in Path("/proc").glob("[0-9]*")
+        if is_planner_of(entry, demo.process.pid)
+    )
+    os.kill(planner, signal.SIGKILL)
+    code, said = demo.wait(30)
+    assert code == 1
+    assert "local_planner was killed by signal 9" in said
+    assert processes_of(tmp_path) == {}
+
+
+def is_planner_of(entry, demo_pid):
+    """Whether a process is the local planner that this demo's supervisor started."""
+    try:
+        if "lib/serd_ros/local_planner" not in (entry / "cmdline").read_text():
+            return False
+        wrapper = parent_of(int(entry.name))
+        return parent_of(wrapper) == demo_pid
+    except OSError:
+        return False
+
+
+def parent_of(pid):
+    return int(Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[1])
