@@ -1,0 +1,204 @@
+"""The learned model as one YAML file people can read: rewards, outcome models, how it was fitted.
+
+Outcome models are rows P_m(k) over the outcomes of a decision period (Table 5.1).
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from serd_core.arrays import FloatArray
+from serd_core.fit_result import FitResult
+from serd_core.grid import Grid, Outcome
+from serd_core.navigation import NavigationProblem
+from storage.atomic import atomic_write_text
+from storage.errors import FileError
+from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
+
+_SUM_TOLERANCE = 1e-6
+Probabilities = tuple[Annotated[float, Field(ge=0, le=1)], ...]
+
+
+class GridSummary(StrictModel):
+    """What identifies the grid the model was made for, and what to tell where another is used."""
+
+    fingerprint: str
+    origin_m: tuple[float, float]
+    cell_size_m: float
+    rows: int
+    columns: int
+    n_states: int
+
+    @classmethod
+    def of(cls, grid: Grid) -> "GridSummary":
+        """The summary of a grid."""
+        rows, columns = grid.walkable.shape
+        return cls(
+            fingerprint=grid.fingerprint(),
+            origin_m=grid.origin_m,
+            cell_size_m=grid.cell_size_m,
+            rows=rows,
+            columns=columns,
+            n_states=grid.n_states,
+        )
+
+
+class OutcomeModel(StrictModel):
+    """One local model: learned truth, the expert's belief, and the estimate the fit began with."""
+
+    name: str
+    learned: Probabilities
+    believed: Probabilities
+    initial: Probabilities
+
+
+class FitRecord(StrictModel):
+    """How the fit went; the fields of `FitResult`."""
+
+    converged: bool
+    message: str
+    n_episodes: int
+    n_decisions: int
+    objective: float
+    policy_log_likelihood: float
+    dynamics_log_likelihood: float
+    log_prior: float
+    gradient_norm: float
+    n_steps: int
+    n_evaluations: int
+
+
+class ModelFile(StrictModel):
+    """Everything the strategy needs from a fit, and everything a person wants to know of it."""
+
+    format: Literal["serd-model"] = "serd-model"
+    format_version: Literal[1] = 1
+    scenario: str
+    method: str
+    prior: str
+    discount: float = Field(ge=0, lt=1)
+    beta: float = Field(gt=0)
+    decision_period_s: float = Field(gt=0)
+    reward_weights: dict[str, float]
+    temperature: float = Field(default=1.0, gt=0)
+    outcome_names: tuple[str, ...]
+    outcome_models: tuple[OutcomeModel, ...] = Field(min_length=1)
+    grid: GridSummary
+    fit: FitRecord
+
+    @model_validator(mode="after")
+    def _rows_are_distributions(self) -> "ModelFile":
+        for model in self.outcome_models:
+            for kind in ("learned", "believed", "initial"):
+                _require_distribution(f"{model.name}.{kind}", getattr(model, kind), self)
+        return self
+
+    @property
+    def feature_names(self) -> tuple[str, ...]:
+        """Names in the order of `weights`."""
+        return tuple(self.reward_weights)
+
+    @property
+    def weights(self) -> FloatArray:
+        """(F,) reward weights."""
+        return np.array(list(self.reward_weights.values()))
+
+    @property
+    def outcome_probabilities(self) -> FloatArray:
+        """(M, K) learned outcome models of the world."""
+        return np.array([model.learned for model in self.outcome_models])
+
+    @property
+    def believed_outcome_probabilities(self) -> FloatArray:
+        """(M, K) outcome models the expert believed in; policies are made from these."""
+        return np.array([model.believed for model in self.outcome_models])
+
+    @property
+    def initial_outcome_probabilities(self) -> FloatArray:
+        """(M, K) estimate from the transitions alone."""
+        return np.array([model.initial for model in self.outcome_models])
+
+
+def model_of_fit(
+    fit: FitResult,
+    problem: NavigationProblem,
+    *,
+    scenario: str,
+    method: str,
+    prior: str,
+    decision_period_s: float,
+    n_episodes: int,
+) -> ModelFile:
+    """The fit of a navigation problem as the record that is kept."""
+    tables = (
+        fit.outcome_probabilities,
+        fit.believed_outcome_probabilities,
+        fit.initial_outcome_probabilities,
+    )
+    rows = zip(problem.model_names, *(table.tolist() for table in tables), strict=True)
+    values = {name: getattr(fit, name) for name in FitRecord.model_fields if name != "n_episodes"}
+    return ModelFile(
+        scenario=scenario,
+        method=method,
+        prior=prior,
+        discount=problem.mdp.discount,
+        beta=problem.outcome_models.beta,
+        decision_period_s=decision_period_s,
+        reward_weights=dict(zip(fit.feature_names, fit.reward_weights.tolist(), strict=True)),
+        temperature=fit.temperature,
+        outcome_names=tuple(outcome.name.lower() for outcome in Outcome),
+        outcome_models=tuple(
+            OutcomeModel(name=name, learned=learned, believed=believed, initial=initial)
+            for name, learned, believed, initial in rows
+        ),
+        grid=GridSummary.of(problem.grid),
+        fit=FitRecord(n_episodes=n_episodes, **values),
+    )
+
+
+def save_model(path: str | Path, model: ModelFile) -> None:
+    """Write the model as YAML; numbers survive exactly."""
+    atomic_write_text(path, model_yaml(model))
+
+
+def load_model(
+    path: str | Path,
+    expected_grid_fingerprint: str | None = None,
+    *,
+    expected_grid: Grid | None = None,
+) -> ModelFile:
+    """Read a model; FileError says what differs where it was made for another grid."""
+    model = load_yaml_model(path, ModelFile)
+    if expected_grid is not None:
+        expected_grid_fingerprint = expected_grid.fingerprint()
+    if expected_grid_fingerprint not in (None, model.grid.fingerprint):
+        difference = _difference(model.grid, expected_grid, str(expected_grid_fingerprint))
+        raise FileError(
+            f"{path}: was made for another grid of the scenario {model.scenario!r}: {difference}"
+            "; learn a model on this grid or choose the scenario the model was made for"
+        )
+    return model
+
+
+def _difference(own: GridSummary, other: Grid | None, fingerprint: str) -> str:
+    if other is None:
+        return f"fingerprint {own.fingerprint[:12]} in the model, {fingerprint[:12]} here"
+    here = GridSummary.of(other)
+    names = ("cell_size_m", "origin_m", "rows", "columns", "n_states")
+    different = [name for name in names if getattr(own, name) != getattr(here, name)]
+    if not different:
+        return "same size, but other cells are walkable"
+    parts = (f"{name} {getattr(own, name)} there, {getattr(here, name)} here" for name in different)
+    return ", ".join(parts)
+
+
+def _require_distribution(key: str, row: Probabilities, model: ModelFile) -> None:
+    if len(row) != len(model.outcome_names):
+        raise ValueError(
+            f"outcome_models {key} must have one probability per outcome"
+            f" ({len(model.outcome_names)}), got {len(row)}"
+        )
+    if abs(sum(row) - 1.0) > _SUM_TOLERANCE:
+        raise ValueError(f"outcome_models {key} must sum to 1, got {sum(row)}")
