@@ -1,17 +1,19 @@
 """Settings of the dynamic window planner, with the names Nav2 users know and their units."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from sim.errors import SimError
+from sim.rollout_costs import CostSettings
 from sim.settings import RobotSettings
 
 
 @dataclass(frozen=True)
 class DwaSettings:
-    """sim_time_s: horizon; vx_samples, vtheta_samples: size of the window; costs as weights.
+    """sim_time_s: horizon; vx_samples, vtheta_samples: size of the window of window_s.
 
     turn_time_s: how long a sampled turn lasts before the rollout goes straight on.
     leaving_turn_s: how long a blocked robot may turn on the spot before it drives on.
+    braking_share: part of the deceleration counted on for stopping at the waypoint.
     """
 
     controller_frequency_hz: float = 20.0
@@ -24,25 +26,13 @@ class DwaSettings:
     turn_time_s: float = 0.4
     leaving_turn_s: float = 0.6
     braking_share: float = 0.7
-    wall_margin_m: float = 0.03
-    person_margin_m: float = 0.08
-    person_radius_m: float = 0.25
-    people_range_m: float = 3.5
-    max_people: int = 8
-    progress_weight: float = 1.0
-    staying_weight: float = 0.3
-    heading_weight: float = 0.25
-    people_weight: float = 1.2
-    people_decay_m: float = 0.25
-    foresight_s: float = 0.8
-    wall_weight: float = 0.3
-    wall_decay_m: float = 0.12
     turning_weight: float = 0.01
+    costs: CostSettings = field(default_factory=CostSettings)
 
     def __post_init__(self) -> None:
         for name in ("sim_time_s", "time_granularity_s", "window_s", "xy_goal_tolerance_m"):
             if not getattr(self, name) > 0:
-                raise SimError(f"{name} must be above 0, got {getattr(self, name)}; use seconds")
+                raise SimError(f"{name} must be above 0, got {getattr(self, name)}; raise it")
         for name in ("vx_samples", "vtheta_samples"):
             if getattr(self, name) < 3:
                 raise SimError(f"{name} must be at least 3, got {getattr(self, name)}; sample more")

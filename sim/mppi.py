@@ -15,12 +15,11 @@ import math
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.clearance import cannot_stop_before, gap_to_people_m, gap_to_walls_m
+from sim.clearance import cannot_stop_before
 from sim.command import STOP, Command
 from sim.mppi_settings import MppiSettings
-from sim.nearby_people import PredictedPeople, predict_nearby
 from sim.observation import Observation
-from sim.occupancy import wall_distance_raster
+from sim.rollout_costs import RolloutCosts
 from sim.scenario import Scenario
 from sim.waypoint import Waypoint
 
@@ -35,10 +34,9 @@ class MppiPlanner:
     def __init__(self, scenario: Scenario, settings: MppiSettings | None = None) -> None:
         self.settings = settings if settings is not None else MppiSettings()
         self._robot = scenario.robot
-        self._walls = wall_distance_raster(scenario)
         steps, step_s = self.settings.time_steps, self.settings.model_dt_s
         self._time_s: FloatArray = step_s * np.arange(1, steps + 1, dtype=np.float64)
-        self._foresight: FloatArray = np.exp(-self._time_s / self.settings.foresight_s)
+        self._costs = RolloutCosts(scenario, self.settings.costs, self._time_s)
         self.reset()
 
     @property
@@ -65,7 +63,8 @@ class MppiPlanner:
         self._is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
         weight = np.exp(-(cost - cost.min()) / self.settings.temperature)
         weight /= weight.sum()
-        mean_speed, mean_turning = weight @ speed, weight @ turning
+        # einsum, not BLAS: the sum's order must not depend on the number of threads.
+        mean_speed, mean_turning = np.einsum("n,knt->kt", weight, np.stack([speed, turning]))
         mean_cost = self._cost(observation, waypoint, mean_speed[None], mean_turning[None])
         if mean_cost[0] >= _FORBIDDEN:
             best = int(np.argmin(cost))
@@ -102,12 +101,12 @@ class MppiPlanner:
 
         A clipped ramp is never steeper than the ramp, so the accelerations stay within limits too.
         """
-        robot, step_s = self._robot, self.settings.model_dt_s
+        robot, step_s, share = self._robot, self.settings.model_dt_s, self.settings.braking_share
         limits = robot.acc_lim_x_mps2, robot.acc_lim_theta_radps2
         change_v = step_s * np.cumsum(np.clip(plans[0], -limits[0], limits[0]), axis=1)
         change_w = step_s * np.cumsum(np.clip(plans[1], -limits[1], limits[1]), axis=1)
         distance = math.hypot(waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m)
-        fastest = min(robot.max_vel_x_mps, math.sqrt(1.4 * robot.acc_lim_x_mps2 * distance))
+        fastest = min(robot.max_vel_x_mps, math.sqrt(2.0 * share * robot.acc_lim_x_mps2 * distance))
         speed = np.clip(observation.speed_mps + change_v, 0.0, fastest)
         fastest_turn = robot.max_vel_theta_radps
         turning = np.clip(observation.yaw_rate_radps + change_w, -fastest_turn, fastest_turn)
@@ -121,64 +120,26 @@ class MppiPlanner:
         turning: FloatArray,
     ) -> FloatArray:
         """(N,) cost of rollouts with (N, T) speeds and turning rates."""
-        settings, step_s = self.settings, self.settings.model_dt_s
+        step_s = self.settings.model_dt_s
         yaw = observation.yaw_rad + step_s * np.cumsum(turning, axis=1)
         middle_yaw = yaw - 0.5 * step_s * turning
         x_m = observation.x_m + step_s * np.cumsum(speed * np.cos(middle_yaw), axis=1)
         y_m = observation.y_m + step_s * np.cumsum(speed * np.sin(middle_yaw), axis=1)
-        cost = self._progress_cost(x_m, y_m, yaw[:, -1], waypoint)
+        to_x, to_y = waypoint.x_m - x_m[:, -1], waypoint.y_m - y_m[:, -1]
+        heading_error = np.arctan2(to_y, to_x) - yaw[:, -1]
+        wall_cost, at_wall = self._costs.walls(x_m, y_m)
+        people_cost, at_person = self._costs.people(x_m, y_m, observation)
+        cost = self._costs.progress(x_m, y_m, waypoint) + wall_cost + people_cost
+        cost += self._costs.heading(heading_error, np.hypot(to_x, to_y))
+        return cost + _FORBIDDEN * self._hits(speed[:, 0], at_wall | at_person)
+
+    def _hits(self, first_speed: FloatArray, too_close: BoolArray) -> BoolArray:
+        """(N,) rollouts that come too close before they could stop from their first speed."""
         soon = cannot_stop_before(
-            speed[:, 0], self._robot.acc_lim_x_mps2, self._time_s, _REACTION_S
+            first_speed, self._robot.acc_lim_x_mps2, self._time_s, _REACTION_S
         )
-        wall_gap = gap_to_walls_m(
-            x_m, y_m, self._walls, self._robot.radius_m + settings.wall_margin_m
-        )
-        nearness = np.exp(-np.maximum(wall_gap.min(axis=1), 0.0) / settings.wall_decay_m)
-        cost += settings.wall_weight * nearness
-        moving = speed[:, 0] > _SLOWEST_MPS
-        cost += _FORBIDDEN * ((wall_gap < 0.0) & soon).any(axis=1) * moving
-        people = predict_nearby(
-            observation, settings.people_range_m, settings.max_people, self._time_s
-        )
-        if len(people):
-            cost += self._people_cost(observation, people, x_m, y_m, soon & moving[:, None])
-        return cost
-
-    def _progress_cost(
-        self, x_m: FloatArray, y_m: FloatArray, final_yaw: FloatArray, waypoint: Waypoint
-    ) -> FloatArray:
-        """(N,) mean of the smallest distance so far, last distance, and not facing the waypoint."""
-        settings = self.settings
-        away_x, away_y = waypoint.x_m - x_m, waypoint.y_m - y_m
-        distance = np.sqrt(away_x * away_x + away_y * away_y)
-        last = distance[:, -1].copy()
-        error = np.abs((np.arctan2(away_y[:, -1], away_x[:, -1]) - final_yaw + np.pi) % (2 * np.pi))
-        facing = np.abs(error - np.pi) * np.minimum(1.0, 2.0 * last)
-        np.minimum.accumulate(distance, axis=1, out=distance)
-        cost: FloatArray = settings.progress_weight * distance.mean(axis=1)
-        return cost + settings.staying_weight * last + settings.heading_weight * facing
-
-    def _people_cost(
-        self,
-        observation: Observation,
-        people: PredictedPeople,
-        x_m: FloatArray,
-        y_m: FloatArray,
-        cannot_stop: BoolArray,
-    ) -> FloatArray:
-        """(N,) nearness of people; forbidden where closer than standing still would be."""
-        settings = self.settings
-        reach_m = self._robot.radius_m + settings.person_radius_m
-        gap = gap_to_people_m(x_m, y_m, people, reach_m)
-        here = (
-            np.full_like(self._time_s, observation.x_m),
-            np.full_like(self._time_s, observation.y_m),
-        )
-        standing = gap_to_people_m(here[0], here[1], people, reach_m)
-        closer = gap < np.minimum(settings.person_margin_m, standing - 1e-3)
-        nearness = np.exp(-np.maximum(gap, -settings.people_decay_m) / settings.people_decay_m)
-        cost: FloatArray = settings.people_weight * np.max(nearness * self._foresight, axis=1)
-        return cost + _FORBIDDEN * (closer & cannot_stop).any(axis=1)
+        found: BoolArray = (too_close & soon).any(axis=1) & (first_speed > _SLOWEST_MPS)
+        return found
 
     def _keep_plan(self, observation: Observation, speed: FloatArray, turning: FloatArray) -> None:
         """Turn the driven speeds back into accelerations, moved on by one control period."""

@@ -1,15 +1,17 @@
 """Settings of the path-integral planner."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from sim.errors import SimError
+from sim.rollout_costs import CostSettings
 
 
 @dataclass(frozen=True)
 class MppiSettings:
     """batch_size rollouts of time_steps steps of model_dt_s; temperature of the weighting.
 
-    vx_std_mps2, wz_std_radps2: deviations of the sampled accelerations. Names as in Nav2's MPPI.
+    vx_std_mps2, wz_std_radps2: deviations of the sampled accelerations, held over noise_hold_steps.
+    Names as in Nav2's MPPI controller.
     """
 
     controller_frequency_hz: float = 20.0
@@ -21,25 +23,17 @@ class MppiSettings:
     vx_std_mps2: float = 2.0
     wz_std_radps2: float = 6.0
     noise_hold_steps: int = 2
+    braking_share: float = 0.7
     seed: int = 1
-    wall_margin_m: float = 0.03
-    person_margin_m: float = 0.08
-    person_radius_m: float = 0.25
-    people_range_m: float = 3.5
-    max_people: int = 8
-    progress_weight: float = 1.0
-    staying_weight: float = 0.5
-    heading_weight: float = 0.25
-    people_weight: float = 1.0
-    people_decay_m: float = 0.25
-    foresight_s: float = 0.8
-    wall_weight: float = 0.3
-    wall_decay_m: float = 0.12
+    costs: CostSettings = field(
+        default_factory=lambda: CostSettings(staying_weight=0.5, people_weight=1.0)
+    )
 
     def __post_init__(self) -> None:
         for name in ("model_dt_s", "temperature", "vx_std_mps2", "wz_std_radps2"):
             if not getattr(self, name) > 0:
                 raise SimError(f"{name} must be above 0, got {getattr(self, name)}; raise it")
-        for name in ("batch_size", "time_steps", "noise_hold_steps"):
-            if getattr(self, name) < 1:
-                raise SimError(f"{name} must be at least 1, got {getattr(self, name)}; raise it")
+        for name, least in (("batch_size", 2), ("time_steps", 2), ("noise_hold_steps", 1)):
+            if getattr(self, name) < least:
+                value = getattr(self, name)
+                raise SimError(f"{name} must be at least {least}, got {value}; raise it")
