@@ -7,7 +7,7 @@ An episode's result depends on its task only, not on the process or the order.
 import csv
 import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
@@ -81,18 +81,20 @@ def run_batch(
     path: str | Path,
     *,
     n_processes: int | None = None,
+    executor: Executor | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> list[Row]:
     """Rows of all tasks, from the file where they are there already, else run and appended to it.
 
     on_progress: called with (done, all) after every episode. n_processes: all cores when None; 1
-    runs in this process.
+    runs in this process. executor: runs the episodes instead; anything with the interface of
+    concurrent.futures, such as joblib's loky executor or that of a Dask client.
     """
     wanted = list(tasks)
     table = _Table(Path(path))
     missing = [task for task in dict.fromkeys(wanted) if task.key not in table.rows]
     done, total = len(wanted) - len(missing), len(wanted)
-    for row in _results(missing, n_processes):
+    for row in _results(missing, n_processes, executor):
         table.append(row)
         done += 1
         if on_progress is not None:
@@ -100,18 +102,30 @@ def run_batch(
     return [table.rows[task.key] for task in wanted]
 
 
-def _results(tasks: list[EpisodeTask], n_processes: int | None) -> Iterator[Row]:
+def _results(
+    tasks: list[EpisodeTask], n_processes: int | None, executor: Executor | None
+) -> Iterator[Row]:
+    if executor is not None:
+        yield from _as_completed(executor, tasks)
+        return
     workers = min(n_processes or os.cpu_count() or 1, len(tasks))
     if workers <= 1:
         yield from map(run_task, tasks)
         return
     # Spawned, not forked: a fork would share PyBullet's connections with the parent.
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(run_task, task) for task in tasks}
-        while waiting:
-            finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in finished:
-                yield future.result()
+        yield from _as_completed(pool, tasks)
+
+
+def _as_completed(executor: Executor, tasks: list[EpisodeTask]) -> Iterator[Row]:
+    futures = [executor.submit(run_task, task) for task in tasks]
+    try:
+        for future in as_completed(futures):
+            yield future.result()
+    finally:
+        # After an error or Ctrl-C the episodes not yet begun are not run.
+        for future in futures:
+            future.cancel()
 
 
 class _Table:

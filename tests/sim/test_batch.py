@@ -1,6 +1,7 @@
 """Batches: one row per episode, resumable, the same over processes."""
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -51,6 +52,12 @@ def test_a_line_cut_short_by_a_crash_is_run_again(table, tmp_path):
 def test_processes_give_the_rows_that_one_process_gives(table, tmp_path):
     _, rows, _ = table
     assert run_batch(TASKS, tmp_path / "two.csv", n_processes=2) == rows
+
+
+def test_any_executor_gives_the_same_rows(table, tmp_path):
+    _, rows, _ = table
+    with ThreadPoolExecutor(1) as executor:
+        assert run_batch(TASKS, tmp_path / "three.csv", executor=executor) == rows
 
 
 def test_a_file_that_is_no_table_of_episodes_is_refused(tmp_path):
