@@ -80,5 +80,5 @@ def _acceptable(proposed: Backup, latest: Backup) -> bool:
     """Whether a step may be kept: it shrank the residual, or rose monotonically as theory says."""
     if not np.isfinite(proposed.residual):
         return False
-    rises = float(np.min(proposed.gap)) >= -1e-6 * proposed.residual
+    rises = float(np.min(proposed.gap)) >= -10.0 * FORCING * proposed.residual
     return proposed.residual < latest.residual or rises
