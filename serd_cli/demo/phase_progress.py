@@ -7,6 +7,7 @@ from typing import TextIO
 
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.table import Column
 
 from serd_cli.terminal import progress_console
 
@@ -25,11 +26,12 @@ class PhaseProgress:
         self._log: TextIO | None = None
         self._bar = Progress(
             TextColumn("{task.description:<12}"),
-            BarColumn(bar_width=24),
+            BarColumn(bar_width=20),
             TaskProgressColumn(),
             TimeElapsedColumn(),
-            TextColumn("[dim]{task.fields[said]}"),
+            TextColumn("[dim]{task.fields[said]}", table_column=Column(no_wrap=True, ratio=1)),
             console=progress_console,
+            expand=True,
         )
         self._task = self._bar.add_task(title, total=total, said="starting the nodes")
 

@@ -1,0 +1,44 @@
+"""What the README shows runs, and what it names exists."""
+
+import re
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def readme(root):
+    return (root / "README.md").read_text(encoding="utf-8")
+
+
+def test_its_python_code_runs(readme, capsys):
+    blocks = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
+    assert blocks
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), {})
+    assert capsys.readouterr().out
+
+
+def test_its_make_targets_exist(readme, root):
+    makefile = (root / "Makefile").read_text()
+    named = set(
+        re.findall(r"make (\w+)", "\n".join(re.findall(r"```bash\n(.*?)```", readme, re.S)))
+    )
+    assert named
+    for target in named:
+        assert re.search(rf"^{target}:", makefile, re.M), target
+
+
+def test_its_files_and_pictures_exist(readme, root):
+    for link in re.findall(r"\]\((?!http)([^)#]+)\)", readme):
+        assert (root / link).exists(), link
+    rows = re.findall(r"`(serd_core/[\w/.]+\.py)`(?:, `([\w/.]+\.py)`)?", readme)
+    assert rows
+    for first, second in rows:
+        assert (root / first).is_file(), first
+        assert not second or (root / "serd_core" / second).is_file(), second
+
+
+def test_its_serd_commands_are_known(readme, root):
+    commands = set(re.findall(r"\.venv/bin/serd (\w+)", readme))
+    files = {path.stem for path in (root / "serd_cli/commands").glob("*.py")}
+    assert commands <= files
