@@ -4,7 +4,8 @@
 
 T is convex and monotone, so from the second step on V grows towards V* at least as fast as under
 value iteration, and close to V* quadratically. A few value-iteration sweeps before the first step
-make a cold start cheaper, and a sweep replaces every step that went wrong numerically.
+make a cold start cheaper, and a sweep replaces every step that went wrong numerically. While steps
+shrink the residual well, the policy hardly changes, and the next step keeps the last one's matrix.
 """
 
 from dataclasses import dataclass, field
@@ -22,10 +23,12 @@ from serd_core.solvers.bellman_solver import (
     solution_from,
     starting_value,
 )
-from serd_core.solvers.linear_solver import LinearSolver
+from serd_core.solvers.linear_solver import LinearSolver, LinearSystem
 
 #: Relative residual an iterative solver may leave in a correction; the next step removes it.
 FORCING = 1e-4
+#: A step that shrinks the residual to this share was good enough to keep its matrix.
+KEEP = 0.1
 
 
 @dataclass(frozen=True)
@@ -48,14 +51,19 @@ class Newton(BellmanSolver):
         latest = backup(problem, starting_value(mdp, initial_value))
         sweeps_due = self.cold_sweeps if initial_value is None else 0
         steps, linear_solves = 1, 0
+        system: LinearSystem | None = None
         while not (done := self._done(problem, latest)) and steps < self.max_steps:
             steps += 1
             if sweeps_due > 0:
                 latest, sweeps_due = backup(problem, latest.target), sweeps_due - 1
                 continue
             linear_solves += 1
-            proposed = backup(problem, self._newton_value(mdp, problem, latest))
-            if _acceptable(proposed, latest):
+            system = system or self._prepare(mdp, problem, latest)
+            correction = system.solve(latest.gap, relative_residual=FORCING)
+            proposed = backup(problem, latest.target - latest.gap + correction)
+            good = proposed.residual <= KEEP * latest.residual
+            system = system if good else None
+            if good or _acceptable(proposed, latest):
                 latest = proposed
             else:
                 latest, sweeps_due = backup(problem, latest.target), self.cold_sweeps
@@ -63,13 +71,11 @@ class Newton(BellmanSolver):
             problem, latest, steps=steps, linear_solves=linear_solves, converged=done
         )
 
-    def _newton_value(self, mdp: Mdp, problem: BellmanProblem, latest: Backup) -> FloatArray:
+    def _prepare(self, mdp: Mdp, problem: BellmanProblem, latest: Backup) -> LinearSystem:
         pattern = mdp.policy_pattern
         policy = problem.equation.policy(latest.q)
         data = pattern.system_data(policy, problem.transitions.entries, problem.discount)
-        system = self.linear_solver.prepare(pattern, data)
-        correction = system.solve(latest.gap, relative_residual=FORCING)
-        return latest.target - latest.gap + correction
+        return self.linear_solver.prepare(pattern, data)
 
     def _done(self, problem: BellmanProblem, latest: Backup) -> bool:
         target = residual_target(problem.discount, self.accuracy, latest.target)
