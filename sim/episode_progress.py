@@ -3,10 +3,8 @@
 import math
 from typing import Literal
 
-import numpy as np
-
 from sim.observation import Observation
-from sim.polygon import contains
+from sim.polygon import contains_point
 from sim.scenario import Scenario
 
 Ending = Literal["arrived", "timeout", "aborted"]
@@ -20,14 +18,14 @@ class EpisodeProgress:
         self.distance_m = 0.0
         self._last = start
         self._period_s = scenario.control_period_s
-        self._goal_area = np.array(scenario.goal_area_m)
+        self._goal_area = scenario.goal_area_m
         self._n_ticks = round(timeout_s / scenario.control_period_s)
 
     def see(self, observation: Observation) -> Ending | None:
         """Take the next observation; how the episode ends with it, None when it goes on."""
         before, self._last = self._last, observation
         self.distance_m += math.hypot(observation.x_m - before.x_m, observation.y_m - before.y_m)
-        if contains(self._goal_area, observation.pose[:2])[0]:
+        if contains_point(self._goal_area, observation.x_m, observation.y_m):
             return "arrived"
         return "timeout" if self.n_ticks >= self._n_ticks else None
 

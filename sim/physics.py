@@ -7,12 +7,15 @@ Bullet only knows where they are, for ray tests and pictures, and is told only w
 """
 
 import math
+import os
+import sys
 
 import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
 from sim.camera import Camera, as_frame
+from sim.errors import SimError
 from sim.quiet_pybullet import pybullet
 from sim.scenario import Scenario
 from sim.settings import RobotSettings
@@ -31,6 +34,8 @@ class Physics:
     """One PyBullet world of its own; several can live side by side in one process."""
 
     def __init__(self, scenario: Scenario, person_radius_m: float, *, gui: bool = False) -> None:
+        if gui:
+            _require_display()
         self.client = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
         self._robot_height_m = scenario.robot.height_m
         self._step_s = scenario.control_period_s
@@ -201,3 +206,12 @@ class Physics:
             body = self._add_fixed_body(shape, place, (0.0, 0.0, 0.0, 1.0), _PERSON_COLOUR)
             bodies.append(body)
         return bodies
+
+
+def _require_display() -> None:
+    """PyBullet ends the process where no window can be opened, so this asks before."""
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        raise SimError(
+            "gui must be off where there is no display, but the variable DISPLAY is not set"
+            "; run with gui:=false or under xvfb-run"
+        )

@@ -4,6 +4,8 @@ A polygon is an (n, 2) array of corners in order, closed implicitly. A segment l
 start and end points.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -32,6 +34,18 @@ def contains(polygon_m: ArrayLike, points_m: ArrayLike) -> BoolArray:
     crossing_x = start[:, 0] + (y - start[:, 1]) * (end[:, 0] - start[:, 0]) / rise
     odd: BoolArray = (np.sum(straddles & (x < crossing_x), axis=1) % 2).astype(np.bool_)
     return odd
+
+
+def contains_point(polygon_m: Sequence[tuple[float, float]], x_m: float, y_m: float) -> bool:
+    """`contains` for one point, without arrays: for every tick."""
+    inside = False
+    x_before, y_before = polygon_m[-1]
+    for x, y in polygon_m:
+        if (y_before > y_m) != (y > y_m):
+            crossing_x = x_before + (y_m - y_before) * (x - x_before) / (y - y_before)
+            inside ^= x_m < crossing_x
+        x_before, y_before = x, y
+    return inside
 
 
 def distance_to_segments_m(points_m: ArrayLike, segments_m: FloatArray) -> FloatArray:

@@ -15,14 +15,15 @@ from serd_core.grid import Grid
 from sim.camera import Camera, overview_camera
 from sim.command import STOP, Command
 from sim.contacts import ContactCounter, ContactCounts
-from sim.crowd import Crowd, start_crowd
+from sim.crowd import Crowd
+from sim.crowd_start import start_crowd
 from sim.errors import SimError
 from sim.lidar import Lidar
 from sim.observation import Observation, make_observation
 from sim.occupancy import OccupancyRaster, occupancy_raster
 from sim.odometry import Odometry
 from sim.physics import Physics
-from sim.polygon import contains
+from sim.polygon import contains_point
 from sim.robot import Robot, RobotState, standing_at
 from sim.scenario import Scenario
 from sim.scenario_grid import grid_of, start_states_of
@@ -47,7 +48,6 @@ class HallwayWorld:
         self._lidar = Lidar(scenario.lidar, scenario.wall_segments_m, person_radius_m)
         self._physics = Physics(scenario, person_radius_m, gui=gui)
         self._robot = Robot(scenario, self._physics)
-        self._goal_area = np.array(scenario.goal_area_m)
         self._episode = self._first_tick = 0
         self._contacts = ContactCounter(0)
         self._odometry = Odometry(
@@ -110,7 +110,7 @@ class HallwayWorld:
     @property
     def in_goal(self) -> bool:
         """Whether the robot's centre is in the goal area."""
-        return bool(contains(self._goal_area, self._robot.state.pose[:2])[0])
+        return contains_point(self.scenario.goal_area_m, *self._robot.state.pose[:2])
 
     @property
     def odometry_pose(self) -> tuple[float, float, float]:

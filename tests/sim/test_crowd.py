@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sim.crowd import RobotBody, people_per_loop, start_crowd
+from sim.crowd import RobotBody
+from sim.crowd_start import people_per_loop, start_crowd
 from sim.polygon import contains, distance_to_segments_m
 from sim.routes import offset_loop
 from sim.scenario import load_scenario

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from sim.polygon import (
     contains,
+    contains_point,
     distance_to_segments_m,
     edges_of,
     self_intersection,
@@ -38,6 +39,11 @@ def test_distance_to_a_segment_is_that_to_a_brute_force_nearest_point(x, y):
 def test_a_bow_tie_crosses_itself_and_a_square_does_not():
     assert self_intersection([[0, 0], [1, 1], [1, 0], [0, 1]]) == (0, 2)
     assert self_intersection([[0, 0], [1, 0], [1, 1], [0, 1]]) is None
+
+
+@given(x=st.floats(-1, 5), y=st.floats(-1, 4))
+def test_one_point_is_inside_exactly_when_it_is_inside_among_many(x, y):
+    assert contains_point(L_SHAPE, x, y) == contains(L_SHAPE, [[x, y]])[0]
 
 
 def test_edges_close_the_polygon():

@@ -189,3 +189,9 @@ def test_a_snapshot_of_another_seed_is_refused_with_the_fix():
         world.reset(0)
         with pytest.raises(SerdError, match="make the world with seed=1"):
             other.restore(world.snapshot())
+
+
+def test_a_window_without_a_display_is_refused_with_the_fix(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(SerdError, match="run with gui:=false or under xvfb-run"):
+        HallwayWorld(EMPTY, seed=1, gui=True)
