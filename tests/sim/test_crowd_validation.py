@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
+from sim.corridor_measures import load_petrack, measure_recording, measure_simulation
 from sim.crowd import Crowd
 from sim.lane_order import lane_order, shuffled_lane_order
 from sim.polygon import contains, edges_of
@@ -104,60 +105,43 @@ def test_nobody_passes_a_wall_in_a_hundred_thousand_steps_at_3_people_per_square
 
 
 @pytest.fixture(scope="module")
-def real_corridor():
-    """(density, speed) of each frame and the nearest opposing pair, in 4 m of a real corridor."""
+def recorded():
     if not REAL_CORRIDOR.exists():
         pytest.skip(f"no recording of a real corridor at {REAL_CORRIDOR}")
-    rows = np.loadtxt(REAL_CORRIDOR)
-    person, frame, place = rows[:, 0], rows[:, 1].astype(int), rows[:, 2:4] / 100.0
-    velocity = np.full_like(place, np.nan)
-    for one in np.unique(person):
-        mine = np.flatnonzero(person == one)
-        velocity[mine[5:-5]] = (place[mine[10:]] - place[mine[:-10]]) / (10 / 25)
-    area = np.abs(place[:, 0]) < 2.0
-    densities, speeds, gaps = [], [], []
-    for moment in np.unique(frame)[::5]:
-        here = (frame == moment) & area & np.isfinite(velocity[:, 0])
-        if here.sum() < 2:
-            continue
-        densities.append(here.sum() / 16.0)
-        speeds.append(np.hypot(*velocity[here].T).mean())
-        gaps.append(nearest_opposing_m(place[here], velocity[here, 0]))
-    return np.array(densities), np.array(speeds), np.array(gaps)
+    return measure_recording(load_petrack(REAL_CORRIDOR))
 
 
-def nearest_opposing_m(place, along_mps):
-    away = np.linalg.norm(place[:, None] - place[None, :], axis=2)
-    opposing = along_mps[:, None] * along_mps[None, :] < 0
-    return float(away[opposing].min()) if opposing.any() else np.nan
-
-
-@pytest.mark.parametrize("density_pm2", [0.75, 1.0])
+@pytest.mark.parametrize("density_pm2", [0.5, 0.75, 1.0, 1.25])
 def test_two_way_traffic_is_as_fast_and_passes_as_close_as_in_a_real_corridor(
-    density_pm2, real_corridor
+    density_pm2, recorded
 ):
-    """BaSiGo corridor of 4 m: speed within 0.15 m/s, median distance of passing within 0.35 m.
+    """BaSiGo corridor of 4 m: speed within 0.15 m/s, median passing distance within 0.25 m."""
+    real = recorded.near_density(density_pm2)
+    simulated = measure_simulation(density_pm2)
+    assert simulated.speed_mps.mean() == pytest.approx(real.speed_mps.mean(), abs=0.15)
+    passing = np.nanmedian(simulated.passing_distance_m)
+    assert passing == pytest.approx(np.nanmedian(real.passing_distance_m), abs=0.25)
 
-    Simulated people keep about 0.25 m more distance from those who come towards them.
-    """
-    densities, speeds, gaps = real_corridor
-    near = np.abs(densities - density_pm2) < 0.13
-    crowd = ring_corridor_crowd(
-        width_m=4.0,
-        length_m=20.0,
-        density_pm2=density_pm2,
-        share_backwards=0.5,
-        keep_right=True,
-        rng=np.random.default_rng(1),
-    )
-    assert mean_speed_mps(crowd) == pytest.approx(speeds[near].mean(), abs=0.15)
-    simulated = []
-    for _ in range(100):
-        crowd.step(0.05)
-        place = np.stack([crowd.x_m, crowd.y_m], axis=1)
-        window = crowd.x_m < 4.0
-        simulated.append(nearest_opposing_m(place[window], crowd.velocity_x_mps[window]))
-    assert np.nanmedian(simulated) == pytest.approx(np.nanmedian(gaps[near]), abs=0.35)
+
+def test_measures_of_a_recording_made_by_hand(tmp_path):
+    """Two people pass each other at 1 m/s, 0.8 m apart, in the middle of the corridor."""
+    frames = np.arange(60)
+    along = (frames - 30) / 25.0
+    rows = [[1, f, 100 * x, 40, 176] for f, x in zip(frames, along, strict=True)]
+    rows += [[2, f, -100 * x, -40, 176] for f, x in zip(frames, along, strict=True)]
+    path = tmp_path / "two.txt"
+    np.savetxt(path, rows, header="PeTrack")
+    measures = measure_recording(load_petrack(path), every=1)
+    assert measures.density_pm2 == pytest.approx(2 / 16)
+    assert measures.speed_mps == pytest.approx(1.0)
+    assert measures.passing_distance_m.min() == pytest.approx(0.8)
+
+
+def test_a_recording_without_places_is_refused(tmp_path):
+    path = tmp_path / "short.txt"
+    path.write_text("1 2\n3 4\n")
+    with pytest.raises(SerdError, match="export it from PeTrack as text"):
+        load_petrack(path)
 
 
 def test_a_density_that_gives_nobody_is_refused_with_the_fix():
