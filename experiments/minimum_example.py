@@ -29,7 +29,7 @@ from serd_core.simulation import sample_decisions
 
 FIRST, SECOND = 0, 1
 A, B, C = 0, 1, 2
-ASCENT = TrustRegion(max_steps=200)
+ASCENT = TrustRegion(gradient_tolerance=1e-9, max_steps=500)
 LEARNERS: dict[str, Belief] = {"MDCE SERD": TiedBelief(), "MDCE IRL": FixedBelief()}
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from experiments.figures.ticks import tick_sizes
 from experiments.gridworld import Scene
 from experiments.repetitions import Row
 from experiments.summary import quartiles
@@ -43,6 +44,7 @@ def measures_figure(rows: Sequence[Row]) -> Figure:
         axes.set(xlabel="demonstrations", ylabel=label, xscale="log")
         if "divergence" in measure:
             axes.set_yscale("log")
+        tick_sizes(axes, sorted({row["size"] for row in rows}))
     figure.axes[0].legend()
     return figure
 

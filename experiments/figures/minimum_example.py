@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from experiments.figures.ticks import tick_sizes
 from experiments.repetitions import Row
 from experiments.summary import quartiles
 from report.canvas import new_figure
@@ -33,7 +34,10 @@ def estimates_figure(rows: Sequence[Row]) -> Figure:
 
 
 def likelihood_figure(rows: Sequence[Row]) -> Figure:
-    """Fig. 4.9: median and quartiles of the log-likelihood by size, SERD split by mode."""
+    """Fig. 4.9: median and quartiles of the log-likelihood by size, SERD split by mode.
+
+    Drawn is its negative on a logarithmic axis, so lower is better.
+    """
     figure = new_figure(6.0, 3.8)
     axes = figure.subplots()
     series = {
@@ -49,8 +53,9 @@ def likelihood_figure(rows: Sequence[Row]) -> Figure:
         ]
         if chosen:
             _quartile_band(axes, quartiles(chosen, "log_likelihood", ["size"]), colour, label)
-    axes.set(xlabel="demonstrations", ylabel="log-likelihood of the expert's choice", xscale="log")
-    axes.set_yscale("symlog", linthresh=1e-7)
+    axes.set(xlabel="demonstrations", ylabel="minus log-likelihood of the choice", xscale="log")
+    axes.set_yscale("log")
+    tick_sizes(axes, sorted({row["size"] for row in rows}))
     axes.legend()
     return figure
 
@@ -65,7 +70,7 @@ def _density(axes: Axes, values: Sequence[float], colour: str, label: str) -> No
 def _quartile_band(axes: Axes, table: Sequence[Row], colour: str, label: str) -> None:
     ordered = sorted(table, key=lambda row: row["size"])
     sizes = [row["size"] for row in ordered]
-    axes.plot(sizes, [row["median"] for row in ordered], "o-", color=colour, label=label)
-    lower, upper = ([row[name] for row in ordered] for name in ("lower", "upper"))
-    axes.fill_between(sizes, lower, upper, color=colour, alpha=0.2, linewidth=0)
+    low, middle, high = ([-row[name] for row in ordered] for name in ("lower", "median", "upper"))
+    axes.plot(sizes, middle, "o-", color=colour, label=label)
+    axes.fill_between(sizes, low, high, color=colour, alpha=0.2, linewidth=0)
     axes.tick_params(colors=INK)
