@@ -97,12 +97,13 @@ def decision_scores(
     temperature = policy_model.temperature(parameters.policy)
     scores = np.zeros((len(state), len(parameters.vector)))
     scores[:, : by_q.shape[2]] = (by_q[state, action] - mean[state]) / temperature
-    for row, pair in enumerate(zip(state, action, strict=True)):
-        single = np.zeros_like(q)
-        single[pair] = 1.0
-        scores[row, parameters.place(Block.POLICY)] = policy_model.parameter_gradient(
-            parameters.policy, q, single
-        )
+    if len(parameters.policy):
+        for row, pair in enumerate(zip(state, action, strict=True)):
+            single = np.zeros_like(q)
+            single[pair] = 1.0
+            scores[row, parameters.place(Block.POLICY)] = policy_model.parameter_gradient(
+                parameters.policy, q, single
+            )
     scores[:, parameters.place(Block.TRUTH)] += _transition_scores(posterior, parameters)
     return scores, observations.group_count
 

@@ -15,7 +15,7 @@ DATA = Path(__file__).parents[3] / "shared" / "data" / "rust1987"
 
 SMALL = {
     "minimum-example": MinimumExampleConfig(n_sets=8, sizes=(3,)),
-    "priors": PriorsConfig(n_points=9),
+    "priors": PriorsConfig(n_points=9, n_angles=720),
     "policy-cost": PolicyCostConfig(
         base=(9, 2, 2), n_states=(9, 16), n_actions=(2, 3), n_parameters=(2, 3), repeats=1
     ),

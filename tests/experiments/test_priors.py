@@ -13,7 +13,7 @@ from serd_core.errors import SerdError
 
 @pytest.fixture(scope="module")
 def optima():
-    rows = optimal_distributions(PriorsConfig())
+    rows = optimal_distributions(PriorsConfig(n_angles=720))
     return {name: [row for row in rows if row["prior"] == name] for name in PRIORS}
 
 
