@@ -23,6 +23,7 @@ from sim.settings import (
     Polygon,
     RobotSettings,
 )
+from sim.walkable_cells import WalkableCells, walkable_cells
 from storage.nearest import nearest_name
 from storage.yaml_config import StrictModel, load_yaml_model
 
@@ -73,6 +74,9 @@ class Scenario(StrictModel):
             raise ValueError(f"start_areas_m must have 'train', got {sorted(self.start_areas_m)}")
         if self.pedestrians.count and not self.pedestrians.loops:
             raise ValueError("pedestrians.loops must not be empty when pedestrians.count is not 0")
+        _require_cell(self, "goal_area_m", self.goal_area_m)
+        for name, area in self.start_areas_m.items():
+            _require_cell(self, f"start_areas_m.{name}", area)
         for loop in self.pedestrians.loops:
             _require_inside(self, f"waypoints_m of the loop {loop.name!r}", loop.waypoints_m)
         return self
@@ -104,6 +108,12 @@ class Scenario(StrictModel):
     def wall_segments_m(self) -> FloatArray:
         """(W, 2, 2) start and end points of all walls."""
         return np.concatenate([edges_of(polygon) for polygon in self.wall_polygons_m])
+
+    @cached_property
+    def cells(self) -> WalkableCells:
+        """The coarse cells of the walkable area."""
+        solids = [obstacle.outline_m for obstacle in self.obstacles]
+        return walkable_cells(self.walkable_area_m, solids, self.cell_size_m)
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
@@ -152,6 +162,14 @@ def _require_multiple(decision_period_s: float, control_period_s: float) -> None
         raise ValueError(
             f"decision_period_s must be a whole number of control_period_s ({control_period_s})"
             f", got {decision_period_s}"
+        )
+
+
+def _require_cell(scenario: Scenario, what: str, area: tuple[Point, ...]) -> None:
+    if not contains(area, scenario.cells.centers_m).any():
+        raise ValueError(
+            f"{what} must hold the centre of at least one walkable cell of {scenario.cell_size_m} m"
+            f", got {[list(point) for point in area]}; enlarge or move it"
         )
 
 

@@ -16,17 +16,8 @@ from storage.nearest import nearest_name
 
 def grid_of(scenario: Scenario) -> Grid:
     """Grid over the scenario's bounds; a cell is walkable when its centre is."""
-    x_min, y_min, x_max, y_max = scenario.bounds_m
-    size = scenario.cell_size_m
-    columns, rows = (int(np.ceil(span / size - 1e-9)) for span in (x_max - x_min, y_max - y_min))
-    x, y = np.meshgrid(
-        x_min + (np.arange(columns) + 0.5) * size, y_min + (np.arange(rows) + 0.5) * size
-    )
-    centers = np.stack([x.ravel(), y.ravel()], axis=1)
-    walkable = contains(scenario.walkable_area_m, centers)
-    for obstacle in scenario.obstacles:
-        walkable &= ~contains(obstacle.outline_m, centers)
-    return Grid((x_min, y_min), size, walkable.reshape(rows, columns))
+    cells = scenario.cells
+    return Grid(cells.origin_m, cells.cell_size_m, cells.walkable)
 
 
 def flow_of(scenario: Scenario, grid: Grid) -> IntArray:
@@ -37,7 +28,7 @@ def flow_of(scenario: Scenario, grid: Grid) -> IntArray:
 
 def goal_states_of(scenario: Scenario, grid: Grid) -> IntArray:
     """States whose centre lies in the goal area."""
-    return _states_in(grid, scenario.goal_area_m, "goal_area_m")
+    return np.flatnonzero(contains(scenario.goal_area_m, grid.centers_m))
 
 
 def start_states_of(scenario: Scenario, grid: Grid, area: str) -> IntArray:
@@ -48,7 +39,7 @@ def start_states_of(scenario: Scenario, grid: Grid, area: str) -> IntArray:
         raise SimError(
             f"start area must be one of {', '.join(known)}, got {area!r}; did you mean {meant!r}?"
         )
-    return _states_in(grid, scenario.start_areas_m[area], f"start_areas_m.{area}")
+    return np.flatnonzero(contains(scenario.start_areas_m[area], grid.centers_m))
 
 
 def wall_distance_of(scenario: Scenario, grid: Grid) -> FloatArray:
@@ -70,13 +61,3 @@ def navigation_problem_of(
         discount=discount,
         features=features,
     )
-
-
-def _states_in(grid: Grid, polygon: Sequence[tuple[float, float]], name: str) -> IntArray:
-    states = np.flatnonzero(contains(polygon, grid.centers_m))
-    if not states.size:
-        raise SimError(
-            f"{name} must hold the centre of at least one walkable cell of {grid.cell_size_m} m"
-            f", got {list(polygon)}; enlarge or move it"
-        )
-    return states

@@ -71,6 +71,19 @@ def test_a_loop_that_leaves_the_walkable_area_is_refused(tmp_path):
         load_scenario(path)
 
 
+@pytest.mark.parametrize(
+    ("key", "area"),
+    [
+        ("goal_area_m", [[20, 20], [22, 20], [22, 22], [20, 22]]),
+        ("start_areas_m__train", [[0, 0], [0.4, 0], [0.4, 0.4], [0, 0.4]]),
+    ],
+)
+def test_an_area_without_a_walkable_cell_is_refused(tmp_path, key, area):
+    name = key.replace("__", ".")
+    with pytest.raises(SerdError, match=f"{name} must hold the centre of at least one walkable"):
+        load_scenario(changed(tmp_path, **{key: area}))
+
+
 def test_a_walkable_area_that_crosses_itself_is_refused(tmp_path):
     path = changed(tmp_path, walkable_area_m=[[0, 0], [6, 24], [6, 0], [0, 24]])
     with pytest.raises(SerdError, match="must not cross itself"):
