@@ -2,7 +2,8 @@
 
 Every recorded intent inside an episode is one decision: s is the cell of the robot at its stamp, a
 the direction it names, s' what the rule of `decision_rule` makes of the place one decision period
-later, or at the arrival if that comes first. Nothing is dropped without being counted.
+later, or at the arrival if that comes first. Of intents closer together than a decision period the
+first counts. Nothing is dropped without being counted.
 """
 
 from collections import Counter
@@ -14,17 +15,20 @@ import numpy as np
 
 from bags.decision_rule import Move, next_state_of
 from bags.errors import BagError
-from bags.recorded_drive import EpisodeSpan, RecordedDrive, read_drive
-from serd_core.arrays import FloatArray
+from bags.recorded_drive import DISCARDED, EpisodeSpan, RecordedDrive, read_drive
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations import Decisions
 from serd_core.grid import Grid
 
 OUTSIDE_EPISODE = "outside any episode"
+IN_DISCARDED = "in a discarded episode"
+WITHIN_PERIOD = "within the period of the decision before"
 CUT_SHORT = "cut short by the end of its episode"
 NO_POSE = "no pose recorded then"
 OFF_GRID = "robot off the grid"
 UNEXPLAINED = "no neighbouring cell explains the move"
 _LONGEST_GAP_S = 0.5
+_STAMP_TOLERANCE_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,11 @@ class DiscretisationReport:
     n_far: int
     dropped: dict[str, int] = field(default_factory=dict)
 
+    @property
+    def n_intents(self) -> int:
+        """Recorded intents, each either a decision or dropped."""
+        return self.n_decisions + sum(self.dropped.values())
+
     def __str__(self) -> str:
         """One sentence with every count."""
         dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(self.dropped.items()))
@@ -47,10 +56,13 @@ class DiscretisationReport:
 
 
 def decisions_from_bag(
-    directory: str | Path, grid: Grid, decision_period_s: float
+    directory: str | Path, grid: Grid, decision_period_s: float, *, tolerant: bool = False
 ) -> tuple[Decisions, DiscretisationReport]:
-    """Decisions of a bag with robot_pose, intent and episode; BagError where one is missing."""
-    drive = read_drive(directory)
+    """Decisions of a bag with robot_pose, intent and episode; BagError where one is missing.
+
+    tolerant: use what a broken bag still holds.
+    """
+    drive = read_drive(directory, tolerant=tolerant)
     decisions, report = decisions_from_drive(drive, grid, decision_period_s)
     if not len(decisions):
         raise BagError(f"bag {directory} holds no decision to learn from: {report}; record more")
@@ -61,73 +73,120 @@ def decisions_from_drive(
     drive: RecordedDrive, grid: Grid, decision_period_s: float
 ) -> tuple[Decisions, DiscretisationReport]:
     """Decisions of a recorded drive on a grid, and what became of every intent."""
-    rows: list[tuple[int, float, int, int, int]] = []
-    moves: Counter[Move] = Counter()
-    dropped: Counter[str] = Counter()
-    for time_s, action in zip(drive.intent_time_s, drive.intent_action, strict=True):
-        episode = _episode_at(drive.episodes, time_s)
-        if episode is None:
-            dropped[OUTSIDE_EPISODE] += 1
-            continue
-        outcome = _outcome(drive, grid, episode, float(time_s), decision_period_s)
-        if isinstance(outcome, str):
-            dropped[outcome] += 1
-            continue
-        state, next_state, move = outcome
-        moves[move] += 1
-        rows.append((episode.number, float(time_s), state, int(action), next_state))
-    report = DiscretisationReport(
-        n_decisions=len(rows),
-        n_episodes=len({row[0] for row in rows}),
+    if not decision_period_s > 0:
+        raise BagError(f"decision_period_s must be above 0, got {decision_period_s}")
+    fates = _Fates(len(drive.intent_time_s))
+    span = _spans_of(drive, fates, decision_period_s)
+    end_s = _ends(drive, span, fates, decision_period_s)
+    start_m, start_known = _positions(drive, drive.intent_time_s)
+    end_m, end_known = _positions(drive, end_s)
+    fates.drop(~(start_known & end_known), NO_POSE)
+    state, reached = grid.states_at(start_m), grid.states_at(end_m)
+    fates.drop((state < 0) | (reached < 0), OFF_GRID)
+    moves = _assign(grid, state, reached, end_m, fates)
+    kept = np.flatnonzero(fates.kept)
+    numbers = np.array([each.number for each in drive.episodes], dtype=np.int64)
+    decisions = Decisions(
+        episode=numbers[span[kept]],
+        time_s=drive.intent_time_s[kept],
+        state=state[kept],
+        action=drive.intent_action[kept],
+        next_state=reached[kept],
+        source=drive.source,
+    )
+    return decisions, DiscretisationReport(
+        n_decisions=len(kept),
+        n_episodes=len(decisions.episodes),
         n_diagonal=moves[Move.DIAGONAL],
         n_far=moves[Move.FAR],
-        dropped=dict(dropped),
+        dropped=dict(fates.dropped),
     )
-    return _table(rows, drive.source), report
 
 
-def _episode_at(episodes: Sequence[EpisodeSpan], time_s: float) -> EpisodeSpan | None:
-    return next((span for span in episodes if span.start_s <= time_s < span.end_s), None)
+class _Fates:
+    """Which intents are still decisions, and why the others are not; the first reason counts."""
+
+    def __init__(self, count: int) -> None:
+        self.kept: BoolArray = np.ones(count, dtype=bool)
+        self.dropped: Counter[str] = Counter()
+
+    def drop(self, rows: BoolArray, reason: str) -> None:
+        """Drop those of the rows that are not dropped yet."""
+        count = int(np.count_nonzero(self.kept & rows))
+        if count:
+            self.dropped[reason] += count
+        self.kept = self.kept & ~rows
 
 
-def _outcome(
-    drive: RecordedDrive, grid: Grid, episode: EpisodeSpan, time_s: float, period_s: float
-) -> tuple[int, int, Move] | str:
-    """(s, s', kind of move) of the period that begins at time_s, or why there is none."""
-    end_s = min(time_s + period_s, episode.end_s)
-    if end_s < time_s + period_s - 1e-6 and episode.outcome != "arrived":
-        return CUT_SHORT
-    places = _positions(drive, np.array([time_s, end_s]))
-    if places is None:
-        return NO_POSE
-    state, reached = (int(each) for each in grid.states_at(places))
-    if state < 0 or reached < 0:
-        return OFF_GRID
-    next_state, move = next_state_of(grid, state, reached, places[1])
-    return (state, next_state, move) if next_state >= 0 else UNEXPLAINED
+def _spans_of(drive: RecordedDrive, fates: _Fates, period_s: float) -> IntArray:
+    """(N,) index of the episode of each intent; drops those outside and those too close."""
+    starts_s, ends_s, _ = _columns(drive.episodes)
+    if not len(starts_s):
+        fates.drop(np.ones_like(fates.kept), OUTSIDE_EPISODE)
+        return np.zeros(len(fates.kept), dtype=np.int64)
+    time_s = drive.intent_time_s + _STAMP_TOLERANCE_S
+    span = np.searchsorted(starts_s, time_s, side="right") - 1
+    inside = (span >= 0) & (time_s < ends_s[span])
+    fates.drop(~inside, OUTSIDE_EPISODE)
+    discarded = np.array([each.outcome == DISCARDED for each in drive.episodes])
+    fates.drop(discarded[span], IN_DISCARDED)
+    fates.drop(_too_close(drive.intent_time_s, span, inside, period_s), WITHIN_PERIOD)
+    return span
 
 
-def _positions(drive: RecordedDrive, times_s: FloatArray) -> FloatArray | None:
-    """(2, 2) places interpolated between recorded poses, None across a gap of them."""
+def _too_close(time_s: FloatArray, span: IntArray, inside: BoolArray, period_s: float) -> BoolArray:
+    close = np.zeros(len(time_s), dtype=bool)
+    last_s, last_span = -np.inf, -1
+    for row in np.flatnonzero(inside):
+        if span[row] == last_span and time_s[row] < last_s + period_s - _STAMP_TOLERANCE_S:
+            close[row] = True
+        else:
+            last_s, last_span = time_s[row], int(span[row])
+    return close
+
+
+def _ends(drive: RecordedDrive, span: IntArray, fates: _Fates, period_s: float) -> FloatArray:
+    """(N,) when each decision's period ends; drops those whose episode ends before, not arrived."""
+    due_s = drive.intent_time_s + period_s
+    if not drive.episodes:
+        return due_s
+    _, ends_s, arrived = _columns(drive.episodes)
+    early = ends_s[span] < due_s - _STAMP_TOLERANCE_S
+    fates.drop(early & ~arrived[span], CUT_SHORT)
+    return np.minimum(due_s, ends_s[span])
+
+
+def _columns(episodes: Sequence[EpisodeSpan]) -> tuple[FloatArray, FloatArray, BoolArray]:
+    starts_s = np.array([span.start_s for span in episodes], dtype=np.float64)
+    ends_s = np.array([span.end_s for span in episodes], dtype=np.float64)
+    return starts_s, ends_s, np.array([span.outcome == "arrived" for span in episodes], dtype=bool)
+
+
+def _positions(drive: RecordedDrive, times_s: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """(N, 2) places interpolated between recorded poses; (N,) false across a gap of them."""
     recorded_s = drive.pose_time_s
-    after = np.searchsorted(recorded_s, times_s - 1e-9)
-    if (after >= len(recorded_s)).any():
-        return None
-    before = np.where(np.abs(recorded_s[after] - times_s) < 1e-6, after, after - 1)
-    if (before < 0).any() or (recorded_s[after] - recorded_s[before] > _LONGEST_GAP_S).any():
-        return None
+    if not len(recorded_s):
+        return np.full((len(times_s), 2), np.nan), np.zeros(len(times_s), dtype=bool)
+    after = np.searchsorted(recorded_s, times_s - _STAMP_TOLERANCE_S)
+    within = after < len(recorded_s)
+    after = np.minimum(after, len(recorded_s) - 1)
+    exact = np.abs(recorded_s[after] - times_s) <= _STAMP_TOLERANCE_S
+    gap_s = recorded_s[after] - recorded_s[np.maximum(after - 1, 0)]
+    known = within & (exact | ((after > 0) & (gap_s <= _LONGEST_GAP_S)))
     columns = [np.interp(times_s, recorded_s, column) for column in drive.position_m.T]
-    return np.stack(columns, axis=1)
+    return np.stack(columns, axis=1), known
 
 
-def _table(rows: Sequence[tuple[int, float, int, int, int]], source: str) -> Decisions:
-    columns = np.array(rows, dtype=np.float64).reshape(-1, 5).T
-    episode, state, action, next_state = (columns[i].astype(np.int64) for i in (0, 2, 3, 4))
-    return Decisions(
-        episode=episode,
-        time_s=columns[1],
-        state=state,
-        action=action,
-        next_state=next_state,
-        source=source,
-    )
+def _assign(
+    grid: Grid, state: IntArray, reached: IntArray, end_m: FloatArray, fates: _Fates
+) -> Counter[Move]:
+    """Put the next state of the rule in place of the cell reached, where that is no neighbour."""
+    moves: Counter[Move] = Counter()
+    adjacent = (reached == state) | (grid.neighbours[state] == reached[:, None]).any(axis=1)
+    unexplained = np.zeros(len(state), dtype=bool)
+    for row in np.flatnonzero(fates.kept & ~adjacent):
+        reached[row], move = next_state_of(grid, int(state[row]), int(reached[row]), end_m[row])
+        unexplained[row] = reached[row] < 0
+        moves[move] += int(reached[row] >= 0)
+    fates.drop(unexplained, UNEXPLAINED)
+    return moves

@@ -1,23 +1,26 @@
 """What a bag holds of a drive: poses, intents and episodes, on the clock of the header stamps."""
 
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from bags.errors import BagError
-from bags.messages import messages_of
+from bags.plain_messages import diagnostic_array, pose_position, vector3_stamped
+from bags.reader import BagReader, topic_named
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.directions import action_of_direction
 from serd_core.errors import SerdError
 
 POSE, INTENT, EPISODE = "robot_pose", "intent", "episode"
+CUT_OFF, DISCARDED = "cut_off", "discarded"
 
 
 @dataclass(frozen=True)
 class EpisodeSpan:
-    """One marked episode; outcome: arrived, timeout or aborted."""
+    """One marked episode; outcome: arrived, timeout, aborted, discarded, or cut_off where the
+    recording has no end of it."""
 
     number: int
     start_s: float
@@ -37,42 +40,70 @@ class RecordedDrive:
     source: str = ""
 
 
-def read_drive(directory: str | Path) -> RecordedDrive:
-    """Read a bag; BagError names a topic that is missing or a message that is not finite."""
-    directory = Path(directory)
-    poses: list[tuple[float, float, float]] = []
-    intents: list[tuple[float, int]] = []
-    marks: list[tuple[float, str, dict[str, str]]] = []
-    for topic, message in messages_of(directory, (POSE, INTENT, EPISODE)):
-        time_s = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
-        if topic == POSE:
-            poses.append((time_s, message.pose.position.x, message.pose.position.y))
-        elif topic == INTENT:
-            intents.append((time_s, _action(directory, time_s, message.vector)))
-        else:
-            status = message.status[0]
-            values = {item.key: item.value for item in status.values}
-            marks.append((time_s, status.message, values))
-    pose = _unique(np.array(poses, dtype=np.float64).reshape(-1, 3))
-    if not np.isfinite(pose).all():
-        where_s = pose[~np.isfinite(pose).all(axis=1)][0, 0]
-        raise BagError(f"bag {directory} has a pose that is not finite at {where_s} s; drop it")
-    intent = _unique(np.array(intents, dtype=np.float64).reshape(-1, 2))
-    return RecordedDrive(
-        pose_time_s=pose[:, 0],
-        position_m=pose[:, 1:],
-        intent_time_s=intent[:, 0],
-        intent_action=intent[:, 1].astype(np.int64),
-        episodes=_spans(marks),
-        source=f"bag {directory.name}",
-    )
+class DriveBuilder:
+    """Collects a drive message by message: from a bag, from live topics or from a replay alike."""
+
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self._poses = array("d")
+        self._intents = array("d")
+        self._marks: list[tuple[float, str, dict[str, str]]] = []
+
+    def add_pose(self, data: bytes, log_time_ns: int) -> None:
+        """A geometry_msgs/PoseStamped."""
+        stamp_ns, x_m, y_m = pose_position(data)
+        self._poses.extend(((stamp_ns or log_time_ns) * 1e-9, x_m, y_m))
+
+    def add_intent(self, data: bytes, log_time_ns: int) -> None:
+        """A geometry_msgs/Vector3Stamped."""
+        vector = vector3_stamped(data)
+        time_s = (vector.header.stamp_ns or log_time_ns) * 1e-9
+        try:
+            action = action_of_direction(vector.x, vector.y)
+        except SerdError as error:
+            raise BagError(f"{self._source}, intent at {time_s} s: {error}") from None
+        self._intents.extend((time_s, float(action)))
+
+    def add_mark(self, data: bytes, log_time_ns: int) -> None:
+        """A diagnostic_msgs/DiagnosticArray with one status: start or end of an episode."""
+        report = diagnostic_array(data)
+        time_s = (report.header.stamp_ns or log_time_ns) * 1e-9
+        for status in report.statuses:
+            if status.name == EPISODE and status.message in ("start", "end"):
+                self._marks.append((time_s, status.message, status.values))
+
+    def drive(self) -> RecordedDrive:
+        """Everything so far; BagError names a pose that is not finite."""
+        pose = _unique(np.array(self._poses).reshape(-1, 3))
+        if not np.isfinite(pose).all():
+            where_s = pose[~np.isfinite(pose).all(axis=1)][0, 0]
+            raise BagError(f"{self._source} has a pose that is not finite at {where_s} s; drop it")
+        intent = _unique(np.array(self._intents).reshape(-1, 2))
+        return RecordedDrive(
+            pose_time_s=pose[:, 0],
+            position_m=pose[:, 1:],
+            intent_time_s=intent[:, 0],
+            intent_action=intent[:, 1].astype(np.int64),
+            episodes=_spans(self._marks, float(pose[-1, 0]) if len(pose) else 0.0),
+            source=self._source,
+        )
 
 
-def _action(directory: Path, time_s: float, vector: Any) -> int:
-    try:
-        return int(action_of_direction(vector.x, vector.y))
-    except SerdError as error:
-        raise BagError(f"bag {directory}, intent at {time_s} s: {error}") from None
+def read_drive(directory: str | Path, *, tolerant: bool = False) -> RecordedDrive:
+    """Read a bag; BagError names a topic that is missing or a message that is not finite.
+
+    tolerant: read what a broken bag still holds.
+    """
+    reader = BagReader(directory, tolerant=tolerant)
+    builder = DriveBuilder(f"bag {Path(directory).name}")
+    takers = {
+        topic_named(reader.topics, POSE): builder.add_pose,
+        topic_named(reader.topics, INTENT): builder.add_intent,
+        topic_named(reader.topics, EPISODE): builder.add_mark,
+    }
+    for message in reader.messages(takers):
+        takers[message.topic](message.data, message.log_time_ns)
+    return builder.drive()
 
 
 def _unique(rows: FloatArray) -> FloatArray:
@@ -81,17 +112,25 @@ def _unique(rows: FloatArray) -> FloatArray:
     return rows[first]
 
 
-def _spans(marks: list[tuple[float, str, dict[str, str]]]) -> tuple[EpisodeSpan, ...]:
-    """Start and end marks as spans; an episode without an end was aborted where the next began."""
+def _spans(
+    marks: list[tuple[float, str, dict[str, str]]], last_pose_s: float
+) -> tuple[EpisodeSpan, ...]:
+    """Start and end marks as spans; one without an end is cut off at the next start or the end."""
     spans: list[EpisodeSpan] = []
     open_mark: tuple[float, int] | None = None
-    last_s = 0.0
     for time_s, event, values in sorted(marks, key=lambda mark: mark[0]):
         if open_mark is not None:
-            outcome = values["outcome"] if event == "end" else "aborted"
+            outcome = values.get("outcome", "") if event == "end" else CUT_OFF
             spans.append(EpisodeSpan(open_mark[1], open_mark[0], time_s, outcome))
-        open_mark = (time_s, int(values["episode"])) if event == "start" else None
-        last_s = time_s
+        open_mark = (time_s, _number(values)) if event == "start" else None
     if open_mark is not None:
-        spans.append(EpisodeSpan(open_mark[1], open_mark[0], max(last_s, open_mark[0]), "aborted"))
+        end_s = max(last_pose_s, open_mark[0])
+        spans.append(EpisodeSpan(open_mark[1], open_mark[0], end_s, CUT_OFF))
     return tuple(spans)
+
+
+def _number(values: dict[str, str]) -> int:
+    text = values.get("episode", "")
+    if not text.isdecimal():
+        raise BagError(f"episode mark must carry the episode's number, got {text!r}")
+    return int(text)

@@ -1,0 +1,136 @@
+"""Broken files: no crash, no hang, and never a silently wrong result."""
+
+import numpy as np
+import pytest
+
+from bags.errors import BagError
+from bags.mcap_format import MAGIC, RECORD_HEAD
+from bags.reader import BagReader
+
+
+def read(path, tolerant):
+    reader = BagReader(path, tolerant=tolerant)
+    return list(reader.messages()), reader.damage
+
+
+def record_starts(content):
+    offset, starts = len(MAGIC), []
+    while offset < len(content) - len(MAGIC):
+        starts.append(offset)
+        offset += RECORD_HEAD.size + RECORD_HEAD.unpack_from(content, offset)[1]
+    return [*starts, offset]
+
+
+@pytest.fixture(params=["none", "zstd"])
+def whole(small_bag, request):
+    """(path of the MCAP file, its bytes, its messages)."""
+    path = small_bag(compression=request.param) / "small_0.mcap"
+    return path, path.read_bytes(), read(path, False)[0]
+
+
+def test_a_file_cut_at_a_record_gives_all_before_and_says_so(whole):
+    path, content, messages = whole
+    for start in record_starts(content)[:-1]:
+        path.write_bytes(content[:start])
+        found, damage = read(path, True)
+        assert found == messages[: len(found)]
+        assert damage
+        with pytest.raises(BagError, match=r"at byte \d+: .*recover"):
+            read(path, False)
+
+
+def test_a_file_cut_anywhere_gives_a_beginning_and_says_so(whole):
+    path, content, messages = whole
+    counts = []
+    for size in [*range(0, len(content), 97), len(content) - 1]:
+        path.write_bytes(content[:size])
+        found, damage = read(path, True)
+        assert found == messages[: len(found)]
+        assert damage
+        counts.append(len(found))
+    assert counts == sorted(counts)
+    assert counts[-1] == len(messages)
+
+
+def test_a_flipped_bit_is_noticed_or_harmless(whole):
+    path, content, messages = whole
+    rng = np.random.default_rng(5)
+    heads = np.concatenate([np.arange(start, start + 9) for start in record_starts(content)[:-1]])
+    places = np.concatenate([heads, rng.integers(len(content), size=600)])
+    for place in places:
+        broken = bytearray(content)
+        broken[place] ^= 1 << int(rng.integers(8))
+        path.write_bytes(broken)
+        found, damage = read(path, True)
+        lost = len(messages) - len(found)
+        assert lost >= 0
+        assert set(found) <= set(messages)
+        assert damage or found == messages, place
+        if not damage:
+            assert read(path, False)[0] == messages
+
+
+def test_one_bad_chunk_costs_only_its_own_messages(whole):
+    path, content, messages = whole
+    chunks = [start for start in record_starts(content) if content[start] == 0x06]
+    broken = bytearray(content)
+    broken[chunks[2] + 100] ^= 0x10
+    path.write_bytes(broken)
+    found, damage = read(path, True)
+    assert len(messages) - len(found) in (11, 12)
+    assert any("checksum" in each.what or "unpacked" in each.what for each in damage)
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"", "the file is empty"),
+        (b"\x89MC", "an MCAP file begins with"),
+        (b"SQLite format 3\0" * 10, "an MCAP file begins with"),
+        (b"\0" * 1000, "an MCAP file begins with"),
+        (MAGIC, "the recording was cut off here"),
+        (MAGIC + b"\0" * 1000, "no record begins with"),
+        (MAGIC + b"\xff" * 1000, "the file ends within a record"),
+        (MAGIC + MAGIC, "the recording was cut off here"),
+    ],
+)
+def test_what_is_no_recording_gets_a_sentence(tmp_path, content, sentence):
+    path = tmp_path / "file.mcap"
+    path.write_bytes(content)
+    with pytest.raises(BagError, match=sentence):
+        read(path, False)
+    found, damage = read(path, True)
+    assert found == []
+    assert damage
+
+
+def test_a_bag_without_metadata_is_read_and_said_so(small_bag):
+    folder = small_bag(max_file_bytes=4000)
+    messages = read(folder, False)[0]
+    (folder / "metadata.yaml").unlink()
+    with pytest.raises(BagError, match=r"metadata.yaml: it does not exist"):
+        read(folder, False)
+    found, damage = read(folder, True)
+    assert found == messages
+    assert len(damage) == 1
+
+
+@pytest.mark.parametrize("text", ["", "[", "a: 1", "\0", "rosbag2_bagfile_information: 3"])
+def test_broken_metadata_gets_a_sentence(small_bag, text):
+    folder = small_bag()
+    (folder / "metadata.yaml").write_text(text)
+    with pytest.raises(BagError, match="is no rosbag2 metadata"):
+        read(folder, False)
+    assert len(read(folder, True)[0]) == 69
+
+
+def test_missing_and_foreign_files_get_a_sentence(small_bag, tmp_path):
+    folder = small_bag()
+    (folder / "small_0.mcap").rename(folder / "other_0.mcap")
+    with pytest.raises(BagError, match=r"lists small_0.mcap, which is missing"):
+        read(folder, False)
+    with pytest.raises(BagError, match=r"must be a folder or a .mcap or .db3 file"):
+        read(tmp_path / "nowhere", False)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(BagError, match=r"must hold .mcap or .db3 files, got none"):
+        read(tmp_path / "empty", True)

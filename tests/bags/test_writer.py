@@ -1,0 +1,126 @@
+"""What we write, others read: rosbags' and mcap's own readers give back every byte."""
+
+import errno
+import os
+
+import pytest
+import yaml
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosReliability
+
+from bags.errors import BagError
+from bags.message_types import message_type
+from bags.qos import LATCHED, SENSOR_DATA
+from bags.reader import BagReader
+from bags.writer import BagWriter
+
+POSE = "geometry_msgs/msg/PoseStamped"
+
+
+@pytest.mark.parametrize("options", [{}, {"compression": "zstd"}, {"max_file_bytes": 4000}])
+def test_rosbags_reads_back_every_byte_and_time(small_bag, options):
+    folder = small_bag(**options)
+    with AnyReader([folder]) as reader:
+        assert reader.message_count == 69
+        theirs = [
+            (each.topic, each.msgtype, bytes(data), time_ns)
+            for each, time_ns, data in reader.messages()
+        ]
+        for connection in reader.connections:
+            assert connection.digest == message_type(connection.msgtype).type_hash
+            assert connection.msgdef.data == message_type(connection.msgtype).text
+    ours = [message[:4] for message in BagReader(folder).messages()]
+    assert sorted(ours) == sorted(theirs)
+    assert len(ours) == 69
+
+
+def test_the_reader_of_mcap_finds_indexes_statistics_and_sound_checksums(small_bag):
+    folder = small_bag()
+    with (folder / "small_0.mcap").open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert reader.get_header().profile == "ros2"
+        assert summary.statistics.message_count == 69
+        assert summary.statistics.channel_message_counts == {1: 60, 2: 9}
+        assert len(summary.chunk_indexes) == 6
+        assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
+        channel = summary.channels[1]
+        assert channel.metadata["topic_type_hash"] == message_type(POSE).type_hash
+        assert yaml.safe_load(channel.metadata["offered_qos_profiles"])[0]["depth"] == 10
+        times = [message.log_time for _, _, message in reader.iter_messages("/intent")]
+        assert times == sorted(times)
+        assert len(times) == 9
+        (record,) = reader.iter_metadata()
+        assert record.name == "rosbag2"
+        inner = yaml.safe_load(record.metadata["serialized_metadata"])
+        assert inner["message_count"] == 69
+
+
+def test_metadata_is_that_of_version_9(small_bag):
+    values = yaml.safe_load((small_bag(max_file_bytes=4000) / "metadata.yaml").read_text())
+    info = values["rosbag2_bagfile_information"]
+    assert list(info) == [
+        "version", "storage_identifier", "duration", "starting_time", "message_count",
+        "topics_with_message_count", "compression_format", "compression_mode",
+        "relative_file_paths", "files", "custom_data", "ros_distro",
+    ]  # fmt: skip
+    assert info["version"] == 9
+    assert info["starting_time"] == {"nanoseconds_since_epoch": 10_000_000_000}
+    assert info["duration"] == {"nanoseconds": 2_950_000_000}
+    assert len(info["files"]) > 2
+    assert sum(each["message_count"] for each in info["files"]) == info["message_count"] == 69
+
+
+def test_quality_of_service_survives(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/map", "nav_msgs/msg/OccupancyGrid", (LATCHED,))
+        writer.add_topic("/scan", "sensor_msgs/msg/LaserScan", (SENSOR_DATA,))
+    with AnyReader([tmp_path / "bag"]) as reader:
+        profiles = {each.topic: each.ext.offered_qos_profiles[0] for each in reader.connections}
+    assert profiles["/map"].durability == QosDurability.TRANSIENT_LOCAL
+    assert profiles["/scan"].reliability == QosReliability.BEST_EFFORT
+
+
+def test_an_empty_bag_is_a_bag(tmp_path):
+    BagWriter(tmp_path / "bag").close()
+    with AnyReader([tmp_path / "bag"]) as reader:
+        assert reader.message_count == 0
+    assert list(BagReader(tmp_path / "bag").messages()) == []
+
+
+def test_wrong_use_gets_a_sentence(tmp_path, messages):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/robot_pose", POSE)
+        with pytest.raises(BagError, match="'/robot_pos' must be added first; did you mean"):
+            writer.write("/robot_pos", messages.pose(1.0, 0.0, 0.0), 1)
+        with pytest.raises(BagError, match="times must be 0 to"):
+            writer.write("/robot_pose", messages.pose(1.0, 0.0, 0.0), -1)
+        with pytest.raises(BagError, match="must keep its type"):
+            writer.add_topic("/robot_pose", "geometry_msgs/msg/Twist")
+    with pytest.raises(BagError, match="must be new or empty"):
+        BagWriter(tmp_path / "bag")
+    (tmp_path / "file").touch()
+    with pytest.raises(BagError, match="cannot write"):
+        BagWriter(tmp_path / "file" / "bag")
+
+
+def test_a_full_disk_keeps_what_was_written_before(tmp_path, messages, monkeypatch):
+    writer = BagWriter(tmp_path / "bag")
+    writer.add_topic("/robot_pose", POSE)
+    writer.write("/robot_pose", messages.pose(1.0, 0.0, 0.0), 10**9)
+    writer.flush()
+    writer.write("/robot_pose", messages.pose(2.0, 0.0, 0.0), 2 * 10**9)
+    real, sizes = os.write, [20]
+
+    def fill(descriptor, block):
+        if not sizes:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return real(descriptor, bytes(block)[: sizes.pop()])
+
+    monkeypatch.setattr(os, "write", fill)
+    with pytest.raises(BagError, match="the disk is full; free some space"):
+        writer.flush()
+    writer.abandon()
+    reader = BagReader(tmp_path / "bag", tolerant=True)
+    assert [message.log_time_ns for message in reader.messages()] == [10**9]
