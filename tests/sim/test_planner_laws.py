@@ -1,0 +1,64 @@
+"""Laws every planner keeps whatever it sees, and the aims of the closed loop."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim.batch import EpisodeTask, run_task
+from sim.observation import make_observation
+from sim.planners import make_planner, planner_names
+from sim.scenario import load_scenario
+from sim.waypoint import Waypoint
+
+HALLWAY = load_scenario("hallway")
+PLANNERS = {name: make_planner(name, HALLWAY) for name in planner_names()}
+
+finite = st.floats(-2.0, 2.0)
+
+
+@pytest.mark.parametrize("name", planner_names())
+@settings(max_examples=60, deadline=None)
+@given(
+    x_m=st.floats(0.3, 5.7),
+    y_m=st.floats(0.3, 23.7),
+    yaw_rad=st.floats(-math.pi, math.pi),
+    speed=st.floats(-0.3, 1.2),
+    turn=st.floats(-3.5, 3.5),
+    people=st.lists(st.tuples(finite, finite, finite, finite), max_size=12),
+    to=st.tuples(finite, finite),
+)
+def test_whatever_is_seen_the_command_is_finite_and_within_the_robots_limits(
+    name, x_m, y_m, yaw_rad, speed, turn, people, to
+):
+    rows = np.array(people, dtype=float).reshape(-1, 4)
+    observation = make_observation(
+        time_s=0.0,
+        tick=0,
+        pose=(x_m, y_m, yaw_rad),
+        speed_mps=speed,
+        yaw_rate_radps=turn,
+        people_position_m=rows[:, :2] + (x_m, y_m),
+        people_velocity_mps=rows[:, 2:],
+        people_id=np.arange(len(rows)),
+    )
+    command = PLANNERS[name].step(observation, Waypoint(x_m + to[0], y_m + to[1]))
+    robot = HALLWAY.robot
+    assert command.is_finite
+    assert robot.min_vel_x_mps <= command.linear_mps <= robot.max_vel_x_mps + 1e-9
+    assert abs(command.angular_radps) <= robot.max_vel_theta_radps + 1e-9
+
+
+@pytest.mark.parametrize("name", planner_names())
+@pytest.mark.parametrize("n_people", [30, 60])
+@pytest.mark.parametrize("driver", ["expert_with_flow", "expert_against_flow"])
+def test_the_robot_arrives_among_many_people_and_drives_into_nobody_with_the_flow(
+    name, n_people, driver
+):
+    row = run_task(EpisodeTask("crossing", 3, n_people=n_people, planner=name, driver=driver))
+    assert row["outcome"] == "arrived"
+    assert row["robot_on_wall"] == 0
+    if driver == "expert_with_flow":
+        assert row["robot_on_person"] == 0
