@@ -33,6 +33,11 @@ class DiskFile:
             raise BagError(str(disk_error("write", self.path, error))) from None
         self.size += len(block)
 
+    @property
+    def is_open(self) -> bool:
+        """Whether more can be appended."""
+        return self._descriptor >= 0
+
     def close(self) -> None:
         """Close the file; a second time does nothing."""
         descriptor, self._descriptor = self._descriptor, -1

@@ -57,6 +57,11 @@ class McapWriter:
         """Bytes on the disk and in the chunk that is not written yet."""
         return self._file.size + len(self._chunk)
 
+    @property
+    def is_open(self) -> bool:
+        """Whether more can be appended."""
+        return self._file.is_open
+
     def add_topic(self, topic: Topic) -> int:
         """Declare a topic; returns its channel number."""
         schema_id = self._schema_ids.get(topic.message_type) or self._add_schema(topic.message_type)

@@ -52,6 +52,7 @@ class BagWriter:
         self._finished: list[FileSpan] = []
         self._channels: dict[str, int] = {}
         self._closed = False
+        self._failed = False
         self._file = self._next_file()
         self._flushed_s = clock()
 
@@ -84,9 +85,18 @@ class BagWriter:
         published = log_time_ns if publish_time_ns is None else publish_time_ns
         if not (0 <= log_time_ns <= _LAST_TIME_NS and 0 <= published <= _LAST_TIME_NS):
             raise BagError(f"times must be 0 to 2^63-1 ns, got {log_time_ns} and {published}")
-        self._file.write(channel, data, log_time_ns, published)
         self.counts[topic] += 1
+        try:
+            self._file.write(channel, data, log_time_ns, published)
+        except BagError:
+            self._failed = True
+            raise
         self.flush_if_due()
+
+    @property
+    def failed(self) -> bool:
+        """Whether the disk refused a write; everything before it is kept."""
+        return self._failed
 
     @property
     def n_messages(self) -> int:
@@ -105,11 +115,15 @@ class BagWriter:
 
     def flush(self) -> None:
         """Put everything on the disk; begin the next file where this one is large enough."""
-        self._file.flush()
         self._flushed_s = self._clock()
-        if self._max_file_bytes is not None and self._file.size >= self._max_file_bytes:
-            self._finish_file()
-            self._file = self._next_file()
+        try:
+            self._file.flush()
+            if self._max_file_bytes is not None and self._file.size >= self._max_file_bytes:
+                self._finish_file()
+                self._file = self._next_file()
+        except BagError:
+            self._failed = True
+            raise
 
     def close(self) -> None:
         """Finish the file and write metadata.yaml; a second time does nothing."""
@@ -117,7 +131,8 @@ class BagWriter:
             return
         self._closed = True
         try:
-            self._finish_file()
+            if self._file.is_open:
+                self._finish_file()
             text = metadata_text({ROOT_KEY: self._metadata()})
             atomic_write_text(self.directory / FILE_NAME, text)
         finally:

@@ -1,0 +1,190 @@
+"""What a recorder node does without ROS: write, flush, watch the disk, count episodes.
+
+A fault of the disk never raises: what was written is kept and closed, `status` says what happened,
+and whoever steers the robot must stop it.
+"""
+
+import shutil
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from bags.errors import BagError
+from bags.plain_messages import diagnostic_array
+from bags.qos import RELIABLE, QosProfile
+from bags.writer import BagWriter
+from storage.errors import FileError
+from storage.yaml_config import StrictModel
+
+_EPISODE = "episode"
+_CHECK_PERIOD_S = 1.0
+
+
+class RecorderSettings(StrictModel):
+    """min_free_bytes: recording ends while this much of the disk is still free."""
+
+    max_file_bytes: int | None = Field(default=None, gt=0)
+    compression: Literal["none", "zstd"] = "none"
+    flush_period_s: float = Field(default=0.25, gt=0, le=0.5)
+    sync: bool = True
+    min_free_bytes: int = Field(default=100_000_000, ge=0)
+
+
+@dataclass(frozen=True)
+class RecorderStatus:
+    """problem: why recording ended by itself, empty while all is well; n_lost: since then."""
+
+    recording: bool
+    problem: str
+    counts: dict[str, int]
+    n_lost: int
+    size_bytes: int
+    free_bytes: int
+    episodes_started: int
+    episodes_ended: int
+    outcomes: dict[str, int]
+
+    @property
+    def n_messages(self) -> int:
+        """Messages in the bag."""
+        return sum(self.counts.values())
+
+
+def free_bytes_of(folder: Path) -> int:
+    """Free space of the disk a folder is on."""
+    return shutil.disk_usage(folder).free
+
+
+class BagRecorder:
+    """Records into one bag until it is closed or the disk refuses."""
+
+    def __init__(
+        self,
+        directory: str | Path,
+        *,
+        settings: RecorderSettings | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        free_bytes: Callable[[Path], int] = free_bytes_of,
+    ) -> None:
+        self.settings = settings or RecorderSettings()
+        self._clock = clock
+        self._free_bytes_of = free_bytes
+        self._writer = BagWriter(
+            directory,
+            max_file_bytes=self.settings.max_file_bytes,
+            compression=self.settings.compression,
+            flush_period_s=self.settings.flush_period_s,
+            sync=self.settings.sync,
+            clock=clock,
+        )
+        self.directory = self._writer.directory
+        self._recording = True
+        self._problem = ""
+        self._n_lost = 0
+        self._marks: Counter[str] = Counter()
+        self._outcomes: Counter[str] = Counter()
+        self._free_bytes = 0
+        self._check_disk()
+
+    def add_topic(
+        self, name: str, type_name: str, qos: tuple[QosProfile, ...] = (RELIABLE,)
+    ) -> None:
+        """Declare a topic before its first message."""
+        self._writer.add_topic(name, type_name, qos)
+
+    def record(
+        self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None
+    ) -> bool:
+        """Store one message; false where it is lost because recording has ended.
+
+        A topic that was not added, or a time below 0, is a mistake of the caller: BagError.
+        """
+        if not self._recording:
+            self._n_lost += 1
+            return False
+        try:
+            self._writer.write(topic, data, log_time_ns, publish_time_ns)
+        except FileError as error:
+            if not self._writer.failed:
+                raise
+            self._give_up(str(error))
+            return False
+        if topic.rsplit("/", 1)[-1] == _EPISODE:
+            self._count_mark(data)
+        return True
+
+    def poll(self) -> None:
+        """Flush what is due and look at the free space; call it about every 0.1 s of wall time."""
+        if not self._recording:
+            return
+        try:
+            self._writer.flush_if_due()
+        except FileError as error:
+            self._give_up(str(error))
+            return
+        if self._clock() - self._checked_s >= _CHECK_PERIOD_S:
+            self._check_disk()
+
+    @property
+    def status(self) -> RecorderStatus:
+        """How it stands."""
+        return RecorderStatus(
+            recording=self._recording,
+            problem=self._problem,
+            counts=dict(self._writer.counts),
+            n_lost=self._n_lost,
+            size_bytes=self._writer.size,
+            free_bytes=self._free_bytes,
+            episodes_started=self._marks["start"],
+            episodes_ended=self._marks["end"],
+            outcomes=dict(self._outcomes),
+        )
+
+    def close(self) -> RecorderStatus:
+        """Finish the bag; a second time does nothing."""
+        if self._recording:
+            self._recording = False
+            self._finish()
+        return self.status
+
+    def _check_disk(self) -> None:
+        self._checked_s = self._clock()
+        try:
+            self._free_bytes = self._free_bytes_of(self.directory)
+        except OSError as error:
+            self._give_up(f"cannot read the free space of {self.directory}: {error}")
+            return
+        if self._free_bytes < self.settings.min_free_bytes:
+            self._give_up(
+                f"disk of {self.directory} must have {self.settings.min_free_bytes} bytes free,"
+                f" got {self._free_bytes}; recording ended, free some space"
+            )
+
+    def _give_up(self, problem: str) -> None:
+        self._recording = False
+        self._problem = problem
+        self._finish()
+
+    def _finish(self) -> None:
+        """Give the bag its end; on a disk that refuses it stays as it is and can be recovered."""
+        try:
+            self._writer.close()
+        except FileError as error:
+            self._problem = self._problem or str(error)
+            self._writer.abandon()
+
+    def _count_mark(self, data: bytes) -> None:
+        try:
+            statuses = diagnostic_array(data).statuses
+        except BagError:
+            return
+        for status in statuses:
+            if status.name == _EPISODE:
+                self._marks[status.message] += 1
+                if status.message == "end":
+                    self._outcomes[status.values.get("outcome", "")] += 1

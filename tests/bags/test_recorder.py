@@ -1,0 +1,117 @@
+"""The recorder keeps what it has, whatever the disk does, and counts episodes."""
+
+import errno
+import os
+
+import pytest
+
+from bags.errors import BagError
+from bags.reader import BagReader
+from bags.recorder import BagRecorder, RecorderSettings
+
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+POSE = "geometry_msgs/msg/PoseStamped"
+
+
+class Clock:
+    """A clock that is set by hand."""
+
+    now_s = 0.0
+
+    def __call__(self):
+        return self.now_s
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+def make(folder, clock, free_bytes=lambda _: 10**9, **settings):
+    recorder = BagRecorder(
+        folder, settings=RecorderSettings(**settings), clock=clock, free_bytes=free_bytes
+    )
+    recorder.add_topic("/robot_pose", POSE)
+    recorder.add_topic("/episode", DIAGNOSTICS)
+    return recorder
+
+
+def test_messages_and_episodes_are_counted(tmp_path, clock, messages):
+    recorder = make(tmp_path / "bag", clock)
+    marks = [("start", ""), ("end", "arrived"), ("start", ""), ("end", "timeout"), ("start", "")]
+    for number, (event, outcome) in enumerate(marks):
+        assert recorder.record("/episode", messages.mark(number, event, number, outcome), number)
+    status = recorder.close()
+    assert recorder.close() == status
+    assert (status.recording, status.problem, status.n_messages) == (False, "", 5)
+    assert (status.episodes_started, status.episodes_ended) == (3, 2)
+    assert status.outcomes == {"arrived": 1, "timeout": 1}
+    assert len(list(BagReader(tmp_path / "bag").messages())) == 5
+
+
+def test_poll_flushes_without_new_messages(tmp_path, clock, messages):
+    recorder = make(tmp_path / "bag", clock)
+    recorder.record("/robot_pose", messages.pose(1.0, 0.0, 0.0), 10**9)
+    clock.now_s = 0.3
+    recorder.poll()
+    assert len(list(BagReader(tmp_path / "bag", tolerant=True).messages())) == 1
+
+
+def test_recording_ends_in_good_order_before_the_disk_is_full(tmp_path, clock, messages):
+    free = [10**9]
+    recorder = make(tmp_path / "bag", clock, lambda _: free[0], min_free_bytes=1000)
+    assert recorder.record("/robot_pose", messages.pose(1.0, 0.0, 0.0), 10**9)
+    free[0], clock.now_s = 999, 1.1
+    recorder.poll()
+    assert not recorder.record("/robot_pose", messages.pose(2.0, 0.0, 0.0), 2 * 10**9)
+    status = recorder.status
+    assert not status.recording
+    assert status.problem.endswith(
+        "must have 1000 bytes free, got 999; recording ended, free some space"
+    )
+    assert status.n_lost == 1
+    assert len(list(BagReader(tmp_path / "bag").messages())) == 1
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EIO])
+def test_a_disk_that_refuses_is_reported_and_what_was_written_stays(
+    tmp_path, clock, messages, monkeypatch, code
+):
+    recorder = make(tmp_path / "bag", clock, sync=False)
+    recorder.record("/robot_pose", messages.pose(1.0, 0.0, 0.0), 10**9)
+    clock.now_s = 0.3
+    recorder.poll()
+
+    def refuse(*_):
+        raise OSError(code, os.strerror(code))
+
+    recorder.record("/robot_pose", messages.pose(2.0, 0.0, 0.0), 2 * 10**9)
+    monkeypatch.setattr(os, "write", refuse)
+    clock.now_s = 0.6
+    recorder.poll()
+    monkeypatch.undo()
+    assert recorder.status.problem.startswith("cannot write")
+    assert not recorder.record("/robot_pose", messages.pose(3.0, 0.0, 0.0), 3 * 10**9)
+    recorder.close()
+    found = list(BagReader(tmp_path / "bag", tolerant=True).messages())
+    assert [message.log_time_ns for message in found] == [10**9]
+
+
+def test_mistakes_of_the_caller_are_errors_not_disk_faults(tmp_path, clock):
+    recorder = make(tmp_path / "bag", clock)
+    with pytest.raises(BagError, match="must be added first"):
+        recorder.record("/other", b"", 1)
+    assert recorder.status.recording
+    recorder.close()
+
+
+def test_files_are_split_by_size(tmp_path, clock, messages):
+    recorder = make(tmp_path / "bag", clock, max_file_bytes=20_000)
+    for number in range(300):
+        clock.now_s += 0.05
+        recorder.record("/robot_pose", messages.pose(number, 0.0, 0.0), number)
+    recorder.close()
+    sizes = [path.stat().st_size for path in (tmp_path / "bag").glob("*.mcap")]
+    assert len(sizes) > 2
+    assert max(sizes) < 40_000
+    assert len(list(BagReader(tmp_path / "bag").messages())) == 300

@@ -1,0 +1,136 @@
+"""Recovered and converted bags hold what can be held; check says what is wrong."""
+
+from pathlib import Path
+
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from bags.check import check_bag
+from bags.errors import BagError
+from bags.qos_text import qos_of_text
+from bags.reader import BagReader
+from bags.rewrite import convert, recover
+from bags.writer import BagWriter
+
+REAL_BAG = Path(__file__).parents[2].parent / "shared" / "data" / "bags" / "test-bag"
+POSE = "geometry_msgs/msg/PoseStamped"
+needs_real_bag = pytest.mark.skipif(
+    not REAL_BAG.is_dir(), reason="the real robot bag is not in ../shared/data/bags"
+)
+
+
+def messages_in(folder):
+    return [tuple(message) for message in BagReader(folder).messages()]
+
+
+def test_a_killed_recording_is_recovered_whole_and_rosbags_opens_it(small_bag, tmp_path):
+    folder = small_bag()
+    before = messages_in(folder)
+    (folder / "metadata.yaml").unlink()
+    file = folder / "small_0.mcap"
+    file.write_bytes(file.read_bytes()[: -file.stat().st_size // 4])
+    report = recover(folder, tmp_path / "recovered")
+    after = messages_in(tmp_path / "recovered")
+    assert after == before[: len(after)]
+    assert report.n_messages == len(after) > 30
+    assert report.n_lost is None
+    assert len(report.damage) == 2
+    with AnyReader([tmp_path / "recovered"]) as reader:
+        assert reader.message_count == len(after)
+
+
+def test_what_a_sound_end_tells_of_is_counted_as_lost(small_bag, tmp_path):
+    folder = small_bag()
+    file = folder / "small_0.mcap"
+    content = bytearray(file.read_bytes())
+    content[len(content) // 3] ^= 4
+    file.write_bytes(content)
+    report = recover(folder, tmp_path / "recovered")
+    assert report.n_lost == 69 - report.n_messages
+    with pytest.raises(BagError, match="repair it with"):
+        convert(folder, tmp_path / "converted")
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+@pytest.mark.parametrize("mode", list(CompressionMode))
+def test_every_kind_of_bag_is_read_and_converted(tmp_path, messages, storage, mode):
+    if (storage, mode) == (StoragePlugin.SQLITE3, CompressionMode.STORAGE):
+        pytest.skip("sqlite3 has no compression of its own")
+    with_compression = Writer(tmp_path / "their", version=9, storage_plugin=storage)
+    with_compression.set_compression(mode, CompressionFormat.ZSTD)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    written = [messages.pose(number, 0.0, 0.0) for number in range(20)]
+    with with_compression as writer:
+        connection = writer.add_connection("/robot_pose", POSE, typestore=store)
+        for number, data in enumerate(written):
+            writer.write(connection, number, data)
+    assert [each.data for each in BagReader(tmp_path / "their").messages()] == written
+    report = convert(tmp_path / "their", tmp_path / "our", compression="zstd")
+    assert report.counts == {"/robot_pose": 20}
+    assert [message[2] for message in messages_in(tmp_path / "our")] == written
+
+
+def test_a_damaged_database_gets_a_sentence(tmp_path):
+    (tmp_path / "broken.db3").write_bytes(b"not a database" * 100)
+    with pytest.raises(BagError, match="cannot be read"):
+        BagReader(tmp_path / "broken.db3")
+
+
+@needs_real_bag
+def test_the_real_bag_is_converted_but_for_types_nobody_has(tmp_path):
+    report = convert(REAL_BAG, tmp_path / "real")
+    assert report.counts["/odom"] == 290
+    assert report.counts["/cmd_vel"] == 391
+    assert set(report.skipped) == {"/accel", "/bump"}
+    with AnyReader([tmp_path / "real"]) as reader:
+        odometry = next(each for each in reader.connections if each.topic == "/odom")
+        for connection, _, data in reader.messages(connections=[odometry]):
+            reader.deserialize(data, connection.msgtype)
+
+
+def test_check_finds_nothing_wrong_with_a_sound_bag(small_bag):
+    check = check_bag(small_bag(), required=["robot_pose", "/intent"])
+    assert check.sound
+    assert check.n_messages == 69
+    pose = next(topic for topic in check.topics if topic.name == "/robot_pose")
+    assert pose.rate_hz == pytest.approx(20.0)
+    assert pose.stamp_delay_s == (0.0, 0.0)
+    assert (pose.n_gaps, pose.n_log_steps_back, pose.n_stamp_steps_back) == (0, 0, 0)
+
+
+def test_check_tells_of_gaps_jumps_and_missing_topics(tmp_path, messages):
+    stamps_s = [1.0, 1.1, 1.2, 3.2, 3.3, 0.5, 0.6]
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/robot_pose", POSE)
+        writer.add_topic("/empty", POSE)
+        for stamp_s in stamps_s:
+            time_ns = round(stamp_s * 1e9)
+            writer.write("/robot_pose", messages.pose(stamp_s, 0.0, 0.0), time_ns + 250_000_000)
+    check = check_bag(tmp_path / "bag", required=["robot_pose", "intent"])
+    assert check.faults == ("topic intent has no message",)
+    assert check.remarks == (
+        "/empty: no message",
+        "/robot_pose: 1 gaps, the longest 2.00 s",
+        "/robot_pose: log time steps back 1 times",
+        "/robot_pose: stamps step back 1 times",
+    )
+    assert check.topics[1].stamp_delay_s == pytest.approx((0.25, 0.25))
+
+
+def test_check_reports_damage(small_bag):
+    folder = small_bag()
+    (folder / "metadata.yaml").unlink()
+    assert not check_bag(folder).sound
+
+
+@pytest.mark.parametrize("text", ["", "[", "3", "- 3", "- history: 3\n  depth: x"])
+def test_strange_quality_of_service_is_no_obstacle(text):
+    assert len(qos_of_text(text)) <= 1
+
+
+def test_quality_of_service_of_older_bags_is_understood():
+    (old,) = qos_of_text("- history: 1\n  depth: 4\n  reliability: 2\n  durability: 1\n")
+    assert (old.history, old.depth) == ("keep_last", 4)
+    assert (old.reliability, old.durability) == ("best_effort", "transient_local")
