@@ -1,0 +1,21 @@
+"""`make bench`: every benchmark, or those named."""
+
+import argparse
+
+from benchmarks import gradient, lockstep
+
+BENCHMARKS = {"gradient": gradient.run, "lockstep": lockstep.run}
+
+
+def main() -> None:
+    """Run them one after the other; each writes results/<name>.json."""
+    parser = argparse.ArgumentParser(prog="make bench ARGS=...", description=__doc__)
+    parser.add_argument(
+        "names", nargs="*", choices=[[], *BENCHMARKS], help="all when none is named"
+    )
+    for name in parser.parse_args().names or BENCHMARKS:
+        BENCHMARKS[name]()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,37 @@
+"""Results as JSON beside the code, and as a table on the terminal."""
+
+import json
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from storage.atomic import atomic_write_text
+
+RESULTS = Path(__file__).with_name("results")
+Row = Mapping[str, Any]
+
+
+def save(name: str, about: str, rows: Sequence[Row]) -> None:
+    """Write results/<name>.json and show its rows."""
+    machine = {
+        "processor": platform.processor() or platform.machine(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+    }
+    content = {"about": about, "machine": machine, "rows": [dict(row) for row in rows]}
+    atomic_write_text(RESULTS / f"{name}.json", json.dumps(content, indent=2) + "\n")
+    table = Table(title=about, title_justify="left")
+    for column in rows[0]:
+        table.add_column(column)
+    for row in rows:
+        table.add_row(*(_text(value) for value in row.values()))
+    Console(highlight=False).print(table)
+
+
+def _text(value: Any) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
