@@ -12,12 +12,12 @@ import numpy as np
 from serd_core.demonstrations import Decisions
 from serd_core.grid import Action, Grid
 from sim.command import Command
-from sim.contacts import ContactCounts
 from sim.decision import is_decision_tick, waypoint_of_intent
 from sim.driver import Driver
 from sim.episode_progress import Ending, EpisodeProgress
 from sim.local_planner import LocalPlanner
 from sim.observation import Observation
+from sim.robot.contacts import ContactCounts
 from sim.waypoint import Waypoint
 from sim.world import HallwayWorld
 

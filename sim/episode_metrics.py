@@ -10,9 +10,9 @@ import numpy as np
 
 from serd_core.grid import Action
 from sim.command import Command
+from sim.crowd.social_force import model_named
 from sim.observation import Observation
 from sim.scenario import Scenario
-from sim.social_force import model_named
 
 INTIMATE_M = 0.2
 PERSONAL_M = 0.95

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 
-from sim.dwa import DwaPlanner
 from sim.errors import SimError
 from sim.local_planner import LocalPlanner
-from sim.mppi import MppiPlanner
-from sim.recovery import RecoveringPlanner
+from sim.planning.dwa import DwaPlanner
+from sim.planning.mppi import MppiPlanner
+from sim.planning.recovery import RecoveringPlanner
 from sim.scenario import Scenario
 from storage.nearest import nearest_name
 

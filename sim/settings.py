@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field, field_validator
 
-from sim.social_force import model_named
+from sim.crowd.social_force import model_named
 from storage.yaml_config import StrictModel
 
 Point = tuple[float, float]

@@ -12,23 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.grid import Grid
-from sim.camera import Camera, overview_camera
 from sim.command import STOP, Command
-from sim.contacts import ContactCounter, ContactCounts
-from sim.crowd import Crowd
-from sim.crowd_start import start_crowd
+from sim.crowd.crowd import Crowd
+from sim.crowd.crowd_start import start_crowd
+from sim.crowd.social_force import model_named
 from sim.errors import SimError
-from sim.lidar import Lidar
 from sim.observation import Observation, make_observation
 from sim.occupancy import OccupancyRaster, occupancy_raster
-from sim.odometry import Odometry
-from sim.physics import Physics
+from sim.pictures.camera import Camera, overview_camera
 from sim.polygon import contains_point
-from sim.robot import Robot, RobotState, standing_at
+from sim.robot.contacts import ContactCounter, ContactCounts
+from sim.robot.lidar import Lidar
+from sim.robot.odometry import Odometry
+from sim.robot.physics import Physics
+from sim.robot.robot import Robot, RobotState, standing_at
 from sim.scenario import Scenario
 from sim.scenario_grid import grid_of, start_states_of
 from sim.seeds import CROWD, LIDAR, ODOMETRY, START, episode_rng
-from sim.social_force import model_named
 from sim.world_state import WorldState
 
 _START_SPREAD = 0.2

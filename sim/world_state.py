@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from sim.contacts import ContactState
-from sim.crowd import CrowdState
-from sim.odometry import OdometryState
-from sim.robot import RobotState
+from sim.crowd.crowd import CrowdState
+from sim.robot.contacts import ContactState
+from sim.robot.odometry import OdometryState
+from sim.robot.robot import RobotState
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import pytest
 
 from serd_core.errors import SerdError
 from sim.command import STOP, Command
-from sim.robot import standing_at
+from sim.robot.robot import standing_at
 from sim.scenario import load_scenario
 from sim.world import HallwayWorld
 
@@ -21,7 +21,7 @@ EMPTY = HALLWAY.with_pedestrian_count(0)
 TRAJECTORY_PROGRAM = """
 import hashlib
 from sim.command import Command
-from sim.robot import standing_at
+from sim.robot.robot import standing_at
 from sim.scenario import load_scenario
 from sim.world import HallwayWorld
 world = HallwayWorld(load_scenario("hallway"), seed=11)

@@ -1,0 +1,1 @@
+"""People who walk under social forces, and how they are held against measured crowds."""

@@ -1,0 +1,190 @@
+"""A crowd that walks its loops under social forces, with the robot as one more body.
+
+One step of length dt is semi-implicit Euler: v += a dt, limited to the maximum speed; x += v dt;
+then whoever has come too close to a wall is put back, so that nobody passes one.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, IntArray
+from sim.crowd.pair_geometry import PairGeometry
+from sim.crowd.routes import Routes
+from sim.crowd.social_force import Bodies, SocialForceModel
+from sim.crowd.wall_geometry import WallGeometry
+
+_FAR_AWAY_M = 1e6
+_CLOSEST_TO_WALL = 0.6
+#: Less than the distance kept to walls, so that a push never carries anybody through one.
+_LARGEST_PUSH_M = 0.1
+
+
+@dataclass(frozen=True)
+class RobotBody:
+    """The robot as people see it."""
+
+    x_m: float
+    y_m: float
+    velocity_x_mps: float
+    velocity_y_mps: float
+    radius_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class CrowdState:
+    """Everything that changes in a crowd, for a snapshot."""
+
+    x_m: FloatArray
+    y_m: FloatArray
+    velocity_x_mps: FloatArray
+    velocity_y_mps: FloatArray
+    target: IntArray
+    generator_state: dict[str, object]
+
+
+class Crowd:
+    """N people; (N,) arrays x_m, y_m, velocity_x_mps, velocity_y_mps, desired_speed_mps."""
+
+    def __init__(
+        self,
+        *,
+        model: SocialForceModel,
+        routes: Routes,
+        x_m: FloatArray,
+        y_m: FloatArray,
+        desired_speed_mps: FloatArray,
+        walls_m: FloatArray,
+        fluctuation_mps2: float,
+        rng: np.random.Generator,
+        period_m: float | None = None,
+    ) -> None:
+        count = len(x_m)
+        self.desired_speed_mps = desired_speed_mps
+        self.body_radius_m = model.body_radius_m
+        self._model, self._routes, self._rng = model, routes, rng
+        self._fluctuation_mps2, self._period_m = fluctuation_mps2, period_m
+        self._x, self._y = np.append(x_m, _FAR_AWAY_M), np.append(y_m, _FAR_AWAY_M)
+        self.x_m, self.y_m = self._x[:count], self._y[:count]
+        heading_x, heading_y = routes.headings(self.x_m, self.y_m)
+        self.velocity_x_mps = desired_speed_mps * heading_x
+        self.velocity_y_mps = desired_speed_mps * heading_y
+        self._bodies = Bodies(
+            heading_x=np.append(heading_x, 1.0),
+            heading_y=np.append(heading_y, 0.0),
+            speed_mps=np.append(desired_speed_mps, 0.0),
+            radius_m=np.append(np.full(count, model.body_radius_m), 0.0),
+        )
+        self._pairs = PairGeometry(count, count + 1, period_m)
+        self._walls = WallGeometry(count, walls_m)
+
+    def __len__(self) -> int:
+        return len(self.x_m)
+
+    def step(self, step_s: float, robot: RobotBody | None = None) -> None:
+        """Move everybody by one step; the robot pushes them, None when they do not see it."""
+        if not len(self):
+            return
+        self._see_robot(robot)
+        force_x, force_y = self._forces()
+        self.velocity_x_mps += step_s * force_x
+        self.velocity_y_mps += step_s * force_y
+        self._limit_speed()
+        self.x_m += step_s * self.velocity_x_mps
+        self.y_m += step_s * self.velocity_y_mps
+        if self._period_m is not None:
+            np.mod(self.x_m, self._period_m, out=self.x_m)
+        if self._walls.distance_m.size and self._walls.distance_m.min() < 2.0 * self.body_radius_m:
+            self._leave_walls()
+
+    def push_out_of(self, robot: RobotBody) -> None:
+        """Move people who overlap the robot's footprint towards its edge: it does not give way."""
+        away_x, away_y = self.x_m - robot.x_m, self.y_m - robot.y_m
+        distance = np.sqrt(away_x**2 + away_y**2)
+        reach = self.body_radius_m + robot.radius_m
+        inside = distance < reach
+        if not inside.any():
+            return
+        apart = np.maximum(distance[inside], 1e-6)
+        share = np.minimum(reach - apart, _LARGEST_PUSH_M) / apart
+        self.x_m[inside] += share * np.where(distance[inside] > 1e-6, away_x[inside], 1e-6)
+        self.y_m[inside] += share * away_y[inside]
+        self._walls.update(self.x_m, self.y_m)
+        self._leave_walls()
+
+    def snapshot(self) -> CrowdState:
+        """Copy of all that changes."""
+        return CrowdState(
+            x_m=self.x_m.copy(),
+            y_m=self.y_m.copy(),
+            velocity_x_mps=self.velocity_x_mps.copy(),
+            velocity_y_mps=self.velocity_y_mps.copy(),
+            target=self._routes.target.copy(),
+            generator_state=dict(self._rng.bit_generator.state),
+        )
+
+    def restore(self, state: CrowdState) -> None:
+        """Go back to a snapshot of this crowd; what follows repeats exactly."""
+        self.x_m[:], self.y_m[:] = state.x_m, state.y_m
+        self.velocity_x_mps[:] = state.velocity_x_mps
+        self.velocity_y_mps[:] = state.velocity_y_mps
+        self._routes.restore_targets(state.target)
+        self._rng.bit_generator.state = state.generator_state
+
+    def _see_robot(self, robot: RobotBody | None) -> None:
+        if robot is None:
+            self._x[-1] = self._y[-1] = _FAR_AWAY_M
+            return
+        self._x[-1], self._y[-1] = robot.x_m, robot.y_m
+        speed = float(np.hypot(robot.velocity_x_mps, robot.velocity_y_mps))
+        bodies = self._bodies
+        bodies.speed_mps[-1], bodies.radius_m[-1] = speed, robot.radius_m
+        if speed > 1e-6:
+            bodies.heading_x[-1] = robot.velocity_x_mps / speed
+            bodies.heading_y[-1] = robot.velocity_y_mps / speed
+
+    def _forces(self) -> tuple[FloatArray, FloatArray]:
+        """(N,) x and y of dv/dt: relaxation, people, walls, fluctuation."""
+        count, bodies = len(self), self._bodies
+        bodies.heading_x[:count], bodies.heading_y[:count] = self._routes.headings(
+            self.x_m, self.y_m
+        )
+        self._pairs.update(self._x, self._y)
+        self._walls.update(self.x_m, self.y_m)
+        people_x, people_y = self._model.people_force(self._pairs, bodies)
+        wall_x, wall_y = self._model.wall_force(self._walls)
+        noise = self._fluctuation_mps2 * self._rng.standard_normal((2, count))
+        rate = 1.0 / self._model.relaxation_time_s
+        wanted_x = self.desired_speed_mps * bodies.heading_x[:count]
+        wanted_y = self.desired_speed_mps * bodies.heading_y[:count]
+        return (
+            rate * (wanted_x - self.velocity_x_mps) + people_x + wall_x + noise[0],
+            rate * (wanted_y - self.velocity_y_mps) + people_y + wall_y + noise[1],
+        )
+
+    def _limit_speed(self) -> None:
+        speed = np.sqrt(self.velocity_x_mps**2 + self.velocity_y_mps**2)
+        limit = self._model.maximum_speed_ratio * self.desired_speed_mps
+        scale = np.minimum(1.0, limit / np.maximum(speed, 1e-9))
+        self.velocity_x_mps *= scale
+        self.velocity_y_mps *= scale
+
+    def _leave_walls(self) -> None:
+        """Move people whose body is more than half inside a wall back, and stop them going in."""
+        self._walls.update(self.x_m, self.y_m)
+        nearest = np.argmin(self._walls.distance_m, axis=1)
+        rows = np.arange(len(self))
+        distance = self._walls.distance_m[rows, nearest]
+        closest = _CLOSEST_TO_WALL * self.body_radius_m
+        close = distance < closest
+        if not close.any():
+            return
+        rows, nearest, distance = rows[close], nearest[close], np.maximum(distance[close], 1e-9)
+        away_x = self._walls.dx_m[rows, nearest] / distance
+        away_y = self._walls.dy_m[rows, nearest] / distance
+        self.x_m[rows] += (closest - distance) * away_x
+        self.y_m[rows] += (closest - distance) * away_y
+        inwards = self.velocity_x_mps[rows] * away_x + self.velocity_y_mps[rows] * away_y
+        inwards = np.minimum(inwards, 0.0)
+        self.velocity_x_mps[rows] -= inwards * away_x
+        self.velocity_y_mps[rows] -= inwards * away_y

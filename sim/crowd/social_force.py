@@ -1,0 +1,176 @@
+"""Social forces: how people push each other away without touching, as named models.
+
+Every model is Helbing & Molnár's equation of motion (Physical Review E 51, 1995, Eq. 2-8)
+
+    dv_i/dt = (v0_i e_i - v_i) / tau + sum_j f_ij + sum_w f_iw
+
+with its own repulsion f_ij of people and f_iw of walls. All forces are per mass, in m/s2.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from sim.crowd.pair_geometry import PairGeometry
+from sim.crowd.wall_geometry import WallGeometry
+from sim.errors import SimError
+from storage.nearest import nearest_name
+
+Force = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """People and, after them, the other bodies that push them; (n_bodies,) arrays.
+
+    heading: unit vector of the wanted direction; speed: along it; radius: of the body.
+    """
+
+    heading_x: FloatArray
+    heading_y: FloatArray
+    speed_mps: FloatArray
+    radius_m: FloatArray
+
+
+class SocialForceModel(Protocol):
+    """The repulsion of one named model."""
+
+    @property
+    def relaxation_time_s(self) -> float:
+        """Time in which a walker takes up the wanted velocity."""
+        ...
+
+    @property
+    def maximum_speed_ratio(self) -> float:
+        """Highest speed relative to the wanted one."""
+        ...
+
+    @property
+    def body_radius_m(self) -> float:
+        """Radius of a person."""
+        ...
+
+    def people_force(self, pairs: PairGeometry, bodies: Bodies) -> Force:
+        """(n_people,) x and y of the sum over j of f_ij."""
+        ...
+
+    def wall_force(self, walls: WallGeometry) -> Force:
+        """(n_people,) x and y of the sum over w of f_iw."""
+        ...
+
+
+@dataclass(frozen=True)
+class CircularAnisotropic:
+    """Circular repulsion, weaker from behind (Helbing, Farkas & Vicsek, Nature 407, 2000).
+
+    f_ij = A exp((r_i + r_j - d) / B) n (lambda + (1 - lambda) (1 + cos phi) / 2), where phi is the
+    angle between where i wants to go and where j is. Fits Weidmann's speed-density curve.
+    """
+
+    relaxation_time_s: float = 0.5
+    maximum_speed_ratio: float = 1.3
+    body_radius_m: float = 0.25
+    strength_mps2: float = 4.0
+    decay_m: float = 0.25
+    anisotropy: float = 0.45
+    wall_strength_mps2: float = 4.0
+    wall_decay_m: float = 0.2
+
+    def people_force(self, pairs: PairGeometry, bodies: Bodies) -> Force:
+        """Sum over the others of the circular repulsion."""
+        n_people = len(pairs.dx_m)
+        reach = bodies.radius_m[:n_people, None] + bodies.radius_m - pairs.distance_m
+        push = self.strength_mps2 * np.exp(np.minimum(reach / self.decay_m, 3.0))
+        push /= pairs.distance_m
+        towards_x = push * pairs.dx_m
+        towards_y = push * pairs.dy_m
+        heading_x, heading_y = bodies.heading_x[:n_people, None], bodies.heading_y[:n_people, None]
+        cosine = -(pairs.dx_m * heading_x + pairs.dy_m * heading_y) / pairs.distance_m
+        weight = self.anisotropy + (1.0 - self.anisotropy) * 0.5 * (1.0 + cosine)
+        return np.einsum("ij,ij->i", towards_x, weight), np.einsum("ij,ij->i", towards_y, weight)
+
+    def wall_force(self, walls: WallGeometry) -> Force:
+        """Sum over the walls of A exp((r - d) / B) n."""
+        return _exponential_wall_force(
+            walls, self.wall_strength_mps2, self.wall_decay_m, self.body_radius_m
+        )
+
+
+@dataclass(frozen=True)
+class HelbingMolnar1995:
+    """The model as published in 1995, with its parameters.
+
+    f_ij = -grad V0 exp(-b / sigma), with b the semi-minor axis of the ellipse
+    2b = sqrt((|r| + |r - v_j dt e_j|)^2 - (v_j dt)^2); full weight within the angle of sight,
+    `rear_weight` outside. Walls: U0 exp(-d / R).
+    """
+
+    relaxation_time_s: float = 0.5
+    maximum_speed_ratio: float = 1.3
+    body_radius_m: float = 0.25
+    potential_m2ps2: float = 2.1
+    decay_m: float = 0.3
+    stride_s: float = 2.0
+    half_angle_of_sight_rad: float = np.deg2rad(100.0)
+    rear_weight: float = 0.5
+    wall_potential_m2ps2: float = 10.0
+    wall_decay_m: float = 0.2
+
+    def people_force(self, pairs: PairGeometry, bodies: Bodies) -> Force:
+        """Sum over the others of the elliptical repulsion, weighted by sight."""
+        n_people = len(pairs.dx_m)
+        distance = np.where(np.isfinite(pairs.distance_m), pairs.distance_m, 1.0)
+        stride = bodies.speed_mps * self.stride_s
+        ahead_x = pairs.dx_m - stride * bodies.heading_x
+        ahead_y = pairs.dy_m - stride * bodies.heading_y
+        ahead = np.maximum(np.hypot(ahead_x, ahead_y), 1e-9)
+        both = distance + ahead
+        semi_minor = 0.5 * np.sqrt(np.maximum(both**2 - stride**2, 1e-12))
+        push = self.potential_m2ps2 / self.decay_m * np.exp(-semi_minor / self.decay_m)
+        push *= both / (4.0 * semi_minor)
+        force_x = push * (pairs.dx_m / distance + ahead_x / ahead)
+        force_y = push * (pairs.dy_m / distance + ahead_y / ahead)
+        heading_x, heading_y = bodies.heading_x[:n_people, None], bodies.heading_y[:n_people, None]
+        seen = heading_x * -force_x + heading_y * -force_y >= np.hypot(force_x, force_y) * np.cos(
+            self.half_angle_of_sight_rad
+        )
+        weight = np.where(seen, 1.0, self.rear_weight) * np.isfinite(pairs.distance_m)
+        return np.einsum("ij,ij->i", force_x, weight), np.einsum("ij,ij->i", force_y, weight)
+
+    def wall_force(self, walls: WallGeometry) -> Force:
+        """Sum over the walls of U0 / R exp(-d / R) n."""
+        strength = self.wall_potential_m2ps2 / self.wall_decay_m
+        return _exponential_wall_force(walls, strength, self.wall_decay_m, 0.0)
+
+
+_MODELS: dict[str, SocialForceModel] = {
+    "circular_anisotropic": CircularAnisotropic(),
+    "helbing_molnar_1995": HelbingMolnar1995(),
+}
+
+
+def model_names() -> tuple[str, ...]:
+    """Names a scenario may give as `pedestrians.model`."""
+    return tuple(_MODELS)
+
+
+def model_named(name: str) -> SocialForceModel:
+    """The model of that name; SimError with the nearest name when there is none."""
+    if name not in _MODELS:
+        meant = nearest_name(name, model_names()) or model_names()[0]
+        raise SimError(
+            f"pedestrian model must be one of {', '.join(_MODELS)}, got {name!r}"
+            f"; did you mean {meant!r}?"
+        )
+    return _MODELS[name]
+
+
+def _exponential_wall_force(
+    walls: WallGeometry, strength_mps2: float, decay_m: float, radius_m: float
+) -> Force:
+    distance = np.maximum(walls.distance_m, 1e-6)
+    push = np.exp(np.minimum((radius_m - distance) / decay_m, 3.0))
+    push *= strength_mps2 * walls.share / distance
+    return np.einsum("ij,ij->i", push, walls.dx_m), np.einsum("ij,ij->i", push, walls.dy_m)

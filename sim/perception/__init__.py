@@ -1,0 +1,1 @@
+"""What a planner can know of people from the lidar alone."""

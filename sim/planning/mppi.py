@@ -1,0 +1,152 @@
+"""Model predictive path integral planner (Williams et al., ICRA 2016) among walking people.
+
+It keeps a plan of accelerations (T, 2). Each control period it adds noise to it N times, rolls the
+N plans out under the robot's limits, and averages them with weights
+
+    w_n ~ exp(-(S_n - min S) / temperature)
+
+where S_n is the cost of the rollout: way left to the waypoint, nearness of people and of walls. A
+plan that would run into somebody or something before it could stop costs so much that it has no
+weight; when the average is such a plan, the best sample is driven instead, or the robot stops.
+"""
+
+import math
+
+import numpy as np
+
+from serd_core.arrays import BoolArray, FloatArray
+from sim.command import STOP, Command
+from sim.observation import Observation
+from sim.planning.clearance import cannot_stop_before
+from sim.planning.mppi_settings import MppiSettings
+from sim.planning.rollout_costs import RolloutCosts
+from sim.scenario import Scenario
+from sim.waypoint import Waypoint
+
+_FORBIDDEN = 1e4
+_SLOWEST_MPS = 0.02
+_REACTION_S = 0.3
+
+
+class MppiPlanner:
+    """Drives to a waypoint by averaging many random plans."""
+
+    def __init__(self, scenario: Scenario, settings: MppiSettings | None = None) -> None:
+        self.settings = settings if settings is not None else MppiSettings()
+        self._robot = scenario.robot
+        steps, step_s = self.settings.time_steps, self.settings.model_dt_s
+        self._time_s: FloatArray = step_s * np.arange(1, steps + 1, dtype=np.float64)
+        self._costs = RolloutCosts(scenario, self.settings.costs, self._time_s)
+        self.reset()
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether every way to move was forbidden when it was asked last."""
+        return self._is_blocked
+
+    def reset(self) -> None:
+        """Forget the plan and start the random numbers again."""
+        self._is_blocked = False
+        self._rng = np.random.default_rng(self.settings.seed)
+        self._plan: FloatArray = np.zeros((2, self.settings.time_steps))
+
+    def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
+        """Command for the next control period; without a waypoint, stand still."""
+        self._is_blocked = False
+        if waypoint is None or self._is_at(observation, waypoint):
+            self._plan[:] = 0.0
+            return STOP
+        plans = self._sampled_plans()
+        speed, turning = self._limited(observation, plans, waypoint)
+        cost = self._cost(observation, waypoint, speed, turning)
+        moving = speed[:, 0] > _SLOWEST_MPS
+        self._is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
+        weight = np.exp(-(cost - cost.min()) / self.settings.temperature)
+        weight /= weight.sum()
+        # einsum, not BLAS: the sum's order must not depend on the number of threads.
+        mean_speed, mean_turning = np.einsum("n,knt->kt", weight, np.stack([speed, turning]))
+        mean_cost = self._cost(observation, waypoint, mean_speed[None], mean_turning[None])
+        if mean_cost[0] >= _FORBIDDEN:
+            best = int(np.argmin(cost))
+            mean_speed, mean_turning = speed[best], turning[best]
+            if cost[best] >= _FORBIDDEN:
+                self._plan[:] = 0.0
+                return Command(0.0, float(mean_turning[0]))
+        self._keep_plan(observation, mean_speed, mean_turning)
+        return Command(float(mean_speed[0]), float(mean_turning[0]))
+
+    def _is_at(self, observation: Observation, waypoint: Waypoint) -> bool:
+        away = math.hypot(waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m)
+        return away < self.settings.xy_goal_tolerance_m
+
+    def _sampled_plans(self) -> FloatArray:
+        """(2, N, T) accelerations: the plan of before with noise held over a few steps.
+
+        The first sample is the plan itself, the second one brakes.
+        """
+        settings = self.settings
+        n_draws = -(-settings.time_steps // settings.noise_hold_steps)
+        noise = self._rng.standard_normal((2, settings.batch_size, n_draws))
+        noise = np.repeat(noise, settings.noise_hold_steps, axis=2)[:, :, : settings.time_steps]
+        noise *= np.array([settings.vx_std_mps2, settings.wz_std_radps2])[:, None, None]
+        noise[:, :2] = 0.0
+        plans: FloatArray = noise + self._plan[:, None, :]
+        plans[0, 1] = -self._robot.acc_lim_x_mps2
+        return plans
+
+    def _limited(
+        self, observation: Observation, plans: FloatArray, waypoint: Waypoint
+    ) -> tuple[FloatArray, FloatArray]:
+        """(N, T) speeds and turning rates of the plans under the robot's limits.
+
+        A clipped ramp is never steeper than the ramp, so the accelerations stay within limits too.
+        """
+        robot, step_s, share = self._robot, self.settings.model_dt_s, self.settings.braking_share
+        limits = robot.acc_lim_x_mps2, robot.acc_lim_theta_radps2
+        change_v = step_s * np.cumsum(np.clip(plans[0], -limits[0], limits[0]), axis=1)
+        change_w = step_s * np.cumsum(np.clip(plans[1], -limits[1], limits[1]), axis=1)
+        distance = math.hypot(waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m)
+        fastest = min(robot.max_vel_x_mps, math.sqrt(2.0 * share * robot.acc_lim_x_mps2 * distance))
+        speed = np.clip(observation.speed_mps + change_v, 0.0, fastest)
+        fastest_turn = robot.max_vel_theta_radps
+        turning = np.clip(observation.yaw_rate_radps + change_w, -fastest_turn, fastest_turn)
+        return speed, turning
+
+    def _cost(
+        self,
+        observation: Observation,
+        waypoint: Waypoint,
+        speed: FloatArray,
+        turning: FloatArray,
+    ) -> FloatArray:
+        """(N,) cost of rollouts with (N, T) speeds and turning rates."""
+        step_s = self.settings.model_dt_s
+        yaw = observation.yaw_rad + step_s * np.cumsum(turning, axis=1)
+        middle_yaw = yaw - 0.5 * step_s * turning
+        x_m = observation.x_m + step_s * np.cumsum(speed * np.cos(middle_yaw), axis=1)
+        y_m = observation.y_m + step_s * np.cumsum(speed * np.sin(middle_yaw), axis=1)
+        to_x, to_y = waypoint.x_m - x_m[:, -1], waypoint.y_m - y_m[:, -1]
+        heading_error = np.arctan2(to_y, to_x) - yaw[:, -1]
+        wall_cost, at_wall = self._costs.walls(x_m, y_m)
+        people_cost, at_person = self._costs.people(x_m, y_m, observation)
+        cost = self._costs.progress(x_m, y_m, waypoint) + wall_cost + people_cost
+        cost += self._costs.heading(heading_error, np.hypot(to_x, to_y))
+        return cost + _FORBIDDEN * self._hits(speed[:, 0], at_wall | at_person)
+
+    def _hits(self, first_speed: FloatArray, too_close: BoolArray) -> BoolArray:
+        """(N,) rollouts that come too close before they could stop from their first speed."""
+        soon = cannot_stop_before(
+            first_speed, self._robot.acc_lim_x_mps2, self._time_s, _REACTION_S
+        )
+        found: BoolArray = (too_close & soon).any(axis=1) & (first_speed > _SLOWEST_MPS)
+        return found
+
+    def _keep_plan(self, observation: Observation, speed: FloatArray, turning: FloatArray) -> None:
+        """Turn the driven speeds back into accelerations, moved on by one control period."""
+        settings = self.settings
+        speeds = np.stack([speed, turning])
+        start = np.array([[observation.speed_mps], [observation.yaw_rate_radps]])
+        plan = np.diff(speeds, axis=1, prepend=start) / settings.model_dt_s
+        share = 1.0 / (settings.controller_frequency_hz * settings.model_dt_s)
+        following = np.append(plan[:, 1:], np.zeros((2, 1)), axis=1)
+        self._plan = (1.0 - share) * plan + share * following

@@ -1,0 +1,150 @@
+"""Recovery for a local planner that gets nowhere: back off, turn, wait, and try again.
+
+Wraps any planner. How it fares is told in Nav2's words: NO_VALID_CONTROL while every way is
+blocked, PATIENCE_EXCEEDED when that lasts too long, FAILED_TO_MAKE_PROGRESS when recoveries have
+not helped either. The robot keeps trying all the same.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import cycle
+
+import numpy as np
+
+from sim.command import STOP, Command
+from sim.local_planner import LocalPlanner
+from sim.observation import Observation
+from sim.occupancy import wall_distance_raster
+from sim.planning.planner_status import PlannerStatus
+from sim.planning.progress_checker import ProgressChecker
+from sim.scenario import Scenario
+from sim.waypoint import Waypoint
+
+_PERSON_RADIUS_M = 0.25
+
+
+@dataclass(frozen=True)
+class RecoverySettings:
+    """failure_tolerance_s: how long no way may be free before PATIENCE_EXCEEDED is told.
+
+    patient_recoveries: how many are tried before FAILED_TO_MAKE_PROGRESS is told.
+    """
+
+    required_movement_radius_m: float = 0.5
+    movement_time_allowance_s: float = 10.0
+    failure_tolerance_s: float = 5.0
+    patient_recoveries: int = 3
+    backup_speed_mps: float = 0.15
+    backup_s: float = 1.5
+    spin_radps: float = 1.5
+    spin_s: float = 1.0
+    wait_s: float = 2.0
+    free_space_behind_m: float = 0.35
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """One command for some time."""
+
+    command: Command
+    duration_s: float
+
+
+class RecoveringPlanner:
+    """A planner that does not stay stuck; `status` tells how it fares."""
+
+    def __init__(
+        self, planner: LocalPlanner, scenario: Scenario, settings: RecoverySettings | None = None
+    ) -> None:
+        self.settings = settings if settings is not None else RecoverySettings()
+        self.planner = planner
+        self.n_recoveries = 0
+        self._robot_radius_m = scenario.robot.radius_m
+        self._walls = wall_distance_raster(scenario)
+        self._progress = ProgressChecker(
+            self.settings.required_movement_radius_m, self.settings.movement_time_allowance_s
+        )
+        self.reset()
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether the planner found no way to move when it was asked last."""
+        return self.planner.is_blocked
+
+    def reset(self) -> None:
+        """Forget the past, at the start of an episode."""
+        self.planner.reset()
+        self._begin_anew()
+
+    def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
+        """The planner's command, or that of the recovery that runs."""
+        command = self.planner.step(observation, waypoint)
+        if waypoint is None or (command == STOP and not self.planner.is_blocked):
+            self._begin_anew()
+            return command
+        recovery = self._running_command(observation)
+        if recovery is None and self._progress.is_stuck(observation):
+            recovery = self._start_recovery(observation)
+        self._update_status(observation)
+        return command if recovery is None else recovery
+
+    def _begin_anew(self) -> None:
+        settings = self.settings
+        self.status = PlannerStatus.NONE
+        self._progress.reset()
+        self._behaviours = cycle(
+            [
+                Behaviour(Command(-settings.backup_speed_mps, 0.0), settings.backup_s),
+                Behaviour(Command(0.0, settings.spin_radps), settings.spin_s),
+                Behaviour(STOP, settings.wait_s),
+            ]
+        )
+        self._running: Behaviour | None = None
+        self._until_s = 0.0
+        self._tries = 0
+        self._moves_before = self._progress.n_moves
+        self._blocked_since_s: float | None = None
+
+    def _running_command(self, observation: Observation) -> Command | None:
+        if self._running is None:
+            return None
+        reversing = self._running.command.linear_mps < 0
+        blocked = reversing and not self._is_free_behind(observation)
+        if blocked or observation.time_s >= self._until_s:
+            self._running = None
+            self._progress.allow_more_time(observation)
+            return None
+        return self._running.command
+
+    def _start_recovery(self, observation: Observation) -> Command | None:
+        if self._progress.n_moves != self._moves_before:
+            self._moves_before, self._tries = self._progress.n_moves, 0
+        self._tries += 1
+        self.n_recoveries += 1
+        self._running = next(self._behaviours)
+        self._until_s = observation.time_s + self._running.duration_s
+        return self._running_command(observation)
+
+    def _is_free_behind(self, observation: Observation) -> bool:
+        """Whether neither wall nor person is close behind the robot."""
+        reach_m = self.settings.free_space_behind_m
+        x_m = np.array([observation.x_m - reach_m * math.cos(observation.yaw_rad)])
+        y_m = np.array([observation.y_m - reach_m * math.sin(observation.yaw_rad)])
+        away = observation.people_position_m - np.array([x_m[0], y_m[0]])
+        people_gap = np.hypot(away[:, 0], away[:, 1]) - self._robot_radius_m - _PERSON_RADIUS_M
+        wall_gap = self._walls.at(x_m, y_m)[0] - self._robot_radius_m
+        return bool(wall_gap > 0.0 and (people_gap > 0.0).all())
+
+    def _update_status(self, observation: Observation) -> None:
+        if not self.planner.is_blocked:
+            self._blocked_since_s = None
+        elif self._blocked_since_s is None:
+            self._blocked_since_s = observation.time_s
+        if self._tries > self.settings.patient_recoveries:
+            self.status = PlannerStatus.FAILED_TO_MAKE_PROGRESS
+        elif self._blocked_since_s is None:
+            self.status = PlannerStatus.NONE
+        elif observation.time_s - self._blocked_since_s > self.settings.failure_tolerance_s:
+            self.status = PlannerStatus.PATIENCE_EXCEEDED
+        else:
+            self.status = PlannerStatus.NO_VALID_CONTROL

@@ -1,0 +1,105 @@
+"""What a rollout costs: way left, walls and people near it. Shared by the planners.
+
+Positions are (..., T) arrays, costs (...). A rollout is `too close` at a time when the robot would
+touch a wall, or come nearer to a person than a small margin and than it would by standing still:
+being touched by somebody is no reason to stay.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import BoolArray, FloatArray
+from sim.errors import SimError
+from sim.observation import Observation
+from sim.occupancy import wall_distance_raster
+from sim.planning.clearance import gap_to_people_m, gap_to_walls_m
+from sim.planning.nearby_people import predict_nearby
+from sim.scenario import Scenario
+from sim.waypoint import Waypoint
+
+
+@dataclass(frozen=True)
+class CostSettings:
+    """Margins in metres between surfaces; weights of the terms; foresight_s: how soon matters."""
+
+    wall_margin_m: float = 0.03
+    person_margin_m: float = 0.08
+    person_radius_m: float = 0.25
+    people_range_m: float = 3.5
+    max_people: int = 8
+    progress_weight: float = 1.0
+    staying_weight: float = 0.3
+    heading_weight: float = 0.25
+    people_weight: float = 1.2
+    people_decay_m: float = 0.25
+    foresight_s: float = 0.8
+    wall_weight: float = 0.3
+    wall_decay_m: float = 0.12
+
+    def __post_init__(self) -> None:
+        for name in ("people_decay_m", "foresight_s", "wall_decay_m", "people_range_m"):
+            if not getattr(self, name) > 0:
+                raise SimError(f"{name} must be above 0, got {getattr(self, name)}; raise it")
+
+
+class RolloutCosts:
+    """Costs of rollouts in one scenario, at the times (T,) of their points."""
+
+    def __init__(self, scenario: Scenario, settings: CostSettings, time_s: FloatArray) -> None:
+        self.settings = settings
+        self._time_s = time_s
+        self._robot_radius_m = scenario.robot.radius_m
+        self._walls = wall_distance_raster(scenario)
+        self._foresight: FloatArray = np.exp(-time_s / settings.foresight_s)
+
+    def progress(self, x_m: FloatArray, y_m: FloatArray, waypoint: Waypoint) -> FloatArray:
+        """Mean over time of the smallest distance to the waypoint so far, and the last one.
+
+        The smallest distance rewards speed; the last one keeps the robot at the waypoint.
+        """
+        away_x, away_y = x_m - waypoint.x_m, y_m - waypoint.y_m
+        away_x *= away_x
+        away_y *= away_y
+        away_x += away_y
+        distance = np.sqrt(away_x, out=away_x)
+        last = distance[..., -1].copy()
+        np.minimum.accumulate(distance, axis=-1, out=distance)
+        cost: FloatArray = self.settings.progress_weight * distance.mean(axis=-1)
+        return cost + self.settings.staying_weight * last
+
+    def heading(self, error_rad: FloatArray, distance_m: float | FloatArray) -> FloatArray:
+        """Not facing the waypoint, the less the nearer it is."""
+        error = np.abs((error_rad + np.pi) % (2.0 * np.pi) - np.pi)
+        cost: FloatArray = self.settings.heading_weight * error * np.minimum(1.0, 2.0 * distance_m)
+        return cost
+
+    def walls(self, x_m: FloatArray, y_m: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Nearness of walls (...), and where (..., T) one would be touched."""
+        settings = self.settings
+        reach_m = self._robot_radius_m + settings.wall_margin_m
+        gap = gap_to_walls_m(x_m, y_m, self._walls, reach_m)
+        nearness = np.exp(-np.maximum(gap.min(axis=-1), 0.0) / settings.wall_decay_m)
+        return settings.wall_weight * nearness, gap < 0.0
+
+    def people(
+        self, x_m: FloatArray, y_m: FloatArray, observation: Observation
+    ) -> tuple[FloatArray, BoolArray]:
+        """Nearness of people (...), sooner counting more, and where (..., T) one is too close."""
+        settings = self.settings
+        people = predict_nearby(
+            observation, settings.people_range_m, settings.max_people, self._time_s
+        )
+        if not len(people):
+            return np.zeros(x_m.shape[:-1]), np.zeros(x_m.shape, dtype=np.bool_)
+        reach_m = self._robot_radius_m + settings.person_radius_m
+        here_x = np.full_like(self._time_s, observation.x_m)
+        here_y = np.full_like(self._time_s, observation.y_m)
+        standing = gap_to_people_m(here_x, here_y, people, reach_m)
+        gap = gap_to_people_m(x_m, y_m, people, reach_m)
+        too_close = gap < np.minimum(settings.person_margin_m, standing - 1e-3)
+        np.maximum(gap, -settings.people_decay_m, out=gap)
+        gap /= -settings.people_decay_m
+        nearness = np.exp(gap, out=gap)
+        nearness *= self._foresight
+        return settings.people_weight * nearness.max(axis=-1), too_close

@@ -1,0 +1,94 @@
+"""Contacts of the robot with people and walls, told apart by who ran into whom.
+
+A contact begins when the bodies touch and ends when they are a little apart again, so that one
+bump counts once. It is the robot's when it closes in faster than the person does.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import BoolArray, FloatArray
+from sim.crowd.crowd import Crowd, RobotBody
+
+_TOUCH_M = 0.0
+_APART_M = 0.05
+
+
+@dataclass(frozen=True)
+class ContactCounts:
+    """Contacts begun so far in an episode."""
+
+    robot_on_person: int = 0
+    person_on_robot: int = 0
+    robot_on_wall: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class ContactState:
+    """What a snapshot keeps of the counter. touching: (N,) who touches the robot now."""
+
+    counts: ContactCounts
+    minimum_distance_m: float
+    touching: BoolArray
+    touching_wall: bool
+
+
+class ContactCounter:
+    """Counts contacts over an episode of `n_people` people."""
+
+    def __init__(self, n_people: int) -> None:
+        self.counts = ContactCounts()
+        self.minimum_distance_m = np.inf
+        self._touching = np.zeros(n_people, dtype=np.bool_)
+        self._touching_wall = False
+
+    def update(self, crowd: Crowd, robot: RobotBody, wall_distance_m: float) -> None:
+        """Count what touches now; distances are between surfaces."""
+        on_person = on_robot = 0
+        if len(crowd):
+            on_person, on_robot = self._update_people(crowd, robot)
+        gap = wall_distance_m - robot.radius_m
+        on_wall = int(gap < _TOUCH_M and not self._touching_wall)
+        self._touching_wall = gap < (_APART_M if self._touching_wall else _TOUCH_M)
+        if on_person or on_robot or on_wall:
+            self.counts = ContactCounts(
+                robot_on_person=self.counts.robot_on_person + on_person,
+                person_on_robot=self.counts.person_on_robot + on_robot,
+                robot_on_wall=self.counts.robot_on_wall + on_wall,
+            )
+
+    def snapshot(self) -> ContactState:
+        """Copy of all that changes."""
+        return ContactState(
+            self.counts, self.minimum_distance_m, self._touching.copy(), self._touching_wall
+        )
+
+    def restore(self, state: ContactState) -> None:
+        """Go back to a snapshot."""
+        self.counts, self.minimum_distance_m = state.counts, state.minimum_distance_m
+        self._touching, self._touching_wall = state.touching.copy(), state.touching_wall
+
+    def _update_people(self, crowd: Crowd, robot: RobotBody) -> tuple[int, int]:
+        away_x, away_y = crowd.x_m - robot.x_m, crowd.y_m - robot.y_m
+        distance = np.sqrt(away_x * away_x + away_y * away_y)
+        gap = distance - (robot.radius_m + crowd.body_radius_m)
+        nearest = float(gap.min())
+        self.minimum_distance_m = min(self.minimum_distance_m, nearest)
+        if nearest >= _APART_M:
+            self._touching[:] = False
+            return 0, 0
+        new = (gap < _TOUCH_M) & ~self._touching
+        self._touching = (gap < _TOUCH_M) | (self._touching & (gap < _APART_M))
+        by_robot = new & _robot_closes_in_faster(crowd, robot, away_x, away_y)
+        return int(by_robot.sum()), int((new & ~by_robot).sum())
+
+
+def _robot_closes_in_faster(
+    crowd: Crowd, robot: RobotBody, away_x: FloatArray, away_y: FloatArray
+) -> BoolArray:
+    """(N,) whether the robot's speed towards each person exceeds the person's towards the robot."""
+    robots = away_x * robot.velocity_x_mps + away_y * robot.velocity_y_mps
+    persons = -(away_x * crowd.velocity_x_mps + away_y * crowd.velocity_y_mps)
+    faster: BoolArray = robots > np.maximum(persons, 0.0)
+    return faster

@@ -1,0 +1,217 @@
+"""The PyBullet side of the world: walls, a cylinder that is the robot, capsules that are people.
+
+The robot is driven by setting its velocity each step (an explicit unicycle) and Bullet integrates
+it. Bullet's own collision response is off: its contacts carry hidden state from step to step, which
+a snapshot could not hold; `robot` keeps the robot out of the walls. People are moved by the crowd;
+Bullet only knows where they are, for ray tests and pictures, and is told only when somebody looks.
+"""
+
+import math
+import os
+import sys
+
+import numpy as np
+from numpy.typing import NDArray
+
+from serd_core.arrays import FloatArray
+from sim.errors import SimError
+from sim.pictures.camera import Camera, as_frame
+from sim.robot.quiet_pybullet import pybullet
+from sim.scenario import Scenario
+from sim.settings import RobotSettings
+
+_WALL_THICKNESS_M = 0.1
+_WALL_HEIGHT_M = 1.2
+_PERSON_HEIGHT_M = 1.75
+_NO_COLLISION = 0
+_WALL_COLOUR = (0.75, 0.73, 0.7, 1.0)
+_FLOOR_COLOUR = (0.93, 0.92, 0.89, 1.0)
+_ROBOT_COLOUR = (0.15, 0.35, 0.75, 1.0)
+_PERSON_COLOUR = (0.25, 0.6, 0.3, 1.0)
+
+
+class Physics:
+    """One PyBullet world of its own; several can live side by side in one process."""
+
+    def __init__(self, scenario: Scenario, person_radius_m: float, *, gui: bool = False) -> None:
+        if gui:
+            _require_display()
+        self.client = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
+        self._robot_height_m = scenario.robot.height_m
+        self._step_s = scenario.control_period_s
+        pybullet.setGravity(0, 0, 0, physicsClientId=self.client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=scenario.control_period_s,
+            numSubSteps=0,
+            deterministicOverlappingPairs=1,
+            physicsClientId=self.client,
+        )
+        if gui:
+            pybullet.configureDebugVisualizer(
+                pybullet.COV_ENABLE_GUI, 0, physicsClientId=self.client
+            )
+        self._robot = self._add_robot(scenario.robot)
+        for start, end in scenario.wall_segments_m:
+            self._add_wall(start, end)
+        self._add_floor(scenario.bounds_m)
+        self._people = self._add_people(scenario.pedestrians.count, person_radius_m)
+
+    def place_robot(self, x_m: float, y_m: float, half_turn: tuple[float, float]) -> None:
+        """Put the robot somewhere, standing; half_turn: (z, w) of its orientation quaternion."""
+        place = (x_m, y_m, 0.5 * self._robot_height_m)
+        pybullet.resetBasePositionAndOrientation(
+            self._robot, place, (0.0, 0.0, *half_turn), self.client
+        )
+        pybullet.resetBaseVelocity(self._robot, (0, 0, 0), (0, 0, 0), self.client)
+
+    def move_robot(self, velocity_mps: tuple[float, float], yaw_rate_radps: float) -> None:
+        """Advance by one control period with the given velocity of the robot."""
+        pybullet.resetBaseVelocity(
+            self._robot, (*velocity_mps, 0.0), (0.0, 0.0, yaw_rate_radps), self.client
+        )
+        pybullet.stepSimulation(self.client)
+
+    def robot_place(self) -> tuple[float, float, tuple[float, float]]:
+        """(x_m, y_m, (z, w)) of the robot, as `place_robot` takes it."""
+        (x_m, y_m, _), (_, _, z, w) = pybullet.getBasePositionAndOrientation(
+            self._robot, self.client
+        )
+        return x_m, y_m, (z, w)
+
+    def place_people(self, x_m: FloatArray, y_m: FloatArray) -> None:
+        """Put the capsules where the people are."""
+        upright = (0.0, 0.0, 0.0, 1.0)
+        for body, x, y in zip(self._people, x_m.tolist(), y_m.tolist(), strict=True):
+            pybullet.resetBasePositionAndOrientation(
+                body, (x, y, 0.5 * _PERSON_HEIGHT_M), upright, self.client
+            )
+
+    def cast_rays(self, start_m: FloatArray, end_m: FloatArray) -> FloatArray:
+        """(R,) share of each ray from (R, 3) start to end that is free; 1 where it hits nothing."""
+        hits = pybullet.rayTestBatch(
+            start_m.tolist(), end_m.tolist(), numThreads=1, physicsClientId=self.client
+        )
+        return np.array([hit[2] if hit[0] != self._robot else 1.0 for hit in hits])
+
+    def render(self, camera: Camera) -> NDArray[np.uint8]:
+        """(height, width, 3) picture by PyBullet's software renderer."""
+        view = pybullet.computeViewMatrixFromYawPitchRoll(
+            camera.target_m, camera.distance_m, camera.yaw_deg, camera.pitch_deg, 0.0, 2
+        )
+        ratio = camera.width_px / camera.height_px
+        projection = pybullet.computeProjectionMatrixFOV(
+            camera.field_of_view_deg, ratio, 0.1, 10.0 * camera.distance_m
+        )
+        image = pybullet.getCameraImage(
+            camera.width_px,
+            camera.height_px,
+            view,
+            projection,
+            renderer=pybullet.ER_TINY_RENDERER,
+            physicsClientId=self.client,
+        )
+        return as_frame(image[2], camera)
+
+    def close(self) -> None:
+        """Leave PyBullet; a second call does nothing."""
+        if self.client >= 0:
+            pybullet.disconnect(self.client)
+            self.client = -1
+
+    def _add_floor(self, bounds_m: tuple[float, float, float, float]) -> None:
+        """A plate to look at; nothing touches it and rays pass above it."""
+        x_min, y_min, x_max, y_max = bounds_m
+        shape = pybullet.createVisualShape(
+            pybullet.GEOM_BOX,
+            halfExtents=(0.5 * (x_max - x_min) + 1.0, 0.5 * (y_max - y_min) + 1.0, 0.01),
+            rgbaColor=_FLOOR_COLOUR,
+            physicsClientId=self.client,
+        )
+        middle = (0.5 * (x_min + x_max), 0.5 * (y_min + y_max), -0.02)
+        pybullet.createMultiBody(0.0, -1, shape, middle, physicsClientId=self.client)
+
+    def _ignore_contacts_with_robot(self, body: int) -> None:
+        pybullet.setCollisionFilterPair(
+            body, self._robot, -1, -1, _NO_COLLISION, physicsClientId=self.client
+        )
+
+    def _add_wall(self, start: FloatArray, end: FloatArray) -> None:
+        """A box whose face towards the left of start -> end lies on the segment."""
+        along = end - start
+        length = float(np.hypot(*along))
+        outwards = np.array([along[1], -along[0]]) / length
+        middle = 0.5 * (start + end) + 0.5 * _WALL_THICKNESS_M * outwards
+        half = (0.5 * length, 0.5 * _WALL_THICKNESS_M, 0.5 * _WALL_HEIGHT_M)
+        yaw = math.atan2(along[1], along[0])
+        self._add_fixed_body(
+            pybullet.createCollisionShape(
+                pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client
+            ),
+            (float(middle[0]), float(middle[1]), half[2]),
+            (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)),
+            _WALL_COLOUR,
+        )
+
+    def _add_fixed_body(
+        self,
+        shape: int,
+        position: tuple[float, float, float],
+        orientation: tuple[float, float, float, float],
+        colour: tuple[float, float, float, float],
+    ) -> int:
+        body: int = pybullet.createMultiBody(
+            0.0, shape, -1, position, orientation, physicsClientId=self.client
+        )
+        pybullet.changeVisualShape(body, -1, rgbaColor=colour, physicsClientId=self.client)
+        self._ignore_contacts_with_robot(body)
+        return body
+
+    def _add_robot(self, robot: RobotSettings) -> int:
+        """A cylinder that cannot tip over and loses no speed by itself."""
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_CYLINDER,
+            radius=robot.radius_m,
+            height=robot.height_m,
+            physicsClientId=self.client,
+        )
+        body: int = pybullet.createMultiBody(
+            20.0, shape, -1, (0, 0, 0.5 * robot.height_m), physicsClientId=self.client
+        )
+        pybullet.changeVisualShape(body, -1, rgbaColor=_ROBOT_COLOUR, physicsClientId=self.client)
+        pybullet.changeDynamics(
+            body,
+            -1,
+            lateralFriction=0.0,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            restitution=0.0,
+            localInertiaDiagonal=(0.0, 0.0, 1.0),
+            activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
+            physicsClientId=self.client,
+        )
+        return body
+
+    def _add_people(self, count: int, radius_m: float) -> list[int]:
+        if not count:
+            return []
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_CAPSULE,
+            radius=radius_m,
+            height=_PERSON_HEIGHT_M - 2.0 * radius_m,
+            physicsClientId=self.client,
+        )
+        bodies = []
+        for number in range(count):
+            place = (-10.0 - number, -10.0, 0.5 * _PERSON_HEIGHT_M)
+            body = self._add_fixed_body(shape, place, (0.0, 0.0, 0.0, 1.0), _PERSON_COLOUR)
+            bodies.append(body)
+        return bodies
+
+
+def _require_display() -> None:
+    """PyBullet ends the process where no window can be opened, so this asks before."""
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        raise SimError(
+            "gui must be off where there is no display, but the variable DISPLAY is not set"
+            "; run with gui:=false or under xvfb-run"
+        )

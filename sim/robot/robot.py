@@ -1,0 +1,111 @@
+"""The robot as it really moves: limits, physics, walls."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from sim.command import Command
+from sim.crowd.crowd import RobotBody
+from sim.crowd.wall_geometry import WallGeometry
+from sim.robot.physics import Physics
+from sim.robot.unicycle import chord_velocity, limited_velocity
+from sim.scenario import Scenario
+
+Pose = tuple[float, float, float]
+
+_CORNER_PASSES = 3
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """What a snapshot keeps of the robot.
+
+    half_turn: (z, w) of the orientation quaternion, which is what the physics world integrates.
+    """
+
+    x_m: float
+    y_m: float
+    half_turn: tuple[float, float]
+    speed_mps: float = 0.0
+    yaw_rate_radps: float = 0.0
+
+    @property
+    def pose(self) -> Pose:
+        """(x_m, y_m, yaw_rad), yaw in [-pi, pi]."""
+        z, w = self.half_turn
+        return self.x_m, self.y_m, 2.0 * (math.atan2(z, w) if w >= 0 else math.atan2(-z, -w))
+
+
+def standing_at(pose: Pose) -> RobotState:
+    """State of a robot that stands at a pose."""
+    half = 0.5 * pose[2]
+    return RobotState(pose[0], pose[1], (math.sin(half), math.cos(half)))
+
+
+class Robot:
+    """Drives commands in a physics world; `state` is the truth."""
+
+    def __init__(self, scenario: Scenario, physics: Physics) -> None:
+        self._settings = scenario.robot
+        self._step_s = scenario.control_period_s
+        self._physics = physics
+        self._walls = WallGeometry(1, scenario.wall_segments_m)
+        self.state = standing_at((0.0, 0.0, 0.0))
+        self.wall_distance_m = math.inf
+
+    def place(self, state: RobotState) -> None:
+        """Put the robot somewhere, moving as told."""
+        self._physics.place_robot(state.x_m, state.y_m, state.half_turn)
+        self.state = state
+        self.wall_distance_m = self._distance_to_walls_m()
+
+    def drive(self, command: Command) -> None:
+        """One control period towards the command; what a wall takes of the speed is lost."""
+        before = self.state
+        speed, yaw_rate = limited_velocity(
+            command, before.speed_mps, before.yaw_rate_radps, self._settings, self._step_s
+        )
+        chord = chord_velocity(before.pose[2], speed, yaw_rate, self._step_s)
+        self._physics.move_robot(chord, yaw_rate)
+        self.state = RobotState(*self._physics.robot_place(), speed, yaw_rate)
+        self.wall_distance_m = self._distance_to_walls_m()
+        if self.wall_distance_m < self._settings.radius_m:
+            self._leave_walls(before.pose)
+
+    def _leave_walls(self, before: Pose) -> None:
+        """Slide along the walls: out of them, with what is left of the speed along the heading.
+
+        `wall_distance_m` stays what it was inside, so that the contact can be seen.
+        """
+        x_m, y_m, yaw_rad = self.state.pose
+        for _ in range(_CORNER_PASSES):
+            wall = int(np.argmin(self._walls.distance_m[0]))
+            distance = float(self._walls.distance_m[0, wall])
+            depth = self._settings.radius_m - distance
+            if depth <= 0.0:
+                break
+            x_m += depth * float(self._walls.dx_m[0, wall]) / max(distance, 1e-9)
+            y_m += depth * float(self._walls.dy_m[0, wall]) / max(distance, 1e-9)
+            self._walls.update(np.array([x_m]), np.array([y_m]))
+        moved = (x_m - before[0]) * math.cos(yaw_rad) + (y_m - before[1]) * math.sin(yaw_rad)
+        self.state = replace(self.state, x_m=x_m, y_m=y_m, speed_mps=moved / self._step_s)
+        self._physics.place_robot(x_m, y_m, self.state.half_turn)
+
+    @property
+    def body(self) -> RobotBody:
+        """The robot as people feel it."""
+        (x_m, y_m, yaw_rad), speed = self.state.pose, self.state.speed_mps
+        return RobotBody(
+            x_m=x_m,
+            y_m=y_m,
+            velocity_x_mps=speed * math.cos(yaw_rad),
+            velocity_y_mps=speed * math.sin(yaw_rad),
+            radius_m=self._settings.radius_m,
+        )
+
+    def _distance_to_walls_m(self) -> float:
+        here: FloatArray = np.array(self.state.pose[:2])
+        self._walls.update(here[:1], here[1:])
+        return float(self._walls.distance_m.min())

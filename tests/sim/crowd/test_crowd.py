@@ -1,0 +1,110 @@
+"""The crowd as a whole: walls hold, loops are walked, speeds fall with density."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from sim.crowd.crowd import RobotBody
+from sim.crowd.crowd_start import people_per_loop, start_crowd
+from sim.crowd.routes import offset_loop
+from sim.crowd.social_force import model_names
+from sim.polygon import contains, distance_to_segments_m
+from sim.scenario import load_scenario
+
+HALLWAY = load_scenario("hallway")
+
+
+def hallway_crowd(count, seed, model="circular_anisotropic"):
+    settings = HALLWAY.with_pedestrian_count(count).pedestrians
+    settings = settings.model_copy(update={"model": model})
+    return start_crowd(
+        settings, settings.loops, HALLWAY.wall_segments_m, np.random.default_rng(seed)
+    )
+
+
+def test_the_same_seed_gives_the_same_walk_bit_for_bit():
+    walks = []
+    for _ in range(2):
+        crowd = hallway_crowd(24, 3)
+        for _ in range(200):
+            crowd.step(0.05)
+        walks.append((crowd.x_m.copy(), crowd.y_m.copy()))
+    np.testing.assert_array_equal(walks[0], walks[1])
+
+
+def test_a_restored_snapshot_repeats_what_followed_exactly():
+    crowd = hallway_crowd(24, 4)
+    for _ in range(50):
+        crowd.step(0.05)
+    state = crowd.snapshot()
+    ends = []
+    for _ in range(2):
+        crowd.restore(state)
+        for _ in range(100):
+            crowd.step(0.05)
+        ends.append(crowd.x_m.copy())
+    np.testing.assert_array_equal(ends[0], ends[1])
+
+
+@pytest.mark.parametrize("model", model_names())
+def test_nobody_leaves_a_crowded_hallway(model):
+    crowd = hallway_crowd(150, 5, model)
+    for _ in range(400):
+        crowd.step(0.05)
+    place = np.stack([crowd.x_m, crowd.y_m], axis=1)
+    assert contains(HALLWAY.walkable_area_m, place).all()
+
+
+def test_a_robot_that_squeezes_people_against_a_wall_pushes_nobody_through_it():
+    crowd = hallway_crowd(24, 6)
+    crowd.x_m[0], crowd.y_m[0] = 5.9, 10.0
+    for x_m in np.linspace(5.0, 5.75, 30):
+        robot = RobotBody(x_m, 10.0, 0.3, 0.0, 0.25)
+        crowd.step(0.05, robot)
+        crowd.push_out_of(robot)
+    place = np.stack([crowd.x_m, crowd.y_m], axis=1)
+    assert contains(HALLWAY.walkable_area_m, place).all()
+    assert distance_to_segments_m(place, HALLWAY.wall_segments_m).min() > 0.1
+
+
+def test_people_walk_on_the_right_of_the_hallway():
+    crowd = hallway_crowd(24, 7)
+    on_their_side = total = 0
+    for _ in range(600):
+        crowd.step(0.05)
+        middle = (crowd.y_m > 4) & (crowd.y_m < 14) & (np.abs(crowd.velocity_y_mps) > 0.5)
+        right = np.where(crowd.velocity_y_mps > 0, crowd.x_m > 3, crowd.x_m < 3)
+        on_their_side += int((right & middle).sum())
+        total += int(middle.sum())
+    assert total > 1000
+    assert on_their_side / total > 0.97
+
+
+def test_people_are_shared_out_to_loops_by_largest_remainder():
+    loops = HALLWAY.pedestrians.loops
+    assert people_per_loop(loops, 24) == [12, 6, 6]
+    assert people_per_loop(loops, 0) == [0, 0, 0]
+    assert sum(people_per_loop(loops, 17)) == 17
+
+
+def test_a_loop_moved_to_the_left_is_a_smaller_loop():
+    square = np.array([[0, 0], [4, 0], [4, 4], [0, 4.0]])
+    np.testing.assert_allclose(
+        offset_loop(square, 0.5), [[0.5, 0.5], [3.5, 0.5], [3.5, 3.5], [0.5, 3.5]]
+    )
+
+
+def test_wanted_speeds_lie_within_two_deviations_of_the_mean():
+    speed = hallway_crowd(400, 8).desired_speed_mps
+    settings = HALLWAY.pedestrians
+    limit = 2 * settings.desired_speed_deviation_mps + 1e-12
+    assert np.abs(speed - settings.desired_speed_mean_mps).max() <= limit
+    assert speed.mean() == pytest.approx(settings.desired_speed_mean_mps, abs=0.04)
+
+
+def test_an_empty_crowd_walks_nowhere():
+    crowd = hallway_crowd(0, 1)
+    crowd.step(0.05, RobotBody(1.0, 1.0, 0.0, 0.0, 0.25))
+    assert len(crowd) == 0
+    assert dataclasses.is_dataclass(crowd.snapshot())

@@ -1,0 +1,151 @@
+"""The crowd against measured ones: Weidmann, RiMEA, lanes, and a real corridor."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from serd_core.errors import SerdError
+from sim.crowd.corridor_measures import load_petrack, measure_recording, measure_simulation
+from sim.crowd.crowd import Crowd
+from sim.crowd.lane_order import lane_order, shuffled_lane_order
+from sim.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
+from sim.crowd.routes import Routes
+from sim.crowd.social_force import model_named, model_names
+from sim.polygon import contains, edges_of
+
+REAL_CORRIDOR = (
+    Path(__file__).parents[4] / "shared" / "data" / "pedestrians" / "bi_corr_400_b_03.txt"
+)
+
+
+def mean_speed_mps(crowd, settle_steps=400, steps=600):
+    speeds = []
+    for step in range(settle_steps + steps):
+        crowd.step(0.05)
+        if step >= settle_steps:
+            speeds.append(np.hypot(crowd.velocity_x_mps, crowd.velocity_y_mps).mean())
+    return float(np.mean(speeds))
+
+
+@pytest.mark.parametrize("density_pm2", [0.5, 1.0, 1.5, 2.0])
+def test_walking_speed_falls_with_density_as_weidmann_measured(density_pm2):
+    crowd = ring_corridor_crowd(
+        width_m=4.0, length_m=20.0, density_pm2=density_pm2, rng=np.random.default_rng(1)
+    )
+    expected = float(weidmann_speed_mps(density_pm2))
+    assert mean_speed_mps(crowd) == pytest.approx(expected, abs=0.1)
+
+
+def test_people_who_walk_both_ways_sort_into_lanes_better_than_chance():
+    orders, baselines = [], []
+    for seed in (1, 2, 3):
+        rng = np.random.default_rng(seed)
+        crowd = ring_corridor_crowd(
+            width_m=4.0, length_m=20.0, density_pm2=0.5, share_backwards=0.5, rng=rng
+        )
+        for step in range(1200):
+            crowd.step(0.05)
+            if step >= 600 and step % 60 == 0:
+                orders.append(lane_order(crowd.y_m, crowd.velocity_x_mps))
+                baselines.append(shuffled_lane_order(crowd.y_m, crowd.velocity_x_mps, rng, 0.4, 20))
+    assert np.mean(orders) > 2.0 * np.mean(baselines)
+
+
+def test_perfect_lanes_have_order_one():
+    assert lane_order(np.array([1.0, 1.1, 3.0, 3.1]), np.array([1.0, 1.2, -1.0, -0.9])) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("model", "n_arrive"), [("circular_anisotropic", 20), ("helbing_molnar_1995", 6)]
+)
+def test_twenty_people_go_round_a_corner_and_nobody_through_the_wall(model, n_arrive):
+    """RiMEA test 6: a corner between corridors 2 m wide.
+
+    The model of 1995 with its published parameters jams at the corner: few arrive in 30 s.
+    """
+    outline = np.array([[0, 0], [12, 0], [12, 12], [10, 12], [10, 2], [0, 2.0]])
+    rng = np.random.default_rng(3)
+    lanes = rng.uniform(0.4, 1.6, 20)
+    ways = [np.array([[0.3, y], [12 - y, y], [12 - y, 30.0], [0.3, 30.0]]) for y in lanes]
+    routes = Routes(ways)
+    routes.place(np.zeros(20))
+    crowd = Crowd(
+        model=model_named(model),
+        routes=routes,
+        x_m=0.3 + 0.3 * rng.permutation(20),
+        y_m=lanes,
+        desired_speed_mps=np.full(20, 1.34),
+        walls_m=edges_of(outline)[[0, 1, 3, 4, 5]],
+        fluctuation_mps2=0.1,
+        rng=rng,
+    )
+    for _ in range(600):
+        crowd.step(0.05)
+        inside = contains(outline, np.stack([crowd.x_m, crowd.y_m], axis=1))
+        assert (inside | (crowd.y_m > 11.9)).all()
+    assert (crowd.y_m > 11.9).sum() >= n_arrive
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", model_names())
+def test_nobody_passes_a_wall_in_a_hundred_thousand_steps_at_3_people_per_square_metre(model):
+    crowd = ring_corridor_crowd(
+        width_m=2.0,
+        length_m=4.0,
+        density_pm2=3.0,
+        share_backwards=0.5,
+        model_name=model,
+        rng=np.random.default_rng(4),
+    )
+    for _ in range(100_000):
+        crowd.step(0.05)
+        if not (crowd.y_m.min() > 0.0 and crowd.y_m.max() < 2.0):
+            pytest.fail(f"somebody is at y = {crowd.y_m.min()} or {crowd.y_m.max()} m")
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    if not REAL_CORRIDOR.exists():
+        pytest.skip(f"no recording of a real corridor at {REAL_CORRIDOR}")
+    return measure_recording(load_petrack(REAL_CORRIDOR))
+
+
+@pytest.mark.parametrize("density_pm2", [0.5, 0.75, 1.0, 1.25])
+def test_two_way_traffic_is_as_fast_and_passes_as_close_as_in_a_real_corridor(
+    density_pm2, recorded
+):
+    """BaSiGo corridor of 4 m: speed within 0.15 m/s, median passing distance within 0.25 m."""
+    real = recorded.near_density(density_pm2)
+    simulated = measure_simulation(density_pm2)
+    assert simulated.speed_mps.mean() == pytest.approx(real.speed_mps.mean(), abs=0.15)
+    passing = np.nanmedian(simulated.passing_distance_m)
+    assert passing == pytest.approx(np.nanmedian(real.passing_distance_m), abs=0.25)
+
+
+def test_measures_of_a_recording_made_by_hand(tmp_path):
+    """Two people pass each other at 1 m/s, 0.8 m apart, in the middle of the corridor."""
+    frames = np.arange(60)
+    along = (frames - 30) / 25.0
+    rows = [[1, f, 100 * x, 40, 176] for f, x in zip(frames, along, strict=True)]
+    rows += [[2, f, -100 * x, -40, 176] for f, x in zip(frames, along, strict=True)]
+    path = tmp_path / "two.txt"
+    np.savetxt(path, rows, header="PeTrack")
+    measures = measure_recording(load_petrack(path), every=1)
+    assert measures.density_pm2 == pytest.approx(2 / 16)
+    assert measures.speed_mps == pytest.approx(1.0)
+    assert measures.passing_distance_m.min() == pytest.approx(0.8)
+
+
+def test_a_recording_without_places_is_refused(tmp_path):
+    path = tmp_path / "short.txt"
+    path.write_text("1 2\n3 4\n")
+    with pytest.raises(SerdError, match="export it from PeTrack as text"):
+        load_petrack(path)
+
+
+def test_a_density_that_gives_nobody_is_refused_with_the_fix():
+    with pytest.raises(SerdError, match="raise it or lengthen the ring"):
+        ring_corridor_crowd(
+            width_m=2.0, length_m=2.0, density_pm2=0.01, rng=np.random.default_rng(1)
+        )

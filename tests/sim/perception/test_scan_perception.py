@@ -1,0 +1,80 @@
+"""People as the lidar alone tells."""
+
+import numpy as np
+import pytest
+
+from sim.episode import run_episode
+from sim.expert import ScriptedExpert
+from sim.occupancy import wall_distance_raster
+from sim.perception.people_tracker import PeopleTracker
+from sim.perception.scan_people import people_in_scan
+from sim.perception.scan_perception import ScanPerception
+from sim.perception.scanning_planner import ScanningPlanner, scans_of
+from sim.planners import make_planner
+from sim.robot.lidar import Lidar
+from sim.scenario import load_scenario
+from sim.settings import LidarSettings
+from sim.world import HallwayWorld
+
+HALLWAY = load_scenario("hallway")
+WALLS = wall_distance_raster(HALLWAY)
+
+
+def found(pose, people, noise_m=0.0):
+    people = np.array(people, float).reshape(-1, 2)
+    lidar = Lidar(LidarSettings(noise_deviation_m=noise_m), HALLWAY.wall_segments_m, 0.25)
+    ranges = lidar.scan(pose, people[:, 0], people[:, 1], np.random.default_rng(1))
+    return people_in_scan(ranges, lidar.angles_rad, pose, WALLS, 0.25)
+
+
+def test_an_empty_hallway_holds_nobody_even_with_noise():
+    assert len(found((3.0, 8.0, 0.4), [])) == 0
+    assert len(found((3.0, 8.0, 0.4), [], noise_m=0.02)) == 0
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 3.1, -1.5])
+def test_people_around_the_robot_are_found_where_they_are(yaw_rad):
+    people = np.array([[1.5, 8.0], [4.5, 9.0], [3.0, 5.5], [2.0, 11.0]])
+    centers = found((3.0, 8.0, yaw_rad), people, noise_m=0.01)
+    assert len(centers) == 4
+    away = np.linalg.norm(people[:, None] - centers[None], axis=2)
+    assert away.min(axis=1).max() < 0.08
+
+
+def test_two_people_shoulder_to_shoulder_are_two():
+    assert len(found((3.0, 6.0, 0.0), [[2.72, 8.0], [3.28, 8.0]])) == 2
+
+
+def test_a_tracked_walker_gets_the_right_velocity_and_keeps_the_number():
+    tracker = PeopleTracker()
+    rng = np.random.default_rng(2)
+    for step in range(40):
+        place = np.array([[1.0 + 0.13 * step, 2.0]]) + rng.normal(0, 0.01, (1, 2))
+        tracker.update(place, 0.1 * step)
+    assert tracker.identity.tolist() == [0]
+    assert tracker.velocity_mps[0] == pytest.approx([1.3, 0.0], abs=0.1)
+
+
+def test_somebody_unseen_is_remembered_for_half_a_second_and_then_forgotten():
+    tracker = PeopleTracker()
+    tracker.update(np.array([[1.0, 2.0]]), 0.0)
+    tracker.update(np.zeros((0, 2)), 0.4)
+    assert len(tracker.identity) == 1
+    tracker.update(np.zeros((0, 2)), 0.6)
+    assert len(tracker.identity) == 0
+
+
+def test_the_robot_arrives_without_driving_into_anybody_by_the_scan_alone():
+    lidar = HALLWAY.lidar.model_copy(update={"noise_deviation_m": 0.01})
+    scenario = HALLWAY.model_copy(update={"lidar": lidar})
+    with HallwayWorld(scenario, seed=3) as world:
+        planner = ScanningPlanner(
+            make_planner("dwa", scenario), ScanPerception(scenario), scans_of(world)
+        )
+        records = [
+            run_episode(world, planner, ScriptedExpert(scenario, 3), episode=episode)
+            for episode in range(2)
+        ]
+    assert [record.outcome for record in records] == ["arrived", "arrived"]
+    assert sum(record.contacts.robot_on_person for record in records) == 0
+    assert sum(record.contacts.robot_on_wall for record in records) == 0

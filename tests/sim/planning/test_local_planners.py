@@ -1,0 +1,129 @@
+"""What every local planner must do: arrive, wait, keep off walls and people, repeat itself."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from serd_core.errors import SerdError
+from serd_core.grid import Action
+from sim.command import STOP
+from sim.decision import waypoint_of_intent
+from sim.observation import make_observation
+from sim.planners import make_planner, planner_names
+from sim.robot.unicycle import chord_velocity, limited_velocity
+from sim.scenario import load_scenario
+from sim.scenario_grid import grid_of
+from sim.waypoint import Waypoint
+
+HALLWAY = load_scenario("hallway")
+GRID = grid_of(HALLWAY)
+
+
+@pytest.fixture(params=planner_names())
+def planner(request):
+    return make_planner(request.param, HALLWAY)
+
+
+def seen(pose, *, speed=0.0, turn=0.0, people=(), velocity=()):
+    return make_observation(
+        time_s=0.0,
+        tick=0,
+        pose=pose,
+        speed_mps=speed,
+        yaw_rate_radps=turn,
+        people_position_m=np.array(people, float).reshape(-1, 2),
+        people_velocity_mps=np.array(velocity, float).reshape(-1, 2),
+        people_id=np.arange(len(people)),
+    )
+
+
+def drive(planner, pose, waypoint, n_ticks, people=()):
+    """Ideal robot without a world: poses (n, 3) and speeds (n,) under the planner's commands."""
+    speed = turn = 0.0
+    poses, speeds = [], []
+    for _ in range(n_ticks):
+        observation = seen(
+            pose, speed=speed, turn=turn, people=people, velocity=np.zeros_like(people)
+        )
+        command = planner.step(observation, waypoint)
+        speed, turn = limited_velocity(command, speed, turn, HALLWAY.robot, 0.05)
+        vx, vy = chord_velocity(pose[2], speed, turn, 0.05)
+        pose = (pose[0] + 0.05 * vx, pose[1] + 0.05 * vy, pose[2] + 0.05 * turn)
+        poses.append(pose)
+        speeds.append(speed)
+    return np.array(poses), np.array(speeds)
+
+
+@pytest.mark.parametrize("yaw_rad", np.linspace(-math.pi, math.pi, 9))
+@pytest.mark.parametrize("start", [(2.5, 8.5), (2.1, 8.1), (2.9, 8.1), (0.4, 8.6)])
+def test_an_unhindered_robot_is_in_the_next_cell_after_a_decision_period(planner, start, yaw_rad):
+    observation = seen((*start, yaw_rad))
+    waypoint = waypoint_of_intent(GRID, observation, Action.NORTH)
+    poses, _ = drive(planner, observation.pose, waypoint, HALLWAY.ticks_per_decision)
+    wanted = GRID.neighbours[GRID.state_at(*start), Action.NORTH]
+    assert GRID.state_at(*poses[-1, :2]) == wanted
+
+
+def test_without_a_waypoint_or_at_the_waypoint_the_robot_stands_still(planner):
+    observation = seen((2.0, 5.0, 1.0), speed=0.5)
+    assert planner.step(observation, None) == STOP
+    assert planner.step(observation, Waypoint(2.0, 5.0)) == STOP
+
+
+def test_the_robot_stops_at_the_waypoint_and_stays(planner):
+    poses, speeds = drive(planner, (2.0, 5.0, 0.0), Waypoint(3.5, 5.0), 100)
+    assert np.abs(speeds[-10:]).max() < 1e-9
+    assert np.hypot(*(poses[-1, :2] - [3.5, 5.0])) < 0.12
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.3, math.pi / 2])
+def test_a_waypoint_behind_a_wall_never_makes_the_robot_touch_it(planner, yaw_rad):
+    poses, _ = drive(planner, (5.0, 8.0, yaw_rad), Waypoint(7.5, 8.0), 100)
+    assert poses[:, 0].max() < 6.0 - HALLWAY.robot.radius_m
+
+
+def test_a_standing_person_in_the_way_is_never_touched_and_is_passed(planner):
+    person = (3.0, 8.0)
+    poses, _ = drive(planner, (1.5, 8.0, 0.0), Waypoint(4.5, 8.0), 160, people=[person])
+    gap = np.hypot(*(poses[:, :2] - person).T) - 0.5
+    assert gap.min() > 0.0
+    assert np.hypot(*(poses[-1, :2] - [4.5, 8.0])) < 0.15
+
+
+def test_a_wall_of_standing_people_makes_the_robot_wait_in_front_of_it(planner):
+    row = [(3.0, y) for y in np.arange(0.2, 16.0, 0.55)]
+    poses, speeds = drive(planner, (1.5, 8.0, 0.0), Waypoint(4.5, 8.0), 100, people=row)
+    assert poses[:, 0].max() < 2.5
+    assert np.abs(speeds[-20:]).max() < 0.3
+
+
+def test_a_person_who_leans_on_the_robot_does_not_keep_it_from_leaving(planner):
+    observation = seen((2.0, 8.0, 0.0), people=[(1.55, 8.0)], velocity=[(0.2, 0.0)])
+    assert planner.step(observation, Waypoint(4.0, 8.0)).linear_mps > 0.1
+
+
+def test_a_planner_repeats_itself_after_a_reset(planner):
+    def commands():
+        planner.reset()
+        people, velocity = [(3.0, 8.2), (3.5, 7.0)], [(0.0, -1.0), (0.5, 0.5)]
+        observation = seen((2.0, 8.0, 0.2), people=people, velocity=velocity)
+        return [planner.step(observation, Waypoint(4.0, 8.0)) for _ in range(5)]
+
+    assert commands() == commands()
+
+
+def test_planning_among_24_people_takes_a_few_milliseconds_at_most(planner):
+    rng = np.random.default_rng(1)
+    people = rng.uniform((0, 6), (6, 12), (24, 2))
+    observation = seen((3.0, 9.0, 0.0), people=people, velocity=rng.normal(0, 1, (24, 2)))
+    started = time.perf_counter()
+    for _ in range(50):
+        planner.step(observation, Waypoint(3.5, 10.5))
+    assert (time.perf_counter() - started) / 50 < 0.02
+
+
+def test_a_wrong_planner_name_is_refused_with_the_nearest_right_one():
+    with pytest.raises(SerdError, match="did you mean 'dwa'"):
+        make_planner("dwb", HALLWAY)

@@ -1,0 +1,101 @@
+"""Progress check, recoveries and the reasons told."""
+
+import numpy as np
+import pytest
+
+from serd_core.errors import SerdError
+from sim.command import STOP, Command
+from sim.observation import make_observation
+from sim.planning.planner_status import PlannerStatus
+from sim.planning.progress_checker import ProgressChecker
+from sim.planning.recovery import RecoveringPlanner, RecoverySettings
+from sim.scenario import load_scenario
+from sim.waypoint import Waypoint
+
+HALLWAY = load_scenario("hallway")
+AHEAD = Waypoint(3.0, 10.0)
+
+
+class PushingPlanner:
+    """Always drives on; blocked or not as told."""
+
+    def __init__(self, is_blocked=False):
+        self.is_blocked = is_blocked
+
+    def reset(self):
+        pass
+
+    def step(self, _observation, waypoint):
+        return STOP if waypoint is None else Command(0.5, 0.0)
+
+
+def standing_at(time_s, x_m=3.0, y_m=8.0, yaw_rad=0.0, people=()):
+    return make_observation(
+        time_s=time_s,
+        tick=round(time_s / 0.05),
+        pose=(x_m, y_m, yaw_rad),
+        speed_mps=0.0,
+        yaw_rate_radps=0.0,
+        people_position_m=np.array(people, float).reshape(-1, 2),
+        people_velocity_mps=np.zeros((len(people), 2)),
+        people_id=np.arange(len(people)),
+    )
+
+
+def commands_while_stuck(planner, duration_s, **place):
+    return [
+        planner.step(standing_at(0.05 * tick, **place), AHEAD)
+        for tick in range(round(duration_s / 0.05))
+    ]
+
+
+def test_a_robot_that_moves_is_never_stuck_and_one_that_stands_is_after_the_allowance():
+    checker = ProgressChecker(0.5, 10.0)
+    assert not any(checker.is_stuck(standing_at(t, y_m=8.0 + 0.1 * t)) for t in range(60))
+    checker.reset()
+    stuck = [checker.is_stuck(standing_at(float(t))) for t in range(13)]
+    assert stuck == [False] * 11 + [True, True]
+
+
+def test_a_stuck_robot_backs_off_then_turns_then_waits():
+    planner = RecoveringPlanner(PushingPlanner(), HALLWAY)
+    commands = commands_while_stuck(planner, 40.0)
+    recoveries = [
+        c for k, c in enumerate(commands) if c != Command(0.5, 0.0) and commands[k - 1] != c
+    ]
+    assert recoveries == [Command(-0.15, 0.0), Command(0.0, 1.5), STOP]
+
+
+def test_a_stuck_robot_does_not_back_off_into_a_wall_or_a_person():
+    at_wall = RecoveringPlanner(PushingPlanner(), HALLWAY)
+    assert min(c.linear_mps for c in commands_while_stuck(at_wall, 14.0, x_m=0.3)) >= 0.0
+    leaned_on = RecoveringPlanner(PushingPlanner(), HALLWAY)
+    commands = commands_while_stuck(leaned_on, 14.0, people=[(2.4, 8.0)])
+    assert min(c.linear_mps for c in commands) >= 0.0
+
+
+def test_failure_is_told_by_reason():
+    planner = RecoveringPlanner(PushingPlanner(is_blocked=True), HALLWAY, RecoverySettings())
+    told = []
+    for tick in range(1200):
+        planner.step(standing_at(0.05 * tick), AHEAD)
+        told.append(planner.status)
+    order = [status for k, status in enumerate(told) if k == 0 or told[k - 1] != status]
+    assert order == [
+        PlannerStatus.NO_VALID_CONTROL,
+        PlannerStatus.PATIENCE_EXCEEDED,
+        PlannerStatus.FAILED_TO_MAKE_PROGRESS,
+    ]
+
+
+def test_a_robot_told_to_wait_is_not_stuck():
+    planner = RecoveringPlanner(PushingPlanner(), HALLWAY)
+    for tick in range(600):
+        assert planner.step(standing_at(0.05 * tick), None) == STOP
+    assert planner.status == PlannerStatus.NONE
+    assert planner.n_recoveries == 0
+
+
+def test_an_allowance_of_zero_is_refused_with_the_fix():
+    with pytest.raises(SerdError, match=r"must be above 0, got 0\.5 and 0\.0; raise them"):
+        ProgressChecker(0.5, 0.0)

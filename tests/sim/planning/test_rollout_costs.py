@@ -1,0 +1,71 @@
+"""The terms of the planners' cost, each against a closed form."""
+
+import math
+
+import numpy as np
+import pytest
+
+from serd_core.errors import SerdError
+from sim.observation import make_observation
+from sim.planning.rollout_costs import CostSettings, RolloutCosts
+from sim.scenario import load_scenario
+from sim.waypoint import Waypoint
+
+TIME_S = np.array([0.5, 1.0])
+SETTINGS = CostSettings()
+COSTS = RolloutCosts(load_scenario("hallway"), SETTINGS, TIME_S)
+
+
+def seen(people=(), velocity=()):
+    return make_observation(
+        time_s=0.0,
+        tick=0,
+        pose=(2.0, 8.0, 0.0),
+        speed_mps=0.0,
+        yaw_rate_radps=0.0,
+        people_position_m=np.array(people, float).reshape(-1, 2),
+        people_velocity_mps=np.array(velocity, float).reshape(-1, 2),
+        people_id=np.arange(len(people)),
+    )
+
+
+def test_progress_is_the_mean_smallest_distance_so_far_plus_a_share_of_the_last_one():
+    x_m, y_m = np.array([[3.0, 4.0]]), np.array([[8.0, 8.0]])
+    cost = COSTS.progress(x_m, y_m, Waypoint(3.2, 8.0))
+    assert cost[0] == pytest.approx(0.2 + SETTINGS.staying_weight * 0.8)
+
+
+def test_facing_away_costs_most_and_nothing_at_the_waypoint():
+    error = np.array([0.0, math.pi, -math.pi / 2, 2.0 * math.pi])
+    expected = SETTINGS.heading_weight * np.array([0.0, math.pi, math.pi / 2, 0.0])
+    np.testing.assert_allclose(COSTS.heading(error, 3.0), expected, atol=1e-12)
+    assert (COSTS.heading(error, 0.0) == 0.0).all()
+
+
+def test_a_wall_within_reach_is_too_close():
+    x_m, y_m = np.array([[5.0, 5.9], [3.0, 3.1]]), np.full((2, 2), 8.0)
+    cost, too_close = COSTS.walls(x_m, y_m)
+    assert too_close.tolist() == [[False, True], [False, False]]
+    assert cost[0] == pytest.approx(SETTINGS.wall_weight)
+    assert cost[1] < 1e-3
+
+
+def test_a_person_who_will_be_there_costs_and_is_too_close_then():
+    x_m, y_m = np.array([[2.5, 3.0]]), np.full((1, 2), 8.0)
+    _, elsewhere = COSTS.people(x_m, y_m, seen([(3.0, 10.0)], [(0.0, 0.0)]))
+    cost, too_close = COSTS.people(x_m, y_m, seen([(3.0, 10.0)], [(0.0, -2.0)]))
+    assert not elsewhere.any()
+    assert too_close.tolist() == [[False, True]]
+    nearest = math.e * math.exp(-1.0 / SETTINGS.foresight_s)
+    assert cost[0] == pytest.approx(SETTINGS.people_weight * nearest, rel=1e-6)
+
+
+def test_alone_there_is_nobody_to_be_near():
+    cost, too_close = COSTS.people(np.ones((3, 2)), np.ones((3, 2)), seen())
+    assert cost.tolist() == [0.0, 0.0, 0.0]
+    assert not too_close.any()
+
+
+def test_a_decay_of_zero_is_refused_with_the_fix():
+    with pytest.raises(SerdError, match="wall_decay_m must be above 0, got 0; raise it"):
+        CostSettings(wall_decay_m=0)

@@ -1,0 +1,72 @@
+"""The lidar against closed forms and against the physics world's own ray tests."""
+
+import numpy as np
+import pytest
+
+from sim.command import STOP
+from sim.robot.lidar import Lidar
+from sim.robot.physics import Physics
+from sim.scenario import load_scenario
+from sim.settings import LidarSettings
+from sim.world import HallwayWorld
+
+HALLWAY = load_scenario("hallway")
+LIDAR = Lidar(LidarSettings(), HALLWAY.wall_segments_m, 0.25)
+NOBODY = np.zeros(0)
+
+
+def test_the_walls_of_the_empty_hallway_are_seen_at_their_distances():
+    ranges = LIDAR.scan((2.0, 8.0, 0.0), NOBODY, NOBODY)
+    assert ranges.dtype == np.float32
+    assert ranges[[180, 0, 90]] == pytest.approx([4.0, 2.0, 8.0], abs=1e-5)
+    assert np.isinf(ranges[270])
+
+
+def test_a_person_hides_the_wall_behind():
+    ranges = LIDAR.scan((2.0, 8.0, 0.0), np.array([4.0]), np.array([8.0]))
+    assert ranges[180] == pytest.approx(1.75, abs=1e-6)
+
+
+@pytest.mark.parametrize("pose", [(2.0, 8.0, 0.3), (5.0, 17.0, -2.0), (12.0, 18.0, 1.0)])
+def test_the_scan_is_that_of_the_physics_worlds_ray_tests(pose):
+    rng = np.random.default_rng(3)
+    people_x, people_y = rng.uniform(0, 6, 24), rng.uniform(6, 20, 24)
+    far = np.hypot(people_x - pose[0], people_y - pose[1]) > 0.6
+    people_x, people_y = np.where(far, people_x, 0.3), np.where(far, people_y, 0.3)
+    physics = Physics(HALLWAY, 0.25)
+    physics.place_people(people_x, people_y)
+    angle = LIDAR.angles_rad + pose[2]
+    direction = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    start = np.array([pose[0], pose[1], 0.3]) + 0.1 * direction
+    share = physics.cast_rays(start, start + 9.9 * direction)
+    physics.close()
+    expected = np.where(share < 1.0, 0.1 + 9.9 * share, np.inf)
+    ranges = LIDAR.scan(pose, people_x, people_y)
+    both = np.isfinite(expected) & np.isfinite(ranges)
+    assert both.mean() > 0.5
+    assert (np.isfinite(expected) == np.isfinite(ranges)).mean() > 0.99
+    assert np.percentile(np.abs(ranges[both] - expected[both]), 98) < 0.005
+
+
+def test_noise_has_its_deviation_and_is_the_same_when_asked_twice_at_one_tick():
+    lidar = HALLWAY.lidar.model_copy(update={"noise_deviation_m": 0.02})
+    noisy = HALLWAY.with_pedestrian_count(0).model_copy(update={"lidar": lidar})
+    with HallwayWorld(noisy, seed=4) as world:
+        seen = world.reset(1)
+        first, second = world.scan(seen), world.scan(seen)
+    clean = LIDAR.scan(seen.pose, NOBODY, NOBODY)
+    np.testing.assert_array_equal(first, second)
+    both = np.isfinite(clean) & np.isfinite(first)
+    error = first[both] - clean[both]
+    assert error.std() == pytest.approx(0.02, rel=0.2)
+    assert abs(error.mean()) < 0.005
+
+
+def test_scans_are_due_at_the_lidars_rate():
+    with HallwayWorld(HALLWAY.with_pedestrian_count(0), seed=1) as world:
+        world.reset(0)
+        due = []
+        for _ in range(6):
+            due.append(world.is_scan_tick)
+            world.step(STOP)
+    assert due == [True, False] * 3

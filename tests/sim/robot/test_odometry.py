@@ -1,0 +1,59 @@
+"""Dead reckoning: the truth without drift, and drift as told."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim.command import Command
+from sim.robot.odometry import Odometry
+from sim.scenario import load_scenario
+from sim.settings import OdometrySettings
+from sim.world import HallwayWorld
+
+EMPTY = load_scenario("hallway").with_pedestrian_count(0)
+
+
+def straight(odometry, n_steps):
+    for step in range(1, n_steps + 1):
+        odometry.follow((0.05 * step, 0.0, 0.0))
+    return odometry.pose
+
+
+def test_without_deviations_odometry_is_the_truth_bit_for_bit():
+    with HallwayWorld(EMPTY, seed=1) as world:
+        world.reset(0)
+        for _ in range(50):
+            seen = world.step(Command(0.6, 0.5))
+        assert world.odometry_pose[:2] == seen.pose[:2]
+
+
+def test_a_scale_error_stretches_the_way():
+    settings = OdometrySettings(distance_scale_deviation=0.1)
+    rng = np.random.default_rng(1)
+    scale = 1.0 + 0.1 * np.random.default_rng(1).standard_normal(2)[0]
+    x_m, y_m, yaw_rad = straight(Odometry(settings, (0.0, 0.0, 0.0), rng), 200)
+    assert (x_m, y_m, yaw_rad) == pytest.approx((10.0 * scale, 0.0, 0.0))
+
+
+def test_turn_noise_grows_with_the_root_of_the_way():
+    settings = OdometrySettings(turn_noise_rad=0.02)
+    yaws = [
+        straight(Odometry(settings, (0.0, 0.0, 0.0), np.random.default_rng(seed)), 200)[2]
+        for seed in range(200)
+    ]
+    assert np.std(yaws) == pytest.approx(0.02 * math.sqrt(10.0), rel=0.15)
+
+
+def test_drift_moves_odometry_away_from_the_true_pose_but_not_the_true_pose_itself():
+    drift = OdometrySettings(distance_scale_deviation=0.05, turn_noise_rad=0.05)
+    with (
+        HallwayWorld(EMPTY, seed=1) as exact,
+        HallwayWorld(EMPTY.model_copy(update={"odometry": drift}), seed=1) as drifting,
+    ):
+        for world in (exact, drifting):
+            world.reset(0)
+            for _ in range(100):
+                world.step(Command(0.5, 0.3))
+        assert exact.observation.pose == drifting.observation.pose
+        assert math.dist(drifting.odometry_pose[:2], drifting.observation.pose[:2]) > 0.01

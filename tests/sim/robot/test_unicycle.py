@@ -1,0 +1,32 @@
+"""The robot's motion against closed forms."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim.command import Command
+from sim.robot.unicycle import chord_velocity, limited_velocity
+from sim.settings import RobotSettings
+
+ROBOT = RobotSettings()
+
+
+@given(
+    v=st.floats(-10, 10), w=st.floats(-50, 50), speed=st.floats(-0.3, 1.2), turn=st.floats(-3, 3)
+)
+def test_no_command_breaks_a_limit_of_speed_or_acceleration(v, w, speed, turn):
+    new_speed, new_turn = limited_velocity(Command(v, w), speed, turn, ROBOT, 0.05)
+    assert ROBOT.min_vel_x_mps - 1e-12 <= new_speed <= ROBOT.max_vel_x_mps + 1e-12
+    assert abs(new_turn) <= ROBOT.max_vel_theta_radps + 1e-12
+    assert abs(new_speed - speed) <= ROBOT.acc_lim_x_mps2 * 0.05 + 1e-12
+    assert abs(new_turn - turn) <= ROBOT.acc_lim_theta_radps2 * 0.05 + 1e-12
+
+
+@given(yaw=st.floats(-3, 3), speed=st.floats(-1, 1.2), turn=st.floats(-3.5, 3.5))
+def test_the_chord_ends_where_the_arc_ends(yaw, speed, turn):
+    vx, vy = chord_velocity(yaw, speed, turn, 0.05)
+    steps = 2000
+    middle = yaw + turn * 0.05 * (np.arange(steps) + 0.5) / steps
+    assert vx == pytest.approx(speed * np.cos(middle).mean(), abs=1e-8)
+    assert vy == pytest.approx(speed * np.sin(middle).mean(), abs=1e-8)
