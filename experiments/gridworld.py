@@ -15,7 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from experiments.gridworld_problem import Gridworld, gridworld, true_dynamics
-from experiments.landscape import Landscape, generated_landscape, landscape_of_image
+from experiments.landscape import (
+    Landscape,
+    cell_means,
+    generated_landscape,
+    landscape_of_image,
+)
 from experiments.landscape_image import image_brightness
 from experiments.repetitions import Execution, Progress, Row, run_repetitions
 from serd_core.arrays import FloatArray
@@ -63,12 +68,16 @@ class GridworldConfig:
     """Settings of section 4.6.2; lengths and numbers the thesis does not state are ours.
 
     expert: `mdce` or `pm`; image, transfer_image: files, or None for a generated landscape.
+    forest_mask, transfer_forest_mask: images of the same scene, bright where there is forest, to
+    take the place of the roughness rule.
     sizes: demonstrations learned from; n_steps: decisions of each.
     """
 
     expert: str = "mdce"
     image: Path | None = None
     transfer_image: Path | None = None
+    forest_mask: Path | None = None
+    transfer_forest_mask: Path | None = None
     side: int = 20
     discount: float = 0.99
     weights: tuple[float, float] = (6.0, 6.0)
@@ -137,8 +146,8 @@ def one_repetition(config: GridworldConfig, number: int) -> list[Row]:
 
 def scenes(config: GridworldConfig) -> tuple[Scene, Scene]:
     """Training and transfer environments; the same for all repetitions."""
-    training = _landscape(config, config.image, 0)
-    transfer = _landscape(config, config.transfer_image, 1)
+    training = _landscape(config, config.image, config.forest_mask, 0)
+    transfer = _landscape(config, config.transfer_image, config.transfer_forest_mask, 1)
     return (
         _scene(config, gridworld(training, config.discount, goal_at_left=False), 0),
         _scene(config, gridworld(transfer, config.discount, goal_at_left=True), 1),
@@ -172,10 +181,15 @@ def policy_of(problem: TabularProblem, estimate: Estimate) -> FloatArray:
     return boltzmann_policy(problem, weights, dynamics, estimate.temperature).probabilities
 
 
-def _landscape(config: GridworldConfig, image: Path | None, number: int) -> Landscape:
-    if image is not None:
-        return landscape_of_image(image_brightness(image), config.side)
-    return generated_landscape(config.side, np.random.default_rng([config.seed, 2, number]))
+def _landscape(
+    config: GridworldConfig, image: Path | None, mask: Path | None, number: int
+) -> Landscape:
+    if image is None:
+        return generated_landscape(config.side, np.random.default_rng([config.seed, 2, number]))
+    forest = None
+    if mask is not None:
+        forest = cell_means(image_brightness(mask), config.side) > 0.5
+    return landscape_of_image(image_brightness(image), config.side, forest)
 
 
 def _scene(config: GridworldConfig, world: Gridworld, number: int) -> Scene:

@@ -93,6 +93,25 @@ def differences(first: FitResult, second: FitResult, largest: int = 5) -> tuple[
     return tuple(Difference(names[i], float(values[i]), float(others[i])) for i in order)
 
 
+def describe(found: MultiStart, largest: int = 3) -> str:
+    """Sentences for people: how many explanations, how likely, and how they differ."""
+    n_starts, n_distinct = len(found.fits), len(found.explanations)
+    lines = [
+        f"{n_distinct} distinct explanation(s) from {n_starts} starts"
+        f" ({found.n_converged} converged)"
+    ]
+    for number, one in enumerate(found.explanations, start=1):
+        likelihood = one.fit.policy_log_likelihood + one.fit.dynamics_log_likelihood
+        line = f"{number}. objective {one.fit.objective:.4f}, log-likelihood {likelihood:.4f}"
+        line += f", reached from {len(one.starts)} starts"
+        if number > 1:
+            parts = differences(found.best, one.fit, largest)
+            named = [f"{part.name} {part.second:.3g} instead of {part.first:.3g}" for part in parts]
+            line += "; differs from 1 in " + ", ".join(named)
+        lines.append(line)
+    return "\n".join(lines)
+
+
 def _plain(fit: FitResult) -> FloatArray:
     belief, truth = fit.believed_outcome_probabilities, fit.outcome_probabilities
     return np.concatenate([fit.reward_weights, belief.ravel(), truth.ravel()])

@@ -26,7 +26,7 @@ from serd_core.solvers.bellman_solver import (
 from serd_core.solvers.linear_solver import LinearSolver, LinearSystem
 
 #: Relative residual an iterative solver may leave in a correction; the next step removes it.
-FORCING = 1e-4
+FORCING = 1e-3
 #: A step that shrinks the residual to this share was good enough to keep its matrix.
 KEEP = 0.1
 

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from experiments.gridworld import (
     Estimate,
@@ -77,6 +78,20 @@ def test_quartiles_and_welch_are_those_of_the_textbook(rows):
     assert 0 <= test["p_value"] <= 1
     (lonely,) = welch_test(rows[:3], "log_likelihood", "MDCE SERD", "MDCE IRL")
     assert lonely["p_value"] is None
+
+
+def test_images_and_masks_make_the_environments(tmp_path):
+    rng = np.random.default_rng(0)
+    Image.fromarray(rng.integers(0, 255, (60, 60), dtype=np.uint8)).save(tmp_path / "scene.png")
+    mask = np.zeros((60, 60), np.uint8)
+    mask[:30] = 255
+    Image.fromarray(mask).save(tmp_path / "mask.png")
+    config = replace(SMALL, image=tmp_path / "scene.png", forest_mask=tmp_path / "mask.png")
+    training, transfer = scenes(config)
+    forest = training.world.forest.reshape(8, 8)
+    assert np.all(forest[4:])
+    assert not np.any(forest[:4])
+    assert 0 < transfer.world.forest.mean() < 1
 
 
 def test_wrong_settings_are_refused_by_name():

@@ -7,7 +7,7 @@ from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
-from serd_core.selection.multi_start import differences, multi_start
+from serd_core.selection.multi_start import describe, differences, multi_start
 
 
 @pytest.fixture
@@ -35,6 +35,10 @@ def test_the_ambiguity_of_the_minimum_example_is_shown(minimum_example, always_a
     named = differences(first, second, largest=1)[0]
     assert named.name == "reward state"
     assert named.first == first.reward_weights[0]
+    told = describe(found).splitlines()
+    assert told[0] == "2 distinct explanation(s) from 12 starts (12 converged)"
+    assert told[2].startswith("2. objective ")
+    assert "differs from 1 in reward state" in told[2]
 
 
 def test_one_optimum_is_one_explanation(gridworld):
