@@ -63,6 +63,7 @@ class DemoRecorderConfig(StrictModel):
     topics: tuple[str, ...] = Field(min_length=1)
     stamped_cmd_vel: bool
     record_at_start: bool
+    minimum_free_mb: float = Field(ge=0)
 
 
 class LearnerConfig(StrictModel):

@@ -9,9 +9,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 
 from serd_core.errors import SerdError
-from serd_ros.serd_node import SerdNode
-
-_BAD_INPUT = 2
+from serd_ros.serd_node import BAD_INPUT, SerdNode
 
 
 def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
@@ -26,7 +24,7 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
     except SerdError as error:
         name = node.get_name() if node is not None else "serd_ros"
         print(f"{name}: {error}", file=sys.stderr, flush=True)
-        return _BAD_INPUT
+        return BAD_INPUT
     finally:
         try:
             if node is not None:

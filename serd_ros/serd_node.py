@@ -1,5 +1,6 @@
 """What every node of the stack shares: one config, diagnostics and a clean end."""
 
+import sys
 from collections.abc import Mapping
 from typing import Generic, TypeVar
 
@@ -14,6 +15,7 @@ from serd_ros.params import read_config
 from storage.yaml_config import StrictModel
 
 Config = TypeVar("Config", bound=StrictModel)
+BAD_INPUT = 2
 
 
 class SerdNode(Node, Generic[Config]):
@@ -30,6 +32,12 @@ class SerdNode(Node, Generic[Config]):
         """Let the process end with this code once the running callback has returned."""
         if not self.finished.done():
             self.finished.set_result(exit_code)
+
+    def fail(self, sentence: str) -> None:
+        """End the process with exit code 2 and this sentence as its last word."""
+        if not self.finished.done():
+            print(f"{self.get_name()}: {sentence}", file=sys.stderr, flush=True)
+            self.finish(BAD_INPUT)
 
     def close(self) -> None:
         """Give back what the node holds; called once before it is destroyed."""

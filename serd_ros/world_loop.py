@@ -14,7 +14,6 @@ from serd_ros import qos, topics
 from serd_ros.configs import HallwaySimConfig
 from serd_ros.convert.command import from_twist
 from serd_ros.convert.stamp import stamp_ns, to_stamp
-from serd_ros.errors import NodeError
 from serd_ros.serd_node import SerdNode
 from serd_ros.world_publisher import WorldPublisher
 from sim.command_guard import CommandGuard
@@ -70,12 +69,12 @@ class LockstepLoop:
         if self._awaited_ns is None or self.paused:
             return
         if now_s - self._answered_wall_s > self._node.config.lockstep_timeout_s:
-            raise NodeError(
+            self._node.fail(
                 f"no command for the tick at {self._world.time_s:.2f} s arrived within "
                 f"lockstep_timeout_s = {self._node.config.lockstep_timeout_s:g} s; start "
                 "local_planner and a driver with lockstep:=true, or run with lockstep:=false"
             )
-        if now_s - self._sent_wall_s > _RESEND_AFTER_S:
+        elif now_s - self._sent_wall_s > _RESEND_AFTER_S:
             self._publish()
 
 
