@@ -25,11 +25,12 @@ LOWEST = -6.0
 
 
 def measures_figure(rows: Sequence[Row]) -> Figure:
-    """Figs. 4.12 and 4.13: median with quartiles by learner."""
+    """Figs. 4.12, 4.13 and 5.9: median with quartiles by learner, of the measures there are."""
+    present = {name: label for name, label in MEASURES.items() if name in rows[0]}
     figure = new_figure(9.0, 6.4)
     learners = list(dict.fromkeys(row["learner"] for row in rows))
     colours = dict(zip(learners, (BLUE, PURPLE, RED, GREEN), strict=False))
-    for axes, (measure, label) in zip(figure.subplots(2, 2).ravel(), MEASURES.items(), strict=True):
+    for axes, (measure, label) in zip(figure.subplots(2, 2).ravel(), present.items(), strict=False):
         for row_learner in learners:
             chosen = [row for row in rows if row["learner"] == row_learner]
             table = quartiles(chosen, measure, ["size"])
@@ -46,6 +47,8 @@ def measures_figure(rows: Sequence[Row]) -> Figure:
             axes.set_yscale("log")
         tick_sizes(axes, sorted({row["size"] for row in rows}))
     figure.axes[0].legend()
+    for unused in figure.axes[len(present) :]:
+        unused.set_axis_off()
     return figure
 
 

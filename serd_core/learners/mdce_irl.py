@@ -30,7 +30,7 @@ from serd_core.learners.irl_result import IrlResult, irl_result
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.serd import initial_dynamics_or_estimate, initial_weights_or_sample
 from serd_core.likelihood.observations import observe
-from serd_core.priors.prior import Prior, UniformPrior
+from serd_core.priors.prior import Prior, UniformPrior, require_weight
 from serd_core.problem import Problem
 from serd_core.solvers.automatic import Automatic
 from serd_core.solvers.newton import Newton
@@ -69,6 +69,7 @@ def fit_mdce_irl_by_entropy(
     initial_weights: FloatArray | None = None,
     rng: np.random.Generator | None = None,
     dynamics: FloatArray | None = None,
+    slack: float = 0.0,
     ascent: Ascent = LBFGS,
 ) -> IrlResult:
     """Reward weights whose policy matches the discounted features of the demonstrations.
@@ -76,7 +77,10 @@ def fit_mdce_irl_by_entropy(
     dynamics: (M, K), or None for the M-estimate. Episodes that end in an absorbing state with one
     action count as staying there forever; other episodes are taken as they were recorded, so they
     should be long against the horizon 1 / (1 - discount).
+    slack: lets feature averages differ by slack times the weights. Without it the weights of few
+    demonstrations may grow without bound, as no policy has their features.
     """
+    require_weight("slack", slack)
     observe(problem.mdp, decisions)
     table = initial_dynamics_or_estimate(problem, decisions, dynamics)
     transitions = transitions_of(problem.mdp.transitions, table)
@@ -91,7 +95,8 @@ def fit_mdce_irl_by_entropy(
         expected = feature_expectation(problem, transitions, solution.policy, starts)
         value = float(weights @ wanted - starts @ solution.value)
         scale = 1.0 - problem.mdp.discount
-        return value * scale, (wanted - expected) * scale
+        penalty = 0.5 * slack * float(weights @ weights)
+        return value * scale - penalty, (wanted - expected) * scale - slack * weights
 
     start = initial_weights_or_sample(problem, initial_weights, rng)
     ascended = ascent.maximise(FunctionObjective(dual), start, lambda _: False)

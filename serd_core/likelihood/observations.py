@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations import Decisions, state_action_counts
 from serd_core.errors import SerdError
 from serd_core.mdp import Mdp
@@ -55,6 +55,15 @@ def observe(mdp: Mdp, decisions: Decisions) -> Observations:
         entry=entry,
         entry_group=place_of_entry[entry],
     )
+
+
+def explained(mdp: Mdp, decisions: Decisions) -> BoolArray:
+    """(N,) which decisions the MDP allows; the others would be refused by every learner."""
+    inside = (decisions.state < mdp.n_states) & (decisions.next_state < mdp.n_states)
+    inside &= decisions.action < mdp.n_actions
+    row = decisions.state * mdp.n_actions + decisions.action
+    found = mdp.transitions.groups.find(row, decisions.next_state) >= 0
+    return np.asarray(inside & found)
 
 
 def _require_available(mdp: Mdp, decisions: Decisions) -> None:

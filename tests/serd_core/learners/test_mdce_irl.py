@@ -55,6 +55,27 @@ def _by_likelihood(case):
     )
 
 
+def test_slack_is_the_distance_of_the_features_over_the_weights(long_case):
+    fit = fit_mdce_irl_by_entropy(
+        long_case.problem,
+        long_case.decisions,
+        initial_weights=np.zeros(2),
+        dynamics=long_case.probabilities,
+        slack=0.01,
+    )
+    assert fit.converged
+    policy = soft_policy(long_case.problem, fit.reward_weights, long_case.probabilities)
+    reached = feature_expectation(
+        long_case.problem,
+        transitions_of(long_case.problem.mdp.transitions, long_case.probabilities),
+        policy.probabilities,
+        start_distribution(long_case.decisions, 25),
+    )
+    wanted = empirical_feature_expectation(long_case.problem, long_case.decisions)
+    scale = 1 - long_case.problem.mdp.discount
+    np.testing.assert_allclose((wanted - reached) * scale, 0.01 * fit.reward_weights, atol=1e-5)
+
+
 def test_matching_features_without_their_discount_would_learn_a_wrong_reward(long_case):
     """A fault seen elsewhere: undiscounted counts are far from what the constraint asks for."""
     problem, decisions = long_case.problem, long_case.decisions
