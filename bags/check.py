@@ -5,6 +5,7 @@ when the recorder received it. A stamp that steps back, or that drifts against t
 of two clocks.
 """
 
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -66,7 +67,7 @@ class BagCheck:
 def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
     """Read the whole bag; `required`: topics that must have messages, in any namespace."""
     reader = BagReader(path, tolerant=True)
-    times: dict[str, tuple[list[int], list[int]]] = {name: ([], []) for name in reader.topics}
+    times = {name: (array("q"), array("q")) for name in reader.topics}
     stamped = {name: _has_header(topic) for name, topic in reader.topics.items()}
     faults: list[str] = []
     try:
@@ -85,7 +86,7 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
     return BagCheck(Path(path), topics, tuple(faults), tuple(_remarks(topics)))
 
 
-def _topic(topic: TopicInfo, log_ns: list[int], stamp_ns: list[int]) -> TopicCheck:
+def _topic(topic: TopicInfo, log_ns: "array[int]", stamp_ns: "array[int]") -> TopicCheck:
     log_s = np.array(log_ns, dtype=np.int64) / _SECOND_NS
     steps_s: FloatArray = np.diff(np.array(log_ns, dtype=np.int64)).astype(np.float64) / _SECOND_NS
     usual_s = float(np.median(steps_s)) if len(steps_s) else 0.0

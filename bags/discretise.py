@@ -27,7 +27,7 @@ CUT_SHORT = "cut short by the end of its episode"
 NO_POSE = "no pose recorded then"
 OFF_GRID = "robot off the grid"
 UNEXPLAINED = "no neighbouring cell explains the move"
-_LONGEST_GAP_S = 0.5
+LONGEST_GAP_S = 0.5
 _STAMP_TOLERANCE_S = 1e-6
 
 
@@ -70,16 +70,23 @@ def decisions_from_bag(
 
 
 def decisions_from_drive(
-    drive: RecordedDrive, grid: Grid, decision_period_s: float
+    drive: RecordedDrive,
+    grid: Grid,
+    decision_period_s: float,
+    *,
+    longest_gap_s: float = LONGEST_GAP_S,
 ) -> tuple[Decisions, DiscretisationReport]:
-    """Decisions of a recorded drive on a grid, and what became of every intent."""
+    """Decisions of a recorded drive on a grid, and what became of every intent.
+
+    longest_gap_s: time between two poses across which the place is still interpolated.
+    """
     if not decision_period_s > 0:
         raise BagError(f"decision_period_s must be above 0, got {decision_period_s}")
     fates = _Fates(len(drive.intent_time_s))
     span = _spans_of(drive, fates, decision_period_s)
     end_s = _ends(drive, span, fates, decision_period_s)
-    start_m, start_known = _positions(drive, drive.intent_time_s)
-    end_m, end_known = _positions(drive, end_s)
+    start_m, start_known = _positions(drive, drive.intent_time_s, longest_gap_s)
+    end_m, end_known = _positions(drive, end_s, longest_gap_s)
     fates.drop(~(start_known & end_known), NO_POSE)
     state, reached = grid.states_at(start_m), grid.states_at(end_m)
     fates.drop((state < 0) | (reached < 0), OFF_GRID)
@@ -162,7 +169,9 @@ def _columns(episodes: Sequence[EpisodeSpan]) -> tuple[FloatArray, FloatArray, B
     return starts_s, ends_s, np.array([span.outcome == "arrived" for span in episodes], dtype=bool)
 
 
-def _positions(drive: RecordedDrive, times_s: FloatArray) -> tuple[FloatArray, BoolArray]:
+def _positions(
+    drive: RecordedDrive, times_s: FloatArray, longest_gap_s: float
+) -> tuple[FloatArray, BoolArray]:
     """(N, 2) places interpolated between recorded poses; (N,) false across a gap of them."""
     recorded_s = drive.pose_time_s
     if not len(recorded_s):
@@ -172,7 +181,7 @@ def _positions(drive: RecordedDrive, times_s: FloatArray) -> tuple[FloatArray, B
     after = np.minimum(after, len(recorded_s) - 1)
     exact = np.abs(recorded_s[after] - times_s) <= _STAMP_TOLERANCE_S
     gap_s = recorded_s[after] - recorded_s[np.maximum(after - 1, 0)]
-    known = within & (exact | ((after > 0) & (gap_s <= _LONGEST_GAP_S)))
+    known = within & (exact | ((after > 0) & (gap_s <= longest_gap_s)))
     columns = [np.interp(times_s, recorded_s, column) for column in drive.position_m.T]
     return np.stack(columns, axis=1), known
 

@@ -112,3 +112,41 @@ def _status(cursor: CdrCursor) -> Status:
     name, message, _ = cursor.text(), cursor.text(), cursor.text()
     pairs = ((cursor.text(), cursor.text()) for _ in range(cursor.length()))
     return Status(name, message, dict(pairs))
+
+
+@dataclass(frozen=True)
+class PlanarTransform:
+    """Where a child frame is in its parent frame."""
+
+    pose: PlanarPose
+    child: str
+
+
+def odometry(data: bytes) -> PlanarPose:
+    """nav_msgs/Odometry: its pose."""
+    cursor = CdrCursor(data)
+    header = read_header(cursor)
+    cursor.text()
+    return read_planar_pose(cursor, header)
+
+
+def twist(data: bytes) -> tuple[float, float]:
+    """geometry_msgs/Twist: linear (x, y) in the robot's frame, m/s."""
+    x, y, _ = CdrCursor(data).numbers("d", 3)
+    return x, y
+
+
+def twist_stamped(data: bytes) -> PlanarVector:
+    """geometry_msgs/TwistStamped: linear velocity in the robot's frame, m/s."""
+    return vector3_stamped(data)
+
+
+def transforms(data: bytes) -> tuple[PlanarTransform, ...]:
+    """tf2_msgs/TFMessage."""
+    cursor = CdrCursor(data)
+    return tuple(_transform(cursor) for _ in range(cursor.length()))
+
+
+def _transform(cursor: CdrCursor) -> PlanarTransform:
+    header, child = read_header(cursor), cursor.text()
+    return PlanarTransform(read_planar_pose(cursor, header), child)

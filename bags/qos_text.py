@@ -6,7 +6,6 @@ import yaml
 
 from bags.qos import QosProfile
 
-
 _HISTORY: dict[Any, Literal["keep_last", "keep_all"]] = {
     1: "keep_last",
     2: "keep_all",

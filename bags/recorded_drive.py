@@ -84,7 +84,7 @@ class DriveBuilder:
             position_m=pose[:, 1:],
             intent_time_s=intent[:, 0],
             intent_action=intent[:, 1].astype(np.int64),
-            episodes=_spans(self._marks, float(pose[-1, 0]) if len(pose) else 0.0),
+            episodes=spans_of_marks(self._marks, float(pose[-1, 0]) if len(pose) else 0.0),
             source=self._source,
         )
 
@@ -112,7 +112,7 @@ def _unique(rows: FloatArray) -> FloatArray:
     return rows[first]
 
 
-def _spans(
+def spans_of_marks(
     marks: list[tuple[float, str, dict[str, str]]], last_pose_s: float
 ) -> tuple[EpisodeSpan, ...]:
     """Start and end marks as spans; one without an end is cut off at the next start or the end."""

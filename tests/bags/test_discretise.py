@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from bags import discretise
 from bags.discretise import decisions_from_bag, decisions_from_drive
 from bags.errors import BagError
-from bags.recorded_drive import EpisodeSpan, RecordedDrive
+from bags.reader import BagReader
+from bags.recorded_drive import DriveBuilder, EpisodeSpan, RecordedDrive, read_drive
 from bags.writer import BagWriter
 from serd_core.grid import Action, Grid
 
@@ -207,3 +208,19 @@ def test_numbers_that_are_not_finite_get_a_sentence(recorded_bag, messages, bad)
     recorded_bag.close()
     with pytest.raises(BagError, match=r"a pose that is not finite at 107.0 s"):
         decisions_from_bag(recorded_bag.directory, GRID, PERIOD_S)
+
+
+def test_live_messages_give_the_same_drive_as_the_file(recorded_bag):
+    recorded_bag.close()
+    live = DriveBuilder("bag drive")
+    takers = {
+        "/robot_pose": live.add_pose,
+        "/intent": live.add_intent,
+        "/episode": live.add_mark,
+    }
+    for message in BagReader(recorded_bag.directory).messages():
+        takers[message.topic](message.data, message.log_time_ns)
+    from_file, from_topics = read_drive(recorded_bag.directory), live.drive()
+    assert from_topics.episodes == from_file.episodes
+    for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
+        assert np.array_equal(getattr(from_topics, name), getattr(from_file, name))

@@ -1,0 +1,27 @@
+"""The small file that says where in somebody's bag the poses, actions and episodes are."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from storage.yaml_config import StrictModel
+
+
+class BagMapping(StrictModel):
+    """pose_topic: PoseStamped, PoseWithCovarianceStamped or Odometry.
+
+    frame: frame of the grid; poses in another are brought there by /tf; empty: as they are.
+    action_from, action_topic: `intent` (Vector3Stamped), `velocity` (Twist or TwistStamped) or
+    `waypoint` (PoseStamped).
+    episode_topic: marks as our recorder writes them; empty: every stretch without a gap is one.
+    """
+
+    pose_topic: str = "robot_pose"
+    frame: str = ""
+    action_from: Literal["intent", "velocity", "waypoint"] = "intent"
+    action_topic: str = "intent"
+    episode_topic: str = ""
+    hold_s: float = Field(default=0.5, gt=0)
+    minimum_speed_mps: float = Field(default=0.05, ge=0)
+    waypoint_reached_m: float = Field(default=0.25, ge=0)
+    longest_gap_s: float = Field(default=0.5, gt=0)

@@ -1,0 +1,194 @@
+"""Anybody's bag by a mapping file: frames, clocks, inferred actions, a fitted grid."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bags.discretise import decisions_from_drive
+from bags.errors import BagError
+from bags.fitted_grid import grid_around
+from bags.inferred_actions import actions_of_velocities, actions_of_waypoints
+from bags.mapped_drive import read_mapped_drive
+from bags.mapping import BagMapping
+from bags.plain_messages import Header, PlanarPose, PlanarTransform
+from bags.transforms import TransformTree, composed, inverse
+from bags.writer import BagWriter
+from serd_core.grid import Action
+from storage.yaml_config import yaml_model
+
+REAL_BAG = Path(__file__).parents[2].parent / "shared" / "data" / "bags" / "test-bag"
+POSE = "geometry_msgs/msg/PoseStamped"
+TWIST = "geometry_msgs/msg/Twist"
+TF = "tf2_msgs/msg/TFMessage"
+number = st.floats(-10, 10)
+pose_of_numbers = st.tuples(number, number, number)
+
+
+def transform(parent, child, time_s, x, y, yaw):
+    header = Header(round(time_s * 1e9), parent)
+    return PlanarTransform(PlanarPose(header, x, y, yaw), child)
+
+
+def velocity_actions(commands, yaw_rad=0.0, hold_s=0.5):
+    """Actions at 0 s and 2 s for commands (time, forward, left)."""
+    rows = np.array(commands, dtype=float).reshape(-1, 3)
+    actions = actions_of_velocities(
+        decision_time_s=np.array([0.0, 2.0]),
+        period_s=2.0,
+        command_time_s=rows[:, 0],
+        command_mps=rows[:, 1:],
+        pose_time_s=np.array([0.0, 4.0]),
+        yaw_rad=np.full(2, yaw_rad),
+        hold_s=hold_s,
+    )
+    return actions.tolist()
+
+
+def test_velocity_commands_mean_the_direction_they_drive_to():
+    steady = [(0.1 * tick, 0.5, 0.0) for tick in range(41)]
+    assert velocity_actions(steady) == [Action.EAST, Action.EAST]
+    assert velocity_actions(steady, math.pi / 2) == [Action.NORTH, Action.NORTH]
+    assert velocity_actions(steady, math.pi) == [Action.WEST, Action.WEST]
+    backwards = [(time_s, -speed, left) for time_s, speed, left in steady]
+    assert velocity_actions(backwards) == [Action.WEST, Action.WEST]
+
+
+def test_a_command_that_is_not_repeated_ends_after_its_hold_time():
+    assert velocity_actions([(0.0, 0.5, 0.0)]) == [Action.EAST, Action.WAIT]
+    assert velocity_actions([(0.0, 0.5, 0.0)], hold_s=0.1) == [Action.WAIT, Action.WAIT]
+    assert velocity_actions([]) == [Action.WAIT, Action.WAIT]
+
+
+def test_waypoints_mean_the_direction_to_them():
+    actions = actions_of_waypoints(
+        position_m=np.zeros((3, 2)),
+        waypoint_m=np.array([[1.0, 0.2], [0.1, -0.8], [0.1, 0.1]]),
+        reached_m=0.25,
+    )
+    assert actions.tolist() == [Action.EAST, Action.SOUTH, Action.WAIT]
+
+
+@given(pose_of_numbers, pose_of_numbers)
+def test_a_transform_and_its_inverse_cancel(outer, inner):
+    outer, inner = np.array([outer]), np.array([inner])
+    back = composed(inverse(outer), composed(outer, inner))
+    np.testing.assert_allclose(back, inner, atol=1e-9)
+
+
+def test_poses_go_through_a_moving_and_a_static_frame():
+    tree = TransformTree()
+    tree.add(transform("map", "odom", 0.0, 1.0, 0.0, 0.0), static=False)
+    tree.add(transform("map", "odom", 2.0, 1.0, 2.0, math.pi / 2), static=False)
+    tree.add(transform("map", "other", 0.0, 0.0, 5.0, 0.0), static=True)
+    poses, times_s = np.array([[1.0, 0.0, 0.0]] * 2), np.array([0.0, 2.0])
+    into_map = tree.into("map", "/odom", poses, times_s)
+    np.testing.assert_allclose(into_map, [[2.0, 0.0, 0.0], [1.0, 3.0, math.pi / 2]], atol=1e-12)
+    into_other = tree.into("other", "odom", poses, times_s)
+    np.testing.assert_allclose(into_other[:, :2], [[2.0, -5.0], [1.0, -2.0]], atol=1e-12)
+    np.testing.assert_allclose(tree.into("odom", "map", into_map, times_s), poses, atol=1e-12)
+
+
+def test_frames_that_are_not_joined_get_a_sentence():
+    tree = TransformTree()
+    tree.add(transform("map", "odom", 0.0, 0.0, 0.0, 0.0), static=False)
+    with pytest.raises(BagError, match=r"'base' must be joined with 'mpa' by /tf.*mean 'map'"):
+        tree.into("mpa", "base", np.zeros((1, 3)), np.zeros(1))
+
+
+@given(st.lists(st.tuples(number, number), min_size=1, max_size=20), st.integers(0, 2))
+def test_a_fitted_grid_holds_every_position(places, margin):
+    grid = grid_around(np.array(places), 0.5, margin)
+    assert (grid.states_at(places) >= 0).all()
+
+
+def twist(messages, x):
+    make = messages.make
+    zero = make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+    return messages.encode(make(TWIST, make("geometry_msgs/msg/Vector3", x, 0.0, 0.0), zero), TWIST)
+
+
+def tf(messages, time_s, x):
+    make = messages.make
+    moved = make(
+        "geometry_msgs/msg/Transform",
+        make("geometry_msgs/msg/Vector3", x, 0.0, 0.0),
+        make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
+    )
+    stamped = make(
+        "geometry_msgs/msg/TransformStamped", messages.header(time_s, "map"), "odom", moved
+    )
+    return messages.encode(make(TF, [stamped]), TF)
+
+
+@pytest.fixture
+def foreign_bag(tmp_path, messages):
+    """A robot that looks north and drives so, in a frame 10 m off the map, at ten times real time:
+    stamps are simulated time, log times wall time, velocity commands have no stamp."""
+    with BagWriter(tmp_path / "foreign") as writer:
+        writer.add_topic("/robot/pose", POSE)
+        writer.add_topic("/robot/cmd_vel", TWIST)
+        writer.add_topic("/tf", TF)
+        for tick in range(81):
+            time_s = 50.0 + 0.1 * tick
+            log_ns = 10**18 + tick * 10**7
+            writer.write("/tf", tf(messages, time_s, 10.0), log_ns)
+            data = messages.pose(time_s, 0.5, 0.5 + 0.05 * tick, frame="odom")
+            writer.write("/robot/pose", data, log_ns)
+            if tick < 40:
+                writer.write("/robot/cmd_vel", twist(messages, 0.5), log_ns)
+    return tmp_path / "foreign"
+
+
+def test_simulated_time_and_frames_are_put_right(foreign_bag):
+    mapping = BagMapping(
+        pose_topic="/robot/pose",
+        frame="map",
+        action_from="velocity",
+        action_topic="cmd_vel",
+        minimum_speed_mps=0.15,  # the last command is held for 0.4 s of the third period
+    )
+    drive = read_mapped_drive(foreign_bag, mapping, 2.0)
+    decisions, report = decisions_from_drive(drive, grid_around(drive.position_m, 1.0), 2.0)
+    assert drive.position_m[0].tolist() == [10.5, 0.5]
+    assert decisions.time_s.tolist() == [50.0, 52.0, 54.0, 56.0]
+    assert decisions.action.tolist() == [Action.NORTH] * 2 + [Action.WAIT] * 2
+    assert report.dropped == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("pose_topic: /tf\naction_topic: cmd_vel", "pose_topic /tf must be of one of the types"),
+        ("pose_topic: pose\naction_topic: cmd_vel", "must carry Twist or TwistStamped .velocity."),
+        ("pose_topic: nose\naction_topic: cmd_vel", "must hold the topic 'nose', it holds /rob"),
+        (
+            "pose_topic: pose\naction_from: velocity\naction_topic: cmd_vel\nframe: world",
+            "frame 'odom' must be joined with 'world' by /tf",
+        ),
+    ],
+)
+def test_a_mapping_that_does_not_fit_the_bag_gets_a_sentence(foreign_bag, text, sentence):
+    with pytest.raises(BagError, match=sentence):
+        read_mapped_drive(foreign_bag, yaml_model(text, BagMapping, name="x.yaml"), 2.0)
+
+
+@pytest.mark.skipif(
+    not REAL_BAG.is_dir(), reason="the real robot bag is not in ../shared/data/bags"
+)
+def test_the_real_robot_becomes_demonstrations():
+    mapping = BagMapping(
+        pose_topic="/odom", action_from="velocity", action_topic="/cmd_vel", longest_gap_s=1.0
+    )
+    drive = read_mapped_drive(REAL_BAG, mapping, 2.0)
+    grid = grid_around(drive.position_m, 0.5)
+    decisions, report = decisions_from_drive(drive, grid, 2.0, longest_gap_s=1.0)
+    assert len(drive.pose_time_s) == 290
+    assert report.n_decisions == len(decisions) >= 25
+    assert report.n_intents == math.ceil((drive.pose_time_s[-1] - drive.pose_time_s[0]) / 2.0)
+    moved = decisions.select(decisions.state != decisions.next_state)
+    assert len(moved) >= 4
+    assert set(decisions.action) > {Action.WAIT}
