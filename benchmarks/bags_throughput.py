@@ -1,0 +1,154 @@
+"""Bags: messages per second written, read and turned into decisions, against the rosbags library.
+
+The long drive has poses, intents and people at the rates of the hallway; memory is the peak of a
+process of its own that reads a bag of two gigabytes, above that of one that reads a small bag.
+"""
+
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from bags.check import check_bag
+from bags.discretise import decisions_from_bag
+from bags.reader import BagReader
+from bags.writer import BagWriter
+from benchmarks.report import Row, save
+from serd_core.grid import Grid
+
+_N_POSES = 200_000
+_PERIOD_S = 2.0
+_POSE_PERIOD_S = 0.05
+_GRID = Grid((0.0, 0.0), 1.0, np.ones((6, 24), dtype=bool))
+_POSE = "geometry_msgs/msg/PoseStamped"
+_VECTOR = "geometry_msgs/msg/Vector3Stamped"
+_DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+_BYTES = "std_msgs/msg/UInt8MultiArray"
+_BLOCK = 1_000_000
+
+
+def run() -> None:
+    """Measure in a temporary folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        drive = Path(folder) / "drive"
+        n_messages, write_s = _write_drive(drive)
+        rows: list[Row] = [_row("write", "BagWriter", n_messages, write_s)]
+        for work, way, call in (
+            ("read bytes", "BagReader", lambda: _count(BagReader(drive).messages())),
+            ("read bytes", "rosbags", lambda: _read_with_rosbags(drive, decode=False)),
+            ("read and decode", "rosbags", lambda: _read_with_rosbags(drive, decode=True)),
+            ("read and discretise", "decisions_from_bag", lambda: _discretise(drive)),
+            ("check", "check_bag", lambda: check_bag(drive)),
+        ):
+            rows.append(_row(work, way, n_messages, _seconds(call)))
+        rows += [_memory_row(Path(folder), n_blocks) for n_blocks in (20, 2000)]
+    save("bags_throughput", "Messages per second, and memory while reading", rows)
+
+
+def _row(work: str, way: str, n_messages: int, seconds: float) -> Row:
+    return {"work": work, "by": way, "messages": n_messages, "messages/s": n_messages / seconds,
+            "peak memory (MB)": ""}  # fmt: skip
+
+
+def _seconds(call: Callable[[], object]) -> float:
+    start_s = time.perf_counter()
+    call()
+    return time.perf_counter() - start_s
+
+
+def _count(messages: object) -> int:
+    return sum(1 for _ in messages)  # type: ignore[attr-defined]
+
+
+def _discretise(drive: Path) -> None:
+    decisions, report = decisions_from_bag(drive, _GRID, _PERIOD_S)
+    assert len(decisions) == report.n_intents
+
+
+def _read_with_rosbags(drive: Path, *, decode: bool) -> None:
+    with AnyReader([drive]) as reader:
+        for connection, _, data in reader.messages():
+            if decode:
+                reader.deserialize(data, connection.msgtype)
+
+
+def _write_drive(folder: Path) -> tuple[int, float]:
+    """(messages, seconds) of a drive up and down the hallway; encoding is not counted."""
+    rows = _drive_messages()
+    start_s = time.perf_counter()
+    with BagWriter(folder) as writer:
+        for topic, kind in (
+            ("/robot_pose", _POSE),
+            ("/intent", _VECTOR),
+            ("/episode", _DIAGNOSTICS),
+        ):
+            writer.add_topic(topic, kind)
+        for topic, data, time_ns in rows:
+            writer.write(topic, data, time_ns)
+    return len(rows), time.perf_counter() - start_s
+
+
+def _drive_messages() -> list[tuple[str, bytes, int]]:
+    store = get_typestore(Stores.ROS2_JAZZY)
+
+    def make(name: str, *values: object) -> object:
+        return store.types[name](*values)
+
+    def header(time_s: float) -> object:
+        time_ns = round(time_s * 1e9)
+        stamp = make("builtin_interfaces/msg/Time", time_ns // 10**9, time_ns % 10**9)
+        return make("std_msgs/msg/Header", stamp, "map")
+
+    def mark(time_s: float, event: str, outcome: str) -> bytes:
+        pairs = [
+            make("diagnostic_msgs/msg/KeyValue", key, value)
+            for key, value in (("episode", "0"), ("outcome", outcome))
+        ]
+        status = make("diagnostic_msgs/msg/DiagnosticStatus", 0, "episode", event, "", pairs)
+        return bytes(
+            store.serialize_cdr(make(_DIAGNOSTICS, header(time_s), [status]), _DIAGNOSTICS)
+        )
+
+    turned = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
+    east = make("geometry_msgs/msg/Vector3", 1.0, 0.0, 0.0)
+    rows = [("/episode", mark(0.0, "start", ""), 0)]
+    for tick in range(_N_POSES):
+        time_s = tick * _POSE_PERIOD_S
+        time_ns = round(time_s * 1e9)
+        x = 0.5 + 11.5 * (1.0 - np.cos(time_s / 40.0))
+        place = make("geometry_msgs/msg/Point", float(x), 2.5, 0.0)
+        pose = make(_POSE, header(time_s), make("geometry_msgs/msg/Pose", place, turned))
+        rows.append(("/robot_pose", bytes(store.serialize_cdr(pose, _POSE)), time_ns))
+        if tick % 40 == 0:
+            intent = make(_VECTOR, header(time_s), east)
+            rows.append(("/intent", bytes(store.serialize_cdr(intent, _VECTOR)), time_ns))
+    end_s = _N_POSES * _POSE_PERIOD_S - _POSE_PERIOD_S
+    rows.append(("/episode", mark(end_s, "end", "arrived"), round(end_s * 1e9)))
+    return rows
+
+
+def _memory_row(folder: Path, n_blocks: int) -> Row:
+    """Peak memory of a process that reads that many blocks of a megabyte."""
+    bag = folder / f"large_{n_blocks}"
+    with BagWriter(bag, max_file_bytes=500_000_000) as writer:
+        writer.add_topic("/blocks", _BYTES)
+        for number in range(n_blocks):
+            writer.write("/blocks", bytes(_BLOCK), number)
+    command = [sys.executable, "-m", "benchmarks.bags_throughput", str(bag)]
+    start_s = time.perf_counter()
+    output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    seconds = time.perf_counter() - start_s
+    row = dict(_row(f"read {n_blocks} MB", "BagReader", n_blocks, seconds))
+    return row | {"peak memory (MB)": float(output)}
+
+
+if __name__ == "__main__":
+    _count(BagReader(Path(sys.argv[1])).messages())
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
