@@ -16,6 +16,11 @@ from sim.scenario import load_scenario
 _DEFAULT = DemoSettings()
 
 
+def register(app: typer.Typer) -> None:
+    """Add the subcommand."""
+    app.command()(demo)
+
+
 def demo(
     output: Annotated[Path, typer.Option(help="folder that gets a run-N folder")] = Path(
         "demo_output"

@@ -13,6 +13,11 @@ from serd_cli.workspace import ros_environment
 from serd_ros.graph import find_stack, load_graph
 
 
+def register(app: typer.Typer) -> None:
+    """Add the subcommand."""
+    app.command()(launch)
+
+
 def launch(
     stack: Annotated[str, typer.Argument(help="stack to start; --list shows them")] = "",
     assignments: Annotated[

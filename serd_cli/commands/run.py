@@ -9,6 +9,12 @@ from serd_cli.executables import find_executable
 from serd_cli.workspace import ros_environment
 
 
+def register(app: typer.Typer) -> None:
+    """Add the subcommand; all that follows the executable is passed on."""
+    settings = {"allow_extra_args": True, "ignore_unknown_options": True}
+    app.command(context_settings=settings)(run)
+
+
 def run(
     context: typer.Context,
     package: Annotated[str, typer.Argument(help="ROS package, for example serd_ros")],

@@ -1,0 +1,149 @@
+"""`serd experiment NAME`: one subcommand per experiment, one option per setting of its config."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import MISSING, Field, fields
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+
+import typer
+from pydantic import TypeAdapter, ValidationError
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from experiments.catalogue import EXPERIMENTS, Experiment
+from experiments.repetitions import Execution, Row
+from serd_cli.errors import UsageError
+from serd_cli.terminal import console, progress_console
+
+_SIMPLE = (int, float, str, Path, bool)
+_OWN = {
+    "output": Annotated[Path, typer.Option(help="folder for tables and figures")],
+    "jobs": Annotated[int, typer.Option(help="processes at a time, -1 for all cores")],
+    "backend": Annotated[str, typer.Option(help="joblib backend: loky, dask or ray")],
+}
+
+
+def register(app: typer.Typer) -> None:
+    """Add one subcommand per experiment."""
+    group = typer.Typer(no_args_is_help=True, help="Run an experiment of the thesis.")
+    group.callback()(lambda: None)
+    for experiment in EXPERIMENTS:
+        group.command(experiment.name)(command_of(experiment))
+    app.add_typer(group, name="experiment")
+
+
+def command_of(experiment: Experiment) -> Callable[..., None]:
+    """A function whose signature Typer turns into the subcommand's options."""
+    settings = _settings(experiment)
+
+    def command(output: Path, jobs: int, backend: str, **texts: str | None) -> None:
+        given = {
+            name: _value(name, texts[name], settings[name][1])
+            for name in settings
+            if texts[name] is not None
+        }
+        missing = [name for name, (field, _) in settings.items() if _required(field)]
+        for name in missing:
+            if name not in given:
+                raise UsageError(f"--{name.replace('_', '-')} must be given for {experiment.name}")
+        _run(experiment, experiment.config(**given), output, Execution(jobs, backend))
+
+    own_defaults: dict[str, Any] = {
+        "output": Path("experiment_output") / experiment.name,
+        "jobs": -1,
+        "backend": "loky",
+    }
+    annotations: dict[str, Any] = {**_OWN}
+    for name, (field, _) in settings.items():
+        annotations[name] = Annotated[str | None, typer.Option(*_flags(name), help=_help(field))]
+    command.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [
+            inspect.Parameter(
+                name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=own_defaults.get(name),
+                annotation=kind,
+            )
+            for name, kind in annotations.items()
+        ]
+    )
+    command.__annotations__ = annotations
+    command.__doc__ = experiment.shows[0].upper() + experiment.shows[1:] + "."
+    return command
+
+
+def _run(experiment: Experiment, config: Any, output: Path, execution: Execution) -> None:
+    bar = Progress(
+        TextColumn(experiment.name),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=progress_console,
+    )
+    with bar:
+        task = bar.add_task("", total=None)
+        rows = experiment.run(
+            config,
+            output,
+            execution,
+            lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    _show(experiment, rows)
+    print(f"results: {output.resolve()}")
+
+
+def _show(experiment: Experiment, rows: list[Row]) -> None:
+    table = Table(title=experiment.shows, title_justify="left")
+    for column in rows[0]:
+        table.add_column(column)
+    for row in rows:
+        table.add_row(*(_text(value) for value in row.values()))
+    console.print(table)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return ""
+    return f"{value:.4f}" if isinstance(value, float) else str(value)
+
+
+def _settings(experiment: Experiment) -> dict[str, tuple[Field[Any], Any]]:
+    """Fields of the config that can be typed, with their types."""
+    hints = get_type_hints(experiment.config)
+    found = {field.name: (field, hints[field.name]) for field in fields(experiment.config)}
+    return {name: each for name, each in found.items() if _typeable(each[1])}
+
+
+def _typeable(kind: Any) -> bool:
+    if get_origin(kind) in (Union, UnionType, tuple):
+        return all(each in (*_SIMPLE, type(None), Ellipsis) for each in get_args(kind))
+    return kind in _SIMPLE
+
+
+def _value(name: str, text: str | None, kind: Any) -> Any:
+    parts: Any = (text or "").split(",") if get_origin(kind) is tuple else text
+    try:
+        return TypeAdapter(kind).validate_python(parts)
+    except ValidationError as error:
+        rule = error.errors()[0]["msg"]
+        raise UsageError(f"--{name.replace('_', '-')} {text}: {rule}") from None
+
+
+def _flags(name: str) -> list[str]:
+    """`--n-bins` and, shorter, `--bins`."""
+    flags = [f"--{name.replace('_', '-')}"]
+    return [*flags, f"--{name[2:].replace('_', '-')}"] if name.startswith("n_") else flags
+
+
+def _required(field: Field[Any]) -> bool:
+    return field.default is MISSING and field.default_factory is MISSING
+
+
+def _help(field: Field[Any]) -> str:
+    if _required(field):
+        return "required"
+    default = field.default
+    text = ",".join(map(str, default)) if isinstance(default, tuple) else str(default)
+    return f"default {text}"

@@ -1,0 +1,31 @@
+"""`serd experiment`: settings as options, results as files, faults as sentences."""
+
+import pytest
+
+from serd_cli.errors import UsageError
+from serd_cli.main import make_app
+
+
+def run(*words):
+    make_app("experiment")(["experiment", *words], standalone_mode=False)
+
+
+def test_an_experiment_leaves_its_tables_and_figures(tmp_path, capsys):
+    folder = tmp_path / "out"
+    run("priors", "--points", "11", "--n-angles", "36", "--output", str(folder))
+    assert (folder / "surfaces.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / "optimal_distributions.csv").read_text().count("\n") > 4
+    assert capsys.readouterr().out.splitlines()[-1] == f"results: {folder}"
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("rust",), "--data must be given for rust"),
+        (("rust", "--data", ".", "--bins", "many"), "--n-bins many: Input should be a valid int"),
+        (("priors", "--extent", "wide"), "--extent wide: Input should be a valid number"),
+    ],
+)
+def test_a_wrong_setting_gets_a_sentence(words, sentence, tmp_path):
+    with pytest.raises(UsageError, match=sentence):
+        run(*words, "--output", str(tmp_path))
