@@ -36,6 +36,7 @@ _POSE_READERS: dict[str, Callable[[bytes], PlanarPose]] = {
 }
 _TF = {"/tf": False, "/tf_static": True}
 _UNMARKED = "unmarked"
+_STAMP_TOLERANCE_S = 1e-6
 
 
 def read_mapped_drive(
@@ -81,20 +82,20 @@ class _Collector:
         return RecordedDrive(time_s, poses[:, :2], intent_s, actions, spans, self._source)
 
     def _take(self, message: RawMessage) -> None:
-        log_s = message.log_time_ns * 1e-9
+        log_s = message.log_time_ns / 1e9
         if message.topic in _TF:
             for each in transforms(message.data):
                 self._tree.add(each, static=_TF[message.topic])
         if message.topic == self._pose_topic:
             pose = self._read_pose(message.data)
             self._pose_frame = pose.header.frame.lstrip("/")
-            stamp_s = (pose.header.stamp_ns or message.log_time_ns) * 1e-9
+            stamp_s = (pose.header.stamp_ns or message.log_time_ns) / 1e9
             self._poses.extend((log_s, stamp_s, pose.x_m, pose.y_m, pose.yaw_rad))
         if message.topic == self._action_topic:
             self._actions.extend((log_s, *self._action_row(message)))
         if message.topic == self._mark_topic:
             report = diagnostic_array(message.data)
-            stamp_s = (report.header.stamp_ns or message.log_time_ns) * 1e-9
+            stamp_s = (report.header.stamp_ns or message.log_time_ns) / 1e9
             self._marks += [(stamp_s, each.message, each.values) for each in report.statuses]
 
     def _pose_reader(self, type_name: str) -> Callable[[bytes], PlanarPose]:
@@ -177,9 +178,9 @@ class _Collector:
 
 def _ticks(spans: tuple[EpisodeSpan, ...], period_s: float) -> FloatArray:
     """Decision times: every period from the start of each episode."""
-    ticks = [np.arange(span.start_s, span.end_s, period_s) for span in spans]
+    ticks = [np.arange(span.start_s, span.end_s - _STAMP_TOLERANCE_S, period_s) for span in spans]
     return np.concatenate(ticks) if ticks else np.zeros(0)
 
 
 def _stamp_s(stamp_ns: int) -> float:
-    return stamp_ns * 1e-9 if stamp_ns else float("nan")
+    return stamp_ns / 1e9 if stamp_ns else float("nan")

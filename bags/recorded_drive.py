@@ -52,12 +52,12 @@ class DriveBuilder:
     def add_pose(self, data: bytes, log_time_ns: int) -> None:
         """A geometry_msgs/PoseStamped."""
         stamp_ns, x_m, y_m = pose_position(data)
-        self._poses.extend(((stamp_ns or log_time_ns) * 1e-9, x_m, y_m))
+        self._poses.extend(((stamp_ns or log_time_ns) / 1e9, x_m, y_m))
 
     def add_intent(self, data: bytes, log_time_ns: int) -> None:
         """A geometry_msgs/Vector3Stamped."""
         vector = vector3_stamped(data)
-        time_s = (vector.header.stamp_ns or log_time_ns) * 1e-9
+        time_s = (vector.header.stamp_ns or log_time_ns) / 1e9
         try:
             action = action_of_direction(vector.x, vector.y)
         except SerdError as error:
@@ -67,7 +67,7 @@ class DriveBuilder:
     def add_mark(self, data: bytes, log_time_ns: int) -> None:
         """A diagnostic_msgs/DiagnosticArray with one status: start or end of an episode."""
         report = diagnostic_array(data)
-        time_s = (report.header.stamp_ns or log_time_ns) * 1e-9
+        time_s = (report.header.stamp_ns or log_time_ns) / 1e9
         for status in report.statuses:
             if status.name == EPISODE and status.message in ("start", "end"):
                 self._marks.append((time_s, status.message, status.values))

@@ -35,7 +35,7 @@ class TransformTree:
             self._samples.pop(child, None)
         self._parents[child] = parent
         samples = self._samples.setdefault(child, array("d"))
-        samples.extend((pose.header.stamp_ns * 1e-9, pose.x_m, pose.y_m, pose.yaw_rad))
+        samples.extend((pose.header.stamp_ns / 1e9, pose.x_m, pose.y_m, pose.yaw_rad))
         if static:
             self._static.add(child)
 
