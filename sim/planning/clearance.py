@@ -7,15 +7,21 @@ import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
 from sim.occupancy import WallDistanceRaster
-from sim.planning.nearby_people import PredictedPeople
 
 
 def gap_to_people_m(
-    x_m: FloatArray, y_m: FloatArray, people: PredictedPeople, reach_m: float
+    x_m: FloatArray,
+    y_m: FloatArray,
+    people_x_m: FloatArray,
+    people_y_m: FloatArray,
+    reach_m: float,
 ) -> FloatArray:
-    """Gap to the nearest person at each point; `reach_m` is the sum of the two radii."""
+    """Gap to the nearest of K people at each point; `reach_m` is the sum of the two radii.
+
+    people_x_m, people_y_m: (K, T), or (K, 1) for people who stand.
+    """
     nearest = np.full(x_m.shape, np.inf)
-    for person_x, person_y in zip(people.x_m, people.y_m, strict=True):
+    for person_x, person_y in zip(people_x_m, people_y_m, strict=True):
         away_x, away_y = x_m - person_x, y_m - person_y
         away_x *= away_x
         away_y *= away_y

@@ -10,10 +10,12 @@ from sim.observation import Observation
 
 @dataclass(frozen=True, eq=False)
 class PredictedPeople:
-    """x_m, y_m: (K, T) places of K people at the times asked for."""
+    """x_m, y_m: (K, T) places of K people at the times asked for; now_x_m, now_y_m: (K, 1)."""
 
     x_m: FloatArray
     y_m: FloatArray
+    now_x_m: FloatArray
+    now_y_m: FloatArray
 
     def __len__(self) -> int:
         return len(self.x_m)
@@ -29,7 +31,10 @@ def predict_nearby(
     if len(near) > most:
         near = near[np.argsort(squared[near], kind="stable")[:most]]
     position, velocity = observation.people_position_m[near], observation.people_velocity_mps[near]
+    now_x_m, now_y_m = position[:, :1], position[:, 1:]
     return PredictedPeople(
-        x_m=position[:, 0, None] + velocity[:, 0, None] * time_s,
-        y_m=position[:, 1, None] + velocity[:, 1, None] * time_s,
+        x_m=now_x_m + velocity[:, :1] * time_s,
+        y_m=now_y_m + velocity[:, 1:] * time_s,
+        now_x_m=now_x_m,
+        now_y_m=now_y_m,
     )

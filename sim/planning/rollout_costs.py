@@ -1,8 +1,9 @@
 """What a rollout costs: way left, walls and people near it. Shared by the planners.
 
 Positions are (..., T) arrays, costs (...). A rollout is `too close` at a time when the robot would
-touch a wall, or come nearer to a person than a small margin and than it would by standing still:
-being touched by somebody is no reason to stay.
+touch a wall, or come nearer to a person than a small margin: to one who walks straight on, or to
+one who stops where he is, for people do both. Being touched by somebody is no reason to stay: what
+counts is only what brings the robot nearer than standing still would.
 """
 
 from dataclasses import dataclass
@@ -18,13 +19,20 @@ from sim.planning.nearby_people import predict_nearby
 from sim.scenario import Scenario
 from sim.waypoint import Waypoint
 
+_NO_NEARER_M = 1e-3
+
 
 @dataclass(frozen=True)
 class CostSettings:
-    """Margins in metres between surfaces; weights of the terms; foresight_s: how soon matters."""
+    """Margins in metres between surfaces; weights of the terms; foresight_s: how soon matters.
 
-    wall_margin_m: float = 0.03
+    wall_margin_m: more than half the diagonal of a cell of the wall raster (0.035 m).
+    person_margin_m, stopped_margin_m: to somebody who walks straight on, and who stops.
+    """
+
+    wall_margin_m: float = 0.05
     person_margin_m: float = 0.08
+    stopped_margin_m: float = 0.02
     person_radius_m: float = 0.25
     people_range_m: float = 3.5
     max_people: int = 8
@@ -92,14 +100,22 @@ class RolloutCosts:
         )
         if not len(people):
             return np.zeros(x_m.shape[:-1]), np.zeros(x_m.shape, dtype=np.bool_)
-        reach_m = self._robot_radius_m + settings.person_radius_m
+        gap = self._gap(x_m, y_m, people.x_m, people.y_m)
+        gap_to_now = self._gap(x_m, y_m, people.now_x_m, people.now_y_m)
         here_x = np.full_like(self._time_s, observation.x_m)
         here_y = np.full_like(self._time_s, observation.y_m)
-        standing = gap_to_people_m(here_x, here_y, people, reach_m)
-        gap = gap_to_people_m(x_m, y_m, people, reach_m)
-        too_close = gap < np.minimum(settings.person_margin_m, standing - 1e-3)
+        standing = self._gap(here_x, here_y, people.x_m, people.y_m)
+        standing_now = self._gap(here_x, here_y, people.now_x_m, people.now_y_m)
+        too_close = gap < np.minimum(settings.person_margin_m, standing - _NO_NEARER_M)
+        too_close |= gap_to_now < np.minimum(settings.stopped_margin_m, standing_now - _NO_NEARER_M)
         np.maximum(gap, -settings.people_decay_m, out=gap)
         gap /= -settings.people_decay_m
         nearness = np.exp(gap, out=gap)
         nearness *= self._foresight
         return settings.people_weight * nearness.max(axis=-1), too_close
+
+    def _gap(
+        self, x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
+    ) -> FloatArray:
+        reach_m = self._robot_radius_m + self.settings.person_radius_m
+        return gap_to_people_m(x_m, y_m, people_x_m, people_y_m, reach_m)

@@ -60,6 +60,12 @@ def test_a_person_who_will_be_there_costs_and_is_too_close_then():
     assert cost[0] == pytest.approx(SETTINGS.people_weight * nearest, rel=1e-6)
 
 
+def test_where_somebody_is_now_is_too_close_even_if_that_person_seems_to_leave():
+    x_m, y_m = np.array([[2.5, 3.0]]), np.full((1, 2), 8.0)
+    _, too_close = COSTS.people(x_m, y_m, seen([(3.2, 8.0)], [(3.0, 0.0)]))
+    assert too_close.tolist() == [[False, True]]
+
+
 def test_alone_there_is_nobody_to_be_near():
     cost, too_close = COSTS.people(np.ones((3, 2)), np.ones((3, 2)), seen())
     assert cost.tolist() == [0.0, 0.0, 0.0]
