@@ -82,6 +82,8 @@ def _unpack(packed: bytes, compression: str, size: int) -> bytes:
         if compression == "":
             return packed
         if compression == "zstd":
+            if zstandard.frame_content_size(packed) > size:
+                raise BagError(f"a chunk must unpack to {size} bytes, its packing says more")
             return zstandard.ZstdDecompressor().decompress(packed, max_output_size=max(size, 1))
         if compression == "lz4":
             return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1))

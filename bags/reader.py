@@ -62,11 +62,12 @@ class BagReader:
             for found in self._other.messages(wanted):
                 yield RawMessage(*found)
             return
-        for file in self.layout.files:
-            yield from self._of_file(file, wanted)
+        scans = [McapScan(file) for file in self.layout.files]
+        for scan in scans:
+            yield from self._of_file(scan, wanted)
+        self._hold_against_metadata(sum(scan.n_messages for scan in scans))
 
-    def _of_file(self, file: Path, wanted: frozenset[str] | None) -> Iterator[RawMessage]:
-        scan = McapScan(file)
+    def _of_file(self, scan: McapScan, wanted: frozenset[str] | None) -> Iterator[RawMessage]:
         types: dict[int, str] = {}
         for channel, log_time_ns, publish_time_ns, data in scan.messages(wanted):
             name = types.get(channel.schema_id)
@@ -74,6 +75,13 @@ class BagReader:
                 name = types[channel.schema_id] = _type_name(scan.definitions, channel.schema_id)
             yield RawMessage(channel.topic, name, data, log_time_ns, publish_time_ns)
         self._take(scan.damage)
+
+    def _hold_against_metadata(self, found: int) -> None:
+        """The files may be sound and yet not those that belong to the bag."""
+        expected = (self.layout.metadata or {}).get("message_count", found)
+        if found != expected and not self.damage:
+            what = f"metadata.yaml tells of {expected} messages, the files hold {found}"
+            self._take([Damage(self.path, 0, what)])
 
     def _take(self, damage: list[Damage]) -> None:
         if damage and not self.tolerant:

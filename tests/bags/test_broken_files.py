@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from bags.errors import BagError
 from bags.mcap_format import MAGIC, RECORD_HEAD
@@ -134,3 +136,35 @@ def test_missing_and_foreign_files_get_a_sentence(small_bag, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(BagError, match=r"must hold .mcap or .db3 files, got none"):
         read(tmp_path / "empty", True)
+
+
+def test_blocks_of_zeros_as_power_loss_leaves_them_are_noticed(whole):
+    path, content, messages = whole
+    rng = np.random.default_rng(6)
+    for _ in range(60):
+        start, size = int(rng.integers(8, len(content))), int(rng.integers(16, 4096))
+        path.write_bytes(content[:start] + bytes(min(size, len(content) - start))
+                         + content[start + size :])  # fmt: skip
+        found, damage = read(path, True)
+        assert set(found) <= set(messages)
+        assert damage or found == messages
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+@given(st.binary(max_size=300), st.sampled_from([b"", MAGIC, MAGIC + b"\x01\x08" + bytes(15)]))
+def test_no_bytes_at_all_crash_the_reader(tmp_path_factory, tail, head):
+    path = tmp_path_factory.mktemp("noise") / "noise.mcap"
+    path.write_bytes(head + tail)
+    found, damage = read(path, True)
+    assert found == []
+    assert damage
+
+
+def test_metadata_that_tells_of_other_messages_is_noticed(small_bag):
+    folder = small_bag()
+    text = (folder / "metadata.yaml").read_text()
+    (folder / "metadata.yaml").write_text(text.replace("message_count: 69", "message_count: 70"))
+    with pytest.raises(BagError, match="tells of 70 messages, the files hold 69"):
+        read(folder, False)
+    found, damage = read(folder, True)
+    assert (len(found), len(damage)) == (69, 1)
