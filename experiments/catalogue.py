@@ -17,6 +17,7 @@ from experiments.figures.gridworld import environment_figure, measures_figure
 from experiments.figures.minimum_example import estimates_figure, likelihood_figure
 from experiments.figures.policy_cost import cost_figure
 from experiments.figures.priors import surfaces_figure
+from experiments.gridworld_learners import EXPERTS
 from experiments.gridworld_problem import true_dynamics
 from experiments.repetitions import Execution, Progress, Row, write_table
 from experiments.summary import quartiles, welch_test
@@ -109,7 +110,7 @@ def _gridworld(
 
 def _write_tests(config: gridworld.GridworldConfig, rows: list[Row], folder: Path) -> None:
     """Welch's t-test of each SERD learner against each other learner, where it is defined."""
-    learners = list(gridworld.EXPERTS[config.expert])
+    learners = list(EXPERTS[config.expert])
     serd = [name for name in learners if "SERD" in name]
     others = [name for name in learners if "SERD" not in name]
     for measure in ("log_likelihood", "transfer_log_likelihood"):

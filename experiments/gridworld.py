@@ -7,13 +7,13 @@ learner, with the four measures of the figures: log-likelihood of new demonstrat
 the dynamics, divergence of the policy, and log-likelihood in the transfer environment.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from experiments.gridworld_learners import EXPERTS, Estimate
 from experiments.gridworld_problem import Gridworld, gridworld, true_dynamics
 from experiments.landscape import (
     Landscape,
@@ -24,24 +24,10 @@ from experiments.landscape import (
 from experiments.landscape_image import image_brightness
 from experiments.repetitions import Execution, Progress, Row, run_repetitions
 from serd_core.arrays import FloatArray
-from serd_core.ascent.trust_region import TrustRegion
-from serd_core.beliefs import FixedBelief
 from serd_core.demonstrations import Decisions, state_action_counts
 from serd_core.errors import SerdError
 from serd_core.evaluation import dynamics_divergence, policy_divergence, policy_log_likelihood
-from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
-from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.learners.pm_serd import fit_pm_serd
-from serd_core.learners.relative_entropy_irl import (
-    fit_relative_entropy_irl,
-    hoeffding_thresholds,
-    sample_from_estimates,
-)
-from serd_core.parameters import Block
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
-from serd_core.priors.entropy import EntropyPrior
-from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import Prior, UniformPrior
 from serd_core.problem import TabularProblem
 from serd_core.simulation import sample_decisions
 
@@ -51,15 +37,6 @@ MEASURES = (
     "dynamics_divergence",
     "policy_divergence",
     "transfer_log_likelihood",
-)
-ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=150)
-#: Hoeffding's thresholds themselves allow all weights to be 0 up to fifty demonstrations.
-THRESHOLD_SHARE = 0.1
-FIXED = FixedBelief()
-#: Settles the common scale of rewards and temperature while the start is looked for.
-PM_SCALE = GaussianPrior(10.0, Block.REWARD)
-REGULARISATION = (
-    GaussianPrior(10.0, Block.REWARD) + GaussianPrior(10.0, Block.POLICY) + EntropyPrior(0.01)
 )
 
 
@@ -98,25 +75,12 @@ class GridworldConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
-    """What a learner found, as far as the measures need it."""
-
-    weights: FloatArray
-    dynamics: FloatArray
-    temperature: float | None
-    converged: bool
-
-
-@dataclass(frozen=True, eq=False)
 class Scene:
     """An environment with its true policy and new demonstrations to be explained."""
 
     world: Gridworld
     policy: FloatArray
     test: Decisions
-
-
-Learner = Callable[[TabularProblem, Decisions, int, np.random.Generator], Estimate]
 
 
 def run_gridworld(
@@ -218,64 +182,3 @@ def _demonstrate(
 def _nothing() -> Decisions:
     empty = np.zeros(0, dtype=np.int64)
     return Decisions(empty, empty.astype(np.float64), empty, empty, empty)
-
-
-def _mdce_serd(
-    problem: TabularProblem, seen: Decisions, n_steps: int, rng: np.random.Generator
-) -> Estimate:
-    del n_steps
-    first = fit_mdce_serd(problem, seen, rng=rng, belief=FIXED, ascent=ASCENT)
-    fit = fit_mdce_serd(problem, seen, initial_weights=first.reward_weights, ascent=ASCENT)
-    return Estimate(fit.reward_weights, fit.outcome_probabilities, None, fit.converged)
-
-
-def _pm_serd(
-    prior: Prior,
-    problem: TabularProblem,
-    seen: Decisions,
-    n_steps: int,
-    rng: np.random.Generator,
-) -> Estimate:
-    del n_steps
-    first = fit_pm_serd(problem, seen, rng=rng, belief=FIXED, prior=prior + PM_SCALE, ascent=ASCENT)
-    fit = fit_pm_serd(
-        problem,
-        seen,
-        initial_weights=first.reward_weights,
-        initial_temperature=first.temperature,
-        prior=prior,
-        ascent=ASCENT,
-    )
-    return Estimate(fit.reward_weights, fit.outcome_probabilities, fit.temperature, fit.converged)
-
-
-def _mdce_irl(
-    problem: TabularProblem, seen: Decisions, n_steps: int, rng: np.random.Generator
-) -> Estimate:
-    del n_steps
-    fit = fit_mdce_irl_by_likelihood(problem, seen, rng=rng, ascent=ASCENT)
-    return Estimate(fit.reward_weights, fit.outcome_probabilities, None, fit.converged)
-
-
-def _relative_entropy(
-    problem: TabularProblem, seen: Decisions, n_steps: int, rng: np.random.Generator
-) -> Estimate:
-    samples, policy = sample_from_estimates(problem, seen, n_episodes=500, n_steps=n_steps, rng=rng)
-    thresholds = THRESHOLD_SHARE * hoeffding_thresholds(
-        problem, len(seen.episodes), horizon=n_steps
-    )
-    fit = fit_relative_entropy_irl(
-        problem, seen, samples=samples, sampling_policy=policy, thresholds=thresholds, rng=rng
-    )
-    return Estimate(fit.reward_weights, fit.outcome_probabilities, None, fit.converged)
-
-
-IRL_LEARNERS: dict[str, Learner] = {"MDCE IRL": _mdce_irl, "REIRL": _relative_entropy}
-EXPERTS: dict[str, dict[str, Learner]] = {
-    "mdce": {"MDCE SERD": _mdce_serd} | IRL_LEARNERS,
-    "pm": {
-        "PM SERD": partial(_pm_serd, UniformPrior()),
-        "PM SERD, regularised": partial(_pm_serd, REGULARISATION),
-    }
-    | IRL_LEARNERS,
-}

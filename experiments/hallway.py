@@ -26,13 +26,13 @@ from serd_core.evaluation import (
     validation_log_likelihood,
 )
 from serd_core.fit_result import FitResult
-from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
-from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.learners.relative_entropy_irl import (
-    fit_relative_entropy_irl,
+from serd_core.learners.importance_samples import (
     hoeffding_thresholds,
     sample_from_estimates,
 )
+from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
+from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
 from serd_core.learners.staged_start import weights_under_initial_dynamics
 from serd_core.navigation import NavigationProblem
 from serd_core.parameters import Block

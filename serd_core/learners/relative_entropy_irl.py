@@ -20,19 +20,19 @@ wide: with few demonstrations they may allow every weight to be 0. Smaller ones 
     )
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.optimize
 
-from serd_core.arrays import FloatArray, float_array, weighted_counts
-from serd_core.demonstrations import Decisions, start_distribution
+from serd_core.arrays import FloatArray, float_array
+from serd_core.demonstrations import Decisions
 from serd_core.errors import SerdError
-from serd_core.estimation import estimate_dynamics
-from serd_core.learners.behavioural_cloning import clone_behaviour
+from serd_core.learners.importance_samples import hoeffding_thresholds, importance_log_weights
 from serd_core.learners.irl_result import IrlResult
-from serd_core.learners.serd import initial_weights_or_sample
+from serd_core.learners.serd import initial_dynamics_or_estimate, initial_weights_or_sample
 from serd_core.likelihood.observations import observe
 from serd_core.problem import Problem
-from serd_core.simulation import sample_decisions
 from serd_core.trajectories import feature_counts, trajectories_of
 
 
@@ -47,6 +47,7 @@ def fit_relative_entropy_irl(
     confidence: float = 0.95,
     initial_weights: FloatArray | None = None,
     rng: np.random.Generator | None = None,
+    dynamics: FloatArray | None = None,
     largest_weight: float = 100.0,
     gradient_tolerance: float = 1e-6,
     max_steps: int = 5_000,
@@ -55,111 +56,52 @@ def fit_relative_entropy_irl(
 
     samples: episodes made by `sampling_policy` (S, A); baseline_policy: (S, A), uniform if None.
     thresholds: (F,) epsilon, or None for Hoeffding's at `confidence`; zeros for exact matching.
+    dynamics: (M, K) reported with the weights, None for the M-estimate; the fit does not use them.
     Where the demonstrated features lie outside what the samples span, the dual grows without bound;
     weights then stop at `largest_weight` and the fit says that it did not converge.
     """
     observe(problem.mdp, decisions)
-    wanted = feature_counts(problem, decisions).mean(axis=0)
-    sampled = feature_counts(problem, samples)
-    log_weights = importance_log_weights(problem, samples, sampling_policy, baseline_policy)
-    slack = _thresholds(problem, decisions, thresholds, confidence)
-
-    def negative_dual(halves: FloatArray) -> tuple[float, FloatArray]:
-        weights = halves[: len(wanted)] - halves[len(wanted) :]
-        log_terms = log_weights + sampled @ weights
-        highest = float(log_terms.max())
-        share = np.exp(log_terms - highest)
-        log_z = highest + float(np.log(share.mean()))
-        gradient = wanted - share @ sampled / share.sum()
-        value = float(weights @ wanted) - log_z - float(np.tile(slack, 2) @ halves)
-        both = np.concatenate([gradient - slack, -gradient - slack])
-        return -value, -both
-
+    dual = SampledDual(
+        wanted=feature_counts(problem, decisions).mean(axis=0),
+        sampled=feature_counts(problem, samples),
+        log_weights=importance_log_weights(problem, samples, sampling_policy, baseline_policy),
+        thresholds=_thresholds(problem, decisions, thresholds, confidence),
+    )
     start = initial_weights_or_sample(problem, initial_weights, rng)
-    halves = np.concatenate([np.maximum(start, 0.0), np.maximum(-start, 0.0)])
     trace: list[float] = []
     found = scipy.optimize.minimize(
-        negative_dual,
-        halves,
+        dual.negative,
+        np.concatenate([np.maximum(start, 0.0), np.maximum(-start, 0.0)]),
         jac=True,
         method="L-BFGS-B",
-        bounds=[(0.0, largest_weight)] * len(halves),
+        bounds=[(0.0, largest_weight)] * (2 * len(start)),
         callback=lambda intermediate_result: trace.append(-float(intermediate_result.fun)),
         options={"gtol": gradient_tolerance, "ftol": 0.0, "maxiter": max_steps, "maxls": 40},
     )
-    return _result(problem, decisions, found, trace, gradient_tolerance, largest_weight)
+    table = initial_dynamics_or_estimate(problem, decisions, dynamics)
+    return _result(problem.feature_names, table, found, trace, gradient_tolerance, largest_weight)
 
 
-def sample_from_estimates(
-    problem: Problem,
-    decisions: Decisions,
-    *,
-    n_episodes: int,
-    n_steps: int,
-    rng: np.random.Generator,
-) -> tuple[Decisions, FloatArray]:
-    """Samples where only demonstrations exist, and the (S, A) policy that made them.
+@dataclass(frozen=True, eq=False)
+class SampledDual:
+    """g(theta) on samples. wanted: (F,) phi~; sampled: (N, F); log_weights: (N,) log U_Q / U_a."""
 
-    As in section 4.6.2: dynamics by M-estimate, policy by smoothed behavioural cloning.
-    """
-    policy = clone_behaviour(problem, decisions)
-    samples = sample_decisions(
-        problem.mdp,
-        policy,
-        estimate_dynamics(problem, decisions),
-        start_distribution(decisions, problem.mdp.n_states),
-        n_episodes=n_episodes,
-        n_steps=n_steps,
-        rng=rng,
-        source="sampled from estimates",
-    )
-    return samples, policy
+    wanted: FloatArray
+    sampled: FloatArray
+    log_weights: FloatArray
+    thresholds: FloatArray
 
-
-def importance_log_weights(
-    problem: Problem,
-    samples: Decisions,
-    sampling_policy: FloatArray,
-    baseline_policy: FloatArray | None = None,
-) -> FloatArray:
-    """(N,) log U_Q(tau) - log U_a(tau) of each sampled episode."""
-    available = problem.mdp.available
-    uniform = available / available.sum(axis=1, keepdims=True)
-    baseline = uniform if baseline_policy is None else baseline_policy
-    made_by = _chosen("sampling_policy", sampling_policy, available.shape, samples)
-    wanted_by = _chosen("baseline_policy", baseline, available.shape, samples)
-    episodes = trajectories_of(samples)
-    return weighted_counts(episodes.of_decision, np.log(wanted_by) - np.log(made_by), len(episodes))
-
-
-def hoeffding_thresholds(
-    problem: Problem, n_episodes: int, confidence: float = 0.95, horizon: float = np.inf
-) -> FloatArray:
-    """(F,) half-widths within which the mean discounted features lie with that confidence.
-
-    horizon: most decisions of an episode.
-    """
-    if not 0.0 < confidence < 1.0:
-        raise SerdError(f"confidence must be between 0 and 1, got {confidence}; use 0.95")
-    observable = problem.features[problem.mdp.available]
-    discount = problem.mdp.discount
-    longest = (1.0 - discount**horizon) / (1.0 - discount)
-    spread = (observable.max(axis=0) - observable.min(axis=0)) * longest
-    return np.asarray(spread * np.sqrt(np.log(2.0 / (1.0 - confidence)) / (2.0 * n_episodes)))
-
-
-def _chosen(
-    name: str, policy: FloatArray, shape: tuple[int, ...], samples: Decisions
-) -> FloatArray:
-    chosen = float_array(name, policy, shape)[samples.state, samples.action]
-    bad = np.flatnonzero(~(chosen > 0))
-    if bad.size:
-        first = int(bad[0])
-        raise SerdError(
-            f"{name} must be above 0 wherever the samples went, got {chosen[first]} for state"
-            f" {samples.state[first]}, action {samples.action[first]}; smooth that policy"
-        )
-    return chosen
+    def negative(self, halves: FloatArray) -> tuple[float, FloatArray]:
+        """-g and its gradient by the positive and negative parts of theta, (2 F,) in a row."""
+        weights = halves[: len(self.wanted)] - halves[len(self.wanted) :]
+        log_terms = self.log_weights + self.sampled @ weights
+        highest = float(log_terms.max())
+        share = np.exp(log_terms - highest)
+        log_z = highest + float(np.log(share.mean()))
+        gradient = self.wanted - share @ self.sampled / share.sum()
+        slack = float(np.tile(self.thresholds, 2) @ halves)
+        both = np.concatenate([gradient - self.thresholds, -gradient - self.thresholds])
+        return -(float(weights @ self.wanted) - log_z - slack), -both
 
 
 def _thresholds(
@@ -177,14 +119,14 @@ def _thresholds(
 
 
 def _result(
-    problem: Problem,
-    decisions: Decisions,
+    feature_names: tuple[str, ...],
+    dynamics: FloatArray,
     found: scipy.optimize.OptimizeResult,
     trace: list[float],
     gradient_tolerance: float,
     largest_weight: float,
 ) -> IrlResult:
-    n_features = len(problem.feature_names)
+    n_features = len(feature_names)
     # What is left of the gradient once parts held at their bound are taken out.
     free = np.where((found.x > 0) | (found.jac < 0), found.jac, 0.0)
     norm = float(np.max(np.abs(free)))
@@ -192,9 +134,9 @@ def _result(
     stuck = bool(np.any(found.x >= largest_weight))
     reason = "weights reached largest_weight; take more samples" if stuck else found.message
     return IrlResult(
-        feature_names=problem.feature_names,
+        feature_names=feature_names,
         reward_weights=found.x[:n_features] - found.x[n_features:],
-        outcome_probabilities=estimate_dynamics(problem, decisions),
+        outcome_probabilities=dynamics,
         objective=-float(found.fun),
         gradient_norm=norm,
         n_steps=int(found.nit),

@@ -5,13 +5,13 @@ import pytest
 from PIL import Image
 
 from experiments.gridworld import (
-    Estimate,
     GridworldConfig,
     measures,
     one_repetition,
     run_gridworld,
     scenes,
 )
+from experiments.gridworld_learners import Estimate
 from experiments.gridworld_problem import true_dynamics
 from experiments.repetitions import Execution
 from experiments.summary import quartiles, welch_test

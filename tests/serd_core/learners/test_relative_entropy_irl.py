@@ -3,13 +3,13 @@ import pytest
 
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
-from serd_core.learners.maxent_irl import TrajectoryModel
-from serd_core.learners.relative_entropy_irl import (
-    fit_relative_entropy_irl,
+from serd_core.learners.importance_samples import (
     hoeffding_thresholds,
     importance_log_weights,
     sample_from_estimates,
 )
+from serd_core.learners.maxent_irl import TrajectoryModel
+from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
 from serd_core.simulation import sample_decisions
 from serd_core.trajectories import feature_counts
 
