@@ -11,8 +11,9 @@ from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from sim.drivers import make_driver
@@ -113,7 +114,8 @@ def _results(
         yield from map(run_task, tasks)
         return
     # Spawned, not forked: a fork would share PyBullet's connections with the parent.
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    context = get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent) as pool:
         yield from _as_completed(pool, tasks)
 
 
@@ -126,6 +128,18 @@ def _as_completed(executor: Executor, tasks: list[EpisodeTask]) -> Iterator[Row]
         # After an error or Ctrl-C the episodes not yet begun are not run.
         for future in futures:
             future.cancel()
+
+
+def _end_with_parent() -> None:
+    """End this worker when the process that started it is gone, however that ended."""
+    Thread(target=_wait_for_parent, daemon=True).start()
+
+
+def _wait_for_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 class _Table:

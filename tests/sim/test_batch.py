@@ -1,7 +1,11 @@
 """Batches: one row per episode, resumable, the same over processes."""
 
 import math
+import subprocess
+import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
@@ -58,6 +62,46 @@ def test_any_executor_gives_the_same_rows(table, tmp_path):
     _, rows, _ = table
     with ThreadPoolExecutor(1) as executor:
         assert run_batch(TASKS, tmp_path / "three.csv", executor=executor) == rows
+
+
+KILLED_PROGRAM = """
+import multiprocessing, sys, threading, time
+from sim.batch import EpisodeTask, run_batch
+
+def tell():
+    while len(multiprocessing.active_children()) < 2:
+        time.sleep(0.05)
+    print(*(child.pid for child in multiprocessing.active_children()), flush=True)
+
+if __name__ == "__main__":
+    threading.Thread(target=tell, daemon=True).start()
+    run_batch([EpisodeTask("hallway", seed) for seed in range(200)], sys.argv[1], n_processes=2)
+"""
+
+
+def is_running(pid):
+    """Whether a process is there and no zombie."""
+    status = Path(f"/proc/{pid}/stat")
+    return status.exists() and status.read_text().rsplit(")", 1)[1].split()[0] != "Z"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_a_batch_that_is_killed_leaves_no_worker_behind(tmp_path):
+    program = tmp_path / "killed.py"
+    program.write_text(KILLED_PROGRAM)
+    with subprocess.Popen(
+        [sys.executable, str(program), str(tmp_path / "rows.csv")],
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        workers = [int(pid) for pid in process.stdout.readline().split()]
+        time.sleep(2.0)
+        process.kill()
+    assert len(workers) == 2
+    deadline = time.monotonic() + 20.0
+    while any(is_running(pid) for pid in workers) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not any(is_running(pid) for pid in workers)
 
 
 def test_a_file_that_is_no_table_of_episodes_is_refused(tmp_path):
