@@ -38,7 +38,6 @@ class Physics:
             _require_display()
         self.client = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
         self._robot_height_m = scenario.robot.height_m
-        self._step_s = scenario.control_period_s
         pybullet.setGravity(0, 0, 0, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=scenario.control_period_s,
