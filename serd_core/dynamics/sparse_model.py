@@ -81,7 +81,7 @@ class SparseModel(TransitionModel):
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """(n_parameters,) numbered."""
-        return tuple(f"dynamics parameter {i}" for i in range(self.parameter_count))
+        return tuple(f"parameter {i}" for i in range(self.parameter_count))
 
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
         """(E,) the user's probabilities, in the user's order."""

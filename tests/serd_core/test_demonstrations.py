@@ -39,6 +39,12 @@ def test_start_distribution_uses_the_first_decision_of_each_episode():
     np.testing.assert_allclose(start_distribution(five_decisions(), 4), [0.5, 0, 0.5, 0])
 
 
+def test_no_decisions_have_no_start():
+    nothing = five_decisions().select(np.zeros(5, bool))
+    with pytest.raises(SerdError, match="must hold at least one decision"):
+        start_distribution(nothing, 4)
+
+
 def test_columns_cannot_be_changed_afterwards():
     with pytest.raises(ValueError, match="read-only"):
         five_decisions().state[0] = 1

@@ -17,6 +17,8 @@ from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.problem import TabularProblem
 from serd_core.simulation import sample_decisions
+from serd_core.uncertainty.identifiability import identifiability
+from serd_core.uncertainty.information import fit_information
 
 
 def test_rewards_and_dynamics_are_recovered_from_many_decisions(make_gridworld):
@@ -222,12 +224,26 @@ def test_a_general_sparse_model_with_its_own_parameters_fits_the_same_learner():
         n_steps=20,
         rng=np.random.default_rng(1),
     )
-    fit = fit_mdce_serd(
-        problem, decisions, initial_weights=np.zeros(1), initial_dynamics=np.zeros(1)
-    )
-    assert fit.converged
-    assert fit.reward_weights[0] == pytest.approx(1.5, abs=0.1)
-    assert fit.outcome_parameters[0] == pytest.approx(0.4, abs=0.1)
+    fits = [
+        fit_mdce_serd(
+            problem,
+            decisions,
+            initial_weights=np.zeros(1),
+            initial_dynamics=np.zeros(1),
+            ascent=ascent,
+        )
+        for ascent in (Lbfgs(), TrustRegion())
+    ]
+    for fit in fits:
+        assert fit.converged
+        assert fit.reward_weights[0] == pytest.approx(1.5, abs=0.1)
+        assert fit.outcome_parameters[0] == pytest.approx(0.4, abs=0.1)
+    assert fits[1].n_steps < fits[0].n_steps
+    information = fit_information(problem, decisions, fits[1])
+    assert information.names == ("reward goal", "dynamics parameter 0")
+    assert identifiability(information).identified
+    with pytest.raises(SerdError, match="estimated for OutcomeModels only, got SparseModel"):
+        estimate_dynamics(problem, decisions)
 
 
 def test_wrong_starts_are_refused_by_name(gridworld):

@@ -1,0 +1,39 @@
+import numpy as np
+import pytest
+
+from serd_core.errors import SerdError
+from serd_core.policies.solved_policy import boltzmann_policy, optimal_policy, soft_policy
+from serd_core.solvers.value_iteration import ValueIteration
+
+
+def test_the_optimal_policy_takes_the_action_of_highest_value(gridworld):
+    problem, weights, table = gridworld.problem, gridworld.weights, gridworld.probabilities
+    found = optimal_policy(problem, weights, table)
+    assert found.converged
+    np.testing.assert_array_equal(found.greedy, found.q.argmax(axis=1))
+    np.testing.assert_array_equal(found.probabilities, np.eye(5)[found.greedy])
+    np.testing.assert_allclose(found.value, found.q.max(axis=1))
+
+
+def test_every_solver_gives_the_same_policy(gridworld):
+    arguments = (gridworld.problem, gridworld.weights, gridworld.probabilities)
+    for policy in (soft_policy, optimal_policy):
+        fast, slow = policy(*arguments), policy(*arguments, solver=ValueIteration())
+        np.testing.assert_allclose(fast.probabilities, slow.probabilities, atol=1e-8)
+        assert fast.error_bound < 1e-9
+
+
+def test_a_cold_expert_is_greedy_and_a_hot_one_is_indifferent(gridworld):
+    arguments = (gridworld.problem, gridworld.weights, gridworld.probabilities)
+    cold = boltzmann_policy(*arguments, 1e-6).probabilities
+    np.testing.assert_allclose(cold.max(axis=1), 1.0, atol=1e-6)
+    np.testing.assert_allclose(boltzmann_policy(*arguments, 1e9).probabilities, 0.2, atol=1e-6)
+
+
+def test_probabilities_that_are_none_are_refused_with_the_row(gridworld):
+    wrong = gridworld.probabilities.copy()
+    wrong[0, 0] = 0.9
+    with pytest.raises(SerdError, match=r"state 0, action 0 .* the row sums to 0.9"):
+        soft_policy(gridworld.problem, gridworld.weights, wrong)
+    with pytest.raises(SerdError, match=r"reward_weights must have shape \(2\), got \(1,\)"):
+        soft_policy(gridworld.problem, np.ones(1), gridworld.probabilities)
