@@ -62,6 +62,11 @@ class McapWriter:
         """Whether more can be appended."""
         return self._file.is_open
 
+    @property
+    def unwritten(self) -> dict[int, int]:
+        """Messages per channel that are not on the disk yet."""
+        return {channel: len(entries) for channel, entries in self._index.items()}
+
     def add_topic(self, topic: Topic) -> int:
         """Declare a topic; returns its channel number."""
         schema_id = self._schema_ids.get(topic.message_type) or self._add_schema(topic.message_type)

@@ -37,7 +37,8 @@ class RecorderSettings(StrictModel):
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """problem: why recording ended by itself, empty while all is well; n_lost: since then."""
+    """problem: why recording ended by itself, empty while all is well; n_lost: since then, and of
+    what was taken in the last flush period before."""
 
     recording: bool
     problem: str
@@ -172,11 +173,12 @@ class BagRecorder:
 
     def _finish(self) -> None:
         """Give the bag its end; on a disk that refuses it stays as it is and can be recovered."""
+        taken = self._writer.n_messages
         try:
             self._writer.close()
         except FileError as error:
             self._problem = self._problem or str(error)
-            self._writer.abandon()
+        self._n_lost += taken - self._writer.n_messages
 
     def _count_mark(self, data: bytes) -> None:
         try:

@@ -15,7 +15,7 @@ from bags.metadata_file import FILE_NAME, ROOT_KEY, FileSpan, bag_metadata, meta
 from bags.qos import RELIABLE, QosProfile
 from bags.topic import Topic
 from storage.atomic import atomic_write_text
-from storage.errors import disk_error
+from storage.errors import FileError, disk_error
 from storage.nearest import hint
 
 _LAST_TIME_NS = 2**63 - 1
@@ -133,14 +133,22 @@ class BagWriter:
         try:
             if self._file.is_open:
                 self._finish_file()
-            text = metadata_text({ROOT_KEY: self._metadata()})
+            text = metadata_text({ROOT_KEY: self._metadata(self._finished)})
             atomic_write_text(self.directory / FILE_NAME, text)
-        finally:
-            self._file.close()
+        except FileError:
+            self._failed = True
+            self.abandon()
+            raise
 
     def abandon(self) -> None:
-        """Close without an end, as after a crash: for a disk that takes nothing any more."""
+        """Close without an end, as after a crash: for a disk that takes nothing any more.
+
+        `counts` are then those of the messages that are on the disk.
+        """
         self._closed = True
+        unwritten = self._file.unwritten if self._file.is_open else {}
+        for name, channel in self._channels.items():
+            self.counts[name] -= unwritten.get(channel, 0)
         self._file.close()
 
     def __enter__(self) -> "BagWriter":
@@ -164,12 +172,13 @@ class BagWriter:
     def _finish_file(self) -> None:
         summary = self._file.summary
         times = (summary.first_ns, summary.last_ns) if summary.n_messages else (None, None)
-        self._finished.append(FileSpan(self._name, summary.n_messages, *times))
-        self._file.finish({"serialized_metadata": metadata_text(self._metadata())})
+        files = [*self._finished, FileSpan(self._name, summary.n_messages, *times)]
+        self._file.finish({"serialized_metadata": metadata_text(self._metadata(files))})
+        self._finished = files
 
-    def _metadata(self) -> dict[str, object]:
+    def _metadata(self, files: list[FileSpan]) -> dict[str, object]:
         topics = [(topic, self.counts[name]) for name, topic in self.topics.items()]
-        return bag_metadata(self._finished, topics, self._custom_data)
+        return bag_metadata(files, topics, self._custom_data)
 
 
 def _new_folder(directory: Path) -> Path:

@@ -91,6 +91,7 @@ def test_a_disk_that_refuses_is_reported_and_what_was_written_stays(
     recorder.poll()
     monkeypatch.undo()
     assert recorder.status.problem.startswith("cannot write")
+    assert (recorder.status.n_messages, recorder.status.n_lost) == (1, 1)
     assert not recorder.record("/robot_pose", messages.pose(3.0, 0.0, 0.0), 3 * 10**9)
     recorder.close()
     found = list(BagReader(tmp_path / "bag", tolerant=True).messages())

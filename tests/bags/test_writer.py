@@ -124,3 +124,25 @@ def test_a_full_disk_keeps_what_was_written_before(tmp_path, messages, monkeypat
     writer.abandon()
     reader = BagReader(tmp_path / "bag", tolerant=True)
     assert [message.log_time_ns for message in reader.messages()] == [10**9]
+
+
+def test_a_disk_that_fills_up_at_a_split_leaves_a_bag_that_can_be_read(
+    tmp_path, messages, monkeypatch
+):
+    writer = BagWriter(tmp_path / "bag", max_file_bytes=5000)
+    writer.add_topic("/robot_pose", POSE)
+    real = os.open
+
+    def refuse(path, flags, *rest, **options):
+        if str(path).endswith("_1.mcap"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return real(path, flags, *rest, **options)
+
+    monkeypatch.setattr(os, "open", refuse)
+    for number in range(100):
+        writer.write("/robot_pose", messages.pose(number, 0.0, 0.0), number)
+    with pytest.raises(BagError, match=r"bag_1.mcap: the disk is full"):
+        writer.flush()
+    assert writer.failed
+    writer.close()
+    assert len(list(BagReader(tmp_path / "bag").messages())) == 100

@@ -135,3 +135,12 @@ def test_values_survive_a_round_trip_through_text(values):
 def test_a_model_survives_a_round_trip_through_text():
     room = Room(length_m=1e-5, walls=(Wall(name="1e5"), Wall(name="no")), start_m=(0.1, -3.0))
     assert yaml_model(model_yaml(room), Room, name="x") == room
+
+
+@given(st.text())
+def test_any_text_is_a_model_or_a_sentence(text):
+    try:
+        yaml_model(text, Room, name="x.yaml")
+    except FileError as error:
+        assert str(error).startswith("x.yaml")
+        assert "\n" not in str(error)
