@@ -137,10 +137,11 @@ def test_a_model_survives_a_round_trip_through_text():
     assert yaml_model(model_yaml(room), Room, name="x") == room
 
 
-@given(st.text())
+@given(st.text() | st.text("length_mcoun:[]{}-.0123 \n&*!?|>'\"#%,"))
 def test_any_text_is_a_model_or_a_sentence(text):
+    sentence = ""
     try:
         yaml_model(text, Room, name="x.yaml")
     except FileError as error:
-        assert str(error).startswith("x.yaml")
-        assert "\n" not in str(error)
+        sentence = str(error)
+    assert not sentence or (sentence.startswith("x.yaml") and "\n" not in sentence)
