@@ -65,7 +65,7 @@ def test_a_wrong_rate_gets_a_sentence(rate):
 def test_every_message_comes_once_and_in_order(times_s, walls_s, rate):
     messages = recorded(*times_s)
     playback, wall_s, found, clock_ns = Playback(messages, rate=rate), 0.0, [], -1
-    for step_s in [*walls_s, 1e3]:
+    for step_s in [0.0, *walls_s, 1e3]:
         wall_s += step_s
         found += playback.due(wall_s)
         assert playback.bag_time_ns(wall_s) >= clock_ns
