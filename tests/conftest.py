@@ -1,10 +1,12 @@
-"""Settings for all tests: message field checks on, one numerical thread, a ROS domain per test."""
+"""Settings for all tests: message field checks, loopback, one thread, a ROS domain per test."""
 
 import os
 from collections.abc import Iterator
 from pathlib import Path
 
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 

@@ -96,7 +96,6 @@ def probing(environment: dict[str, str]) -> Iterator[Probe]:
 
 @pytest.fixture
 def probe(ros_env: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> Iterator[Probe]:
-    for name in ("FASTDDS_BUILTIN_TRANSPORTS", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOG_DIR"):
-        monkeypatch.setenv(name, ros_env[name])
+    monkeypatch.setenv("ROS_LOG_DIR", ros_env["ROS_LOG_DIR"])
     with probing(ros_env) as running:
         yield running

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -55,20 +54,15 @@ def test_a_wrong_parameter_ends_the_node_with_a_sentence(argument, sentence, ros
 
 
 @pytest.mark.ros
-def test_serd_run_becomes_the_node_and_passes_signals_and_exit_code_on(ros_env):
+def test_serd_run_becomes_the_node_and_passes_signals_and_exit_code_on(ros_env, probe):
     command = [SERD, "run", "serd_ros", "local_planner", "--ros-args", "-r", "__ns:=/lab"]
     process = subprocess.Popen(command, env=ros_env)
-    wait_for_command_line(process.pid, "lib/serd_ros/local_planner")
-    time.sleep(1.5)
+    nodes = probe.node.get_node_names_and_namespaces
+    probe.spin_until(lambda: ("local_planner", "/lab") in nodes())
+    command_line = Path(f"/proc/{process.pid}/cmdline").read_text()
+    assert "lib/serd_ros/local_planner" in command_line
     process.send_signal(signal.SIGINT)
     assert process.wait(15) == 0
-
-
-def wait_for_command_line(pid, text, limit_s=20.0):
-    deadline = time.monotonic() + limit_s
-    while text not in Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " "):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
 
 
 @pytest.mark.ros
