@@ -30,9 +30,9 @@ from serd_core.learners.irl_result import IrlResult, irl_result
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.serd import initial_dynamics_or_estimate, initial_weights_or_sample
 from serd_core.likelihood.observations import observe
+from serd_core.occupancy import state_action_occupancy
 from serd_core.priors.prior import Prior, UniformPrior, require_weight
 from serd_core.problem import Problem
-from serd_core.solvers.automatic import Automatic
 from serd_core.solvers.newton import Newton
 from serd_core.trajectories import feature_counts
 
@@ -112,11 +112,8 @@ def feature_expectation(
     problem: Problem, transitions: Transitions, policy: FloatArray, starts: FloatArray
 ) -> FloatArray:
     """(F,) expected discounted features phi(pi) from the (S,) start distribution."""
-    mdp = problem.mdp
-    data = mdp.policy_pattern.system_data(policy, transitions.entries, mdp.discount)
-    system = Automatic().prepare(mdp.policy_pattern, data)
-    occupancy = system.solve_transposed(starts)[:, None] * policy
-    return np.asarray(np.tensordot(occupancy, problem.features, axes=2))
+    visits = state_action_occupancy(problem.mdp, transitions, policy, starts)
+    return np.asarray(np.tensordot(visits, problem.features, axes=2))
 
 
 def _solve(
