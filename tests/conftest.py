@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
-os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
@@ -15,6 +13,7 @@ from domain_coordinator import domain_id
 
 from serd_cli.workspace import ros_environment
 
+os.environ.update(ros_environment(os.environ))
 ROOT = Path(__file__).resolve().parents[1]
 
 
