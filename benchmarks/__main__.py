@@ -2,9 +2,13 @@
 
 import argparse
 
-from benchmarks import gradient, lockstep
+from benchmarks import bags_throughput, gradient, lockstep
 
-BENCHMARKS = {"gradient": gradient.run, "lockstep": lockstep.run}
+BENCHMARKS = {
+    "bags_throughput": bags_throughput.run,
+    "gradient": gradient.run,
+    "lockstep": lockstep.run,
+}
 
 
 def main() -> None:
