@@ -38,7 +38,6 @@ class DriverConfig(StrictModel):
 
     scenario: str = Field(min_length=1)
     seed: int = Field(ge=0)
-    start_area: str
     episodes: int = Field(ge=1)
     timeout_s: float = Field(gt=0)
     required_nodes: tuple[str, ...]

@@ -34,6 +34,7 @@ from storage.episode_table import EpisodeResult, save_episodes
 Config = TypeVar("Config", bound=DriverConfig)
 _LOOK_AGAIN_S = 0.1
 _SAY_AGAIN_S = 5.0
+_CLOCK_ROUNDING_S = 1e-6
 
 
 class EpisodeDriverNode(SerdNode[Config]):
@@ -46,7 +47,8 @@ class EpisodeDriverNode(SerdNode[Config]):
         self._results: list[EpisodeResult] = []
         self._running: ResetReply | None = None
         self._progress: EpisodeProgress | None = None
-        self._decision: tuple[int, Observation, Action] | None = None
+        self._waiting: Observation | None = None
+        self._decision: tuple[int, Action] | None = None
         self._ending: tuple[Ending, Observation] | None = None
         self._world_report: tuple[int, dict[str, str]] | None = None
         self._said_wall_s = self.wall_s()
@@ -97,14 +99,15 @@ class EpisodeDriverNode(SerdNode[Config]):
         if self._waiting is not None:
             self._on_observation(self._waiting)
 
-    _waiting: Observation | None = None
-
     def _on_observation(self, observation: Observation) -> None:
         """Follow the episode; an observation may come before the reply that begins it."""
         if self._running is None:
             self._waiting = observation
             return
         self._waiting = None
+        earlier = observation.time_s < self._running.start_s - _CLOCK_ROUNDING_S
+        if earlier or self._ending is not None:
+            return
         if self._progress is None:
             self._start(observation)
         assert self._progress is not None
@@ -123,8 +126,8 @@ class EpisodeDriverNode(SerdNode[Config]):
     def _decide(self, observation: Observation) -> None:
         """Decide once per decision tick; a tick that comes again gets the same answer."""
         if self._decision is None or self._decision[0] != observation.tick:
-            self._decision = observation.tick, observation, self.driver.decide(observation)
-        self.steer(observation, self._decision[2])
+            self._decision = observation.tick, self.driver.decide(observation)
+        self.steer(observation, self._decision[1])
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         values = values_of(message, "hallway_sim")

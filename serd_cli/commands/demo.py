@@ -1,7 +1,7 @@
 """`serd demo`: the whole loop, with a report at the end."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -34,9 +34,11 @@ def demo(
         int, typer.Option(min=1, help="episodes the learned policy drives")
     ] = _DEFAULT.episodes,
     timeout_s: Annotated[
-        float, typer.Option(min=2.0, help="simulated seconds per episode")
+        float, typer.Option(min=2.0, max=86400.0, help="simulated seconds per episode")
     ] = _DEFAULT.timeout_s,
-    policy: Annotated[str, typer.Option(help="optimal or soft")] = _DEFAULT.policy,
+    policy: Annotated[
+        Literal["optimal", "soft"], typer.Option(help="what drives: the optimum, or as the expert")
+    ] = _DEFAULT.policy,
     resume: Annotated[
         Path | None, typer.Option(help="continue this run-N folder; its settings count")
     ] = None,
@@ -47,7 +49,7 @@ def demo(
     else:
         load_scenario(scenario)
         settings = DemoSettings(
-            scenario=scenario,
+            scenario=str(Path(scenario).resolve()) if Path(scenario).is_file() else scenario,
             seed=seed,
             demonstrations=demonstrations,
             episodes=episodes,

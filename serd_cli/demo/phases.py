@@ -12,9 +12,11 @@ from report.run_facts import PhaseTiming
 from serd_cli.demo.folder import DemoFolder
 from serd_cli.demo.phase_progress import PhaseProgress
 from serd_cli.demo.settings import DemoSettings
+from serd_cli.errors import RunError
 from serd_cli.node_commands import stack_processes
 from serd_cli.supervisor import run_together
 from serd_cli.workspace import ros_environment
+from serd_ros.defaults import default_parameters
 from serd_ros.graph import find_stack
 from storage.episode_table import EpisodeResult
 
@@ -46,6 +48,7 @@ def demonstrate(
             "demo_recorder.output": str(folder.bag),
         }
         _run(folder, "demonstrate", given, environment, total=settings.demonstrations)
+        _require(folder.demonstrated(settings), "demonstrate")
     return _driven("demonstrate", folder.episodes(folder.demonstrations))
 
 
@@ -62,7 +65,8 @@ def learn(
             "learner.output": str(folder.model),
             "decisions": str(folder.decisions),
         }
-        _run(folder, "learn", given, environment, total=4)
+        _run(folder, "learn", given, environment, total=default_parameters()["learner"]["starts"])
+        _require(folder.learned(), "learn")
     return PhaseTiming("learn", time.monotonic() - began_s)
 
 
@@ -81,6 +85,7 @@ def navigate(
             "strategy.output": str(folder.navigation),
         }
         _run(folder, "navigate", given, environment, total=settings.episodes)
+        _require(folder.navigated(settings), "navigate")
     return _driven("navigate", folder.episodes(folder.navigation))
 
 
@@ -96,6 +101,12 @@ def _run(
     with PhaseProgress(name, total, folder.logs / f"{name}.log") as progress:
         run_together(processes, environment, progress.hear)
         progress.finish()
+
+
+def _require(done: bool, name: str) -> None:
+    """A node that ends early without an error, because somebody told it to, is one all the same."""
+    if not done:
+        raise RunError(f"{name} ended before it was done; see logs/{name}.log")
 
 
 def _driven(name: str, episodes: tuple[EpisodeResult, ...]) -> PhaseTiming:

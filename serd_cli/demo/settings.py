@@ -1,5 +1,7 @@
 """What a demo runs with; kept beside its results, so that it can be continued or run again."""
 
+from typing import Literal
+
 from pydantic import Field
 
 from storage.yaml_config import StrictModel
@@ -13,7 +15,7 @@ class DemoSettings(StrictModel):
     demonstrations: int = Field(default=20, ge=1)
     episodes: int = Field(default=30, ge=1)
     timeout_s: float = Field(default=420.0, gt=0)
-    policy: str = Field(default="optimal", pattern="^(optimal|soft)$")
+    policy: Literal["optimal", "soft"] = "optimal"
 
     @property
     def navigation_seed(self) -> int:

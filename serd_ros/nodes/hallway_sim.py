@@ -46,10 +46,10 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
 
     def _begin_episode(self) -> ResetReply:
         episode = self._next_episode
-        self._world.reset(episode, self.config.start_area)
+        start = self._world.reset(episode, self.config.start_area)
         self._next_episode += 1
         self._loop.begin()
-        return ResetReply(episode, self.config.seed, self.config.start_area)
+        return ResetReply(episode, self.config.seed, self.config.start_area, start.time_s)
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._loop.paused = bool(request.data)

@@ -40,6 +40,7 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         self._planner = make_planner(self.config.planner, self._scenario)
         self._observation: Observation | None = None
         self._directive: tuple[int, Action | Waypoint] | None = None
+        self._is_new = False
         self._waypoint: Waypoint | None = None
         self._answer: tuple[int, Command] | None = None
         self._heard_wall_s = self.wall_s()
@@ -63,19 +64,22 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
 
     def _take_directive(self, time_ns: int, directive: Action | Waypoint) -> None:
         self._directive = time_ns, directive
+        self._is_new = True
         if self.config.lockstep:
             self._answer_tick()
-        elif self._observation is not None:
-            self._waypoint = self._towards(self._observation, directive)
 
     def _on_observation(self, observation: Observation) -> None:
         last, self._observation = self._observation, observation
         self._heard_wall_s = self.wall_s()
-        if last is None or observation.tick not in (last.tick, last.tick + 1):
+        if last is None or self._is_another_episode(last, observation):
             self._planner.reset()
             self._waypoint = None
         if self.config.lockstep:
             self._answer_tick()
+
+    def _is_another_episode(self, last: Observation, observation: Observation) -> bool:
+        """Episodes are more than a decision period apart; a live clock may skip a few ticks."""
+        return not 0 <= observation.tick - last.tick <= self._scenario.ticks_per_decision
 
     def _answer_tick(self) -> None:
         """Answer the present tick once all it depends on is here; a repeated one the same way."""
@@ -99,8 +103,10 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
 
     def _plan_live(self) -> None:
         observation = self._observation
-        if observation is None:
-            return
+        if observation is None or self._directive is None:
+            return  # nobody has asked for anything yet: leave cmd_vel to others
+        if self._is_new:
+            self._waypoint, self._is_new = self._towards(observation, self._directive[1]), False
         silent_s = self.wall_s() - self._heard_wall_s
         if silent_s > self.config.input_timeout_s:
             self.get_logger().warning(

@@ -3,11 +3,14 @@
 import math
 
 import pytest
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import PoseStamped, Twist, Vector3Stamped
 from nav_msgs.msg import Odometry
 
+from serd_core.grid import Action
 from serd_ros import qos
+from serd_ros.convert.intent import to_intent
 from serd_ros.convert.odometry import speeds_of
+from serd_ros.convert.pose import from_pose
 from serd_ros.convert.stamp import stamp_s
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -59,6 +62,20 @@ def test_a_plain_twist_drives_and_silence_stops_within_half_a_second(robot, prob
     probe.spin_until(lambda: abs(robot.speed_mps) < STOPPED_MPS, 10)
     # 0.5 s of silence, then braking at the acceleration limit, plus the odometry's own period.
     assert robot.time_s - silent_since_s <= 0.5 + 0.2 / 2.5 + 0.1
+
+
+def test_an_intent_drives_the_robot_into_the_next_cell_in_real_time(nodes, probe):
+    nodes.start_stack("live", seed=2)
+    poses = []
+    probe.node.create_subscription(
+        PoseStamped, "robot_pose", lambda m: poses.append(from_pose(m.pose)), qos.STATE
+    )
+    intents = probe.node.create_publisher(Vector3Stamped, "intent", qos.COMMAND)
+    probe.spin_until(lambda: poses and intents.get_subscription_count() > 0)
+    start_x_m = poses[-1][0]
+    intents.publish(to_intent(Action.EAST, 0.0))
+    next_centre_m = math.floor(start_x_m) + 1.5
+    probe.spin_until(lambda: abs(poses[-1][0] - next_centre_m) < 0.2, 10)
 
 
 def test_a_command_that_is_not_finite_stops_at_once(robot, probe):

@@ -171,7 +171,7 @@ def test_diagnostics_carry_floats_exactly():
 
 
 def test_a_reset_reply_survives_and_another_sentence_is_refused():
-    reply = ResetReply(7, 3, "transfer")
+    reply = ResetReply(7, 3, "transfer", 120.05)
     assert from_reset_sentence(to_reset_sentence(reply)) == reply
     with pytest.raises(NodeError, match="drive a world that hallway_sim runs"):
         from_reset_sentence("done")
