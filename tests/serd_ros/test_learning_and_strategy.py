@@ -1,0 +1,89 @@
+"""From decisions to a model file to a strategy, without ROS."""
+
+import numpy as np
+import pytest
+
+from serd_cli.demo.report import fit_of
+from serd_core.policies.solved_policy import soft_policy
+from serd_core.simulation import sample_decisions
+from serd_ros.configs import LearnerConfig
+from serd_ros.defaults import default_parameters
+from serd_ros.learning import learn
+from serd_ros.strategy import load_strategy, start_distribution
+from sim.scenario import load_scenario
+from sim.scenario_grid import navigation_problem_of
+from storage.errors import FileError
+from storage.model_file import load_model, save_model
+
+HALLWAY = load_scenario("hallway")
+TRUTH = np.array(
+    [
+        [0.05, 0.85, 0.04, 0.02, 0.04],
+        [0.5, 0.3, 0.08, 0.04, 0.08],
+        [0.2, 0.6, 0.08, 0.04, 0.08],
+        [0.8, 0.05, 0.05, 0.05, 0.05],
+    ]
+)
+CONFIG = LearnerConfig(**{**default_parameters()["learner"], "bag": "sampled", "starts": 2})
+
+
+@pytest.fixture(scope="module")
+def lesson():
+    problem = navigation_problem_of(HALLWAY, CONFIG.discount)
+    expert = soft_policy(problem, np.array([5.0, 1.0, 0.2]), TRUTH)
+    decisions = sample_decisions(
+        problem.mdp,
+        expert.probabilities,
+        TRUTH,
+        start_distribution(HALLWAY, "train"),
+        n_episodes=20,
+        n_steps=40,
+        rng=np.random.default_rng(4),
+    )
+    told = []
+    return learn(HALLWAY, decisions, CONFIG, lambda start, _: told.append(start)), told
+
+
+def test_every_start_is_told_of_and_the_likeliest_is_kept(lesson):
+    found, told = lesson
+    assert set(told) == {0, 1}
+    assert found.fit.objective == max(found.objectives)
+    assert found.fit.converged
+
+
+def test_the_trace_lists_every_step_with_its_objective(lesson):
+    lines = lesson[0].trace_table().splitlines()
+    assert lines[0] == "step,objective"
+    assert [float(line.split(",")[1]) for line in lines[1:]] == list(lesson[0].fit.objective_trace)
+
+
+def test_a_model_file_gives_the_fit_and_the_policy_back(lesson, tmp_path):
+    path, fit = tmp_path / "model.yaml", lesson[0].fit
+    save_model(path, lesson[0].model)
+    strategy = load_strategy(str(path), HALLWAY, "optimal")
+    back = fit_of(load_model(path), strategy.problem, fit.objective_trace)
+    assert np.array_equal(back.reward_weights, fit.reward_weights)
+    assert np.array_equal(back.outcome_probabilities, fit.outcome_probabilities)
+    assert (back.objective, back.converged) == (fit.objective, fit.converged)
+    local = strategy.problem.outcome_models.local_probabilities(back.outcome_parameters.ravel())
+    assert local == pytest.approx(fit.outcome_probabilities, abs=1e-12)
+    arrival = strategy.predicted_arrival(start_distribution(HALLWAY, "train"), 200)
+    assert (np.diff(arrival.cdf) >= 0).all()
+    assert arrival.cdf[-1] > 0.9
+
+
+def test_the_intended_path_leads_through_neighbours_to_the_goal(lesson, tmp_path):
+    path = tmp_path / "model.yaml"
+    save_model(path, lesson[0].model)
+    strategy = load_strategy(str(path), HALLWAY, "optimal")
+    grid = strategy.problem.grid
+    way_m = strategy.intended_path_m(grid.state_at(0.5, 0.5))
+    assert np.abs(np.diff(way_m, axis=0)).sum(axis=1) == pytest.approx(grid.cell_size_m)
+    assert grid.state_at(*way_m[-1]) in set(strategy.problem.goal_states.tolist())
+
+
+def test_a_model_of_another_grid_is_refused_with_the_difference(lesson, tmp_path):
+    path = tmp_path / "model.yaml"
+    save_model(path, lesson[0].model)
+    with pytest.raises(FileError, match="was made for another grid of the scenario 'hallway'"):
+        load_strategy(str(path), load_scenario("corridor"), "optimal")

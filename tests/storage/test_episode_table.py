@@ -1,0 +1,62 @@
+"""The table of episodes: exact round trips, faults by line."""
+
+import math
+
+import pytest
+
+from storage.episode_table import EpisodeResult, load_episodes, save_episodes
+from storage.errors import FileError
+
+
+def result(episode=0, outcome="arrived", time_of_arrival_s=0.1 + 0.2):
+    return EpisodeResult(
+        episode=episode,
+        seed=3,
+        driver="strategy, greedy",
+        start_area="train",
+        outcome=outcome,
+        time_of_arrival_s=time_of_arrival_s,
+        duration_s=1 / 3,
+        distance_m=25.7,
+        robot_on_person=0,
+        person_on_robot=2,
+        robot_on_wall=0,
+        minimum_person_distance_m=-1e-17,
+        wall_s=1.5,
+    )
+
+
+def test_rows_survive_exactly(tmp_path):
+    rows = (result(0), result(1, time_of_arrival_s=47.0))
+    save_episodes(tmp_path / "episodes.csv", rows)
+    assert load_episodes(tmp_path / "episodes.csv") == rows
+
+
+def test_an_episode_that_did_not_arrive_has_no_time_of_arrival(tmp_path):
+    save_episodes(tmp_path / "episodes.csv", [result(0, "timeout", math.nan)])
+    (row,) = load_episodes(tmp_path / "episodes.csv")
+    assert math.isnan(row.time_of_arrival_s)
+    assert not row.arrived
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("0,3,strategy", "zero,3,strategy", r"line 2: is no row of episodes"),
+        ("arrived", "timeout", r"line 2: time_of_arrival_s must be a number exactly if it arrived"),
+        ("episode,", "number,", r"must have the columns episode, seed"),
+    ],
+)
+def test_a_spoilt_table_is_named_by_line(tmp_path, old, new, sentence):
+    path = tmp_path / "episodes.csv"
+    save_episodes(path, [result()])
+    text = path.read_text()
+    path.write_text(text.replace(old, new, 1) if old == "episode," else spoil(text, old, new))
+    with pytest.raises(FileError, match=sentence):
+        load_episodes(path)
+
+
+def spoil(text, old, new):
+    head, row = text.split("\n", 1)
+    row = row.replace('0,3,"strategy', 'zero,3,"strategy') if "strategy" in old else row
+    return head + "\n" + row.replace(old, new, 1)
