@@ -47,8 +47,14 @@ def test_an_interrupt_ends_all_even_before_all_have_started(delay_s):
     before = signal.getsignal(signal.SIGINT)
     timer = threading.Timer(delay_s, lambda: os.kill(os.getpid(), signal.SIGINT))
     processes = [Process(f"sleeper {number}", SLEEP) for number in range(3)]
-    timer.start()
+
+    def run_and_be_interrupted():
+        try:
+            timer.start()
+            run_together(processes, os.environ, lambda *_: None)
+        finally:
+            timer.join()
+
     with pytest.raises(KeyboardInterrupt):
-        run_together(processes, os.environ, lambda *_: None)
-    timer.join()
+        run_and_be_interrupted()
     assert signal.getsignal(signal.SIGINT) is before
