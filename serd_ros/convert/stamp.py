@@ -1,4 +1,7 @@
-"""Simulated time in seconds to and from builtin_interfaces/Time, exact to the nanosecond."""
+"""Simulated time in seconds to and from builtin_interfaces/Time.
+
+Exact to the nanosecond for a month of simulated time; beyond, seconds as a double are not.
+"""
 
 from builtin_interfaces.msg import Time
 

@@ -38,8 +38,8 @@ metres = st.floats(-1e3, 1e3, allow_nan=False)
 angles = st.floats(-3.1415, 3.1415)
 
 
-@given(tick=st.integers(0, 10**8))
-def test_a_stamp_keeps_a_tick_of_the_simulated_clock_to_the_nanosecond(tick):
+@given(tick=st.integers(0, 7 * 24 * 3600 * 20))
+def test_a_stamp_keeps_a_tick_of_a_simulated_week_to_the_nanosecond(tick):
     stamp = to_stamp(tick * 0.05)
     assert stamp_ns(stamp) == tick * 50_000_000
     assert stamp_s(stamp) == pytest.approx(tick * 0.05, abs=1e-9)
