@@ -2,26 +2,24 @@
 
 import inspect
 from collections.abc import Callable
-from dataclasses import MISSING, Field, fields
+from dataclasses import Field
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any
 
 import typer
-from pydantic import TypeAdapter, ValidationError
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from experiments.catalogue import EXPERIMENTS, Experiment
 from experiments.repetitions import Execution, Row
-from serd_cli.errors import UsageError
+from experiments.settings import file_settings, is_required, make_config, settings_of
 from serd_cli.terminal import console, progress_console
 
-_SIMPLE = (int, float, str, Path, bool)
 _OWN = {
     "output": Annotated[Path, typer.Option(help="folder for tables and figures")],
     "jobs": Annotated[int, typer.Option(help="processes at a time, -1 for all cores")],
     "backend": Annotated[str, typer.Option(help="joblib backend: loky, dask or ray")],
+    "config": Annotated[Path | None, typer.Option(help="YAML file of settings")],
 }
 
 
@@ -36,19 +34,14 @@ def register(app: typer.Typer) -> None:
 
 def command_of(experiment: Experiment) -> Callable[..., None]:
     """A function whose signature Typer turns into the subcommand's options."""
-    settings = _settings(experiment)
+    settings = settings_of(experiment)
 
-    def command(output: Path, jobs: int, backend: str, **texts: str | None) -> None:
-        given = {
-            name: _value(name, texts[name], settings[name][1])
-            for name in settings
-            if texts[name] is not None
-        }
-        missing = [name for name, (field, _) in settings.items() if _required(field)]
-        for name in missing:
-            if name not in given:
-                raise UsageError(f"--{name.replace('_', '-')} must be given for {experiment.name}")
-        _run(experiment, experiment.config(**given), output, Execution(jobs, backend))
+    def command(
+        output: Path, jobs: int, backend: str, config: Path | None, **texts: str | None
+    ) -> None:
+        given = file_settings(experiment, config) if config is not None else {}
+        given |= {name: text for name, text in texts.items() if text is not None}
+        _run(experiment, make_config(experiment, given), output, Execution(jobs, backend))
 
     own_defaults: dict[str, Any] = {
         "output": Path("experiment_output") / experiment.name,
@@ -109,40 +102,14 @@ def _text(value: Any) -> str:
     return f"{value:.4f}" if isinstance(value, float) else str(value)
 
 
-def _settings(experiment: Experiment) -> dict[str, tuple[Field[Any], Any]]:
-    """Fields of the config that can be typed, with their types."""
-    hints = get_type_hints(experiment.config)
-    found = {field.name: (field, hints[field.name]) for field in fields(experiment.config)}
-    return {name: each for name, each in found.items() if _typeable(each[1])}
-
-
-def _typeable(kind: Any) -> bool:
-    if get_origin(kind) in (Union, UnionType, tuple):
-        return all(each in (*_SIMPLE, type(None), Ellipsis) for each in get_args(kind))
-    return kind in _SIMPLE
-
-
-def _value(name: str, text: str | None, kind: Any) -> Any:
-    parts: Any = (text or "").split(",") if get_origin(kind) is tuple else text
-    try:
-        return TypeAdapter(kind).validate_python(parts)
-    except ValidationError as error:
-        rule = error.errors()[0]["msg"]
-        raise UsageError(f"--{name.replace('_', '-')} {text}: {rule}") from None
-
-
 def _flags(name: str) -> list[str]:
     """`--n-bins` and, shorter, `--bins`."""
     flags = [f"--{name.replace('_', '-')}"]
     return [*flags, f"--{name[2:].replace('_', '-')}"] if name.startswith("n_") else flags
 
 
-def _required(field: Field[Any]) -> bool:
-    return field.default is MISSING and field.default_factory is MISSING
-
-
 def _help(field: Field[Any]) -> str:
-    if _required(field):
+    if is_required(field):
         return "required"
     default = field.default
     text = ",".join(map(str, default)) if isinstance(default, tuple) else str(default)

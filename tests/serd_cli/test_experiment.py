@@ -2,8 +2,8 @@
 
 import pytest
 
-from serd_cli.errors import UsageError
 from serd_cli.main import make_app
+from serd_core.errors import SerdError
 
 
 def run(*words):
@@ -27,5 +27,5 @@ def test_an_experiment_leaves_its_tables_and_figures(tmp_path, capsys):
     ],
 )
 def test_a_wrong_setting_gets_a_sentence(words, sentence, tmp_path):
-    with pytest.raises(UsageError, match=sentence):
+    with pytest.raises(SerdError, match=sentence):
         run(*words, "--output", str(tmp_path))
