@@ -1,0 +1,164 @@
+"""`serd bag`: look into recordings, check them, repair them, turn them into MCAP."""
+
+from collections.abc import Callable
+from pathlib import Path
+from shutil import rmtree
+from typing import Annotated, Literal
+
+import typer
+
+from bags.check import check_bag
+from bags.rewrite import RewriteReport
+from bags.rewrite import convert as convert_bag
+from bags.rewrite import recover as recover_bag
+from serd_cli.bag_tables import (
+    bag_heading,
+    check_table,
+    check_values,
+    info_table,
+    losses,
+    rewrite_heading,
+    rewrite_table,
+    rewrite_values,
+    verdict,
+)
+from serd_cli.errors import FAILED, UsageError
+from serd_cli.json_output import print_json
+from serd_cli.terminal import console, progress_console
+
+Bags = Annotated[
+    list[Path], typer.Argument(metavar="BAG", help="bag folders, or .mcap or .db3 files")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="print JSON instead of tables")]
+Output = Annotated[
+    Path | None, typer.Option(help="folder of the new bag, which must not hold anything yet")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the subcommands."""
+    group = typer.Typer(
+        no_args_is_help=True, suggest_commands=True, help="Inspect, check and repair recordings."
+    )
+    for command in (info, check, recover, convert):
+        group.command()(command)
+    app.add_typer(group, name="bag")
+
+
+def info(bags: Bags, as_json: AsJson = False) -> None:
+    """Show what bags hold.
+
+    serd bag info demo_output/run-1/bag
+
+    Reads damaged bags too, and says what is wrong with them.
+    """
+    checks = [check_bag(bag) for bag in bags]
+    if as_json:
+        print_json([check_values(each) for each in checks])
+        return
+    for each in checks:
+        console.print(bag_heading(each), soft_wrap=True)
+        console.print(info_table(each))
+        for fault in each.faults:
+            progress_console.print(fault, style="yellow", markup=False, soft_wrap=True)
+
+
+def check(
+    bags: Bags,
+    require: Annotated[
+        list[str] | None,
+        typer.Option(help="topic that must have messages, in any namespace; repeat for more"),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Read bags whole and say what is wrong with them.
+
+    serd bag check BAG --require robot_pose --require intent
+
+    Exit code 1 where a bag is damaged or lacks a required topic.
+    """
+    checks = [check_bag(bag, require or ()) for bag in bags]
+    if as_json:
+        print_json([check_values(each) for each in checks])
+    else:
+        for each in checks:
+            console.print(bag_heading(each), soft_wrap=True)
+            console.print(check_table(each))
+            for line in verdict(each):
+                console.print(line, soft_wrap=True)
+    if not all(each.sound for each in checks):
+        raise typer.Exit(FAILED)
+
+
+def recover(bags: Bags, output: Output = None, as_json: AsJson = False) -> None:
+    """Write what a broken bag still holds as a new bag.
+
+    The new bag is BAG_recovered beside the broken one, or --output.
+    The broken bag stays as it is. Exit code 1 where nothing could be read.
+    """
+    reports = _rewrite(bags, output, "recovered", recover_bag)
+    _show(reports, as_json)
+    if any(not report.n_messages for report in reports):
+        raise typer.Exit(FAILED)
+
+
+def convert(
+    bags: Bags,
+    output: Output = None,
+    compression: Annotated[
+        Literal["none", "zstd"], typer.Option(help="compression of the new bag")
+    ] = "none",
+    as_json: AsJson = False,
+) -> None:
+    """Write any sound rosbag2 as MCAP.
+
+    The new bag is BAG_mcap beside the old one, or --output.
+    """
+    reports = _rewrite(
+        bags,
+        output,
+        "mcap",
+        lambda source, target: convert_bag(source, target, compression=compression),
+    )
+    _show(reports, as_json)
+
+
+def _rewrite(
+    bags: list[Path],
+    output: Path | None,
+    ending: str,
+    rewrite: Callable[[Path, Path], RewriteReport],
+) -> list[RewriteReport]:
+    if output is not None and len(bags) > 1:
+        raise UsageError(f"--output must be left out for several bags, got {output}; run each")
+    return [_whole(rewrite, bag, output or _beside(bag, ending)) for bag in bags]
+
+
+def _whole(
+    rewrite: Callable[[Path, Path], RewriteReport], source: Path, target: Path
+) -> RewriteReport:
+    """Rewrite, and leave no half of a new bag that would pass for the whole one."""
+    is_new = not target.exists()
+    try:
+        return rewrite(source, target)
+    except BaseException:
+        if is_new:
+            rmtree(target, ignore_errors=True)
+        raise
+
+
+def _beside(bag: Path, ending: str) -> Path:
+    whole = bag.resolve()
+    name = whole.stem if whole.suffix in (".mcap", ".db3") else whole.name
+    return whole.with_name(f"{name}_{ending}")
+
+
+def _show(reports: list[RewriteReport], as_json: bool) -> None:
+    if as_json:
+        print_json([rewrite_values(report) for report in reports])
+        return
+    for report in reports:
+        console.print(rewrite_heading(report), soft_wrap=True)
+        console.print(rewrite_table(report))
+        for line in losses(report):
+            console.print(line, soft_wrap=True)

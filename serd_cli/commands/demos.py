@@ -1,0 +1,107 @@
+"""`serd demos`: recordings into the table of decisions that learning starts from."""
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from bags.mapping import BagMapping
+from serd_cli.errors import UsageError
+from serd_cli.json_output import print_json
+from serd_cli.recorded_demonstrations import (
+    RecordedDemonstrations,
+    read_demonstrations,
+    save_demonstrations,
+)
+from serd_cli.terminal import console
+from sim.scenario import load_scenario
+from sim.scenario_grid import grid_of
+from storage.yaml_config import load_yaml_model
+
+
+def register(app: typer.Typer) -> None:
+    """Add the subcommand."""
+    app.command(no_args_is_help=True)(demos)
+
+
+def demos(
+    bags: Annotated[
+        list[Path], typer.Argument(metavar="BAG", help="bag folders, or .mcap or .db3 files")
+    ],
+    scenario: Annotated[
+        str, typer.Option(help="built-in scenario or YAML file they were recorded in")
+    ],
+    output: Annotated[Path, typer.Option(help="table to write, ending in .csv")] = Path(
+        "decisions.csv"
+    ),
+    mapping: Annotated[
+        Path | None,
+        typer.Option(help="YAML file that says which topics of a foreign bag mean what"),
+    ] = None,
+    tolerant: Annotated[
+        bool, typer.Option("--tolerant", help="use what damaged bags still hold")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
+) -> None:
+    """Turn recordings into the table of decisions that learning starts from.
+
+    serd demos BAG --scenario hallway --output decisions.csv
+
+    Beside it are written decisions.grid.yaml, whose cells are the states,
+    and decisions.png, the tracks on it. All that is dropped is counted.
+    """
+    _require_usable(output, mapping, tolerant)
+    place = load_scenario(scenario)
+    grid = grid_of(place)
+    chosen = load_yaml_model(mapping, BagMapping) if mapping else None
+    found = [
+        read_demonstrations(bag, grid, place.decision_period_s, mapping=chosen, tolerant=tolerant)
+        for bag in bags
+    ]
+    if not any(len(each.decisions) for each in found):
+        counts = "; ".join(f"{each.bag}: {each.report}" for each in found)
+        raise UsageError(f"there is no decision to learn from in {counts}; is it this scenario?")
+    files = save_demonstrations(output, place, grid, found)
+    if as_json:
+        written = {name: str(path.resolve()) for name, path in files.items()}
+        print_json({"bags": [each.values() for each in found], "files": written})
+        return
+    console.print(_table(found))
+    for line in _reasons(found):
+        console.print(line, style="yellow", soft_wrap=True)
+    for name, path in files.items():
+        console.print(f"{name}: {path.resolve()}", markup=False, soft_wrap=True)
+
+
+def _require_usable(output: Path, mapping: Path | None, tolerant: bool) -> None:
+    if output.suffix.lower() != ".csv":
+        raise UsageError(f"--output must end in .csv, got {output}; name a .csv file")
+    if mapping is not None and tolerant:
+        raise UsageError(
+            "--tolerant must be left out with --mapping; run 'serd bag recover' on the bag first"
+        )
+
+
+def _table(found: list[RecordedDemonstrations]) -> Table:
+    """One row per bag."""
+    table = Table(title="Decisions", title_justify="left")
+    table.add_column("bag", overflow="fold")
+    for name in ("intents", "kept", "dropped", "episodes", "diagonal moves", "far moves"):
+        table.add_column(name, justify="right")
+    for each in found:
+        report = each.report
+        dropped = report.n_intents - report.n_decisions
+        moves = report.n_diagonal, report.n_far
+        counts = report.n_intents, report.n_decisions, dropped, report.n_episodes, *moves
+        table.add_row(escape(str(each.bag)), *map(str, counts))
+    return table
+
+
+def _reasons(found: list[RecordedDemonstrations]) -> Iterable[str]:
+    """Why intents were dropped, over all bags."""
+    reasons = sum((Counter(each.report.dropped) for each in found), Counter[str]())
+    return (f"dropped {count}: {reason}" for reason, count in reasons.most_common())

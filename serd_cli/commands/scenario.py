@@ -1,0 +1,106 @@
+"""`serd scenario`: which places there are, and what one looks like."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from serd_cli.errors import UsageError
+from serd_cli.json_output import print_json
+from serd_cli.terminal import console
+from sim.pictures.movie import save_png
+from sim.pictures.top_view import TopView
+from sim.scenario import Scenario, builtin_scenarios, load_scenario
+from sim.scenario_grid import grid_of
+from storage.errors import disk_error
+
+AsJson = Annotated[bool, typer.Option("--json", help="print JSON instead of a table")]
+_PIXELS_PER_M = 40.0
+
+
+def register(app: typer.Typer) -> None:
+    """Add the subcommands."""
+    group = typer.Typer(
+        no_args_is_help=True, suggest_commands=True, help="List and draw the scenarios."
+    )
+    group.command("list")(list_scenarios)
+    group.command()(show)
+    app.add_typer(group, name="scenario")
+
+
+def list_scenarios(as_json: AsJson = False) -> None:
+    """List the built-in scenarios."""
+    scenarios = {name: load_scenario(name) for name in builtin_scenarios()}
+    if as_json:
+        print_json([scenario_values(name, each) for name, each in scenarios.items()])
+        return
+    table = Table(title="Built-in scenarios", title_justify="left")
+    table.add_column("name", no_wrap=True)
+    table.add_column("people", justify="right")
+    table.add_column("cells", justify="right")
+    table.add_column("description", overflow="fold")
+    for name, each in scenarios.items():
+        numbers = str(each.pedestrians.count), str(grid_of(each).n_states)
+        table.add_row(name, *numbers, escape(each.description))
+    console.print(table)
+
+
+def show(
+    scenario: Annotated[str, typer.Argument(help="built-in scenario or YAML file")],
+    output: Annotated[
+        Path | None, typer.Option(help="picture to write, default SCENARIO.png here")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Draw a scenario from above and say what is in it: serd scenario show hallway
+
+    Walls are dark, start areas blue, the goal green, arrows the ways people walk.
+    """
+    loaded = load_scenario(scenario)
+    picture = output or Path(f"{Path(scenario).stem}.png")
+    save_plan(loaded, picture)
+    values = scenario_values(scenario, loaded) | {"picture": str(picture.resolve())}
+    if as_json:
+        print_json(values)
+        return
+    table = Table(show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for name, value in values.items():
+        table.add_row(name.replace("_", " "), escape(_text(value)))
+    console.print(table)
+
+
+def save_plan(scenario: Scenario, path: Path) -> None:
+    """Write the plan as PNG, making its folder; one sentence where that cannot be."""
+    if path.suffix.lower() != ".png":
+        raise UsageError(f"--output must end in .png, got {path}; name a .png file")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_png(TopView(scenario, _PIXELS_PER_M).plan(), path)
+    except OSError as error:
+        raise disk_error("write", path, error) from None
+
+
+def scenario_values(name: str, scenario: Scenario) -> dict[str, Any]:
+    """What there is to know at a glance, as plain values."""
+    x_min, y_min, x_max, y_max = scenario.bounds_m
+    return {
+        "scenario": name,
+        "description": scenario.description,
+        "size_m": [x_max - x_min, y_max - y_min],
+        "cell_size_m": scenario.cell_size_m,
+        "cells": grid_of(scenario).n_states,
+        "people": scenario.pedestrians.count,
+        "loops": [loop.name for loop in scenario.pedestrians.loops],
+        "flow_convention": scenario.flow_convention,
+        "start_areas": list(scenario.start_areas_m),
+        "decision_period_s": scenario.decision_period_s,
+        "episode_timeout_s": scenario.episode_timeout_s,
+    }
+
+
+def _text(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

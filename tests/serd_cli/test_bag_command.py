@@ -1,0 +1,134 @@
+"""`serd bag`: what is in a recording, what is wrong with it, and a new one out of it."""
+
+import json
+
+import pytest
+
+from bags.reader import BagReader
+
+
+def damage(bag):
+    """Cut the end off, as a crash does."""
+    (bag / "metadata.yaml").unlink()
+    file = next(bag.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+
+
+def contents(bag):
+    return [tuple(message) for message in BagReader(bag).messages()]
+
+
+def test_info_shows_every_topic_with_its_type_and_count(serd, drive_bag):
+    ended = serd("bag", "info", drive_bag())
+    assert ended.code == 0
+    assert "108 messages on 3 topics in 10 s" in ended.out
+    (row,) = [line for line in ended.out.splitlines() if "/robot_pose" in line]
+    assert "geometry_msgs/msg/PoseStamped" in row
+    assert "101" in row
+
+
+def test_info_as_json_is_one_entry_per_bag(serd, drive_bag):
+    ended = serd("bag", "info", drive_bag("one"), drive_bag("two"), "--json")
+    values = json.loads(ended.out)
+    assert ended.code == 0
+    assert [each["n_messages"] for each in values] == [108, 108]
+    assert {topic["name"]: topic["n_messages"] for topic in values[0]["topics"]} == {
+        "/robot_pose": 101,
+        "/intent": 5,
+        "/episode": 2,
+    }
+
+
+def test_info_reads_a_damaged_bag_and_says_what_is_wrong(serd, drive_bag):
+    bag = drive_bag()
+    damage(bag)
+    ended = serd("bag", "info", bag)
+    assert ended.code == 0
+    assert "/robot_pose" in ended.out
+    assert "metadata.yaml: it does not exist" in ended.err
+
+
+def test_a_sound_bag_passes_the_check(serd, drive_bag):
+    ended = serd("bag", "check", drive_bag(), "--require", "robot_pose")
+    assert ended.code == 0
+    assert "sound: " in ended.out
+    assert "fault" not in ended.out
+
+
+def test_a_missing_topic_fails_the_check(serd, drive_bag):
+    bag = drive_bag(intents=False)
+    ended = serd("bag", "check", bag, "--require", "robot_pose", "--require", "intent")
+    assert ended.code == 1
+    assert "fault: topic intent has no message" in ended.out
+    assert "note: /intent: no message" in ended.out
+    assert f"not sound: {bag} (1 fault)" in ended.out
+
+
+def test_a_failed_check_is_whole_json_too(serd, drive_bag):
+    bag = drive_bag()
+    damage(bag)
+    ended = serd("bag", "check", bag, "--json")
+    (values,) = json.loads(ended.out)
+    assert ended.code == 1
+    assert values["sound"] is False
+    assert len(values["faults"]) == 2
+
+
+def test_a_broken_bag_is_recovered_beside_it_and_left_as_it_is(serd, drive_bag):
+    bag = drive_bag()
+    before = contents(bag)
+    damage(bag)
+    broken = next(bag.glob("*.mcap")).read_bytes()
+    ended = serd("bag", "recover", bag)
+    assert ended.code == 0
+    assert "damage: " in ended.out
+    after = contents(bag.with_name("drive_recovered"))
+    assert after == before[: len(after)]
+    assert len(after) > 20
+    assert next(bag.glob("*.mcap")).read_bytes() == broken
+
+
+def test_convert_keeps_every_message_and_tells_of_it_in_json(serd, drive_bag, tmp_path):
+    bag = drive_bag()
+    target = tmp_path / "new"
+    ended = serd("bag", "convert", bag, "--output", target, "--compression", "zstd", "--json")
+    (values,) = json.loads(ended.out)
+    assert ended.code == 0
+    assert values["n_messages"] == 108
+    assert values["target"] == str(target)
+    assert contents(target) == contents(bag)
+
+
+def test_convert_refuses_a_broken_bag_and_leaves_no_half_of_a_new_one(serd, drive_bag):
+    bag = drive_bag()
+    damage(bag)
+    ended = serd("bag", "convert", bag)
+    assert ended.code == 2
+    assert "repair it with 'serd bag recover'" in ended.err
+    assert not bag.with_name("drive_mcap").exists()
+
+
+def test_a_folder_in_use_is_not_written_to(serd, drive_bag):
+    bag, other = drive_bag("one"), drive_bag("two")
+    before = contents(other)
+    ended = serd("bag", "convert", bag, "--output", other)
+    assert ended.code == 2
+    assert "must be new or empty" in ended.err
+    assert contents(other) == before
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("info", "nowhere"), "bag nowhere must be a folder or a .mcap or .db3 file"),
+        (("recover", "one", "two", "--output", "new"), "--output must be left out for several"),
+        (("chek", "one"), "Did you mean 'check'?"),
+        (("info", "one", "--jsno"), "--json"),
+        (("convert", "one", "--compression", "gzip"), "'none', 'zstd'"),
+    ],
+)
+def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence):
+    ended = serd("bag", *words)
+    assert ended.code == 2
+    assert sentence in ended.err
+    assert ended.out == ""

@@ -1,0 +1,96 @@
+"""`serd demos`: recordings become decisions, a grid and a picture, and nothing is lost unsaid."""
+
+import json
+
+import pytest
+
+from serd_core.grid import Action
+from sim.scenario import load_scenario
+from sim.scenario_grid import grid_of
+from storage.decision_table import load_decisions
+from storage.grid_file import load_grid
+
+
+def test_a_recording_becomes_a_table_beside_its_grid_and_picture(serd, drive_bag, tmp_path):
+    table = tmp_path / "out" / "decisions.csv"
+    ended = serd("demos", drive_bag(), "--scenario", "hallway", "--output", table)
+    assert ended.code == 0
+    decisions, grid = load_decisions(table), load_grid(table.with_suffix(".grid.yaml"))
+    assert grid.fingerprint() == grid_of(load_scenario("hallway")).fingerprint()
+    assert decisions.state.tolist() == [grid.state_at(4.5, 1.5 + row) for row in range(5)]
+    assert decisions.next_state.tolist() == [grid.state_at(4.5, 2.5 + row) for row in range(5)]
+    assert set(decisions.action.tolist()) == {Action.NORTH}
+    assert table.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    assert f"decisions: {table}" in ended.out
+
+
+def test_episodes_of_several_bags_stay_apart(serd, drive_bag):
+    bags = drive_bag("one"), drive_bag("two", x_m=5.5)
+    ended = serd("demos", *bags, "--scenario", "hallway", "--json")
+    values = json.loads(ended.out)
+    assert [each["n_decisions"] for each in values["bags"]] == [5, 5]
+    assert load_decisions(values["files"]["decisions"]).episode.tolist() == [0] * 5 + [1] * 5
+
+
+def test_what_is_dropped_is_counted_with_its_reason(serd, drive_bag):
+    bags = drive_bag("good"), drive_bag("far", x_m=40.0)
+    ended = serd("demos", *bags, "--scenario", "hallway")
+    assert ended.code == 0
+    assert "dropped 5: robot off the grid" in ended.out
+
+
+def test_bags_without_a_single_decision_are_refused_with_the_counts(serd, drive_bag, tmp_path):
+    ended = serd("demos", drive_bag(x_m=40.0), "--scenario", "hallway")
+    assert ended.code == 2
+    assert "there is no decision to learn from" in ended.err
+    assert "5 robot off the grid" in ended.err
+    assert not list((tmp_path / "here").iterdir())
+
+
+def test_a_mapping_file_reads_a_foreign_bag(serd, drive_bag, tmp_path):
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text("pose_topic: /amcl\naction_topic: /wish\naction_from: intent\n")
+    bag = drive_bag(pose="/amcl", intent="/wish")
+    ended = serd("demos", bag, "--scenario", "hallway", "--mapping", mapping, "--json")
+    assert json.loads(ended.out)["bags"][0]["n_decisions"] == 5
+
+
+def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
+    bag = drive_bag()
+    file = next(bag.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    refused = serd("demos", bag, "--scenario", "hallway")
+    assert refused.code == 2
+    assert "serd bag recover" in refused.err
+    used = serd("demos", bag, "--scenario", "hallway", "--tolerant", "--json")
+    assert used.code == 0
+    assert 0 < json.loads(used.out)["bags"][0]["n_decisions"] < 5
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("nowhere", "--scenario", "hallway"), "bag nowhere must be a folder"),
+        (("nowhere", "--scenario", "halway"), "did you mean 'hallway'?"),
+        (("nowhere", "--scenario", "none.yaml"), "cannot read none.yaml: it does not exist"),
+        (("nowhere",), "Missing option '--scenario'"),
+        (("a", "--scenario", "hallway", "--output", "a.txt"), "--output must end in .csv"),
+        (("a", "--scenario", "hallway", "--mapping", "m.yaml"), "cannot read m.yaml"),
+        (
+            ("a", "--scenario", "hallway", "--mapping", "m.yaml", "--tolerant"),
+            "--tolerant must be left out with --mapping",
+        ),
+    ],
+)
+def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence):
+    ended = serd("demos", *words)
+    assert ended.code == 2
+    assert sentence in ended.err
+
+
+def test_a_wrong_key_in_a_mapping_file_gets_the_nearest_right_one(serd, drive_bag, tmp_path):
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text("pose_topik: /amcl\n")
+    ended = serd("demos", drive_bag(), "--scenario", "hallway", "--mapping", mapping)
+    assert ended.code == 2
+    assert "did you mean 'pose_topic'?" in ended.err

@@ -1,0 +1,71 @@
+"""`serd scenario`: which places there are, and a picture of one."""
+
+import json
+
+import pytest
+from PIL import Image
+
+from sim.scenario import builtin_scenarios, load_scenario
+from sim.scenario_grid import grid_of
+from storage.yaml_config import model_yaml
+
+
+def test_every_built_in_scenario_is_listed(serd):
+    ended = serd("scenario", "list")
+    assert ended.code == 0
+    for name in builtin_scenarios():
+        assert name in ended.out
+        assert load_scenario(name).description[:30] in ended.out
+
+
+def test_the_list_as_json_tells_size_and_cells(serd):
+    values = {each["scenario"]: each for each in json.loads(serd("scenario", "list", "--json").out)}
+    assert tuple(values) == builtin_scenarios()
+    assert values["hallway"]["size_m"] == [14.0, 24.0]
+    assert values["hallway"]["cells"] == grid_of(load_scenario("hallway")).n_states
+
+
+def test_showing_a_scenario_draws_it_to_scale(serd, tmp_path):
+    ended = serd("scenario", "show", "hallway")
+    picture = tmp_path / "here" / "hallway.png"
+    assert ended.code == 0
+    assert str(picture) in ended.out
+    with Image.open(picture) as image:
+        width, height = image.size
+        assert image.format == "PNG"
+        assert len(image.getcolors(1 << 20)) > 5
+    assert height / width == pytest.approx(24.6 / 14.6, rel=0.01)
+
+
+def test_a_scenario_file_is_shown_like_a_built_in_one(serd, tmp_path):
+    file = tmp_path / "mine.yaml"
+    mine = load_scenario("corridor").model_copy(update={"description": "My own corridor."})
+    file.write_text(model_yaml(mine))
+    picture = tmp_path / "new" / "plan.png"
+    values = json.loads(serd("scenario", "show", file, "--output", picture, "--json").out)
+    assert values["description"] == "My own corridor."
+    assert values["picture"] == str(picture)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("show", "halway"), "did you mean 'hallway'?"),
+        (("show", "none.yaml"), "cannot read none.yaml: it does not exist"),
+        (("show", "hallway", "--output", "plan.jpg"), "--output must end in .png, got plan.jpg"),
+        (("lst",), "Did you mean 'list'?"),
+    ],
+)
+def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence):
+    ended = serd("scenario", *words)
+    assert ended.code == 2
+    assert sentence in ended.err
+    assert ended.out == ""
+
+
+def test_a_picture_that_cannot_be_written_gets_a_sentence(serd, tmp_path):
+    (tmp_path / "here" / "plan.png").mkdir()
+    ended = serd("scenario", "show", "hallway", "--output", "plan.png")
+    assert ended.code == 2
+    assert "cannot write plan.png: it is a folder" in ended.err
