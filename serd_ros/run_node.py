@@ -25,6 +25,11 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
         name = node.get_name() if node is not None else "serd_ros"
         print(f"{name}: {error}", file=sys.stderr, flush=True)
         return BAD_INPUT
+    except Exception:
+        # Told to stop while still starting, rcl complains of its closed context: no fault of ours.
+        if rclpy.ok():
+            raise
+        return 0
     finally:
         try:
             if node is not None:

@@ -68,9 +68,11 @@ def show(
     table = Table(show_header=False)
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
+    path = values.pop("picture")
     for name, value in values.items():
         table.add_row(name.replace("_", " "), escape(_text(value)))
     console.print(table)
+    print(f"picture: {path}")  # in one piece, however long
 
 
 def save_plan(scenario: Scenario, path: Path) -> None:

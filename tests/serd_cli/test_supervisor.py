@@ -3,11 +3,11 @@
 import os
 import signal
 import sys
-import threading
 import time
 
 import pytest
 
+from serd_cli import supervisor
 from serd_cli.errors import RunError
 from serd_cli.supervisor import Process, run_together
 
@@ -42,19 +42,28 @@ def test_a_killed_process_is_named_with_its_signal():
         run_together([killed, Process("sleeper", SLEEP)], os.environ, lambda *_: None)
 
 
-@pytest.mark.parametrize("delay_s", [0.0, 0.5])
-def test_an_interrupt_ends_all_even_before_all_have_started(delay_s):
+def interrupt_myself():
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_an_interrupt_ends_all_and_gives_the_handler_back():
     before = signal.getsignal(signal.SIGINT)
-    timer = threading.Timer(delay_s, lambda: os.kill(os.getpid(), signal.SIGINT))
-    processes = [Process(f"sleeper {number}", SLEEP) for number in range(3)]
-
-    def run_and_be_interrupted():
-        try:
-            timer.start()
-            run_together(processes, os.environ, lambda *_: None)
-        finally:
-            timer.join()
-
+    talker = python("talker", "import time; print('ready', flush=True); time.sleep(60)")
     with pytest.raises(KeyboardInterrupt):
-        run_and_be_interrupted()
+        run_together([Process("sleeper", SLEEP), talker], os.environ, lambda *_: interrupt_myself())
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_an_interrupt_before_all_have_started_ends_all_too(monkeypatch):
+    start = supervisor.Manager._start
+
+    def start_late(manager):
+        interrupt_myself()
+        start(manager)
+
+    monkeypatch.setattr(supervisor.Manager, "_start", start_late)
+    processes = [Process(f"sleeper {number}", SLEEP) for number in range(3)]
+    began_s = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        run_together(processes, os.environ, lambda *_: None)
+    assert time.monotonic() - began_s < 20
