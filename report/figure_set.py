@@ -14,7 +14,7 @@ from report.figures.visitation import draw_visitation
 from report.figures.weights import draw_weights
 from report.inputs import ReportInputs
 from report.layout import layout_of
-from report.trap_states import trap_states
+from serd_core.trap_states import trap_states
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.demonstrations import state_counts
 

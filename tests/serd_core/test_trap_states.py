@@ -1,10 +1,12 @@
 """Trap states: where following the arrows never ends at the goal."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from report.trap_states import trap_states
+from serd_core.errors import SerdError
+from serd_core.trap_states import find_traps, trap_states
 
 CORRIDOR = np.array([[max(i - 1, 0), i, min(i + 1, 5)] for i in range(6)])
 LEFT, STAY, RIGHT = 0, 1, 2
@@ -37,3 +39,19 @@ def test_it_agrees_with_walking_along_the_arrows(data: st.DataObject) -> None:
             if state != goal:
                 state = int(successor[state])
         assert trapped[first] == (state != goal)
+
+
+def test_a_loop_that_chance_leaves_and_an_unlikely_arrival_are_told_apart() -> None:
+    greedy = np.array([STAY, LEFT, LEFT, RIGHT, RIGHT, STAY])
+    likely = np.array([0.9, 0.9, 0.2, 0.2, 1.0, 1.0])
+    traps = find_traps(CORRIDOR, greedy, np.array([5]), likely, threshold=0.5)
+    assert np.flatnonzero(traps.looping).tolist() == [0, 1, 2]
+    assert np.flatnonzero(traps.unlikely).tolist() == [2, 3]
+    assert traps.states.tolist() == [0, 1, 2, 3]
+    assert 3 in traps
+    assert 4 not in traps
+
+
+def test_a_threshold_that_is_no_probability_is_refused() -> None:
+    with pytest.raises(SerdError, match="threshold must be a probability, got 50"):
+        find_traps(CORRIDOR, np.full(6, RIGHT), np.array([5]), np.ones(6), threshold=50)
