@@ -54,7 +54,7 @@ class ArrivalByState:
 
     def within(self, n_periods: int) -> FloatArray:
         """(S,) probability of arriving within so many periods; the horizon where it is beyond."""
-        return self.cdf[min(max(n_periods, 0), self.n_periods)]
+        return np.asarray(self.cdf[min(max(n_periods, 0), self.n_periods)])
 
 
 def arrival_by_state(
