@@ -74,28 +74,3 @@ def arrival_by_state(
     for period in range(1, n_periods + 1):
         cdf[period] = np.where(goal, 1.0, chain @ cdf[period - 1])
     return ArrivalByState(np.minimum(cdf, 1.0), probability_of_ever_arriving(chain, goal))
-
-
-def given_not_arrived(arrival: ArrivalTimes, elapsed_periods: int) -> ArrivalTimes:
-    """The law of the remaining periods when all that is known is that it has not arrived yet.
-
-    P(N <= n + m | N > n) = (F_(n+m) - F_n) / (1 - F_n) after n elapsed periods. Who also knows the
-    present state uses `ArrivalByState.from_state`. Raises SerdError where it has surely arrived.
-    """
-    if not 0 <= elapsed_periods < len(arrival.cdf):
-        raise SerdError(
-            f"elapsed_periods must be from 0 to {len(arrival.cdf) - 1}, got {elapsed_periods}"
-            "; predict farther ahead"
-        )
-    done = float(arrival.cdf[elapsed_periods])
-    if done >= 1.0:
-        raise SerdError(
-            f"not having arrived after {elapsed_periods} periods must be possible, but its"
-            " probability is 0; the prediction is of another episode"
-        )
-    rest = (arrival.cdf[elapsed_periods:] - done) / (1.0 - done)
-    return ArrivalTimes(
-        periods=np.arange(len(rest)),
-        cdf=np.clip(rest, 0.0, 1.0),
-        arrival_probability=float(np.clip((arrival.arrival_probability - done) / (1 - done), 0, 1)),
-    )

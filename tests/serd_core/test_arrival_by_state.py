@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import nbinom
 
-from serd_core.arrival import ArrivalTimes, arrival_time_distribution
-from serd_core.arrival_by_state import arrival_by_state, given_not_arrived
+from serd_core.arrival import arrival_time_distribution
+from serd_core.arrival_by_state import arrival_by_state
+from serd_core.arrival_law import law_in_seconds
 from serd_core.errors import SerdError
 from serd_core.grid import Action, Grid
 from serd_core.navigation import build_navigation_problem
@@ -92,9 +93,10 @@ def test_not_having_arrived_is_the_mixture_over_where_it_may_be(seed, elapsed):
     start = np.full(n_states, 1.0 / n_states)
     whole = arrival_time_distribution(problem, policy, table, start, 60)
     every = arrival_by_state(problem, policy, table, 60 - elapsed)
-    rest = given_not_arrived(whole, elapsed)
+    rest = law_in_seconds(whole, period_s=2.0).given_not_arrived_by(2.0 * elapsed)
     there = present_distribution(problem, policy, table, start, elapsed)
-    np.testing.assert_allclose(rest.cdf, every.cdf @ there, atol=1e-9)
+    measured = rest.probability_by(2.0 * np.arange(61 - elapsed))
+    np.testing.assert_allclose(measured, every.cdf @ there, atol=1e-9)
     ever = every.arrival_probability @ there
     assert rest.arrival_probability == pytest.approx(ever, abs=1e-7)
 
@@ -156,8 +158,3 @@ def test_wrong_arguments_are_refused_by_name():
         arrival_by_state(problem, policy, table, -1)
     with pytest.raises(SerdError, match="state must be a state from 0 to 2, got 3"):
         arrival_by_state(problem, policy, table, 3).from_state(3)
-    sure = ArrivalTimes(np.arange(3), np.array([0.0, 0.5, 1.0]), 1.0)
-    with pytest.raises(SerdError, match="elapsed_periods must be from 0 to 2, got 3"):
-        given_not_arrived(sure, 3)
-    with pytest.raises(SerdError, match="not having arrived after 2 periods must be possible"):
-        given_not_arrived(sure, 2)
