@@ -79,6 +79,19 @@ def weighted_counts(index: IntArray, weights: FloatArray, size: int) -> FloatArr
     return np.asarray(np.bincount(index, weights=weights, minlength=size), dtype=np.float64)
 
 
+def largest_per_row(table: FloatArray) -> FloatArray:
+    """(S,) maximum over the actions of an (S, A) table.
+
+    numpy reduces short rows one by one, and long columns many at a time: the copy pays.
+    """
+    return np.asarray(np.maximum.reduce(np.ascontiguousarray(table.T), axis=0))
+
+
+def sum_per_row(table: FloatArray) -> FloatArray:
+    """(S,) sum over the actions of an (S, A) table of finite numbers, as a product with ones."""
+    return np.asarray(table @ np.ones(table.shape[1]))
+
+
 def first_index(mask: BoolArray | np.bool_) -> tuple[int, ...] | None:
     """Index of the first true entry of `mask` in row-major order, None when there is none."""
     if not mask.any():

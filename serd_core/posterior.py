@@ -59,7 +59,9 @@ class Posterior:
         solution = self.q_iteration(parameters, believed, initial_value)
         log_policy = self.policy_model.log_probabilities(parameters.policy, solution.q)
         gradients = self._q_gradient(parameters, believed, solution, np.exp(log_policy))
-        dynamics_value, by_truth = self._dynamics(parameters)
+        tied = parameters.truth is parameters.belief
+        true = believed if tied else transitions_at(self._model, parameters.truth)
+        dynamics_value, by_truth = self._dynamics(parameters.truth, true)
         log_prior = self.prior.evaluate(self._model, parameters)
         gradient = Parameters(
             reward=np.tensordot(gradients.reward_gradient, self.problem.features, axes=2),
@@ -110,10 +112,9 @@ class Posterior:
         by_q = self.policy_model.q_gradient(parameters.policy, policy, self._counts)
         return adjoint(self.problem.mdp, believed, solution, by_q, self.linear_solver)
 
-    def _dynamics(self, parameters: Parameters) -> tuple[float, FloatArray]:
-        true = transitions_at(self._model, parameters.truth)
+    def _dynamics(self, theta: FloatArray, true: Transitions) -> tuple[float, FloatArray]:
         value, entry_gradient = dynamics_log_likelihood(self.observations, true.entries)
-        return value, self._by_dynamics(parameters.truth, entry_gradient)
+        return value, self._by_dynamics(theta, entry_gradient)
 
     def _by_dynamics(self, theta: FloatArray, entry_gradient: FloatArray) -> FloatArray:
         return self._model.pull_back(theta, self._model.gather(entry_gradient))

@@ -50,4 +50,4 @@ def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
     q = problem.q(value)
     target = problem.equation.maximum(q)
     gap = target - value
-    return Backup(q=q, target=target, gap=gap, residual=float(np.max(np.abs(gap))))
+    return Backup(q=q, target=target, gap=gap, residual=max(float(gap.max()), -float(gap.min())))

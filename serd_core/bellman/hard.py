@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, largest_per_row
 from serd_core.bellman.equation import BellmanEquation
 
 
@@ -19,7 +19,7 @@ class HardBellman(BellmanEquation):
 
     def maximum(self, q: FloatArray) -> FloatArray:
         """(S,) max_a Q(s, a) (2.25)."""
-        return np.asarray(q.max(axis=1))
+        return largest_per_row(q)
 
     def policy(self, q: FloatArray) -> FloatArray:
         """(S, A) greedy policy (2.26), the first of equal actions."""

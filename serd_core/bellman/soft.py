@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, largest_per_row, sum_per_row
 from serd_core.bellman.equation import BellmanEquation
 
 
@@ -22,9 +22,9 @@ class SoftBellman(BellmanEquation):
 
     def maximum(self, q: FloatArray) -> FloatArray:
         """(S,) log sum_a exp Q(s, a) (3.29)."""
-        highest = q.max(axis=1)
+        highest = largest_per_row(q)
         shifted = np.exp(q - highest[:, None])
-        return np.asarray(highest + np.log(shifted.sum(axis=1)))
+        return np.asarray(highest + np.log(sum_per_row(shifted)))
 
     def policy(self, q: FloatArray) -> FloatArray:
         """(S, A) Boltzmann distribution over Q (3.30)."""
@@ -33,5 +33,5 @@ class SoftBellman(BellmanEquation):
 
 def boltzmann(q: FloatArray, temperature: float) -> FloatArray:
     """(S, A) probabilities proportional to exp(Q(s, a) / temperature) (4.62)."""
-    shifted = np.exp((q - q.max(axis=1, keepdims=True)) / temperature)
-    return np.asarray(shifted / shifted.sum(axis=1, keepdims=True))
+    shifted = np.exp((q - largest_per_row(q)[:, None]) / temperature)
+    return np.asarray(shifted / sum_per_row(shifted)[:, None])

@@ -19,6 +19,7 @@ from serd_core.arrays import (
     bool_array,
     int_array,
     require_index,
+    weighted_counts,
 )
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
@@ -136,12 +137,8 @@ class OutcomeModels(TransitionModel):
 
     def gather(self, entry_gradient: FloatArray) -> FloatArray:
         """(M, K) sum of the entry gradients over all pairs that share a model."""
-        by_pair = entry_gradient.reshape(-1, self.n_outcomes)
-        columns = [
-            np.bincount(self._model_of_pair, weights=column, minlength=self.n_models)
-            for column in by_pair.T
-        ]
-        return np.stack(columns, axis=1)
+        sums = weighted_counts(self.local_index, entry_gradient, self.n_parameters)
+        return sums.reshape(self.n_models, self.n_outcomes)
 
     def parameters_of(self, initial: FloatArray) -> FloatArray:
         """(M*K,) energies of the given (M, K) positive probabilities, zero mean per model."""

@@ -11,9 +11,11 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse
+import scipy.sparse.csgraph
 import scipy.sparse.linalg
 
 from serd_core.arrays import FloatArray, IntArray
+from serd_core.dynamics.structure import with_numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +48,20 @@ class PolicyPattern:
 
     def matrix(self, data: FloatArray) -> scipy.sparse.csc_array:
         """(S, S) matrix with the given numbers."""
-        shape = (self.n_states, self.n_states)
-        return scipy.sparse.csc_array((data, self.row_index, self.column_start), shape=shape)
+        return with_numbers(self._structure, data)
+
+    @cached_property
+    def _structure(self) -> scipy.sparse.csc_array:
+        return _square_structure(self.row_index, self.column_start)
+
+    @cached_property
+    def band(self) -> "Band":
+        """The pattern reordered symmetrically for a narrow band, found once."""
+        matrix = self.matrix(np.ones(len(self.row_index)))
+        order = scipy.sparse.csgraph.reverse_cuthill_mckee(matrix.tocsr(), symmetric_mode=False)
+        rank = np.argsort(order)
+        column = np.repeat(np.arange(self.n_states), np.diff(self.column_start))
+        return _band(np.asarray(order, dtype=np.int64), rank, rank[self.row_index], rank[column])
 
     @cached_property
     def elimination(self) -> "Elimination":
@@ -85,10 +99,50 @@ class Elimination:
 
     def matrix(self, data: FloatArray) -> scipy.sparse.csc_array:
         """(S, S) reordered matrix for data in the order of the original pattern."""
-        shape = (len(self.order), len(self.order))
-        return scipy.sparse.csc_array(
-            (data[self.source], self.row_index, self.column_start), shape=shape
-        )
+        return with_numbers(self._structure, data[self.source])
+
+    @cached_property
+    def _structure(self) -> scipy.sparse.csc_array:
+        return _square_structure(self.row_index, self.column_start)
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Reordered structure as LAPACK stores bands: entry (i, j) in row below + above + i - j.
+
+    State `order[i]` is the i-th unknown and `rank` the inverse; below, above: diagonals on either
+    side of the main one; place: (nnz,) position of each number of the pattern in the flat band.
+    """
+
+    order: IntArray
+    rank: IntArray
+    below: int
+    above: int
+    place: IntArray
+
+    @property
+    def n_rows(self) -> int:
+        """Rows of the stored band; the first `below` are room for row exchanges."""
+        return 2 * self.below + self.above + 1
+
+    def filled(self, data: FloatArray) -> FloatArray:
+        """(n_rows, S) band, by columns in memory, for data in the order of the pattern."""
+        flat = np.zeros(self.n_rows * len(self.order))
+        flat[self.place] = data
+        return flat.reshape(len(self.order), self.n_rows).T
+
+
+def _square_structure(row_index: IntArray, column_start: IntArray) -> scipy.sparse.csc_array:
+    n_states = len(column_start) - 1
+    ones = np.ones(len(row_index))
+    return scipy.sparse.csc_array((ones, row_index, column_start), shape=(n_states, n_states))
+
+
+def _band(order: IntArray, rank: IntArray, row: IntArray, column: IntArray) -> Band:
+    below, above = int(np.max(row - column)), int(np.max(column - row))
+    n_rows = 2 * below + above + 1
+    place = column * n_rows + below + above + row - column
+    return Band(order=order, rank=rank, below=below, above=above, place=place)
 
 
 def policy_pattern(

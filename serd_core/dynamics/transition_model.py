@@ -18,6 +18,7 @@ import scipy.sparse
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.differences import gradient_differences
+from serd_core.dynamics.structure import with_numbers
 from serd_core.dynamics.transition_groups import TransitionGroups, group_entries
 from serd_core.errors import SerdError
 
@@ -127,10 +128,15 @@ class TransitionModel(ABC):
         leaves[state[self.successor != state]] = True
         return ~leaves
 
+    @cached_property
+    def _structure(self) -> scipy.sparse.csr_array:
+        shape = (self.n_states * self.n_actions, self.n_states)
+        ones = np.ones(len(self.successor))
+        return scipy.sparse.csr_array((ones, self.successor, self.row_start), shape=shape)
+
     def matrix(self, entries: FloatArray) -> scipy.sparse.csr_array:
         """(S*A, S) sparse matrix of P(s' | s, a); duplicates of a successor add up."""
-        shape = (self.n_states * self.n_actions, self.n_states)
-        return scipy.sparse.csr_array((entries, self.successor, self.row_start), shape=shape)
+        return with_numbers(self._structure, entries)
 
     def require_stochastic(self, entries: FloatArray, tolerance: float = 1e-9) -> None:
         """SerdError naming the first (s, a) whose probabilities are no distribution."""

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, largest_per_row, sum_per_row
 from serd_core.bellman.equation import BellmanEquation
 
 
@@ -39,12 +39,12 @@ class PolicyModel(ABC):
 
     def log_probabilities(self, policy_parameters: FloatArray, q: FloatArray) -> FloatArray:
         """(S, A) log pi(a | s); -inf where an action is unavailable."""
-        scaled = (q - q.max(axis=1, keepdims=True)) / self.temperature(policy_parameters)
-        return np.asarray(scaled - np.log(np.exp(scaled).sum(axis=1, keepdims=True)))
+        scaled = (q - largest_per_row(q)[:, None]) / self.temperature(policy_parameters)
+        return np.asarray(scaled - np.log(sum_per_row(np.exp(scaled)))[:, None])
 
     def q_gradient(
         self, policy_parameters: FloatArray, policy: FloatArray, counts: FloatArray
     ) -> FloatArray:
         """(S, A) derivative by Q of sum_sa n(s,a) log pi(a|s): (n(s,a) - n(s) pi) / temperature."""
-        surprise = counts - counts.sum(axis=1, keepdims=True) * policy
+        surprise = counts - sum_per_row(counts)[:, None] * policy
         return np.asarray(surprise / self.temperature(policy_parameters))

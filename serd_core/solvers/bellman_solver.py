@@ -11,6 +11,7 @@ from serd_core.mdp import Mdp
 
 #: Multiple of the rounding unit below which a residual cannot be expected to fall.
 ROUNDING_STEPS = 16.0
+SMALLEST_SHARE = ROUNDING_STEPS * float(np.finfo(np.float64).eps)
 
 
 class BellmanSolver(ABC):
@@ -28,9 +29,8 @@ def residual_target(discount: float, accuracy: float, value: FloatArray) -> floa
 
     Never asks for less than rounding allows; the certificate of the solution stays honest.
     """
-    scale = max(1.0, float(np.max(np.abs(value))))
-    smallest = ROUNDING_STEPS * float(np.finfo(np.float64).eps)
-    return scale * max(accuracy * (1.0 - discount), smallest)
+    scale = max(1.0, float(value.max()), -float(value.min()))
+    return scale * max(accuracy * (1.0 - discount), SMALLEST_SHARE)
 
 
 def starting_value(mdp: Mdp, initial_value: FloatArray | None) -> FloatArray:

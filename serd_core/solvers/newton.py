@@ -42,7 +42,7 @@ class Newton(BellmanSolver):
     linear_solver: LinearSolver = field(default_factory=Automatic)
     accuracy: float = 1e-12
     max_steps: int = 1_000
-    cold_sweeps: int = 5
+    cold_sweeps: int = 2
 
     def solve(
         self, mdp: Mdp, problem: BellmanProblem, initial_value: FloatArray | None = None

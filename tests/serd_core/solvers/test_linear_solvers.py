@@ -8,11 +8,13 @@ from serd_core.bellman.soft import SoftBellman
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
 from serd_core.solvers.automatic import Automatic, StandBy
+from serd_core.solvers.banded_lu import BandedFactor, BandedLu
 from serd_core.solvers.krylov import Krylov
 from serd_core.solvers.newton import Newton
 from serd_core.solvers.sparse_lu import SparseLu
 
-SOLVERS = [SparseLu(), Krylov(), Krylov(fill=5.0), Automatic(), Automatic(always_lu_states=0)]
+WIDE = Automatic(always_lu_states=0, widest_band=0)
+SOLVERS = [SparseLu(), BandedLu(), Krylov(), Krylov(fill=5.0), Automatic(), WIDE]
 EACH_SOLVER = pytest.mark.parametrize("solver", SOLVERS, ids=repr)
 
 
@@ -38,6 +40,13 @@ def test_the_pattern_holds_the_matrix_of_the_definition(random_problem, seed):
         pattern.elimination.matrix(data).toarray(), dense[np.ix_(order, order)], atol=1e-14
     )
     assert sorted(order) == list(range(len(dense)))
+    band = pattern.band
+    assert sorted(band.order) == list(range(len(dense)))
+    filled = band.filled(data)
+    for row, column in np.argwhere(dense[np.ix_(band.order, band.order)]):
+        assert filled[band.below + band.above + row - column, column] == pytest.approx(
+            dense[band.order[row], band.order[column]], abs=1e-14
+        )
 
 
 @EACH_SOLVER
@@ -63,7 +72,7 @@ def test_a_right_side_of_zeros_has_the_solution_zero(random_problem):
     np.testing.assert_array_equal(Krylov().prepare(pattern, data).solve(zeros), 0)
 
 
-@pytest.mark.parametrize("solver", [Krylov(), Krylov(fill=10.0), Automatic()], ids=repr)
+@pytest.mark.parametrize("solver", [Krylov(), Krylov(fill=10.0), BandedLu(), WIDE], ids=repr)
 def test_newton_reaches_its_accuracy_with_every_linear_solver(make_gridworld, solver):
     case = make_gridworld(side=30, discount=0.99, n_episodes=1, n_steps=1)
     mdp = case.problem.mdp
@@ -86,6 +95,21 @@ def test_the_choice_follows_size_and_horizon():
     assert automatic.choose(90_000, 100.0) == Krylov()
     assert automatic.choose(90_000, 1e4) == SparseLu()
     assert automatic.choose(1_000_000, 1e4) == Krylov(fill=10.0)
+
+
+def test_a_narrow_band_is_factorised_as_one_and_a_wide_one_is_not(make_gridworld):
+    pattern = make_gridworld(side=12, n_episodes=1, n_steps=1).problem.mdp.policy_pattern
+    data = np.zeros(len(pattern.row_index))
+    data[pattern.diagonal] = 1.0
+    assert max(pattern.band.below, pattern.band.above) < 16
+    assert isinstance(Automatic().prepare(pattern, data), BandedFactor)
+    assert not isinstance(Automatic(widest_band=5).prepare(pattern, data), BandedFactor)
+
+
+def test_a_singular_band_is_refused(make_gridworld):
+    pattern = make_gridworld(side=4, n_episodes=1, n_steps=1).problem.mdp.policy_pattern
+    with pytest.raises(SerdError, match="must be invertible, but pivot 1 of its band is 0"):
+        BandedLu().prepare(pattern, np.zeros(len(pattern.row_index)))
 
 
 def test_krylov_says_when_it_did_not_get_there_and_lu_stands_by(make_gridworld):
