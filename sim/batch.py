@@ -1,37 +1,39 @@
-"""Many episodes over many processes, resumable, one row of a CSV file per episode.
+"""Many episodes over many processes, resumable, one row per episode in a CSV or Parquet file.
 
 Rows are written as they come; a run that is started again skips the episodes whose rows are there.
-An episode's result depends on its task only, not on the process or the order.
+An episode's result depends on its task only, not on the process or the order. Scenario and model
+files may change between runs: their digest stands in the row and must be the same.
 """
 
-import csv
-import os
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
-from contextlib import suppress
-from dataclasses import asdict, dataclass, fields
-from functools import lru_cache
-from multiprocessing import get_context, parent_process
+import hashlib
+from collections.abc import Callable, Iterable
+from contextlib import closing
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from threading import Thread
-from typing import Any
 
 from sim.drivers import make_driver
 from sim.episode import run_episode
 from sim.episode_metrics import MetricsObserver
 from sim.errors import SimError
+from sim.execution import Execution
+from sim.model_driver import MODEL_SUFFIXES
 from sim.planners import make_planner
 from sim.scenario import Scenario, load_scenario
+from sim.scenario_grid import grid_of, start_states_of
 from sim.world import HallwayWorld
+from storage.row_table import Key, Row, RowTable, as_text
+from storage.text_file import read_text
 
-Row = dict[str, Any]
+Progress = Callable[[int, int], None]
+#: Column of the digest of everything that files say about an episode.
+INPUTS = "inputs"
 
 
 @dataclass(frozen=True)
 class EpisodeTask:
     """What defines one episode. n_people: the scenario's own number when None.
 
-    driver: a name of `sim.drivers`.
+    driver: a name of `sim.drivers` or the file of a learned model.
     """
 
     scenario: str
@@ -43,9 +45,9 @@ class EpisodeTask:
     driver: str = "expert_with_flow"
 
     @property
-    def key(self) -> tuple[str, ...]:
+    def key(self) -> Key:
         """The task as the strings that stand in its row."""
-        return tuple(_text(getattr(self, each.name)) for each in fields(self))
+        return tuple(as_text(getattr(self, each.name)) for each in fields(self))
 
 
 TASK_COLUMNS = tuple(each.name for each in fields(EpisodeTask))
@@ -53,7 +55,7 @@ TASK_COLUMNS = tuple(each.name for each in fields(EpisodeTask))
 
 def run_task(task: EpisodeTask) -> Row:
     """Run one episode; its row."""
-    scenario = _scenario(task.scenario, task.n_people)
+    scenario = scenario_of(task.scenario, task.n_people)
     observer = MetricsObserver(scenario)
     with HallwayWorld(scenario, seed=task.seed) as world:
         record = run_episode(
@@ -66,6 +68,7 @@ def run_task(task: EpisodeTask) -> Row:
         )
     return {
         **{name: getattr(task, name) for name in TASK_COLUMNS},
+        INPUTS: inputs_digest(task.scenario, task.driver),
         "outcome": record.outcome,
         "time_of_arrival_s": record.time_of_arrival_s,
         "duration_s": record.duration_s,
@@ -81,127 +84,60 @@ def run_batch(
     tasks: Iterable[EpisodeTask],
     path: str | Path,
     *,
-    n_processes: int | None = None,
-    executor: Executor | None = None,
-    on_progress: Callable[[int, int], None] | None = None,
+    execution: Execution | None = None,
+    on_progress: Progress | None = None,
 ) -> list[Row]:
-    """Rows of all tasks, from the file where they are there already, else run and appended to it.
+    """Rows of all tasks, from the file where they are there already, else run and added to it.
 
-    on_progress: called with (done, all) after every episode. n_processes: all cores when None; 1
-    runs in this process. executor: runs the episodes instead; anything with the interface of
-    concurrent.futures, such as joblib's loky executor or that of a Dask client.
+    execution: where episodes run, all cores of this machine when None. on_progress: called with
+    (done, all) at the start and after every episode.
     """
     wanted = list(tasks)
-    table = _Table(Path(path))
-    missing = [task for task in dict.fromkeys(wanted) if task.key not in table.rows]
-    done, total = len(wanted) - len(missing), len(wanted)
-    for row in _results(missing, n_processes, executor):
-        table.append(row)
-        done += 1
+    require_runnable(wanted)
+    with RowTable(path, TASK_COLUMNS) as table:
+        _require_same_inputs(wanted, table)
+        missing = [task for task in dict.fromkeys(wanted) if task.key not in table.rows]
+        done, total = len(wanted) - len(missing), len(wanted)
         if on_progress is not None:
             on_progress(done, total)
-    return [table.rows[task.key] for task in wanted]
+        with closing((execution or Execution()).results(run_task, missing)) as results:
+            for row in results:
+                table.append(row)
+                done += 1
+                if on_progress is not None:
+                    on_progress(done, total)
+        return [table.rows[task.key] for task in wanted]
 
 
-def _results(
-    tasks: list[EpisodeTask], n_processes: int | None, executor: Executor | None
-) -> Iterator[Row]:
-    if executor is not None:
-        yield from _as_completed(executor, tasks)
-        return
-    workers = min(n_processes or os.cpu_count() or 1, len(tasks))
-    if workers <= 1:
-        yield from map(run_task, tasks)
-        return
-    # Spawned, not forked: a fork would share PyBullet's connections with the parent.
-    context = get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent) as pool:
-        yield from _as_completed(pool, tasks)
-
-
-def _as_completed(executor: Executor, tasks: list[EpisodeTask]) -> Iterator[Row]:
-    futures = [executor.submit(run_task, task) for task in tasks]
-    try:
-        for future in as_completed(futures):
-            yield future.result()
-    finally:
-        # After an error or Ctrl-C the episodes not yet begun are not run.
-        for future in futures:
-            future.cancel()
-
-
-def _end_with_parent() -> None:
-    """End this worker when the process that started it is gone, however that ended."""
-    Thread(target=_wait_for_parent, daemon=True).start()
-
-
-def _wait_for_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-class _Table:
-    """A CSV file of rows by task; a last line cut short by a crash is dropped."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self.rows: dict[tuple[str, ...], Row] = {}
-        self._columns: list[str] | None = None
-        if path.exists():
-            self._read()
-
-    def append(self, row: Row) -> None:
-        is_new = self._columns is None
-        if self._columns is None:
-            self._columns = list(row)
-        text = {name: _text(value) for name, value in row.items()}
-        with self._path.open("a", newline="") as file:
-            writer = csv.DictWriter(file, self._columns, lineterminator="\n")
-            if is_new:
-                writer.writeheader()
-            writer.writerow(text)
-        self.rows[tuple(text[name] for name in TASK_COLUMNS)] = _typed(text)
-
-    def _read(self) -> None:
-        whole = self._path.read_text().splitlines(keepends=True)
-        kept = [line for line in whole if line.endswith("\n")]
-        if len(kept) < len(whole):
-            self._path.write_text("".join(kept))
-        reader = csv.DictReader(kept)
-        if reader.fieldnames is None:
-            return
-        self._columns = list(reader.fieldnames)
-        missing = [name for name in TASK_COLUMNS if name not in self._columns]
-        if missing:
-            raise SimError(
-                f"{self._path} must be a table of episodes, but has no column {missing[0]!r}"
-                "; choose another file"
-            )
-        for text in reader:
-            self.rows[tuple(text[name] for name in TASK_COLUMNS)] = _typed(text)
-
-
-def _typed(text: dict[str, str]) -> Row:
-    """Numbers as numbers, an empty field as None."""
-    return {name: _value(value) for name, value in text.items()}
-
-
-def _value(text: str) -> Any:
-    if text == "":
-        return None
-    for kind in (int, float):
-        with suppress(ValueError):
-            return kind(text)
-    return text
-
-
-def _text(value: object) -> str:
-    return "" if value is None else str(value)
-
-
-@lru_cache(maxsize=32)
-def _scenario(name: str, n_people: int | None) -> Scenario:
+def scenario_of(name: str, n_people: int | None) -> Scenario:
+    """The scenario, with another number of people when one is given."""
     scenario = load_scenario(name)
     return scenario if n_people is None else scenario.with_pedestrian_count(n_people)
+
+
+def inputs_digest(scenario: str, driver: str) -> str:
+    """Digest of what the scenario, and the model if one drives, consist of."""
+    text = load_scenario(scenario).model_dump_json()
+    if driver.endswith(MODEL_SUFFIXES):
+        text += read_text(driver)
+    return f"sha256:{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+
+def require_runnable(tasks: Iterable[EpisodeTask]) -> None:
+    """Raise now what would otherwise end a batch in its middle: bad names, files and areas."""
+    for alike in {replace(task, seed=0, episode=0) for task in tasks}:
+        place = scenario_of(alike.scenario, alike.n_people)
+        start_states_of(place, grid_of(place), alike.start_area)
+        make_planner(alike.planner, place)
+        make_driver(alike.driver, place, 0)
+
+
+def _require_same_inputs(tasks: list[EpisodeTask], table: RowTable) -> None:
+    known = [task for task in tasks if task.key in table.rows]
+    digests = {pair: inputs_digest(*pair) for pair in {(t.scenario, t.driver) for t in known}}
+    for task in known:
+        if table.rows[task.key].get(INPUTS) != digests[task.scenario, task.driver]:
+            raise SimError(
+                f"{table.path} holds episodes of another version of {task.scenario} or "
+                f"{task.driver}; choose another file or delete it"
+            )

@@ -1,10 +1,11 @@
-"""Drivers by name, for tables and command lines."""
+"""Drivers by name, for tables and command lines; the file of a learned model is a name too."""
 
 from collections.abc import Callable
 
 from sim.driver import Driver
 from sim.errors import SimError
 from sim.expert import ExpertSettings, ScriptedExpert
+from sim.model_driver import MODEL_SUFFIXES, model_driver
 from sim.scenario import Scenario
 from storage.nearest import nearest_name
 
@@ -41,10 +42,13 @@ def driver_names() -> tuple[str, ...]:
 
 
 def make_driver(name: str, scenario: Scenario, seed: int) -> Driver:
-    """The driver of that name; SimError with the nearest name when there is none."""
+    """The driver of that name or model file; SimError with the nearest name when there is none."""
+    if name.endswith(MODEL_SUFFIXES):
+        return model_driver(name, scenario, seed)
     if name not in _DRIVERS:
         meant = nearest_name(name, driver_names()) or driver_names()[0]
         raise SimError(
-            f"driver must be one of {', '.join(_DRIVERS)}, got {name!r}; did you mean {meant!r}?"
+            f"driver must be one of {', '.join(_DRIVERS)} or the .yaml file of a model, "
+            f"got {name!r}; did you mean {meant!r}?"
         )
     return _DRIVERS[name](scenario, seed)

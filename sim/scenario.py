@@ -134,6 +134,8 @@ class Scenario(StrictModel):
 
     def with_pedestrian_count(self, count: int) -> "Scenario":
         """The same scenario with another number of people."""
+        if count < 0:
+            raise SimError(f"the number of people must be at least 0, got {count}; use 0 for none")
         pedestrians = self.pedestrians.model_dump() | {"count": count}
         return type(self).model_validate(self.model_dump() | {"pedestrians": pedestrians})
 

@@ -4,16 +4,21 @@ import math
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from distributed import LocalCluster
 
 from serd_core.errors import SerdError
-from sim.batch import EpisodeTask, run_batch, run_task
+from sim.batch import TASK_COLUMNS, EpisodeTask, run_batch, run_task
 from sim.drivers import driver_names, make_driver
+from sim.execution import Execution
 from sim.scenario import load_scenario
+from storage.parquet import read_parquet
+from storage.row_table import RowTable, waiting_lines
+from storage.yaml_config import model_yaml
 
+ONE = Execution(1)
 TASKS = [EpisodeTask("crossing", seed, n_people=6) for seed in (1, 2)]
 
 
@@ -21,7 +26,7 @@ TASKS = [EpisodeTask("crossing", seed, n_people=6) for seed in (1, 2)]
 def table(tmp_path_factory):
     path = tmp_path_factory.mktemp("batch") / "episodes.csv"
     progress = []
-    rows = run_batch(TASKS, path, n_processes=1, on_progress=lambda *done: progress.append(done))
+    rows = run_batch(TASKS, path, execution=ONE, on_progress=lambda *done: progress.append(done))
     return path, rows, progress
 
 
@@ -31,16 +36,16 @@ def test_every_task_has_its_row_with_numbers(table):
     assert all(row["outcome"] == "arrived" for row in rows)
     assert all(10 < row["time_of_arrival_s"] < 200 for row in rows)
     assert all(0 <= row["intimate_share"] <= row["personal_share"] <= 1 for row in rows)
-    assert progress == [(1, 2), (2, 2)]
+    assert progress == [(0, 2), (1, 2), (2, 2)]
 
 
 def test_a_batch_that_is_started_again_runs_nothing_and_gives_the_same_rows(table):
     path, rows, _ = table
     before = path.read_bytes()
     progress = []
-    again = run_batch(TASKS, path, n_processes=1, on_progress=lambda *done: progress.append(done))
+    again = run_batch(TASKS, path, execution=ONE, on_progress=lambda *done: progress.append(done))
     assert again == rows
-    assert progress == []
+    assert progress == [(2, 2)]
     assert path.read_bytes() == before
 
 
@@ -48,35 +53,37 @@ def test_a_line_cut_short_by_a_crash_is_run_again(table, tmp_path):
     path, rows, _ = table
     torn = tmp_path / "torn.csv"
     torn.write_bytes(path.read_bytes()[:-20])
-    again = run_batch(TASKS, torn, n_processes=1)
+    again = run_batch(TASKS, torn, execution=ONE)
     assert again == rows
     assert torn.read_bytes() == path.read_bytes()
 
 
 def test_processes_give_the_rows_that_one_process_gives(table, tmp_path):
     _, rows, _ = table
-    assert run_batch(TASKS, tmp_path / "two.csv", n_processes=2) == rows
-
-
-def test_any_executor_gives_the_same_rows(table, tmp_path):
-    _, rows, _ = table
-    with ThreadPoolExecutor(1) as executor:
-        assert run_batch(TASKS, tmp_path / "three.csv", executor=executor) == rows
+    assert run_batch(TASKS, tmp_path / "two.csv", execution=Execution(2)) == rows
 
 
 KILLED_PROGRAM = """
-import multiprocessing, sys, threading, time
+import sys
 from sim.batch import EpisodeTask, run_batch
+from sim.execution import Execution
 
-def tell():
-    while len(multiprocessing.active_children()) < 2:
-        time.sleep(0.05)
-    print(*(child.pid for child in multiprocessing.active_children()), flush=True)
-
-if __name__ == "__main__":
-    threading.Thread(target=tell, daemon=True).start()
-    run_batch([EpisodeTask("hallway", seed) for seed in range(200)], sys.argv[1], n_processes=2)
+tasks = [EpisodeTask("crossing", seed, n_people=6) for seed in range(1000)]
+run_batch(tasks, sys.argv[1], execution=Execution(2))
 """
+
+
+def children_of(pid):
+    """Processes that are running and were started by this one."""
+    found = []
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, parent = status.read_text().rsplit(")", 1)[1].split()[:2]
+        except OSError:
+            continue
+        if int(parent) == pid and state != "Z":
+            found.append(int(status.parent.name))
+    return found
 
 
 def is_running(pid):
@@ -85,23 +92,86 @@ def is_running(pid):
     return status.exists() and status.read_text().rsplit(")", 1)[1].split()[0] != "Z"
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
-def test_a_batch_that_is_killed_leaves_no_worker_behind(tmp_path):
-    program = tmp_path / "killed.py"
-    program.write_text(KILLED_PROGRAM)
-    with subprocess.Popen(
-        [sys.executable, str(program), str(tmp_path / "rows.csv")],
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as process:
-        workers = [int(pid) for pid in process.stdout.readline().split()]
-        time.sleep(2.0)
-        process.kill()
-    assert len(workers) == 2
-    deadline = time.monotonic() + 20.0
-    while any(is_running(pid) for pid in workers) and time.monotonic() < deadline:
+def wait_for(condition, seconds=30.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
         time.sleep(0.1)
-    assert not any(is_running(pid) for pid in workers)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_a_batch_that_is_killed_leaves_no_worker_behind_and_goes_on_where_it_was(tmp_path):
+    path = tmp_path / "rows.parquet"
+    command = [sys.executable, "-c", KILLED_PROGRAM, str(path)]
+    with subprocess.Popen(command) as process:
+        wait_for(waiting_lines(path).exists)
+        workers = children_of(process.pid)
+        process.kill()
+    assert len(workers) >= 2
+    wait_for(lambda: not any(is_running(pid) for pid in workers))
+    assert not path.exists()
+    with RowTable(path, TASK_COLUMNS) as table:
+        assert len(table.rows) >= 1
+    assert not waiting_lines(path).exists()
+    assert {row["outcome"] for row in read_parquet(path)} == {"arrived"}
+
+
+def test_a_parquet_file_holds_the_rows_that_a_csv_file_holds(table, tmp_path):
+    _, rows, _ = table
+    path = tmp_path / "episodes.parquet"
+    run_batch(TASKS[:1], path, execution=ONE)
+    assert run_batch(TASKS, path, execution=ONE) == rows
+    assert read_parquet(path) == rows
+    assert [each.name for each in tmp_path.iterdir()] == ["episodes.parquet"]
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_gives_the_same_rows(table, tmp_path):
+    _, rows, _ = table
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        dask = Execution(1, "dask", cluster.scheduler_address)
+        assert run_batch(TASKS, tmp_path / "four.csv", execution=dask) == rows
+
+
+def test_episodes_of_another_version_of_a_scenario_file_are_not_taken_for_this_one(tmp_path):
+    file, path = tmp_path / "mine.yaml", tmp_path / "rows.csv"
+    mine = load_scenario("crossing").with_pedestrian_count(0)
+    file.write_text(model_yaml(mine))
+    run_batch([EpisodeTask(str(file), 1)], path, execution=ONE)
+    file.write_text(model_yaml(mine.model_copy(update={"episode_timeout_s": 30.0})))
+    with pytest.raises(SerdError, match=r"another version of .*mine.yaml.*; choose another file"):
+        run_batch([EpisodeTask(str(file), 1)], path, execution=ONE)
+
+
+@pytest.mark.parametrize(
+    ("task", "sentence"),
+    [
+        (EpisodeTask("crosing", 1), "did you mean 'crossing'"),
+        (EpisodeTask("crossing", 1, planner="dwb"), "did you mean 'dwa'"),
+        (EpisodeTask("crossing", 1, driver="expart"), "did you mean 'expert'"),
+        (EpisodeTask("crossing", 1, start_area="trian"), "did you mean 'train'"),
+        (EpisodeTask("crossing", 1, driver="none.yaml"), "none.yaml"),
+    ],
+)
+def test_a_bad_name_is_said_before_anything_runs(tmp_path, task, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        run_batch([*TASKS, task], tmp_path / "rows.csv", execution=ONE)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"backend": "daks"}, "backend must be one of loky, dask, ray, got 'daks'; did you mean"),
+        ({"n_jobs": 0}, "jobs must be at least 1, or -1 for all cores, got 0"),
+        ({"address": "localhost:8786"}, "choose dask or ray"),
+    ],
+)
+def test_a_bad_execution_is_refused(settings, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        Execution(**settings)
 
 
 def test_a_file_that_is_no_table_of_episodes_is_refused(tmp_path):

@@ -5,7 +5,8 @@ import math
 import pytest
 
 from serd_core.errors import SerdError
-from sim.closed_loop import ClosedLoopPlan, summarise
+from sim.batch_summary import summarise, wilson_interval
+from sim.closed_loop import ClosedLoopPlan
 
 
 def row(seed, outcome, time_s, **values):
@@ -13,6 +14,7 @@ def row(seed, outcome, time_s, **values):
         "planner": "dwa",
         "scenario": "hallway",
         "n_people": 30,
+        "start_area": "train",
         "driver": "expert_with_flow",
         "seed": seed,
         "outcome": outcome,
@@ -59,3 +61,12 @@ def test_a_condition_in_which_nobody_arrives_has_no_time_of_arrival():
 def test_a_plan_without_seeds_is_refused():
     with pytest.raises(SerdError, match="n_seeds must be at least 1, got 0; use 20"):
         ClosedLoopPlan(n_seeds=0)
+
+
+def test_the_interval_of_the_arrival_rate_is_wilsons():
+    """Closed form (Wilson 1927): (p + z2/2n +- z sqrt(p(1-p)/n + z2/4n2)) / (1 + z2/n)."""
+    z, n, p = 1.959963984540054, 20, 0.95
+    centre = (p + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z * math.sqrt(p * (1 - p) / n + z**2 / (4 * n**2)) / (1 + z**2 / n)
+    assert wilson_interval(19, 20) == pytest.approx((centre - half, centre + half))
+    assert wilson_interval(20, 20)[1] == 1.0

@@ -1,0 +1,139 @@
+"""`serd batch`: many episodes over many processes, one row each, and what came of them."""
+
+import math
+from dataclasses import asdict
+from itertools import product
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from serd_cli.errors import UsageError
+from serd_cli.json_output import print_json
+from serd_cli.terminal import console, progress_console
+from sim.batch import EpisodeTask, run_batch
+from sim.batch_summary import ConditionSummary, summarise
+from sim.drivers import driver_names
+from sim.execution import BACKENDS, Execution
+from sim.planners import planner_names
+
+
+def register(app: typer.Typer) -> None:
+    """Add the subcommand."""
+    app.command(no_args_is_help=True)(batch)
+
+
+def batch(
+    output: Annotated[Path, typer.Option(help="table of episodes, .csv or .parquet")],
+    scenario: Annotated[list[str], typer.Option(help="built-in scenario or YAML file; repeat")],
+    policy: Annotated[
+        list[str] | None,
+        typer.Option(help=f"{', '.join(driver_names())} or a learned model's file; repeat"),
+    ] = None,
+    planner: Annotated[
+        list[str] | None, typer.Option(help=f"{' or '.join(planner_names())}; repeat")
+    ] = None,
+    people: Annotated[
+        list[int] | None, typer.Option(help="number of people, else the scenario's own; repeat")
+    ] = None,
+    start_area: Annotated[
+        list[str] | None, typer.Option(help="where the robot starts, default train; repeat")
+    ] = None,
+    seeds: Annotated[int, typer.Option(help="episodes of each, seeds first-seed and up")] = 20,
+    first_seed: Annotated[int, typer.Option(help="seed of the first episode")] = 1,
+    jobs: Annotated[int, typer.Option(help="processes at a time, -1 for all cores")] = -1,
+    backend: Annotated[str, typer.Option(help=f"{', '.join(BACKENDS)}")] = "loky",
+    address: Annotated[
+        str, typer.Option(help="of a running Dask or Ray cluster; else a local one is started")
+    ] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
+) -> None:
+    """Run every combination of scenarios, policies, planners and seeds, one row per episode.
+
+    serd batch --scenario hallway --policy expert --policy model.yaml --seeds 20 --output runs.csv
+
+    Interrupted, the same command goes on where it stopped; with more seeds or policies it adds
+    theirs to the table.
+    """
+    if seeds < 1 or first_seed < 0:
+        given = f"{seeds} and {first_seed}"
+        raise UsageError(f"--seeds must be at least 1 and --first-seed at least 0, got {given}")
+    counts: list[int | None] = [*people] if people else [None]
+    tasks = [
+        EpisodeTask(
+            scenario=place, seed=seed, n_people=count, start_area=area, planner=local, driver=driver
+        )
+        for place, count, area, local, driver, seed in product(
+            scenario,
+            counts,
+            start_area or ["train"],
+            planner or ["dwa"],
+            policy or ["expert"],
+            range(first_seed, first_seed + seeds),
+        )
+    ]
+    execution = Execution(jobs, backend, address)
+    summaries = summarise(_run(tasks, output, execution))
+    if as_json:
+        values = [_finite(asdict(each)) for each in summaries]
+        print_json({"conditions": values, "table": str(output.resolve())})
+        return
+    console.print(summary_table(summaries))
+    print(f"episodes: {output.resolve()}")
+
+
+def summary_table(summaries: list[ConditionSummary]) -> Table:
+    """One row per condition; contacts are those of all its episodes."""
+    table = Table(title="Episodes", title_justify="left")
+    table.add_column("condition", overflow="fold")
+    for name in ("arrived", "95 % interval", "time", "way"):
+        table.add_column(name, justify="right")
+    table.add_column("robot into people, people into robot, walls", justify="right", max_width=20)
+    for each in summaries:
+        contacts = (each.robot_on_person, each.person_on_robot, each.robot_on_wall)
+        table.add_row(
+            escape(_condition(each)),
+            f"{each.n_arrived} of {each.n_episodes}",
+            f"{100 * each.arrival_low:.0f}-{100 * each.arrival_high:.0f} %",
+            f"{each.mean_time_of_arrival_s:.1f} s" if each.n_arrived else "",
+            f"{each.mean_distance_m:.1f} m",
+            ", ".join(f"{round(per * each.n_episodes)}" for per in contacts),
+        )
+    return table
+
+
+def _condition(summary: ConditionSummary) -> str:
+    people = "" if summary.n_people is None else f", {summary.n_people} people"
+    return (
+        f"{summary.scenario}{people}, from {summary.start_area}: "
+        f"{summary.driver} by {summary.planner}"
+    )
+
+
+def _run(tasks: list[EpisodeTask], output: Path, execution: Execution) -> list[dict[str, object]]:
+    bar = Progress(
+        TextColumn("episodes"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=progress_console,
+    )
+    with bar:
+        line = bar.add_task("", total=len(tasks))
+        return run_batch(
+            tasks,
+            output,
+            execution=execution,
+            on_progress=lambda done, total: bar.update(line, completed=done, total=total),
+        )
+
+
+def _finite(values: dict[str, object]) -> dict[str, object]:
+    """JSON knows no NaN and no infinity: a number that does not apply is null."""
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in values.items()
+    }

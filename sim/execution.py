@@ -1,0 +1,130 @@
+"""Where many tasks run: processes of this machine (loky), or a Dask or Ray cluster, by joblib."""
+
+import os
+import threading
+import time
+import warnings
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import joblib
+
+from sim.errors import SimError
+from storage.nearest import hint
+
+BACKENDS = ("loky", "dask", "ray")
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+_PARENT_LOOK_S = 0.5
+
+
+@dataclass(frozen=True)
+class Execution:
+    """n_jobs: processes at a time, -1 for all cores; 1 with loky stays in this process.
+
+    address: of a running Dask scheduler or Ray cluster; a local one is started where it is empty.
+    """
+
+    n_jobs: int = -1
+    backend: str = "loky"
+    address: str = ""
+
+    def __post_init__(self) -> None:
+        if self.backend not in BACKENDS:
+            raise SimError(
+                f"backend must be one of {', '.join(BACKENDS)}, got {self.backend!r}; "
+                f"{hint(self.backend, BACKENDS)}"
+            )
+        if self.n_jobs == 0 or self.n_jobs < -1:
+            raise SimError(f"jobs must be at least 1, or -1 for all cores, got {self.n_jobs}")
+        if self.address and self.backend == "loky":
+            raise SimError(
+                f"address must be left out with loky, got {self.address!r}; choose dask or ray"
+            )
+
+    @property
+    def n_processes(self) -> int:
+        """How many processes that is on this machine."""
+        return (os.cpu_count() or 1) if self.n_jobs < 0 else self.n_jobs
+
+    def results(
+        self, function: Callable[[Task], Result], tasks: Sequence[Task]
+    ) -> Generator[Result, None, None]:
+        """function(task) of every task, as they come; closing the iterator ends the others."""
+        if self.backend == "loky" and (self.n_jobs == 1 or len(tasks) <= 1):
+            yield from map(function, tasks)
+            return
+        with self._cluster():
+            parallel = joblib.Parallel(return_as="generator_unordered")
+            results = parallel(joblib.delayed(function)(task) for task in tasks)
+            try:
+                # Not `yield from`, which would close it unsilenced.
+                for result in results:  # noqa: UP028
+                    yield result
+            finally:
+                with warnings.catch_warnings():
+                    # joblib advises to begin fewer tasks, of which an interrupted person knows.
+                    warnings.simplefilter("ignore", UserWarning)
+                    results.close()
+
+    @contextmanager
+    def _cluster(self) -> Iterator[None]:
+        """joblib set up to use the backend, with a local cluster where none was named."""
+        with ExitStack() as stack:
+            settings: dict[str, Any] = {}
+            if self.backend == "loky":
+                settings = {"initializer": end_with_parent, "initargs": (os.getpid(),)}
+            elif self.backend == "dask":
+                settings = {"client": stack.enter_context(self._dask_client())}
+            else:
+                stack.enter_context(self._ray())
+            stack.enter_context(
+                joblib.parallel_config(self.backend, n_jobs=self.n_jobs, **settings)
+            )
+            yield
+
+    def _dask_client(self) -> Any:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise _not_installed("dask", "dask[distributed]") from None
+        if self.address:
+            return Client(self.address)
+        return Client(n_workers=self.n_processes, threads_per_worker=1, dashboard_address=None)
+
+    @contextmanager
+    def _ray(self) -> Iterator[None]:
+        try:
+            import ray
+            from ray.util.joblib import register_ray
+        except ImportError:
+            raise _not_installed("ray", "ray") from None
+        if self.address:
+            ray.init(address=self.address)
+        else:
+            ray.init(num_cpus=self.n_processes, include_dashboard=False)
+        register_ray()
+        try:
+            yield
+        finally:
+            ray.shutdown()
+
+
+def end_with_parent(parent_pid: int) -> None:
+    """End this process when the one that started it is gone, however that ended."""
+
+    def watch() -> None:
+        while os.getppid() == parent_pid:
+            time.sleep(_PARENT_LOOK_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _not_installed(backend: str, package: str) -> SimError:
+    return SimError(
+        f"backend {backend} needs the package {package}, which is not installed"
+        f"; run 'pip install \"{package}\"' or use loky"
+    )

@@ -1,0 +1,24 @@
+"""Drivers by a learned model's file: its optimal policy on the grid of the scenario."""
+
+from serd_core.policies.solved_policy import optimal_policy
+from sim.errors import SimError
+from sim.policy_driver import PolicyDriver
+from sim.scenario import Scenario
+from sim.scenario_grid import grid_of, navigation_problem_of
+from storage.model_file import load_model
+
+MODEL_SUFFIXES = (".yaml", ".yml")
+
+
+def model_driver(path: str, scenario: Scenario, seed: int) -> PolicyDriver:
+    """Drives by the optimal policy of a model; FileError where it is for another grid."""
+    model = load_model(path, expected_grid=grid_of(scenario))
+    problem = navigation_problem_of(scenario, model.discount, model.feature_names)
+    names = tuple(each.name for each in model.outcome_models)
+    if names != tuple(problem.model_names):
+        raise SimError(
+            f"{path}: outcome_models must be {', '.join(problem.model_names)}, "
+            f"got {', '.join(names)}; learn the model again"
+        )
+    policy = optimal_policy(problem, model.weights, model.outcome_probabilities)
+    return PolicyDriver(problem.grid, policy.probabilities, seed=seed, name=path)
