@@ -2,10 +2,11 @@
 
 import argparse
 
-from benchmarks import bags_throughput, gradient, lockstep
+from benchmarks import bags_throughput, closed_loop, gradient, lockstep
 
 BENCHMARKS = {
     "bags_throughput": bags_throughput.run,
+    "closed_loop": closed_loop.run,
     "gradient": gradient.run,
     "lockstep": lockstep.run,
 }

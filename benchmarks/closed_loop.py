@@ -1,0 +1,142 @@
+"""Closed loop: how the planners drive among people, over scenarios, densities and directions.
+
+Every condition is driven with the same 20 seeds. Episodes are kept under .cache until the code of
+the simulator changes, so an interrupted run goes on where it stopped.
+"""
+
+import hashlib
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from benchmarks.closed_loop_figure import closed_loop_figure
+from benchmarks.report import RESULTS, Row, save
+from report.canvas import png_bytes
+from sim.batch import run_batch
+from sim.batch_summary import ConditionSummary, summarise
+from sim.closed_loop import ClosedLoopPlan
+from sim.command import Command
+from sim.drivers import make_driver
+from sim.episode import run_episode
+from sim.local_planner import LocalPlanner
+from sim.observation import Observation
+from sim.planners import make_planner, planner_names
+from sim.scenario import load_scenario
+from sim.waypoint import Waypoint
+from sim.world import HallwayWorld
+from storage.atomic import atomic_write_bytes
+
+PLAN_CALL_PEOPLE = 20
+_ON_ITS_WAY_M = 0.3
+ROOT = RESULTS.parents[1]
+FIGURE = ROOT / "docs" / "pictures" / "closed_loop.png"
+
+
+def run() -> None:
+    """Drive all episodes that are missing, then write table and figure."""
+    plan = ClosedLoopPlan()
+    progress = Progress(
+        TextColumn("closed loop"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    )
+    with progress:
+        line = progress.add_task("")
+        rows = run_batch(
+            plan.tasks,
+            ROOT / ".cache" / "benchmarks" / f"closed_loop_{code_digest()}.csv",
+            on_progress=lambda done, total: progress.update(line, completed=done, total=total),
+        )
+    summaries = summarise(rows)
+    atomic_write_bytes(FIGURE, png_bytes(closed_loop_figure(summaries)))
+    save(
+        "closed_loop",
+        f"Closed loop, {plan.n_seeds} episodes each; contacts are those of all of them",
+        [_row(each) for each in summaries],
+    )
+    save(
+        "plan_call",
+        f"Milliseconds of one plan call among {PLAN_CALL_PEOPLE} people",
+        [_plan_call(name) for name in planner_names()],
+    )
+
+
+def code_digest() -> str:
+    """Digest of all code and scenarios that decide what happens in an episode."""
+    digest = hashlib.sha256()
+    for path in _code_files():
+        digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _code_files() -> Iterator[Path]:
+    for package in ("serd_core", "sim"):
+        yield from sorted(
+            path
+            for path in (ROOT / package).rglob("*")
+            if path.suffix in (".py", ".yaml") and path.parent.name != "pictures"
+        )
+
+
+def _row(summary: ConditionSummary) -> Row:
+    direction = summary.driver.removeprefix("expert_").replace("_flow", "")
+    count = summary.n_episodes
+    return {
+        "planner": summary.planner,
+        "scenario": summary.scenario,
+        "people": summary.n_people,
+        "flow": direction,
+        "arrived": f"{summary.n_arrived} of {count}",
+        "arrival_low": summary.arrival_low,
+        "arrival_high": summary.arrival_high,
+        "time_s": summary.mean_time_of_arrival_s,
+        "way_m": summary.mean_distance_m,
+        "nearest_m": summary.minimum_person_distance_m,
+        "intimate": summary.intimate_share,
+        "personal": summary.personal_share,
+        "robot_on_person": round(summary.robot_on_person * count),
+        "person_on_robot": round(summary.person_on_robot * count),
+        "robot_on_wall": round(summary.robot_on_wall * count),
+        "change_mps2": summary.mean_abs_acceleration_mps2,
+        "change_radps2": summary.mean_abs_turn_acceleration_radps2,
+    }
+
+
+class _Timed:
+    """A planner whose calls are timed while it is on its way: at the waypoint it just stands."""
+
+    def __init__(self, planner: LocalPlanner) -> None:
+        self._planner = planner
+        self.seconds: list[float] = []
+
+    def reset(self) -> None:
+        self._planner.reset()
+
+    def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
+        start_s = time.perf_counter()
+        command = self._planner.step(observation, waypoint)
+        duration_s = time.perf_counter() - start_s
+        if waypoint is not None:
+            away = waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m
+            if math.hypot(*away) > _ON_ITS_WAY_M:
+                self.seconds.append(duration_s)
+        return command
+
+
+def _plan_call(name: str) -> Row:
+    """One drive through the hallway against the flow, where most people are near."""
+    scenario = load_scenario("hallway").with_pedestrian_count(PLAN_CALL_PEOPLE)
+    planner = _Timed(make_planner(name, scenario))
+    driver = make_driver("expert_against_flow", scenario, 1)
+    with HallwayWorld(scenario, seed=1) as world:
+        run_episode(world, planner, driver, episode=0)
+    milliseconds = 1e3 * np.array(planner.seconds)
+    return {
+        "planner": name,
+        "calls": len(milliseconds),
+        "median_ms": float(np.median(milliseconds)),
+        "95_percent_below_ms": float(np.percentile(milliseconds, 95)),
+        "maximum_ms": float(milliseconds.max()),
+    }

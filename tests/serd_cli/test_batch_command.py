@@ -1,0 +1,71 @@
+"""`serd batch`: many episodes, one row each."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from storage.row_table import RowTable
+
+SMALL = ("batch", "--scenario", "crossing", "--people", "4", "--jobs", "1")
+
+
+def test_a_batch_writes_a_table_and_tells_what_came_of_it(serd, tmp_path):
+    output = tmp_path / "episodes.csv"
+    ended = serd(*SMALL, "--seeds", "2", "--output", output, "--json")
+    told = json.loads(ended.out)
+    assert ended.code == 0
+    assert told["table"] == str(output)
+    (condition,) = told["conditions"]
+    assert (condition["n_episodes"], condition["n_people"]) == (2, 4)
+    assert condition["n_arrived"] == 2
+    assert len(output.read_text().splitlines()) == 3
+
+
+def test_more_seeds_add_to_the_table_and_keep_what_is_there(serd, tmp_path):
+    output = tmp_path / "episodes.parquet"
+    serd(*SMALL, "--seeds", "1", "--output", output)
+    ended = serd(*SMALL, "--seeds", "2", "--output", output)
+    assert "2 of 2" in ended.out
+    with RowTable(output, ["seed"]) as table:
+        assert list(table.rows) == [("1",), ("2",)]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--output", "rows.txt"), "must end in .csv or .parquet, got rows.txt"),
+        (("--output", "r.csv", "--policy", "expart"), "did you mean 'expert'?"),
+        (("--output", "r.csv", "--policy", "none.yaml"), "none.yaml"),
+        (("--output", "r.csv", "--planner", "dva"), "did you mean 'dwa'?"),
+        (("--output", "r.csv", "--start-area", "transfr"), "did you mean 'transfer'?"),
+        (("--output", "r.csv", "--people", "-1"), "number of people must be at least 0, got -1"),
+        (("--output", "r.csv", "--seeds", "0"), "--seeds must be at least 1"),
+        (("--output", "r.csv", "--backend", "loki"), "did you mean 'loky'?"),
+    ],
+)
+def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence, tmp_path):
+    ended = serd("batch", "--scenario", "hallway", *words)
+    assert ended.code == 2
+    assert sentence in ended.err
+    assert ended.out == ""
+    assert not list((tmp_path / "here").iterdir())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_an_interrupted_batch_keeps_its_rows_and_ends_with_130(tmp_path):
+    output = tmp_path / "rows.csv"
+    command = [sys.executable, "-m", "serd_cli.main", "batch", "--scenario", "crossing"]
+    command += ["--people", "4", "--seeds", "2000", "--jobs", "2", "--output", str(output)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        deadline = time.monotonic() + 30.0
+        while not output.exists() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=30.0)
+    assert process.returncode == 130
+    assert "Traceback" not in said
+    assert 1 < len(output.read_text().splitlines()) < 2001
