@@ -12,6 +12,7 @@ class HallwaySimConfig(StrictModel):
 
     scenario: str = Field(min_length=1)
     seed: int = Field(ge=0)
+    people: int = Field(ge=-1)
     start_area: str
     lockstep: bool
     lockstep_timeout_s: float = Field(gt=0)
@@ -45,7 +46,9 @@ class DriverConfig(StrictModel):
 
 
 class ScriptedExpertConfig(DriverConfig):
-    """The scripted expert has its own behaviour settings in sim.expert."""
+    """driver: a name of sim.drivers."""
+
+    driver: str
 
 
 class StrategyConfig(DriverConfig):

@@ -1,10 +1,12 @@
 """Drivers by name, for tables and command lines; the file of a learned model is a name too."""
 
 from collections.abc import Callable
+from functools import partial
 
 from sim.driver import Driver
 from sim.errors import SimError
 from sim.expert import ExpertSettings, ScriptedExpert
+from sim.expert_styles import STYLES, VariedExpert
 from sim.model_driver import MODEL_SUFFIXES, model_driver
 from sim.scenario import Scenario
 from storage.nearest import nearest_name
@@ -22,6 +24,10 @@ def _against_flow(scenario: Scenario, seed: int) -> Driver:
     return ScriptedExpert(scenario, seed, _resolute(goes_with_flow=False))
 
 
+def _in_style(scenario: Scenario, seed: int, *, style: str) -> Driver:
+    return ScriptedExpert(scenario, seed, STYLES[style])
+
+
 def _resolute(*, goes_with_flow: bool) -> ExpertSettings:
     """One who never wavers nor waits, so that the planner alone is measured."""
     return ExpertSettings(
@@ -33,6 +39,8 @@ _DRIVERS: dict[str, Callable[[Scenario, int], Driver]] = {
     "expert": _expert,
     "expert_with_flow": _with_flow,
     "expert_against_flow": _against_flow,
+    "varied_expert": VariedExpert,
+    **{f"{style}_expert": partial(_in_style, style=style) for style in STYLES},
 }
 
 

@@ -1,10 +1,11 @@
 """A scripted person who demonstrates: keeps right, goes with the flow, wavers, waits when blocked.
 
 It likes routes (`expert_route`), sometimes takes a nearly as good move instead, and sometimes waits
-when somebody is about to be where it wants to go.
+when somebody is about to be where it wants to go. What it acts on is as old as its reaction time.
 """
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,6 +25,7 @@ class ExpertSettings:
     wait_probability: of waiting when a person will be within `blocked_radius_m` of the next cell's
     centre within `look_ahead_s`; never more than `longest_wait` periods in a row.
     goes_with_flow: False for one who likes the side of those who come towards him.
+    reaction_delay_s: age of what a decision is based on.
     """
 
     costs: RouteCosts = field(default_factory=RouteCosts)
@@ -34,6 +36,7 @@ class ExpertSettings:
     look_ahead_s: float = 0.6
     longest_wait: int = 2
     goes_with_flow: bool = True
+    reaction_delay_s: float = 0.0
 
 
 class ScriptedExpert:
@@ -66,7 +69,8 @@ class ScriptedExpert:
 
     def decide(self, observation: Observation) -> Action:
         """Next move towards the goal, or WAIT."""
-        state = self._grid.state_at(observation.x_m, observation.y_m)
+        seen = seen_earlier(observation, self._settings.reaction_delay_s)
+        state = self._grid.state_at(seen.x_m, seen.y_m)
         wavers, waits = self._rng.random(2) < (
             self._settings.waver_probability,
             self._settings.wait_probability,
@@ -75,7 +79,7 @@ class ScriptedExpert:
             return Action.WAIT
         move = self._choose(self._total_costs(state), bool(wavers))
         patient = self._waited < self._settings.longest_wait
-        if waits and patient and self._is_blocked(observation, state, move):
+        if waits and patient and self._is_blocked(seen, state, move):
             self._waited += 1
             return Action.WAIT
         self._waited, self._last_move = 0, move
@@ -104,3 +108,16 @@ class ScriptedExpert:
             if (np.hypot(away[:, 0], away[:, 1]) < self._settings.blocked_radius_m).any():
                 return True
         return False
+
+
+def seen_earlier(observation: Observation, delay_s: float) -> Observation:
+    """What was seen `delay_s` ago, as far as the present speeds tell."""
+    if delay_s == 0.0:
+        return observation
+    x_m, y_m, yaw_rad = observation.pose
+    way_m = delay_s * observation.speed_mps
+    return replace(
+        observation,
+        pose=(x_m - way_m * math.cos(yaw_rad), y_m - way_m * math.sin(yaw_rad), yaw_rad),
+        people_position_m=observation.people_position_m - delay_s * observation.people_velocity_mps,
+    )

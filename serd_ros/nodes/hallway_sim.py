@@ -23,6 +23,8 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
     def __init__(self) -> None:
         super().__init__("hallway_sim", HallwaySimConfig)
         scenario = load_scenario(self.config.scenario)
+        if self.config.people >= 0:
+            scenario = scenario.with_pedestrian_count(self.config.people)
         self._world = HallwayWorld(scenario, seed=self.config.seed, gui=self.config.gui)
         self._publisher = WorldPublisher(self, self._world)
         self._next_episode = 0

@@ -11,7 +11,7 @@ from serd_ros.convert.intent import to_intent
 from serd_ros.episode_driver import EpisodeDriverNode
 from serd_ros.run_node import run_node
 from sim.driver import Driver
-from sim.expert import ScriptedExpert
+from sim.drivers import make_driver
 from sim.observation import Observation
 
 
@@ -23,8 +23,8 @@ class ScriptedExpertNode(EpisodeDriverNode[ScriptedExpertConfig]):
         self._intents = self.create_publisher(Vector3Stamped, topics.INTENT, qos.STATE)
 
     def make_driver(self) -> Driver:
-        """The expert of the scenario."""
-        return ScriptedExpert(self.scenario, self.config.seed)
+        """The expert that was asked for."""
+        return make_driver(self.config.driver, self.scenario, self.config.seed)
 
     def steer(self, observation: Observation, action: Action) -> None:
         """Publish the intended direction."""
