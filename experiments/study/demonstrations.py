@@ -1,0 +1,102 @@
+"""Demonstrations: for every expert and repetition, a training, a test and a transfer set.
+
+The scripted people ("people") drive in several styles; planned experts know or err about the crowd.
+Every repetition is recorded anew in worlds of its own. Repetition 0 of the scripted people is what
+the bags under bags/data hold.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from experiments.study.drives import drive_episodes
+from experiments.study.planned_experts import BELIEFS, planned_policy
+from experiments.study.products import Task
+from experiments.study.reference import reference_dynamics
+from experiments.study.seeds import Purpose, world_seed
+from experiments.study.settings import StudySettings
+from experiments.study.world import TRAIN_AREA, TRANSFER_AREA, problem_of, scenario_of
+from serd_core.demonstrations import Decisions
+from serd_core.navigation import NavigationProblem
+from sim.driver import Driver
+from sim.drivers import make_driver
+from sim.policy_driver import PolicyDriver
+from sim.scenario import Scenario
+from storage.decision_table import load_decisions, save_decisions
+
+PEOPLE = "people"
+EXPERTS = (PEOPLE, *BELIEFS)
+ROLES = {"training": Purpose.TRAINING, "test": Purpose.TEST, "transfer": Purpose.TRANSFER}
+
+
+@dataclass(frozen=True, eq=False)
+class DemonstrationSets:
+    """The three sets of one expert and repetition."""
+
+    training: Decisions
+    test: Decisions
+    transfer: Decisions
+
+
+def n_repetitions(settings: StudySettings, expert: str) -> int:
+    """How often an expert's demonstrations are recorded anew."""
+    return (settings.learning if expert == PEOPLE else settings.beliefs).repetitions
+
+
+def demonstration_tasks(
+    settings: StudySettings, expert: str, folder: Path, reference: Path
+) -> tuple[Task, ...]:
+    """One table per repetition and set."""
+    return tuple(
+        Task(
+            set_file(folder, expert, repetition, role),
+            partial(record_set, settings, expert, repetition, role, reference),
+        )
+        for repetition in range(n_repetitions(settings, expert))
+        for role in ROLES
+    )
+
+
+def set_file(folder: Path, expert: str, repetition: int, role: str) -> Path:
+    """Where a set is kept."""
+    return folder / expert / f"{role}_{repetition:02d}.csv"
+
+
+def load_sets(folder: Path, expert: str, repetition: int) -> DemonstrationSets:
+    """The recorded sets of one repetition."""
+    return DemonstrationSets(
+        **{role: load_decisions(set_file(folder, expert, repetition, role)) for role in ROLES}
+    )
+
+
+def record_set(
+    settings: StudySettings, expert: str, repetition: int, role: str, reference: Path, file: Path
+) -> None:
+    """Drive one set and write its table."""
+    scenario, problem = scenario_of(settings), problem_of(settings)
+    seed = world_seed(settings.seed, EXPERTS.index(expert), repetition, ROLES[role])
+    drives = drive_episodes(
+        scenario,
+        problem,
+        _driver(settings, scenario, problem, expert, seed, reference),
+        planner=settings.planner,
+        seed=seed,
+        episodes=range(getattr(settings.demonstrations, role)),
+        start_area=TRANSFER_AREA if role == "transfer" else TRAIN_AREA,
+    )
+    save_decisions(file, drives.decisions)
+
+
+def _driver(
+    settings: StudySettings,
+    scenario: Scenario,
+    problem: NavigationProblem,
+    expert: str,
+    seed: int,
+    reference: Path,
+) -> Driver:
+    if expert == PEOPLE:
+        return make_driver(settings.demonstrations.driver, scenario, seed)
+    truth = reference_dynamics(problem, reference)
+    policy = planned_policy(problem, expert, settings.beliefs.reward_weights, truth)
+    return PolicyDriver(problem.grid, policy, seed=seed, greedy=False, name=expert)

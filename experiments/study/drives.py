@@ -1,0 +1,96 @@
+"""Episodes in process, turned into decisions by the same rule as recordings in bags.
+
+The world is bit for bit the one that runs through ROS, and the poses and intents collected here go
+through `bags.discretise`, so a seed gives the same decisions either way.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bags.discretise import decisions_from_drive
+from bags.recorded_drive import EpisodeSpan, RecordedDrive
+from experiments.hallway_data import together
+from serd_core.demonstrations import Decisions
+from serd_core.grid import Action
+from serd_core.likelihood.observations import explained
+from serd_core.navigation import NavigationProblem
+from sim.command import Command
+from sim.decision import is_decision_tick
+from sim.driver import Driver
+from sim.episode import EpisodeRecord, run_episode
+from sim.observation import Observation
+from sim.planners import make_planner
+from sim.scenario import Scenario
+from sim.world import HallwayWorld
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """decisions: of all episodes; records: one per episode, in order."""
+
+    decisions: Decisions
+    records: tuple[EpisodeRecord, ...]
+
+
+def drive_episodes(
+    scenario: Scenario,
+    problem: NavigationProblem,
+    driver: Driver,
+    *,
+    planner: str,
+    seed: int,
+    episodes: Iterable[int],
+    start_area: str,
+    timeout_s: float | None = None,
+) -> Drives:
+    """Run the episodes one after the other in a world of that seed."""
+    local_planner = make_planner(planner, scenario)
+    tables, records = [], []
+    with HallwayWorld(scenario, seed=seed) as world:
+        for episode in episodes:
+            track = _Track(scenario)
+            record = run_episode(
+                world,
+                local_planner,
+                driver,
+                episode=episode,
+                start_area=start_area,
+                timeout_s=timeout_s,
+                observer=track.see,
+            )
+            drive = track.drive(record, world.observation)
+            decisions, _ = decisions_from_drive(drive, problem.grid, scenario.decision_period_s)
+            tables.append(decisions.select(explained(problem.mdp, decisions)))
+            records.append(record)
+    return Drives(together(tuple(tables)), tuple(records))
+
+
+@dataclass(eq=False)
+class _Track:
+    """Poses at every tick and intents at every decision of one episode."""
+
+    scenario: Scenario
+    poses: list[tuple[float, float, float]] = field(default_factory=list)
+    intents: list[tuple[float, int]] = field(default_factory=list)
+
+    def see(self, observation: Observation, command: Command, action: Action) -> None:
+        del command
+        self.poses.append((observation.time_s, observation.x_m, observation.y_m))
+        if is_decision_tick(observation, self.scenario):
+            self.intents.append((observation.time_s, int(action)))
+
+    def drive(self, record: EpisodeRecord, last: Observation) -> RecordedDrive:
+        """The episode as a recording of it would be read."""
+        pose = np.array([*self.poses, (last.time_s, last.x_m, last.y_m)])
+        intent = np.array(self.intents).reshape(-1, 2)
+        span = EpisodeSpan(record.episode, float(pose[0, 0]), float(pose[-1, 0]), record.outcome)
+        return RecordedDrive(
+            pose_time_s=pose[:, 0],
+            position_m=pose[:, 1:],
+            intent_time_s=intent[:, 0],
+            intent_action=intent[:, 1].astype(np.int64),
+            episodes=(span,),
+            source=f"{record.driver} in {self.scenario.name}, seed {record.seed}",
+        )

@@ -1,0 +1,1 @@
+"""Figures of the hallway study, drawn from its tables."""

@@ -1,0 +1,55 @@
+"""Experts who plan: a known reward, a known idea of the crowd, a soft policy (3.28 to 3.30).
+
+What such an expert believes is known here, so it can be said which assumption about the belief pays
+when. Who knows plans with the reference dynamics; who errs with dynamics that are wrong about the
+crowd: as if nobody were in the way, or as if the crowd let hardly anybody through.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.grid import Outcome
+from serd_core.navigation import ACROSS_FLOW, AGAINST_FLOW, WITH_FLOW, NavigationProblem
+from serd_core.policies.solved_policy import soft_policy
+
+#: What one who fears the crowd believes of moves against it and across it: probability of standing.
+_FEARED_STANDING = {AGAINST_FLOW: 0.95, ACROSS_FLOW: 0.65}
+
+
+def _knows(truth: FloatArray) -> FloatArray:
+    return truth
+
+
+def _ignores_crowd(truth: FloatArray) -> FloatArray:
+    """Every move goes as easily as one with the flow."""
+    belief = truth.copy()
+    belief[[AGAINST_FLOW, ACROSS_FLOW]] = truth[WITH_FLOW]
+    return belief
+
+
+def _fears_crowd(truth: FloatArray) -> FloatArray:
+    """Moves against the flow and across it nearly always fail."""
+    belief = truth.copy()
+    for model, standing in _FEARED_STANDING.items():
+        belief[model, Outcome.STAY] = 0.0
+        belief[model] *= (1.0 - standing) / belief[model].sum()
+        belief[model, Outcome.STAY] = standing
+    return belief
+
+
+#: Belief (M, K) of each planned expert, as a function of the true dynamics.
+BELIEFS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "knows": _knows,
+    "ignores_crowd": _ignores_crowd,
+    "fears_crowd": _fears_crowd,
+}
+
+
+def planned_policy(
+    problem: NavigationProblem, name: str, reward_weights: tuple[float, ...], truth: FloatArray
+) -> FloatArray:
+    """(S, A) what the expert of that name does."""
+    belief = BELIEFS[name](truth)
+    return soft_policy(problem, np.array(reward_weights), belief).probabilities

@@ -1,0 +1,71 @@
+"""Products on disk: each task makes one file, and a file that is there is not made again.
+
+A stage's folder is claimed by the settings its files depend on, so files of other settings are
+never taken for its own.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import joblib
+
+from experiments.repetitions import Execution, claim_folder
+
+#: Told (seconds of work done, seconds of work in all, what is being done), as estimated.
+OnWork = Callable[[float, float, str], None]
+
+
+@dataclass(frozen=True)
+class Task:
+    """make: a picklable function that writes the file it is given, whole or not at all."""
+
+    file: Path
+    make: Callable[[Path], None]
+
+    def run(self) -> None:
+        """Make the file."""
+        self.make(self.file)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Tasks that do not depend on each other, but on all stages before.
+
+    description: the settings the files depend on; task_s: rough seconds of one task, for progress.
+    """
+
+    name: str
+    folder: Path
+    description: str
+    tasks: tuple[Task, ...]
+    task_s: float
+
+    @property
+    def missing(self) -> tuple[Task, ...]:
+        """Tasks whose file is not there."""
+        return tuple(task for task in self.tasks if not task.file.exists())
+
+
+def make_products(stages: Sequence[Stage], execution: Execution, on_work: OnWork) -> None:
+    """Run what is missing, stage by stage; interrupted, it goes on where it stopped."""
+    for stage in stages:
+        claim_folder(stage.folder, stage.description)
+    total_s = sum(stage.task_s * len(stage.missing) for stage in stages)
+    done_s = 0.0
+    for stage in stages:
+        on_work(done_s, total_s, stage.name)
+        for _ in _finished(stage.missing, execution):
+            done_s += stage.task_s
+            on_work(done_s, total_s, stage.name)
+
+
+def _finished(tasks: Sequence[Task], execution: Execution) -> Iterator[Any]:
+    if execution.n_jobs == 1:
+        for task in tasks:
+            yield task.run()
+        return
+    with execution.activate():
+        parallel = joblib.Parallel(return_as="generator_unordered")
+        yield from parallel(joblib.delayed(task.run)() for task in tasks)

@@ -1,0 +1,123 @@
+"""Settings of the hallway study: hallway_study.yaml, with what a file or --quick changes."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, model_validator
+
+from storage.text_file import read_text
+from storage.yaml_config import StrictModel, yaml_model
+from storage.yaml_text import read_yaml, write_yaml
+
+FOLDER = Path(__file__).parent
+FULL_YAML = FOLDER / "hallway_study.yaml"
+QUICK_YAML = FOLDER / "hallway_study_quick.yaml"
+
+Sizes = tuple[int, ...]
+
+
+class DemonstrationSettings(StrictModel):
+    """Episodes of each set of one repetition."""
+
+    driver: str
+    training: int = Field(ge=2)
+    test: int = Field(ge=1)
+    transfer: int = Field(ge=1)
+
+
+class ReferenceSettings(StrictModel):
+    """Episodes of the reference recordings, by who drives."""
+
+    experts: int = Field(ge=1)
+    against_flow: int = Field(ge=1)
+    exploring: int = Field(ge=1)
+    exploring_s: float = Field(gt=0)
+
+
+class LearningSettings(StrictModel):
+    """How the learners are compared; sizes count demonstrations, validation included."""
+
+    repetitions: int = Field(ge=2)
+    sizes: Sizes = Field(min_length=1)
+    prior_weights: tuple[float, ...] = Field(min_length=1)
+    validation_share: float = Field(gt=0, lt=1)
+    reward_deviation: float = Field(gt=0)
+    reirl_threshold_share: float = Field(ge=0)
+    reirl_smoothing: float = Field(gt=0)
+    reirl_samples: int = Field(ge=1)
+    entropy_slack: float = Field(ge=0)
+
+
+class BeliefSettings(StrictModel):
+    """Experts that plan with a known reward and a known belief."""
+
+    repetitions: int = Field(ge=2)
+    sizes: Sizes = Field(min_length=1)
+    reward_weights: tuple[float, float, float]
+    episodes: int = Field(ge=1)
+
+
+class ArrivalSettings(StrictModel):
+    """How times of arrival are predicted and measured."""
+
+    episodes: int = Field(ge=1)
+    sampled: int = Field(ge=1)
+
+
+class StatisticsSettings(StrictModel):
+    """bootstrap: resamples; coverage: of confidence intervals."""
+
+    bootstrap: int = Field(ge=10)
+    coverage: float = Field(gt=0, lt=1)
+
+
+class StudySettings(StrictModel):
+    """Everything that decides what comes out of the study."""
+
+    scenario: str
+    people: int = Field(ge=1)
+    planner: str
+    discount: float = Field(ge=0, lt=1)
+    seed: int = Field(ge=0)
+    demonstrations: DemonstrationSettings
+    reference: ReferenceSettings
+    learning: LearningSettings
+    beliefs: BeliefSettings
+    arrival: ArrivalSettings
+    statistics: StatisticsSettings
+
+    @model_validator(mode="after")
+    def _sizes_fit(self) -> "StudySettings":
+        most = self.demonstrations.training
+        for sizes in (self.learning.sizes, self.beliefs.sizes):
+            if min(sizes) < 2 or max(sizes) > most or list(sizes) != sorted(set(sizes)):
+                raise ValueError(
+                    f"sizes must grow from at least 2 to at most demonstrations.training ({most}),"
+                    f" got {list(sizes)}"
+                )
+        return self
+
+
+def study_settings(*, quick: bool = False, config: Path | None = None) -> StudySettings:
+    """The defaults, changed by --quick and by a YAML file; FileError with one sentence."""
+    values = _mapping(FULL_YAML)
+    changes = [QUICK_YAML] if quick else []
+    changes += [config] if config is not None else []
+    for path in changes:
+        values = _merged(values, _mapping(path))
+    name = " with ".join(map(str, [FULL_YAML.name, *changes]))
+    return yaml_model(write_yaml(values), StudySettings, name=name)
+
+
+def _mapping(path: Path) -> dict[str, Any]:
+    found = read_yaml(read_text(path), str(path))
+    return found if isinstance(found, dict) else {"": found}
+
+
+def _merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(values)
+    for name, change in changes.items():
+        both = isinstance(change, dict) and isinstance(merged.get(name), dict)
+        merged[name] = _merged(merged[name], change) if both else change
+    return merged
