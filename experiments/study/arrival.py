@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from experiments.repetitions import Row
-from experiments.study.demonstrations import EXPERTS, PEOPLE, n_repetitions
+from experiments.study.demonstrations import n_repetitions
 from experiments.study.drives import drive_episodes
+from experiments.study.experts import EXPERTS, PEOPLE
 from experiments.study.fitting import load_fits
 from experiments.study.products import Task
 from experiments.study.seeds import Purpose, world_seed
@@ -150,7 +151,7 @@ def _drive(
     repetition: int,
     greedy: tuple[int, ...],
 ) -> list[Row]:
-    seed = world_seed(settings.seed, EXPERTS.index(expert), repetition, Purpose.MEASUREMENT)
+    seed = world_seed(settings.seed, expert, repetition, Purpose.MEASUREMENT)
     policy = np.eye(problem.mdp.n_actions)[np.array(greedy)]
     drives = drive_episodes(
         scenario,

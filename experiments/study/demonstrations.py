@@ -10,7 +10,8 @@ from functools import partial
 from pathlib import Path
 
 from experiments.study.drives import drive_episodes
-from experiments.study.planned_experts import BELIEFS, planned_policy
+from experiments.study.experts import PEOPLE
+from experiments.study.planned_experts import planned_policy
 from experiments.study.products import Task
 from experiments.study.reference import reference_dynamics
 from experiments.study.seeds import Purpose, world_seed
@@ -24,8 +25,6 @@ from sim.policy_driver import PolicyDriver
 from sim.scenario import Scenario
 from storage.decision_table import load_decisions, save_decisions
 
-PEOPLE = "people"
-EXPERTS = (PEOPLE, *BELIEFS)
 ROLES = {"training": Purpose.TRAINING, "test": Purpose.TEST, "transfer": Purpose.TRANSFER}
 
 
@@ -69,12 +68,17 @@ def load_sets(folder: Path, expert: str, repetition: int) -> DemonstrationSets:
     )
 
 
+def start_area_of(role: str) -> str:
+    """Where the episodes of a set begin."""
+    return TRANSFER_AREA if role == "transfer" else TRAIN_AREA
+
+
 def record_set(
     settings: StudySettings, expert: str, repetition: int, role: str, reference: Path, file: Path
 ) -> None:
     """Drive one set and write its table."""
     scenario, problem = scenario_of(settings), problem_of(settings)
-    seed = world_seed(settings.seed, EXPERTS.index(expert), repetition, ROLES[role])
+    seed = world_seed(settings.seed, expert, repetition, ROLES[role])
     drives = drive_episodes(
         scenario,
         problem,
@@ -82,7 +86,7 @@ def record_set(
         planner=settings.planner,
         seed=seed,
         episodes=range(getattr(settings.demonstrations, role)),
-        start_area=TRANSFER_AREA if role == "transfer" else TRAIN_AREA,
+        start_area=start_area_of(role),
     )
     save_decisions(file, drives.decisions)
 

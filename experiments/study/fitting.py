@@ -10,12 +10,11 @@ import numpy as np
 
 from experiments.repetitions import Row
 from experiments.study.demonstrations import (
-    EXPERTS,
-    PEOPLE,
     DemonstrationSets,
     load_sets,
     n_repetitions,
 )
+from experiments.study.experts import EXPERTS, PEOPLE
 from experiments.study.learned import Learned, learned_from_fit
 from experiments.study.methods import ASSUMPTIONS, METHODS, Trial, fit_tied
 from experiments.study.products import Task

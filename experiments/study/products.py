@@ -7,7 +7,6 @@ never taken for its own.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import joblib
 
@@ -61,10 +60,11 @@ def make_products(stages: Sequence[Stage], execution: Execution, on_work: OnWork
             on_work(done_s, total_s, stage.name)
 
 
-def _finished(tasks: Sequence[Task], execution: Execution) -> Iterator[Any]:
+def _finished(tasks: Sequence[Task], execution: Execution) -> Iterator[None]:
     if execution.n_jobs == 1:
         for task in tasks:
-            yield task.run()
+            task.run()
+            yield None
         return
     with execution.activate():
         parallel = joblib.Parallel(return_as="generator_unordered")

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from experiments.hallway_data import together
 from experiments.study.drives import drive_episodes
+from experiments.study.experts import PEOPLE
 from experiments.study.exploring_driver import ExploringDriver
 from experiments.study.products import Task
 from experiments.study.seeds import Purpose, world_seed
@@ -46,7 +47,7 @@ def reference_tasks(settings: StudySettings, folder: Path) -> tuple[Task, ...]:
 def record_reference(settings: StudySettings, kind: str, first: int, last: int, file: Path) -> None:
     """Write the table of some episodes of one kind."""
     scenario, problem = scenario_of(settings), problem_of(settings)
-    seed = world_seed(settings.seed, 0, 0, _PURPOSES[kind])
+    seed = world_seed(settings.seed, PEOPLE, 0, _PURPOSES[kind])
     driver = _driver(settings, scenario, problem, kind, seed)
     timeout_s = settings.reference.exploring_s if kind == "exploring" else None
     drives = [

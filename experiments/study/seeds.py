@@ -5,6 +5,8 @@ The same number makes the same recording through ROS: `serd launch demonstrate s
 
 from enum import IntEnum
 
+from experiments.study.experts import EXPERTS
+
 _PER_EXPERT, _PER_REPETITION = 10_000, 10
 
 
@@ -20,6 +22,6 @@ class Purpose(IntEnum):
     REFERENCE_EXPLORING = 7
 
 
-def world_seed(seed: int, expert_number: int, repetition: int, purpose: Purpose) -> int:
+def world_seed(seed: int, expert: str, repetition: int, purpose: Purpose) -> int:
     """Seed of the world (and of the driver) of one recording."""
-    return seed + _PER_EXPERT * expert_number + _PER_REPETITION * repetition + int(purpose)
+    return seed + _PER_EXPERT * EXPERTS.index(expert) + _PER_REPETITION * repetition + int(purpose)

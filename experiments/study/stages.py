@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.study.arrival import arrival_tasks
-from experiments.study.demonstrations import EXPERTS, demonstration_tasks
+from experiments.study.demonstrations import demonstration_tasks
+from experiments.study.experts import EXPERTS
 from experiments.study.fitting import fitting_tasks
 from experiments.study.products import Stage
 from experiments.study.reference import reference_tasks
