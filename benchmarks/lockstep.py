@@ -1,28 +1,28 @@
 """How many times faster than real time the hallway runs: in process, and through ROS in lock-step.
 
-The same seed, the same expert, the same trajectory; only what carries the messages differs.
+The same seed, the same expert, the same 30 people and trajectory; only what carries the messages
+differs. The profile tells which part of a step takes how long, and what to make faster next.
 """
 
 import os
 import subprocess
 import tempfile
-import time
 from pathlib import Path
 
 from domain_coordinator import domain_id
 
 from benchmarks.report import Row, save
+from benchmarks.step_profile import StepProfile, profile_steps
 from serd_cli.node_commands import stack_processes
 from serd_cli.workspace import ros_environment
 from serd_ros.graph import find_stack
-from sim.episode import run_episode
-from sim.expert import ScriptedExpert
-from sim.planners import make_planner
-from sim.scenario import load_scenario
-from sim.world import HallwayWorld
+from sim.planners import planner_names
+from sim.scenario import Scenario, load_scenario
+from storage.atomic import atomic_write_text
 from storage.episode_table import load_episodes
+from storage.yaml_config import model_yaml
 
-SEED, EPISODES = 3, 5
+PEOPLE, SEED, EPISODES = 30, 3, 5
 _WITHOUT_RECORDER = {
     "hallway_sim.required_nodes": ["local_planner", "scripted_expert"],
     "local_planner.required_nodes": ["hallway_sim"],
@@ -31,39 +31,58 @@ _WITHOUT_RECORDER = {
 
 
 def run() -> None:
-    """Measure all three ways in one run."""
-    in_process = _in_process()
+    """Measure in process with a profile, then through ROS."""
+    scenario = load_scenario("hallway").with_pedestrian_count(PEOPLE)
+    profiles = {
+        name: profile_steps(scenario, seed=SEED, episodes=EPISODES, planner=name)
+        for name in planner_names()
+    }
+    blind = profile_steps(scenario, seed=SEED, episodes=EPISODES, lidar=False)
+    factors = {
+        "in process: crowd, physics, lidar, planner": profiles["dwa"].real_time_factor,
+        "in process without lidar": blind.real_time_factor,
+        "ROS lock-step without lidar": _through_ros(scenario, recorded=False),
+        "ROS lock-step with lidar, all topics recorded": _through_ros(scenario, recorded=True),
+    }
+    rows: list[Row] = [
+        {
+            "way": way,
+            "real_time_factor": factor,
+            "step_us": 1e6 * scenario.control_period_s / factor,
+        }
+        for way, factor in factors.items()
+    ]
+    save("lockstep", f"Times faster than real time, {PEOPLE} people, {EPISODES} episodes", rows)
+    messages = factors["ROS lock-step without lidar"] / factors["in process without lidar"]
+    _save_profile(profiles, 1.0 - messages)
+
+
+def _save_profile(profiles: dict[str, StepProfile], message_share: float) -> None:
     rows: list[Row] = []
-    for name, factor in (
-        ("in process", in_process),
-        ("ROS lock-step", _through_ros(recorded=False)),
-        ("ROS lock-step, scan and all topics recorded", _through_ros(recorded=True)),
-    ):
-        rows.append({"way": name, "real_time_factor": factor, "of_in_process": factor / in_process})
-    people = load_scenario("hallway").pedestrians.count
-    save("lockstep", f"Times faster than real time, {people} people, {EPISODES} episodes", rows)
+    for planner, profile in profiles.items():
+        for part, part_us in sorted(profile.parts_us.items(), key=lambda each: -each[1]):
+            rows.append(
+                {"planner": planner, "part": part, "us": part_us, "share": profile.share(part)}
+            )
+    dwa = profiles["dwa"]
+    save(
+        "step_profile",
+        f"A step in process, {PEOPLE} people. Next bottleneck: the {dwa.bottleneck}, "
+        f"{dwa.share(dwa.bottleneck):.0%} of a step; through ROS the messages, "
+        f"{message_share:.0%} of a step",
+        rows,
+    )
 
 
-def _in_process() -> float:
-    scenario = load_scenario("hallway")
-    planner, expert = make_planner("dwa", scenario), ScriptedExpert(scenario, SEED)
-    simulated_s = wall_s = 0.0
-    with HallwayWorld(scenario, seed=SEED) as world:
-        for episode in range(EPISODES):
-            began_s = time.perf_counter()
-            record = run_episode(world, planner, expert, episode=episode)
-            wall_s += time.perf_counter() - began_s
-            simulated_s += record.duration_s
-    return simulated_s / wall_s
-
-
-def _through_ros(*, recorded: bool) -> float:
+def _through_ros(scenario: Scenario, *, recorded: bool) -> float:
     stack = find_stack("demonstrate")
     if not recorded:
         nodes = tuple(node for node in stack.nodes if node != "demo_recorder")
         stack = stack.model_copy(update={"nodes": nodes, "parameters": {}})
     with tempfile.TemporaryDirectory() as folder, domain_id() as domain:
-        given = {"seed": SEED, "scripted_expert.episodes": EPISODES}
+        place = Path(folder) / "scenario.yaml"
+        atomic_write_text(place, model_yaml(scenario))
+        given = {"scenario": str(place), "seed": SEED, "scripted_expert.episodes": EPISODES}
         given["scripted_expert.output"] = folder
         given |= {"demo_recorder.output": f"{folder}/bag"} if recorded else _WITHOUT_RECORDER
         environment = {**ros_environment(os.environ), "ROS_DOMAIN_ID": str(domain)}

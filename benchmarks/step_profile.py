@@ -1,0 +1,120 @@
+"""Where the time of a whole step goes: crowd, physics, lidar, planner, and what is left.
+
+The parts are timed inside the running world, so their sum and the rest are one and the same drive.
+"""
+
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Any
+from unittest.mock import patch
+
+from sim.crowd.crowd import Crowd
+from sim.episode import run_episode
+from sim.expert import ScriptedExpert
+from sim.planners import make_planner
+from sim.planning.recovery import RecoveringPlanner
+from sim.robot.contacts import ContactCounter
+from sim.robot.lidar import Lidar
+from sim.robot.robot import Robot
+from sim.scenario import Scenario
+from sim.world import HallwayWorld
+
+#: What belongs to each part: (class, method).
+PARTS: dict[str, tuple[tuple[type, str], ...]] = {
+    "crowd": ((Crowd, "step"), (Crowd, "push_out_of")),
+    "physics": ((Robot, "drive"), (ContactCounter, "update")),
+    "lidar": ((Lidar, "scan"),),
+    "planner": ((RecoveringPlanner, "step"),),
+}
+REST = "world, clock and observation"
+
+
+@dataclass(frozen=True)
+class StepProfile:
+    """Times faster than real time, and microseconds per step of each part and of the rest."""
+
+    real_time_factor: float
+    step_us: float
+    parts_us: dict[str, float]
+
+    @property
+    def bottleneck(self) -> str:
+        """The part that takes longest."""
+        return max(self.parts_us, key=lambda part: self.parts_us[part])
+
+    def share(self, part: str) -> float:
+        """Share of a step that a part takes."""
+        return self.parts_us[part] / self.step_us
+
+
+def profile_steps(
+    scenario: Scenario, *, seed: int, episodes: int, planner: str = "dwa", lidar: bool = True
+) -> StepProfile:
+    """Drive some episodes, scanning at the lidar's rate when asked to, without warm-up time."""
+    seconds: dict[str, float] = defaultdict(float)
+    with HallwayWorld(scenario, seed=seed) as world:
+        driver, local_planner = ScriptedExpert(scenario, seed), make_planner(planner, scenario)
+
+        def look(*_: Any) -> None:
+            if lidar and world.is_scan_tick:
+                world.scan()
+
+        wall_s = 0.0
+        n_ticks = 0
+        for episode in range(episodes):
+            with _timed_parts(seconds, world):
+                began_s = time.perf_counter()
+                record = run_episode(world, local_planner, driver, episode=episode, observer=look)
+                wall_s += time.perf_counter() - began_s - seconds.pop(_RESET, 0.0)
+            n_ticks += record.n_ticks
+    return _profile(scenario, seconds, wall_s, n_ticks)
+
+
+_RESET = "reset"
+
+
+@contextmanager
+def _timed_parts(seconds: dict[str, float], world: HallwayWorld) -> Iterator[None]:
+    """Every method of PARTS adds its time to its part; what happens inside reset does not count."""
+    resetting = False
+
+    def timed(part: str, method: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            if resetting:
+                return method(*arguments)
+            start_s = time.perf_counter()
+            result = method(*arguments)
+            seconds[part] += time.perf_counter() - start_s
+            return result
+
+        return call
+
+    reset = world.reset
+
+    def timed_reset(*arguments: Any) -> Any:
+        nonlocal resetting
+        start_s, resetting = time.perf_counter(), True
+        result = reset(*arguments)
+        resetting = False
+        seconds[_RESET] = time.perf_counter() - start_s
+        return result
+
+    with ExitStack() as stack:
+        stack.enter_context(patch.object(world, "reset", timed_reset))
+        for part, methods in PARTS.items():
+            for owner, name in methods:
+                replaced = timed(part, getattr(owner, name))
+                stack.enter_context(patch.object(owner, name, replaced))
+        yield
+
+
+def _profile(
+    scenario: Scenario, seconds: dict[str, float], wall_s: float, n_ticks: int
+) -> StepProfile:
+    parts_us = {part: 1e6 * seconds[part] / n_ticks for part in PARTS}
+    step_us = 1e6 * wall_s / n_ticks
+    parts_us[REST] = step_us - sum(parts_us.values())
+    return StepProfile(1e6 * scenario.control_period_s / step_us, step_us, parts_us)
