@@ -1,58 +1,84 @@
-"""Frames as files: PNG, GIF, and MP4 where ffmpeg is installed."""
+"""Frames as files: PNG, GIF, and MP4 by the ffmpeg that imageio-ffmpeg brings.
 
-import shutil
-import subprocess
-from collections.abc import Iterable, Iterator
+A movie is written beside its place and moved there when it is whole, so that what stopped midway
+leaves nothing.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 
+import imageio_ffmpeg
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from sim.errors import SimError
-
-Frame = NDArray[np.uint8]
+from sim.pictures.view import Frame
+from storage.errors import disk_error
 
 
 def save_png(frame: Frame, path: str | Path) -> None:
     """Write one frame."""
-    Image.fromarray(frame).save(path, format="PNG", optimize=True)
+    with _whole(Path(path)) as part:
+        Image.fromarray(frame).save(part, format="PNG", optimize=True)
 
 
 def save_gif(frames: Iterable[Frame], path: str | Path, frames_per_s: float = 10.0) -> None:
     """Write an endless GIF with one palette for all frames."""
     first, others = _first_and_others(frames)
     palette = Image.fromarray(first).quantize(colors=64)
-    images = (Image.fromarray(frame).quantize(palette=palette) for frame in others)
-    palette.save(
-        path,
-        format="GIF",
-        save_all=True,
-        append_images=images,
-        duration=round(1000.0 / frames_per_s),
-        loop=0,
+    images = (
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in others
     )
+    with _whole(Path(path)) as part:
+        palette.save(
+            part,
+            format="GIF",
+            save_all=True,
+            append_images=images,
+            duration=round(1000.0 / frames_per_s),
+            loop=0,
+        )
 
 
 def save_mp4(frames: Iterable[Frame], path: str | Path, frames_per_s: float = 20.0) -> None:
-    """Write an H.264 movie through ffmpeg; SimError when ffmpeg is missing or fails."""
-    program = shutil.which("ffmpeg")
-    if program is None:
-        raise SimError(
-            "an MP4 needs the program ffmpeg, which is not installed"
-            "; run 'apt-get install ffmpeg' or save a GIF"
-        )
+    """Write an H.264 movie frame by frame; an odd last row or column of pixels is cut off."""
     first, others = _first_and_others(frames)
     height, width = first.shape[0] // 2 * 2, first.shape[1] // 2 * 2
-    command = [program, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
-    command += ["-s", f"{width}x{height}", "-r", str(frames_per_s), "-i", "-"]
-    command += ["-pix_fmt", "yuv420p", str(path)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        even = (frame[:height, :width].tobytes() for frame in chain([first], others))
-        _, message = process.communicate(b"".join(even))
-    if process.returncode != 0:
-        raise SimError(f"ffmpeg could not write {path}: {message.decode().strip()}; save a GIF")
+    with _whole(Path(path)) as part:
+        # imageio scales to whole blocks of pixels; even sizes are all that H.264 asks for.
+        writer = imageio_ffmpeg.write_frames(
+            str(part), (width, height), fps=frames_per_s, macro_block_size=2, quality=6
+        )
+        writer.send(None)
+        try:
+            for frame in chain([first], others):
+                writer.send(np.ascontiguousarray(frame[:height, :width]))
+        finally:
+            writer.close()
+
+
+#: How frames are written, by the suffix of the file.
+MOVIE_WRITERS: dict[str, Callable[[Iterable[Frame], Path, float], None]] = {
+    ".gif": save_gif,
+    ".mp4": save_mp4,
+}
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """A path beside this one to write to; moved here at the end, removed after an error."""
+    part = path.with_name(f".part-{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield part
+        part.replace(path)
+    except OSError as error:
+        raise disk_error("write", path, error) from None
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def _first_and_others(frames: Iterable[Frame]) -> tuple[Frame, Iterator[Frame]]:

@@ -7,16 +7,16 @@ pixel wide.
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
 from sim.crowd.social_force import model_named
 from sim.occupancy import wall_distance_raster
 from sim.pictures.trajectory import Trajectory
+from sim.pictures.view import Frame
 from sim.polygon import contains, edges_of
 from sim.scenario import Scenario
 
-Frame = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
 _FLOOR, _WALL, _OUTSIDE = (250, 249, 246), (92, 90, 86), (226, 224, 219)
@@ -25,6 +25,7 @@ _PERSON, _NOSE = (232, 150, 72), (140, 78, 24)
 _ROBOT, _TRAIL, _ROBOT_NOSE = (38, 92, 180), (150, 182, 226), (240, 244, 252)
 _LOOPS: tuple[Colour, ...] = ((196, 110, 40), (60, 130, 110), (130, 80, 160), (170, 60, 80))
 _WALL_M, _MARGIN_M = 0.12, 0.3
+_TRAIL_TICKS = 2
 
 
 class TopView:
@@ -83,18 +84,21 @@ class TopView:
             self._disc(canvas, nose_x, nose_y, 0.3 * self._robot_radius_m, _ROBOT_NOSE)
         return canvas.astype(np.uint8)
 
+    def frame_at(self, trajectory: Trajectory, tick: int) -> Frame:
+        """The scenario at a tick of a trajectory, with the way the robot has come."""
+        x_m, y_m, yaw_rad = trajectory.robot_pose[tick].tolist()
+        people = trajectory.people_position_m
+        return self.frame(
+            (x_m, y_m, yaw_rad),
+            people[tick],
+            previous_people_m=people[max(tick - 1, 0)],
+            trail_m=trajectory.robot_pose[:tick:_TRAIL_TICKS, :2],
+        )
+
     def frames(self, trajectory: Trajectory) -> Iterator[Frame]:
-        """One frame per tick of a trajectory, with the robot's trail."""
-        before = trajectory.people_position_m[0]
-        for tick, people in enumerate(trajectory.people_position_m):
-            x_m, y_m, yaw = trajectory.robot_pose[tick]
-            yield self.frame(
-                (float(x_m), float(y_m), float(yaw)),
-                people,
-                previous_people_m=before,
-                trail_m=trajectory.robot_pose[:tick, :2],
-            )
-            before = people
+        """One frame per tick of a trajectory."""
+        for tick in range(len(trajectory.time_s)):
+            yield self.frame_at(trajectory, tick)
 
     def _draw_leg(
         self, canvas: FloatArray, start: FloatArray, end: FloatArray, colour: Colour

@@ -27,7 +27,7 @@ _NO_COLLISION = 0
 _WALL_COLOUR = (0.75, 0.73, 0.7, 1.0)
 _FLOOR_COLOUR = (0.93, 0.92, 0.89, 1.0)
 _ROBOT_COLOUR = (0.15, 0.35, 0.75, 1.0)
-_PERSON_COLOUR = (0.25, 0.6, 0.3, 1.0)
+_PERSON_COLOUR = (0.91, 0.59, 0.28, 1.0)
 
 
 class Physics:

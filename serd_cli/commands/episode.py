@@ -1,0 +1,160 @@
+"""`serd episode`: one episode driven in process, as a picture or a movie."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from serd_cli.errors import UsageError
+from serd_cli.json_output import print_json
+from serd_cli.terminal import console, progress_console
+from sim.batch import EpisodeTask, scenario_of
+from sim.drivers import driver_names, make_driver
+from sim.episode import EpisodeRecord, run_episode
+from sim.pictures.caption import with_caption
+from sim.pictures.movie import MOVIE_WRITERS, save_png
+from sim.pictures.scene_view import SceneView
+from sim.pictures.top_view import TopView
+from sim.pictures.trajectory import Trajectory, TrajectoryRecorder
+from sim.pictures.view import EpisodeView, Frame
+from sim.planners import make_planner, planner_names
+from sim.scenario import Scenario
+from sim.world import HallwayWorld
+
+_SUFFIXES = (".png", *MOVIE_WRITERS)
+
+
+class View(str, Enum):
+    """Where an episode is looked at from."""
+
+    TOP = "top"
+    OVERVIEW = "overview"
+    CHASE = "chase"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the subcommands."""
+    group = typer.Typer(
+        no_args_is_help=True, suggest_commands=True, help="Drive one episode and look at it."
+    )
+    group.callback()(lambda: None)
+    group.command(no_args_is_help=True)(render)
+    app.add_typer(group, name="episode")
+
+
+def render(
+    scenario: Annotated[str, typer.Argument(help="built-in scenario or YAML file")],
+    output: Annotated[Path, typer.Option(help="file to write: .mp4, .gif or .png")],
+    policy: Annotated[
+        str, typer.Option(help=f"{', '.join(driver_names())} or a learned model's file")
+    ] = "expert",
+    planner: Annotated[str, typer.Option(help=" or ".join(planner_names()))] = "dwa",
+    seed: Annotated[int, typer.Option(min=0, help="seed of people, start and driver")] = 1,
+    episode: Annotated[int, typer.Option(min=0, help="number of the episode")] = 0,
+    people: Annotated[int | None, typer.Option(help="number of people, else its own")] = None,
+    start_area: Annotated[str, typer.Option(help="where the robot starts")] = "train",
+    view: Annotated[
+        View, typer.Option(help="from above, the whole in 3-D, or behind the robot in 3-D")
+    ] = View.TOP,
+    speed: Annotated[float, typer.Option(help="times real time")] = 4.0,
+    frames_per_s: Annotated[float, typer.Option(help="frames per second of the movie")] = 10.0,
+    pixels_per_m: Annotated[float, typer.Option(help="size of the view from above")] = 24.0,
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of text")] = False,
+) -> None:
+    """Drive an episode and write it as a movie, or its end as a picture.
+
+    serd episode render hallway --output episode.mp4
+
+    The same seed, episode and policy give the same drive as in serd batch.
+    """
+    _require_usable(output, speed, frames_per_s, pixels_per_m)
+    task = EpisodeTask(scenario, seed, episode, people, start_area, planner, policy)
+    place = scenario_of(scenario, people)
+    record, trajectory = _drive(task, place)
+    with ExitStack() as stack:
+        drawn: EpisodeView = TopView(place, pixels_per_m)
+        if view is not View.TOP:
+            drawn = stack.enter_context(SceneView(place, chasing=view is View.CHASE))
+        _write(drawn, trajectory, place, output, speed, frames_per_s)
+    if as_json:
+        print_json({"outcome": record.outcome, "duration_s": record.duration_s,
+                    "picture": str(output.resolve())})  # fmt: skip
+        return
+    console.print(f"{record.outcome} after {record.duration_s:.1f} s")
+    print(f"picture: {output.resolve()}")
+
+
+def _drive(task: EpisodeTask, scenario: Scenario) -> tuple[EpisodeRecord, Trajectory]:
+    recorder = TrajectoryRecorder()
+    planner = make_planner(task.planner, scenario)
+    driver = make_driver(task.driver, scenario, task.seed)
+    with HallwayWorld(scenario, seed=task.seed) as world:
+        record = run_episode(
+            world,
+            planner,
+            driver,
+            episode=task.episode,
+            start_area=task.start_area,
+            observer=recorder.see,
+        )
+    return record, recorder.trajectory
+
+
+def _write(
+    drawn: EpisodeView,
+    trajectory: Trajectory,
+    scenario: Scenario,
+    output: Path,
+    speed: float,
+    frames_per_s: float,
+) -> None:
+    """The end as PNG; else a movie of every so-many-th tick, shown at exactly the speed asked."""
+    start_s = trajectory.time_s[0]
+
+    def captioned(tick: int) -> Frame:
+        passed_s = trajectory.time_s[tick] - start_s
+        return with_caption(
+            drawn.frame_at(trajectory, tick), f"{scenario.name}, {passed_s:.1f} s{times}"
+        )
+
+    last = len(trajectory.time_s) - 1
+    suffix = output.suffix.lower()
+    times = "" if suffix == ".png" else f", x{speed:g}"
+    if suffix == ".png":
+        save_png(captioned(last), output)
+        return
+    step = max(1, round(speed / (frames_per_s * scenario.control_period_s)))
+    shown_per_s = speed / (step * scenario.control_period_s)
+    ticks = [*range(0, last, step), last]
+    MOVIE_WRITERS[suffix](map(captioned, _followed(ticks)), output, shown_per_s)
+
+
+def _followed(ticks: list[int]) -> Iterator[int]:
+    """The ticks, with a bar that tells how many have been drawn."""
+    bar = Progress(
+        TextColumn("frames"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=progress_console,
+    )
+    with bar:
+        yield from bar.track(ticks)
+
+
+def _require_usable(output: Path, speed: float, frames_per_s: float, pixels_per_m: float) -> None:
+    if output.suffix.lower() not in _SUFFIXES:
+        raise UsageError(
+            f"--output must end in {', '.join(_SUFFIXES)}, got {output}; name an .mp4 file"
+        )
+    for name, value, most in (
+        ("--speed", speed, 1000.0),
+        ("--frames-per-s", frames_per_s, 60.0),
+        ("--pixels-per-m", pixels_per_m, 200.0),
+    ):
+        if not 0.0 < value <= most:
+            raise UsageError(f"{name} must be above 0 and at most {most:g}, got {value:g}")

@@ -1,0 +1,52 @@
+"""`serd episode render`: one episode as a picture or a movie."""
+
+import json
+
+import imageio_ffmpeg
+import pytest
+from PIL import Image
+
+SMALL = ("episode", "render", "crossing", "--people", "4", "--pixels-per-m", "8")
+
+
+def test_a_movie_shows_the_whole_episode_at_the_speed_asked_for(serd, tmp_path):
+    path = tmp_path / "episode.mp4"
+    told = json.loads(serd(*SMALL, "--output", path, "--speed", "20", "--json").out)
+    assert told["outcome"] == "arrived"
+    assert told["picture"] == str(path)
+    _, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
+    assert seconds == pytest.approx(told["duration_s"] / 20.0, abs=0.3)
+
+
+def test_a_gif_moves_and_a_picture_shows_the_end(serd, tmp_path):
+    assert serd(*SMALL, "--output", tmp_path / "e.gif", "--speed", "40").code == 0
+    with Image.open(tmp_path / "e.gif") as movie:
+        assert movie.n_frames > 3
+    ended = serd(*SMALL, "--output", tmp_path / "e.png", "--view", "overview")
+    assert "arrived after" in ended.out
+    with Image.open(tmp_path / "e.png") as picture:
+        assert picture.size[0] >= 480
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--output", "e.avi"), "--output must end in .png, .gif, .mp4, got e.avi"),
+        (("--output", "e.mp4", "--speed", "0"), "--speed must be above 0"),
+        (("--output", "e.mp4", "--view", "side"), "'side' is not one of"),
+        (("--output", "e.mp4", "--policy", "exprt"), "did you mean 'expert'?"),
+        (("--output", "e.mp4", "--start-area", "trian"), "did you mean 'train'?"),
+    ],
+)
+def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence, tmp_path):
+    ended = serd("episode", "render", "hallway", *words)
+    assert ended.code == 2
+    assert sentence in ended.err
+    assert not list((tmp_path / "here").iterdir())
+
+
+def test_a_movie_that_cannot_be_written_gets_a_sentence(serd, tmp_path):
+    (tmp_path / "here" / "e.gif").mkdir()
+    ended = serd(*SMALL, "--output", "e.gif", "--speed", "100")
+    assert ended.code == 2
+    assert "cannot write e.gif: it is a folder" in ended.err
