@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from serd_core.arrays import FloatArray
+from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.beliefs import FixedBelief
 from serd_core.demonstrations import Decisions
@@ -22,18 +23,18 @@ from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
 from serd_core.parameters import Block
 from serd_core.priors.entropy import EntropyPrior
 from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import Prior, UniformPrior
+from serd_core.priors.prior import Prior
 from serd_core.problem import TabularProblem
 
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=150)
 #: Hoeffding's thresholds themselves allow all weights to be 0 up to fifty demonstrations.
 THRESHOLD_SHARE = 0.1
 FIXED = FixedBelief()
-#: Settles the common scale of rewards and temperature while the start is looked for.
-PM_SCALE = GaussianPrior(10.0, Block.REWARD)
-REGULARISATION = (
-    GaussianPrior(10.0, Block.REWARD) + GaussianPrior(10.0, Block.POLICY) + EntropyPrior(0.01)
-)
+#: Policy matching has its maxima on kinks.
+PM_ASCENT = KinkedAscent(smooth=ASCENT, gradient_tolerance=1e-5)
+#: Settles the common scale of rewards and temperature, about which demonstrations say nothing.
+PM_SCALE = GaussianPrior(0.1, Block.POLICY, mean=1.0)
+REGULARISATION = PM_SCALE + GaussianPrior(10.0, Block.REWARD) + EntropyPrior(0.01)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,14 +68,14 @@ def _pm_serd(
     rng: np.random.Generator,
 ) -> Estimate:
     del n_steps
-    first = fit_pm_serd(problem, seen, rng=rng, belief=FIXED, prior=prior + PM_SCALE, ascent=ASCENT)
+    first = fit_pm_serd(problem, seen, rng=rng, belief=FIXED, prior=prior, ascent=PM_ASCENT)
     fit = fit_pm_serd(
         problem,
         seen,
         initial_weights=first.reward_weights,
         initial_temperature=first.temperature,
         prior=prior,
-        ascent=ASCENT,
+        ascent=PM_ASCENT,
     )
     return Estimate(fit.reward_weights, fit.outcome_probabilities, fit.temperature, fit.converged)
 
@@ -104,7 +105,7 @@ IRL_LEARNERS: dict[str, Learner] = {"MDCE IRL": _mdce_irl, "REIRL": _relative_en
 EXPERTS: dict[str, dict[str, Learner]] = {
     "mdce": {"MDCE SERD": _mdce_serd} | IRL_LEARNERS,
     "pm": {
-        "PM SERD": partial(_pm_serd, UniformPrior()),
+        "PM SERD": partial(_pm_serd, PM_SCALE),
         "PM SERD, regularised": partial(_pm_serd, REGULARISATION),
     }
     | IRL_LEARNERS,

@@ -15,7 +15,8 @@ class FitResult:
     dynamics; believed_outcome_probabilities: of the expert's belief; initial_...: the start.
     (For a SparseModel: its parameter vector and its entries.)
     temperature: theta_P, 1 where the policy model has none.
-    gradient_norm: largest |dJ/d theta| per decision over the numbers that were free.
+    gradient_norm: largest |dJ/d theta| per decision over the numbers that were free; at a kink that
+    of the smallest mean of the gradients around (`serd_core.ascent.kinked`).
     converged: gradient norm within the ascent's tolerance and the last Bellman solve certified.
     objective_trace: (n_steps,) J after each step.
     """

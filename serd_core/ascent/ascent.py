@@ -9,6 +9,11 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.differences import gradient_differences
 
+#: Why an ascent ended.
+CONVERGED = "gradient within tolerance"
+STOPPED = "stopped by the observer"
+OUT_OF_STEPS = "not converged: out of steps"
+
 
 class Objective(ABC):
     """What is climbed: a function of a vector (n,) with its derivatives."""

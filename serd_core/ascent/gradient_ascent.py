@@ -6,7 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step, StepObserver, largest
+from serd_core.ascent.ascent import (
+    CONVERGED,
+    OUT_OF_STEPS,
+    STOPPED,
+    Ascent,
+    AscentResult,
+    Objective,
+    Step,
+    StepObserver,
+    largest,
+)
 
 
 def constant_step(_: int) -> float:
@@ -52,5 +62,5 @@ class GradientAscent(Ascent):
 
 def _message(converged: bool, stopped: bool) -> str:
     if converged:
-        return "gradient within tolerance"
-    return "stopped by the observer" if stopped else "not converged: out of steps"
+        return CONVERGED
+    return STOPPED if stopped else OUT_OF_STEPS

@@ -6,7 +6,16 @@ import numpy as np
 import scipy.optimize
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step, StepObserver, largest
+from serd_core.ascent.ascent import (
+    CONVERGED,
+    STOPPED,
+    Ascent,
+    AscentResult,
+    Objective,
+    Step,
+    StepObserver,
+    largest,
+)
 
 
 @dataclass(frozen=True)
@@ -98,7 +107,7 @@ class _Run:
 
 def _message(run: _Run, converged: bool, scipy_message: str) -> str:
     if converged:
-        return "gradient within tolerance"
+        return CONVERGED
     if run.stopped:
-        return "stopped by the observer"
+        return STOPPED
     return f"not converged: {scipy_message}"

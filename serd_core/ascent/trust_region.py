@@ -14,13 +14,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step, StepObserver, largest
+from serd_core.ascent.ascent import (
+    CONVERGED,
+    OUT_OF_STEPS,
+    STOPPED,
+    Ascent,
+    AscentResult,
+    Objective,
+    Step,
+    StepObserver,
+    largest,
+)
 
 SHRINK, GROW, ACCEPT = 0.25, 2.0, 1e-4
 #: Relative size below which an eigenvalue, or a slope, counts as zero.
 FLAT, LEVEL = 1e-12, 1e-10
 #: Gains below this share of the objective are lost in rounding.
 ROUNDING = 1e-14
+NO_ROOM = "not converged: steps became too short, at a kink or by rounding"
 
 
 @dataclass(frozen=True)
@@ -69,7 +80,7 @@ class TrustRegion(Ascent):
         self, here: "_Place", trace: list[float], tries: int, stopped: bool
     ) -> AscentResult:
         converged = here.gradient_norm <= self.gradient_tolerance
-        reason = "stopped by the observer" if stopped else "not converged: out of steps"
+        reason = OUT_OF_STEPS if tries >= self.max_steps else NO_ROOM
         return AscentResult(
             vector=here.vector,
             objective=here.value,
@@ -77,7 +88,7 @@ class TrustRegion(Ascent):
             n_steps=len(trace),
             n_evaluations=tries + 1,
             converged=converged,
-            message="gradient within tolerance" if converged else reason,
+            message=CONVERGED if converged else STOPPED if stopped else reason,
             objective_trace=np.array(trace),
         )
 

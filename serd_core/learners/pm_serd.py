@@ -1,20 +1,22 @@
 """PM SERD: SERD with a Boltzmann policy over optimal Q-values (section 4.4.2).
 
 The temperature theta_P is learned with rewards and dynamics. Scaling all rewards and theta_P by
-one factor changes nothing, so a prior on the reward weights or the temperature must fix the scale.
+one factor changes nothing, so what the demonstrations say is the ratio. A prior that holds theta_P
+near a value fixes the scale and leaves the likelihood alone; one that only shrinks rewards and
+temperature has no maximum, as both then go to zero together.
 
-    fit = fit_pm_serd(problem, decisions, rng=rng, prior=GaussianPrior(3.0, Block.REWARD))
+    fit = fit_pm_serd(problem, decisions, rng=rng, prior=GaussianPrior(0.1, Block.POLICY, 1.0))
 """
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent
+from serd_core.ascent.kinked import KinkedAscent
 from serd_core.beliefs import Belief
 from serd_core.demonstrations import Decisions
 from serd_core.fit_result import FitResult
 from serd_core.learners.serd import (
-    LBFGS,
     TIED,
     UNIFORM,
     OnStep,
@@ -27,6 +29,8 @@ from serd_core.policies.policy_matching import PolicyMatchingPolicy
 from serd_core.priors.prior import Prior
 from serd_core.problem import Problem
 
+KINKED = KinkedAscent()
+
 
 def fit_pm_serd(
     problem: Problem,
@@ -38,13 +42,14 @@ def fit_pm_serd(
     initial_temperature: float = 1.0,
     belief: Belief = TIED,
     prior: Prior = UNIFORM,
-    ascent: Ascent = LBFGS,
+    ascent: Ascent = KINKED,
     on_step: OnStep | None = None,
 ) -> FitResult:
     """Learn rewards, dynamics and temperature of an expert who knows the optimal Q-values.
 
     Arguments as in `fit_mdce_serd`; initial_temperature: theta_P to start from. The objective has
-    kinks where the greedy policy changes: there an ascent may stop without convergence and say so.
+    kinks where the greedy policy changes, and most maxima lie on one: `KinkedAscent` finds and
+    certifies them, smooth ascents stop there without convergence and say so.
     """
     return fit_serd(
         problem,

@@ -1,0 +1,117 @@
+"""Ascent over kinks: maxima where no gradient vanishes are found and certified."""
+
+import numpy as np
+import pytest
+
+from serd_core.ascent.ascent import STOPPED, FunctionObjective
+from serd_core.ascent.inverse_metric import first_metric, updated_metric
+from serd_core.ascent.kinked import AT_A_KINK, STALLED, KinkedAscent
+from serd_core.ascent.smallest_mean import smallest_mean
+from serd_core.ascent.trust_region import TrustRegion
+
+BETWEEN = np.array([[1.0, 1.0], [1.0, -3.0]])
+
+
+def never(_):
+    return False
+
+
+def rosenbrock_with_a_kink(vector):
+    """Lewis and Overton's example, upside down: its maximum (1, 1) lies on the curved kink."""
+    x, y = vector
+    bend = x**2 - y
+    value = -8.0 * abs(bend) - (1.0 - x) ** 2
+    side = 8.0 * (1.0 if bend >= 0 else -1.0)
+    return value, np.array([-side * 2.0 * x + 2.0 * (1.0 - x), side])
+
+
+def tent(slopes):
+    """Smallest of several planes through the origin, less a little bowl."""
+
+    def objective(vector):
+        heights = slopes @ vector
+        lowest = int(np.argmin(heights))
+        return heights[lowest] - 0.05 * vector @ vector, slopes[lowest] - 0.1 * vector
+
+    return objective
+
+
+def test_a_maximum_on_a_curved_kink_is_found_where_the_trust_region_gives_up():
+    start = np.array([-1.2, 0.5])
+    smooth = TrustRegion().maximise(FunctionObjective(rosenbrock_with_a_kink), start, never)
+    assert not smooth.converged
+    assert smooth.message.startswith("not converged")
+    found = KinkedAscent().maximise(FunctionObjective(rosenbrock_with_a_kink), start, never)
+    assert found.converged
+    assert found.message == AT_A_KINK
+    np.testing.assert_allclose(found.vector, [1.0, 1.0], atol=1e-4)
+    assert found.objective > smooth.objective
+    assert found.gradient_norm <= 1e-6
+    assert len(found.objective_trace) == found.n_steps
+    assert np.all(np.diff(found.objective_trace) >= 0)
+
+
+@pytest.mark.parametrize("n_planes", [4, 9, 20])
+def test_the_top_of_a_tent_of_many_planes_is_found(n_planes):
+    rng = np.random.default_rng(n_planes)
+    slopes = rng.normal(size=(n_planes, 3))
+    slopes -= slopes.mean(axis=0)  # so that the planes rise towards the origin from everywhere
+    found = KinkedAscent().maximise(FunctionObjective(tent(slopes)), rng.normal(size=3), never)
+    assert found.converged
+    np.testing.assert_allclose(found.vector, 0.0, atol=1e-6)
+
+
+def test_a_smooth_objective_is_left_to_the_smooth_ascent():
+    def bowl(vector):
+        return -float(vector @ vector), -2.0 * vector
+
+    found = KinkedAscent().maximise(FunctionObjective(bowl), np.ones(3), never)
+    alone = TrustRegion().maximise(FunctionObjective(bowl), np.ones(3), never)
+    np.testing.assert_array_equal(found.vector, alone.vector)
+    assert found.message == alone.message
+
+
+def test_the_observer_stops_it_on_either_side_of_the_stall():
+    objective = FunctionObjective(rosenbrock_with_a_kink)
+    n_smooth = TrustRegion().maximise(objective, np.array([-1.2, 0.5]), never).n_steps
+    for last in (1, n_smooth + 2):
+        numbers = []
+
+        def stop(step, numbers=numbers, last=last):
+            numbers.append(step.number)
+            return step.number == last
+
+        found = KinkedAscent().maximise(objective, np.array([-1.2, 0.5]), stop)
+        assert found.message == STOPPED
+        assert not found.converged
+        assert numbers == list(range(1, last + 1))
+
+
+def test_a_gradient_that_lies_is_no_convergence():
+    """Every direction goes down, but the gradient promises a rise: said, not hidden."""
+
+    def deceitful(vector):
+        return -float(np.abs(vector).sum()), np.ones(2)
+
+    found = KinkedAscent(max_steps=5).maximise(
+        FunctionObjective(deceitful), np.array([1e-9, 1e-9]), never
+    )
+    assert not found.converged
+    assert found.message == STALLED
+
+
+def test_the_smallest_mean_is_the_point_of_the_hull_next_to_the_origin():
+    np.testing.assert_allclose(smallest_mean(BETWEEN), [1.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(smallest_mean(np.array([[2.0, 1.0], [3.0, 1.0]])), [2.0, 1.0])
+    around = np.array([[1.0, 0.0], [-1.0, 1.0], [-1.0, -1.0]])
+    np.testing.assert_allclose(smallest_mean(around), 0.0, atol=1e-8)
+    np.testing.assert_array_equal(smallest_mean(np.zeros((2, 3))), np.zeros(3))
+
+
+def test_metrics_are_inverses_of_curvature():
+    metric = first_metric(np.diag([-4.0, 2.0, 0.0]))
+    np.testing.assert_allclose(np.diag(metric), [0.25, 0.5, 1.0 / 4e-6])
+    moved, drop = np.array([1.0, 0.0, 2.0]), np.array([3.0, 1.0, 1.0])
+    updated = updated_metric(metric, moved, drop)
+    np.testing.assert_allclose(updated @ drop, moved, atol=1e-9)
+    np.testing.assert_array_equal(updated_metric(metric, moved, -drop), metric)
