@@ -21,6 +21,7 @@ class HallwaySimConfig(StrictModel):
     stamped_cmd_vel: bool
     command_timeout_s: float = Field(gt=0, le=0.5)
     required_nodes: tuple[str, ...]
+    goal: str
 
 
 class LocalPlannerConfig(StrictModel):
@@ -56,6 +57,11 @@ class StrategyConfig(DriverConfig):
 
     model: str = Field(min_length=1)
     policy: Literal["optimal", "soft"]
+    transfer: bool
+    goal: str
+    lookahead_cells: int = Field(ge=1)
+    patience_periods: int = Field(ge=0)
+    minimum_arrival_probability: float = Field(ge=0, le=1)
 
 
 class DemoRecorderConfig(StrictModel):

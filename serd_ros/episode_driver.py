@@ -50,6 +50,7 @@ class EpisodeDriverNode(SerdNode[Config]):
         self._waiting: Observation | None = None
         self._decision: tuple[int, Action] | None = None
         self._ending: tuple[Ending, Observation] | None = None
+        self._reason = ""
         self._world_report: tuple[int, dict[str, str]] | None = None
         self._said_wall_s = self.wall_s()
         self._started_wall_s = 0.0
@@ -70,6 +71,19 @@ class EpisodeDriverNode(SerdNode[Config]):
     def steer(self, observation: Observation, action: Action) -> None:
         """Tell the local planner, with the observation's stamp."""
 
+    def give_up_reason(self) -> str:
+        """Why the episode is given up at the decision just taken; empty to go on."""
+        return ""
+
+    def episode_ended(self, result: EpisodeResult) -> None:
+        """Called with every finished episode, before the next begins."""
+
+    def aim(self, scenario: Scenario) -> None:
+        """Let episodes end in another goal area from now on, the running one too."""
+        self.scenario = scenario
+        if self._progress is not None:
+            self._progress.aim(scenario.goal_area_m)
+
     def _begin_when_ready(self) -> None:
         """Wait for the graph, then begin the first episode."""
         missing = self._readiness.missing(self.wall_s())
@@ -86,6 +100,7 @@ class EpisodeDriverNode(SerdNode[Config]):
 
     def _ask_for_episode(self) -> None:
         self._running, self._progress, self._decision, self._ending = None, None, None, None
+        self._reason = ""
         self._reset.call_async(Trigger.Request()).add_done_callback(self._on_reset)
 
     def _on_reset(self, future: Future) -> None:
@@ -127,7 +142,12 @@ class EpisodeDriverNode(SerdNode[Config]):
         """Decide once per decision tick; a tick that comes again gets the same answer."""
         if self._decision is None or self._decision[0] != observation.tick:
             self._decision = observation.tick, self.driver.decide(observation)
-        self.steer(observation, self._decision[1])
+            self._reason = self.give_up_reason()
+        if self._reason:
+            self._ending = "aborted", observation
+            self._finish_when_reported()
+        else:
+            self.steer(observation, self._decision[1])
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         values = values_of(message, "hallway_sim")
@@ -146,6 +166,7 @@ class EpisodeDriverNode(SerdNode[Config]):
         self._results.append(self._result(ending, self._world_report[1]))
         self._save()
         self._tell(self._results[-1])
+        self.episode_ended(self._results[-1])
         if len(self._results) < self.config.episodes:
             self._ask_for_episode()
         else:
@@ -170,6 +191,7 @@ class EpisodeDriverNode(SerdNode[Config]):
             robot_on_wall=int(report["robot_on_wall"]),
             minimum_person_distance_m=float(report["minimum_person_distance_m"]),
             wall_s=self.wall_s() - self._started_wall_s,
+            reason=self._reason,
         )
 
     def _save(self) -> None:
@@ -178,8 +200,9 @@ class EpisodeDriverNode(SerdNode[Config]):
 
     def _tell(self, result: EpisodeResult) -> None:
         self.get_logger().info(
-            f"episode {len(self._results)} of {self.config.episodes}: {result.outcome} after "
-            f"{result.duration_s:.1f} s ({result.duration_s / result.wall_s:.1f} times real time)"
+            f"episode {len(self._results)} of {self.config.episodes}: {result.outcome}"
+            f"{f' ({result.reason})' if result.reason else ''} after {result.duration_s:.1f} s "
+            f"({result.duration_s / result.wall_s:.1f} times real time)"
         )
 
     def _mark(self, event: str, observation: Observation, outcome: str = "") -> None:
@@ -192,5 +215,6 @@ class EpisodeDriverNode(SerdNode[Config]):
             seed=self._running.seed,
             start_area=self._running.start_area,
             outcome=outcome,
+            reason=self._reason,
         )
         self._marks.publish(to_episode_message(mark))

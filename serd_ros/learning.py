@@ -1,6 +1,6 @@
 """From decisions to a model file: what the learner node does with a bag, without any ROS."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,10 +34,17 @@ class Lesson:
         return "step,objective\n" + "".join(f"{step},{value!r}\n" for step, value in rows)
 
 
-def learn(scenario: Scenario, decisions: Decisions, config: LearnerConfig, on_step: Told) -> Lesson:
+def learn(
+    scenario: Scenario,
+    decisions: Decisions,
+    config: LearnerConfig,
+    on_step: Told,
+    goal_entry_s: Sequence[float] = (),
+) -> Lesson:
     """Fit MDCE SERD with tied belief from several random starts and keep the likeliest.
 
-    on_step: called with the start's number (from 0) and the step just taken.
+    on_step: called with the start's number (from 0) and the step just taken. goal_entry_s: kept
+    with the model, see `storage.model_file`.
     """
     problem = navigation_problem_of(scenario, config.discount)
     initial = estimate_dynamics(problem, decisions, pseudo_count=config.pseudo_count)
@@ -55,7 +62,7 @@ def learn(scenario: Scenario, decisions: Decisions, config: LearnerConfig, on_st
     best = max(fits, key=lambda fit: fit.objective)
     return Lesson(
         fit=best,
-        model=_model(scenario, problem, decisions, config, best),
+        model=_model(scenario, problem, decisions, config, best, goal_entry_s),
         objectives=tuple(fit.objective for fit in fits),
     )
 
@@ -66,6 +73,7 @@ def _model(
     decisions: Decisions,
     config: LearnerConfig,
     fit: FitResult,
+    goal_entry_s: Sequence[float],
 ) -> ModelFile:
     return model_of_fit(
         fit,
@@ -75,4 +83,5 @@ def _model(
         prior=f"KLD to the M-estimate, weight {config.prior_weight:g}",
         decision_period_s=scenario.decision_period_s,
         n_episodes=len(decisions.episodes),
+        goal_entry_s=goal_entry_s,
     )

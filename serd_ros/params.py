@@ -13,7 +13,7 @@ from storage.nearest import hint
 from storage.validation_sentence import sentence_of
 from storage.yaml_config import StrictModel
 
-_ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
+ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 Config = TypeVar("Config", bound=StrictModel)
 
 
@@ -49,7 +49,7 @@ def _given(node: Node) -> dict[str, Any]:
     return {
         parameter.name: _plain(parameter.value)
         for parameter in parameters
-        if not parameter.name.startswith(_ROS_OWN)
+        if not parameter.name.startswith(ROS_OWN)
     }
 
 

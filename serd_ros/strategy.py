@@ -1,29 +1,48 @@
-"""The strategy's plan from a model file: policy, predicted arrival and the way it means to go."""
+"""The strategy's plan from a model file: policy, traps, predicted arrival and the way to go."""
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrival import ArrivalTimes, arrival_time_distribution
+from serd_core.arrival_by_state import ArrivalByState, arrival_by_state
+from serd_core.arrival_law import ArrivalLaw, law_in_seconds
 from serd_core.grid import Action
 from serd_core.navigation import NavigationProblem
 from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
+from serd_core.trap_states import Traps, find_traps
+from serd_ros.usable_model import usable_model
 from sim.scenario import Scenario
-from sim.scenario_grid import grid_of, navigation_problem_of, start_states_of
-from storage.errors import FileError
-from storage.model_file import ModelFile, load_model
+from sim.scenario_grid import grid_of, start_states_of
 
 SOLVERS = {"optimal": optimal_policy, "soft": soft_policy}
+#: A state that arrives in time with less than this is called a trap.
+TRAP_PROBABILITY = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Strategy:
-    """A solved model on the grid of a scenario."""
+    """A solved model on the grid of a scenario.
 
+    scenario: its goal area is the one planned for. entry_times_s: see `serd_core.arrival_law`.
+    transferred: whether the model was learned on another grid.
+    """
+
+    scenario: Scenario
     problem: NavigationProblem
     policy: Policy
     outcome_probabilities: NDArray[np.float64]
+    entry_times_s: tuple[float, ...]
+    timeout_s: float
+    transferred: bool = False
+
+    @property
+    def n_periods(self) -> int:
+        """Decision periods until the time-out."""
+        return math.ceil(self.timeout_s / self.scenario.decision_period_s - 1e-9)
 
     def predicted_arrival(
         self, start_distribution: NDArray[np.float64], n_periods: int
@@ -37,6 +56,29 @@ class Strategy:
             n_periods,
         )
 
+    def law_s(self, arrival: ArrivalTimes) -> ArrivalLaw:
+        """An arrival counted in periods as a law in seconds, by the demonstrations' entry times."""
+        period_s = self.scenario.decision_period_s
+        return law_in_seconds(arrival, period_s=period_s, entry_times_s=self.entry_times_s)
+
+    @cached_property
+    def arrival(self) -> ArrivalByState:
+        """The remaining time from every state, up to the time-out."""
+        return arrival_by_state(
+            self.problem, self.policy.probabilities, self.outcome_probabilities, self.n_periods
+        )
+
+    @cached_property
+    def traps(self) -> Traps:
+        """Where the policy does not lead to the goal."""
+        return find_traps(
+            self.problem.grid.neighbours,
+            self.policy.greedy,
+            self.problem.goal_states,
+            self.arrival.within(self.n_periods),
+            TRAP_PROBABILITY,
+        )
+
     def intended_path_m(self, state: int) -> NDArray[np.float64]:
         """(N, 2) centres of the cells the greedy policy means to cross, up to goal or a repeat."""
         grid, path = self.problem.grid, [state]
@@ -47,18 +89,30 @@ class Strategy:
             path.append(following)
 
 
-def load_strategy(path: str, scenario: Scenario, kind: str) -> Strategy:
-    """Solve the model of a file; FileError where it belongs to another grid or other features.
+def load_strategy(
+    path: str,
+    scenario: Scenario,
+    kind: str,
+    *,
+    transfer: bool = False,
+    timeout_s: float | None = None,
+) -> Strategy:
+    """Solve the model of a file; FileError where it cannot be used in the scenario.
 
     kind: "optimal" for the hard Bellman optimum of the learned rewards and dynamics, "soft" for
-    the expert's own stochastic policy.
+    the expert's own stochastic policy. timeout_s: the scenario's when None.
     """
-    model = load_model(path, expected_grid=grid_of(scenario))
-    problem = navigation_problem_of(scenario, model.discount, model.feature_names)
-    _require_models(path, model, problem)
+    model = usable_model(path, scenario, transfer=transfer)
     probabilities = model.outcome_probabilities
-    policy = SOLVERS[kind](problem, model.weights, probabilities)
-    return Strategy(problem, policy, probabilities)
+    return Strategy(
+        scenario=scenario,
+        problem=model.problem,
+        policy=SOLVERS[kind](model.problem, model.file.weights, probabilities),
+        outcome_probabilities=probabilities,
+        entry_times_s=model.file.goal_entry_s,
+        timeout_s=scenario.episode_timeout_s if timeout_s is None else timeout_s,
+        transferred=model.transferred,
+    )
 
 
 def start_distribution(scenario: Scenario, area: str) -> NDArray[np.float64]:
@@ -71,12 +125,3 @@ def start_distribution(scenario: Scenario, area: str) -> NDArray[np.float64]:
 def arrows_of(policy: Policy) -> list[Action]:
     """The greedy action of each state."""
     return [Action(int(action)) for action in policy.greedy]
-
-
-def _require_models(path: str, model: ModelFile, problem: NavigationProblem) -> None:
-    names = tuple(each.name for each in model.outcome_models)
-    if names != tuple(problem.model_names):
-        raise FileError(
-            f"{path}: outcome_models must be {', '.join(problem.model_names)}, "
-            f"got {', '.join(names)}; learn the model again"
-        )

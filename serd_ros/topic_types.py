@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, Vector3Stamped
+from geometry_msgs.msg import PolygonStamped, PoseStamped, Twist, TwistStamped, Vector3Stamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan, PointCloud2
+from std_msgs.msg import Float64MultiArray
 
 from serd_ros import qos, topics
 from serd_ros.errors import NodeError
@@ -43,6 +44,8 @@ _TYPES = {
     topics.DIAGNOSTICS: TopicType(DiagnosticArray, qos.STATE),
     topics.PLAN: TopicType(Path, qos.STATE),
     topics.GOAL_POSE: TopicType(PoseStamped, qos.COMMAND),
+    topics.GOAL_AREA: TopicType(PolygonStamped, qos.LATCHED),
+    topics.ARRIVAL: TopicType(Float64MultiArray, qos.LATCHED, stamped=False),
 }
 
 

@@ -31,6 +31,10 @@ class WorldLoop(Protocol):
         """A new episode has just been reset."""
         ...
 
+    def goal_moved(self) -> None:
+        """The world has another goal area now."""
+        ...
+
 
 class LockstepLoop:
     """One step per stamped command."""
@@ -41,6 +45,7 @@ class LockstepLoop:
         self.paused = False
         self._node, self._world, self._publisher = node, world, publisher
         self._awaited_ns: int | None = None
+        self._stands_in_goal = False
         self._sent_wall_s = self._answered_wall_s = node.wall_s()
         node.create_subscription(TwistStamped, topics.CMD_VEL, self._on_command, qos.COMMAND)
         node.create_timer(_RESEND_AFTER_S / 2, self._watch, clock=node.wall_clock)
@@ -49,6 +54,11 @@ class LockstepLoop:
         """Publish the first observation of the episode and wait for its command."""
         self._answered_wall_s = self._node.wall_s()
         self._publish()
+
+    def goal_moved(self) -> None:
+        """Go on from a goal that is none any more."""
+        if self._stands_in_goal and not self._world.in_goal:
+            self._publish()
 
     def _on_command(self, message: TwistStamped) -> None:
         if self.paused or stamp_ns(message.header.stamp) != self._awaited_ns:
@@ -59,6 +69,7 @@ class LockstepLoop:
 
     def _publish(self) -> None:
         over = self._world.in_goal
+        self._stands_in_goal = over
         self._awaited_ns = None if over else stamp_ns(to_stamp(self._world.time_s))
         self._sent_wall_s = self._node.wall_s()
         self._publisher.publish()
@@ -101,6 +112,9 @@ class LiveLoop:
         """Publish the first observation; the timer goes on from here."""
         self._running = True
         self._publisher.publish()
+
+    def goal_moved(self) -> None:
+        """Nothing stands still here."""
 
     def _take(self, message: Twist) -> None:
         self._guard.receive(from_twist(message), self._world.time_s)

@@ -22,6 +22,7 @@ from sim.waypoint import Waypoint
 from sim.world import HallwayWorld
 
 Observer = Callable[[Observation, Command, Action], bool | None]
+WaypointRule = Callable[[Observation, Action], Waypoint]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +87,12 @@ def run_episode(
     start_area: str = "train",
     timeout_s: float | None = None,
     observer: Observer | None = None,
+    waypoint_of: WaypointRule | None = None,
 ) -> EpisodeRecord:
     """Run one episode to its end; an observer that returns False aborts it.
 
-    timeout_s: simulated seconds, the scenario's when None.
+    timeout_s: simulated seconds, the scenario's when None. waypoint_of: from an action to the
+    waypoint, the centre of the next cell when None.
     """
     limit_s = world.scenario.episode_timeout_s if timeout_s is None else timeout_s
     observation = world.reset(episode, start_area)
@@ -104,7 +107,11 @@ def run_episode(
         if is_decision_tick(observation, world.scenario):
             action = driver.decide(observation)
             log.decide(observation, action)
-            waypoint = waypoint_of_intent(world.grid, observation, action)
+            waypoint = (
+                waypoint_of_intent(world.grid, observation, action)
+                if waypoint_of is None
+                else waypoint_of(observation, action)
+            )
         command = planner.step(observation, waypoint)
         if observer is not None and observer(observation, command, action) is False:
             outcome = "aborted"

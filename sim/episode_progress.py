@@ -3,6 +3,7 @@
 import math
 from typing import Literal
 
+from sim.goal import Area
 from sim.observation import Observation
 from sim.polygon import contains_point
 from sim.scenario import Scenario
@@ -18,8 +19,12 @@ class EpisodeProgress:
         self.distance_m = 0.0
         self._last = start
         self._period_s = scenario.control_period_s
-        self._goal_area = scenario.goal_area_m
+        self._goal_area: Area = scenario.goal_area_m
         self._n_ticks = round(timeout_s / scenario.control_period_s)
+
+    def aim(self, goal_area_m: Area) -> None:
+        """Let another area count as the goal from now on."""
+        self._goal_area = goal_area_m
 
     def see(self, observation: Observation) -> Ending | None:
         """Take the next observation; how the episode ends with it, None when it goes on."""

@@ -22,21 +22,26 @@ class PolicyDriver:
         greedy: bool = True,
         name: str = "policy",
     ) -> None:
-        self._probabilities: FloatArray = float_array(
-            "probabilities", probabilities, (grid.n_states, len(Action))
-        )
-        if (self._probabilities < 0).any() or not np.allclose(self._probabilities.sum(axis=1), 1):
-            raise SimError(
-                "probabilities must be at least 0 and sum to 1 in every state"
-                "; pass Policy.probabilities of a problem on this grid"
-            )
         self._grid, self._seed, self._greedy, self._name = grid, seed, greedy, name
         self._rng = episode_rng(seed, 0, POLICY)
+        self.follow(probabilities)
 
     @property
     def name(self) -> str:
         """Name for tables."""
         return self._name
+
+    def follow(self, probabilities: ArrayLike) -> None:
+        """Drive by another policy on the same grid from now on, also within an episode."""
+        table: FloatArray = float_array(
+            "probabilities", probabilities, (self._grid.n_states, len(Action))
+        )
+        if (table < 0).any() or not np.allclose(table.sum(axis=1), 1):
+            raise SimError(
+                "probabilities must be at least 0 and sum to 1 in every state"
+                "; pass Policy.probabilities of a problem on this grid"
+            )
+        self._probabilities = table
 
     def begin(self, episode: int) -> None:
         """Start the random numbers of this episode."""

@@ -17,6 +17,7 @@ from sim.crowd.crowd import Crowd
 from sim.crowd.crowd_start import start_crowd
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
+from sim.goal import Area
 from sim.observation import Observation, make_observation
 from sim.occupancy import OccupancyRaster, occupancy_raster
 from sim.pictures.camera import Camera, overview_camera
@@ -42,6 +43,7 @@ class HallwayWorld:
         self.scenario = scenario
         self.seed = seed
         self.grid: Grid = grid_of(scenario)
+        self.goal_area_m: Area = scenario.goal_area_m
         self.tick = 0
         self.n_rejected_commands = 0
         self._gui = gui
@@ -85,6 +87,10 @@ class HallwayWorld:
         self._observation = self._observe()
         return self._observation
 
+    def aim(self, goal_area_m: Area) -> None:
+        """Let another area count as the goal from now on."""
+        self.goal_area_m = goal_area_m
+
     @property
     def observation(self) -> Observation:
         """What the sensors told last."""
@@ -110,7 +116,7 @@ class HallwayWorld:
     @property
     def in_goal(self) -> bool:
         """Whether the robot's centre is in the goal area."""
-        return contains_point(self.scenario.goal_area_m, *self._robot.state.pose[:2])
+        return contains_point(self.goal_area_m, *self._robot.state.pose[:2])
 
     @property
     def odometry_pose(self) -> tuple[float, float, float]:

@@ -17,7 +17,8 @@ from storage.text_file import read_text
 class EpisodeResult:
     """How one drive ended; times in simulated seconds, time_of_arrival_s NaN if it did not arrive.
 
-    wall_s: wall time from its first to its last observation, for the real-time factor.
+    wall_s: wall time from its first to its last observation, for the real-time factor. reason: why
+    its driver gave it up, empty where it did not.
     """
 
     episode: int
@@ -33,6 +34,7 @@ class EpisodeResult:
     robot_on_wall: int
     minimum_person_distance_m: float
     wall_s: float
+    reason: str = ""
 
     @property
     def arrived(self) -> bool:
@@ -58,7 +60,8 @@ def save_episodes(path: str | Path, episodes: Sequence[EpisodeResult]) -> None:
 def load_episodes(path: str | Path) -> tuple[EpisodeResult, ...]:
     """Rows of `save_episodes`; FileError names the line that is not one."""
     reader = csv.DictReader(io.StringIO(read_text(path)))
-    if tuple(reader.fieldnames or ()) != tuple(_FIELDS):
+    # Tables written before there was a reason have none.
+    if tuple(reader.fieldnames or ()) not in (tuple(_FIELDS), tuple(_FIELDS)[:-1]):
         raise FileError(
             f"{path}: must have the columns {', '.join(_FIELDS)}, got "
             f"{', '.join(reader.fieldnames or ()) or 'none'}; give a table of episodes"
@@ -68,7 +71,9 @@ def load_episodes(path: str | Path) -> tuple[EpisodeResult, ...]:
 
 def _row(path: str | Path, line: int, row: dict[str, str]) -> EpisodeResult:
     try:
-        result = EpisodeResult(**{name: read(row[name]) for name, read in _FIELDS.items()})
+        result = EpisodeResult(
+            **{name: read(row[name]) for name, read in _FIELDS.items() if name in row}
+        )
     except (TypeError, ValueError, KeyError) as error:
         raise FileError(f"{path}, line {line}: is no row of episodes ({error}); mend it") from None
     if result.arrived == math.isnan(result.time_of_arrival_s):

@@ -3,6 +3,7 @@
 Outcome models are rows P_m(k) over the outcomes of a decision period (Table 5.1).
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -71,7 +72,11 @@ class FitRecord(StrictModel):
 
 
 class ModelFile(StrictModel):
-    """Everything the strategy needs from a fit, and everything a person wants to know of it."""
+    """Everything the strategy needs from a fit, and everything a person wants to know of it.
+
+    goal_entry_s: how long after the beginning of its last decision period each demonstration was in
+    the goal area; none where that was not recorded.
+    """
 
     format: Literal["serd-model"] = "serd-model"
     format_version: Literal[1] = 1
@@ -86,6 +91,7 @@ class ModelFile(StrictModel):
     outcome_names: tuple[str, ...]
     outcome_models: tuple[OutcomeModel, ...] = Field(min_length=1)
     grid: GridSummary
+    goal_entry_s: tuple[Annotated[float, Field(gt=0)], ...] = ()
     fit: FitRecord
 
     @model_validator(mode="after")
@@ -130,6 +136,7 @@ def model_of_fit(
     prior: str,
     decision_period_s: float,
     n_episodes: int,
+    goal_entry_s: Sequence[float] = (),
 ) -> ModelFile:
     """The fit of a navigation problem as the record that is kept."""
     tables = (
@@ -154,6 +161,7 @@ def model_of_fit(
             for name, learned, believed, initial in rows
         ),
         grid=GridSummary.of(problem.grid),
+        goal_entry_s=tuple(float(entry_s) for entry_s in goal_entry_s),
         fit=FitRecord(n_episodes=n_episodes, **values),
     )
 

@@ -1,8 +1,9 @@
 """Settings for all tests: message field checks, loopback, one thread, a ROS domain per test."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -12,6 +13,9 @@ import pytest
 from domain_coordinator import domain_id
 
 from serd_cli.workspace import ros_environment
+from sim.scenario import load_scenario
+from sim.scenario_grid import grid_of
+from storage.model_file import FitRecord, GridSummary, ModelFile, OutcomeModel, save_model
 
 os.environ.update(ros_environment(os.environ))
 ROOT = Path(__file__).resolve().parents[1]
@@ -31,3 +35,43 @@ def ros_env(tmp_path: Path) -> Iterator[dict[str, str]]:
         environment["ROS_DOMAIN_ID"] = str(domain)
         environment["ROS_LOG_DIR"] = str(tmp_path / "ros_log")
         yield environment
+
+
+#: Outcomes (stay, forward, right, back, left) of each model; with the flow it is easy to go on.
+OUTCOMES = {
+    "with_flow": (0.05, 0.9, 0.02, 0.01, 0.02),
+    "against_flow": (0.5, 0.3, 0.08, 0.04, 0.08),
+    "across_flow": (0.15, 0.75, 0.04, 0.02, 0.04),
+    "waiting": (0.8, 0.05, 0.05, 0.05, 0.05),
+}
+
+
+@pytest.fixture
+def save_model_of(tmp_path: Path) -> Callable[..., Path]:
+    """Writes a model file for a scenario, as a fit would, with any of its fields replaced."""
+
+    def save(scenario: str = "hallway", name: str = "model.yaml", **changes: Any) -> Path:
+        values: dict[str, Any] = {
+            "scenario": scenario,
+            "method": "written by a test",
+            "prior": "none",
+            "discount": 0.99,
+            "beta": 1.0,
+            "decision_period_s": 2.0,
+            "reward_weights": {"goal": 5.0, "social_norm": 1.0, "inverse_wall_distance": 0.0},
+            "outcome_names": ("stay", "forward", "right", "back", "left"),
+            "outcome_models": tuple(
+                OutcomeModel(name=model, learned=row, believed=row, initial=row)
+                for model, row in OUTCOMES.items()
+            ),
+            "grid": GridSummary.of(grid_of(load_scenario(scenario))),
+            "fit": FitRecord(
+                converged=True, message="", n_episodes=1, n_decisions=1, objective=0.0,
+                policy_log_likelihood=0.0, dynamics_log_likelihood=0.0, log_prior=0.0,
+                gradient_norm=0.0, n_steps=1, n_evaluations=1,
+            ),
+        }  # fmt: skip
+        save_model(tmp_path / name, ModelFile(**(values | changes)))
+        return tmp_path / name
+
+    return save

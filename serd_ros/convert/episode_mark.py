@@ -11,7 +11,10 @@ START, END = "start", "end"
 
 @dataclass(frozen=True)
 class EpisodeMark:
-    """event: "start" or "end"; outcome: arrived, timeout or aborted, empty at the start."""
+    """event: "start" or "end"; outcome: arrived, timeout or aborted, empty at the start.
+
+    reason: why the driver gave up, empty where it did not.
+    """
 
     event: str
     time_s: float
@@ -20,6 +23,7 @@ class EpisodeMark:
     seed: int
     start_area: str
     outcome: str = ""
+    reason: str = ""
 
 
 def to_episode_message(mark: EpisodeMark) -> DiagnosticArray:
@@ -30,6 +34,7 @@ def to_episode_message(mark: EpisodeMark) -> DiagnosticArray:
         "seed": str(mark.seed),
         "start_area": mark.start_area,
         "outcome": mark.outcome,
+        "reason": mark.reason,
     }
     status = DiagnosticStatus(
         level=DiagnosticStatus.OK,
@@ -55,4 +60,5 @@ def from_episode_message(message: DiagnosticArray) -> EpisodeMark:
         seed=int(values["seed"]),
         start_area=values["start_area"],
         outcome=values["outcome"],
+        reason=values.get("reason", ""),
     )

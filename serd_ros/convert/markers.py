@@ -1,4 +1,4 @@
-"""Policy arrows and the value map as visualization_msgs/MarkerArray, for RViz and Foxglove."""
+"""Policy arrows, the value map, traps and words as visualization_msgs/MarkerArray, for RViz."""
 
 import math
 from collections.abc import Sequence
@@ -15,6 +15,8 @@ from serd_ros.convert.pose import to_pose
 from serd_ros.convert.stamp import to_stamp
 
 _ARROW = ColorRGBA(r=0.1, g=0.1, b=0.1, a=0.9)
+_TRAP = ColorRGBA(r=0.85, g=0.2, b=0.1, a=0.6)
+_TEXT = ColorRGBA(r=0.0, g=0.0, b=0.0, a=1.0)
 _LOW, _HIGH = np.array([0.93, 0.95, 1.0]), np.array([0.10, 0.35, 0.65])
 
 
@@ -43,6 +45,37 @@ def to_value_markers(
         red, green, blue = (float(c) for c in _LOW + share * (_HIGH - _LOW))
         marker.colors.append(ColorRGBA(r=red, g=green, b=blue, a=0.8))
     return MarkerArray(markers=[marker])
+
+
+def to_trap_markers(
+    centers_m: NDArray[np.float64], cell_size_m: float, time_s: float
+) -> MarkerArray:
+    """All trap cells (N, 2) as one list of red cubes, in place of those shown before."""
+    if not len(centers_m):
+        return MarkerArray(markers=[_without("traps", time_s)])
+    marker = _marker(0, "traps", Marker.CUBE_LIST, time_s)
+    size = float(0.9 * cell_size_m)
+    marker.scale = Vector3(x=size, y=size, z=0.01)
+    marker.color = _TRAP
+    marker.points = [Point(x=float(x_m), y=float(y_m), z=0.005) for x_m, y_m in centers_m]
+    return MarkerArray(markers=[marker])
+
+
+def to_text_marker(words: str, at_m: tuple[float, float], time_s: float) -> MarkerArray:
+    """Words that face the viewer, above a point."""
+    marker = _marker(0, "words", Marker.TEXT_VIEW_FACING, time_s)
+    marker.pose = to_pose((at_m[0], at_m[1], 0.0))
+    marker.pose.position.z = 1.2
+    marker.scale = Vector3(x=0.0, y=0.0, z=0.4)
+    marker.color = _TEXT
+    marker.text = words
+    return MarkerArray(markers=[marker])
+
+
+def _without(namespace: str, time_s: float) -> Marker:
+    marker = _marker(0, namespace, Marker.CUBE_LIST, time_s)
+    marker.action = Marker.DELETEALL
+    return marker
 
 
 def _arrow(

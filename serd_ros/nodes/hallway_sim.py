@@ -2,16 +2,19 @@
 
 import sys
 
+from geometry_msgs.msg import PolygonStamped
 from std_srvs.srv import SetBool, Trigger
 
-from serd_ros import topics
+from serd_ros import qos, topics
 from serd_ros.configs import HallwaySimConfig
+from serd_ros.convert.goal import from_goal_area_message
 from serd_ros.convert.reset_reply import ResetReply, to_reset_sentence
 from serd_ros.graph_readiness import Readiness
 from serd_ros.run_node import run_node
 from serd_ros.serd_node import SerdNode
 from serd_ros.world_loop import LiveLoop, LockstepLoop, WorldLoop
 from serd_ros.world_publisher import WorldPublisher
+from sim.goal import with_goal
 from sim.scenario import load_scenario
 from sim.world import HallwayWorld
 
@@ -22,7 +25,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
 
     def __init__(self) -> None:
         super().__init__("hallway_sim", HallwaySimConfig)
-        scenario = load_scenario(self.config.scenario)
+        scenario = with_goal(load_scenario(self.config.scenario), self.config.goal)
         if self.config.people >= 0:
             scenario = scenario.with_pedestrian_count(self.config.people)
         self._world = HallwayWorld(scenario, seed=self.config.seed, gui=self.config.gui)
@@ -33,6 +36,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         self._loop: WorldLoop = loop(self, self._world, self._publisher)
         self.create_service(Trigger, topics.RESET, self._on_reset)
         self.create_service(SetBool, topics.PAUSE, self._on_pause)
+        self.create_subscription(PolygonStamped, topics.GOAL_AREA, self._on_goal, qos.LATCHED)
         if not self.config.lockstep:
             self._begin_episode()
 
@@ -52,6 +56,11 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         self._next_episode += 1
         self._loop.begin()
         return ResetReply(episode, self.config.seed, self.config.start_area, start.time_s)
+
+    def _on_goal(self, message: PolygonStamped) -> None:
+        """The driver's goal: where an episode ends, and a world in lock-step stands still."""
+        self._world.aim(from_goal_area_message(message, self._world.scenario.goal_area_m))
+        self._loop.goal_moved()
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._loop.paused = bool(request.data)

@@ -6,6 +6,7 @@ from pathlib import Path
 from std_srvs.srv import Trigger
 
 from bags.discretise import decisions_from_bag
+from bags.goal_entry import goal_entry_times_s
 from serd_core.ascent.ascent import Step
 from serd_core.demonstrations import Decisions
 from serd_core.errors import SerdError
@@ -55,7 +56,10 @@ class LearnerNode(SerdNode[LearnerConfig]):
 
     def _learn(self) -> Lesson:
         decisions = self._read()
-        lesson = learn(self._scenario, decisions, self.config, self._tell)
+        entry_s = goal_entry_times_s(
+            self.config.bag, decisions, self._scenario.decision_period_s
+        ).tolist()
+        lesson = learn(self._scenario, decisions, self.config, self._tell, entry_s)
         output = Path(self.config.output)
         save_model(output, lesson.model)
         save_grid(output.with_name("grid.yaml"), grid_of(self._scenario), self._scenario.name)

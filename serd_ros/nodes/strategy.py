@@ -1,67 +1,143 @@
-"""strategy: drives episodes by the learned policy with waypoints and measures times of arrival."""
+"""strategy: drives by the learned policy with waypoints and measures times of arrival.
+
+Goal (`goal_pose`, or the parameter `goal`) and model (the parameter `model`, or the file itself)
+may change at any time. A plan takes milliseconds, so callbacks make it where they are.
+"""
 
 import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Path
-from visualization_msgs.msg import MarkerArray
 
+from serd_core.errors import SerdError
 from serd_core.grid import Action
 from serd_ros import qos, topics
+from serd_ros.changeable_parameters import accept_changes
 from serd_ros.configs import StrategyConfig
-from serd_ros.convert.markers import to_policy_markers, to_value_markers
-from serd_ros.convert.path import to_path
+from serd_ros.convert.diagnostics import OK, WARN
+from serd_ros.convert.goal import from_goal_message
 from serd_ros.convert.pose import to_waypoint_message
 from serd_ros.episode_driver import EpisodeDriverNode
+from serd_ros.navigator import Navigator
+from serd_ros.outlook_words import outlook_values, traps_in_words
+from serd_ros.prediction import Prediction, arrival_row, prediction_of
 from serd_ros.run_node import run_node
-from serd_ros.strategy import Strategy, arrows_of, load_strategy
-from sim.decision import waypoint_of_intent
+from serd_ros.strategy_display import StrategyDisplay
 from sim.driver import Driver
 from sim.observation import Observation
-from sim.policy_driver import PolicyDriver
+from storage.arrival_log import append_arrival
+from storage.episode_table import EpisodeResult
+from storage.file_watch import FileWatch
+
+_LOOK_AT_MODEL_S = 1.0
 
 
 class StrategyNode(EpisodeDriverNode[StrategyConfig]):
     """Steers by `waypoint`: the centre of the cell the policy wants next."""
 
-    _strategy: Strategy
+    _navigator: Navigator
 
     def __init__(self) -> None:
         super().__init__("strategy", StrategyConfig)
+        self._prediction: Prediction | None = None
+        self._time_s = 0.0
+        self._watch = FileWatch(self._navigator.model)
         self._waypoints = self.create_publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
-        self._plan = self.create_publisher(Path, topics.PLAN, qos.COMMAND)
-        self._arrows = self.create_publisher(MarkerArray, topics.MARKERS_POLICY, qos.LATCHED)
-        self._values = self.create_publisher(MarkerArray, topics.MARKERS_VALUE, qos.LATCHED)
-        self._show_policy()
+        self._display = StrategyDisplay(self)
+        self.create_subscription(PoseStamped, topics.GOAL_POSE, self._on_goal, qos.COMMAND)
+        self.create_timer(_LOOK_AT_MODEL_S, self._look_at_model, clock=self.wall_clock)
+        accept_changes(self, {"goal": self._change_goal, "model": self._change_model})
+        self._show_plan("planned", self.wall_s())
 
     def make_driver(self) -> Driver:
         """The policy of the model file; its file must belong to this scenario's grid."""
-        config = self.config
-        self._strategy = load_strategy(config.model, self.scenario, config.policy)
-        return PolicyDriver(
-            self._strategy.problem.grid,
-            self._strategy.policy.probabilities,
-            seed=config.seed,
-            greedy=config.policy == "optimal",
-            name="strategy",
-        )
+        self._navigator = Navigator(self.scenario, self.config)
+        self.scenario = self._navigator.strategy.scenario
+        return self._navigator
 
     def steer(self, observation: Observation, action: Action) -> None:
-        """Publish the waypoint, and the way to the goal for viewers."""
-        grid = self._strategy.problem.grid
-        waypoint = waypoint_of_intent(grid, observation, action)
+        """Publish the waypoint, and what it was decided on for viewers."""
+        self._time_s = observation.time_s
+        waypoint = self._navigator.waypoint_of(observation, action)
         self._waypoints.publish(to_waypoint_message(waypoint, observation.time_s))
-        state = grid.state_at(observation.x_m, observation.y_m)
-        if state >= 0 and self._plan.get_subscription_count():
-            path_m = self._strategy.intended_path_m(state)
-            self._plan.publish(to_path(path_m, observation.time_s))
+        if self._prediction is None:
+            self._prediction = prediction_of(self._navigator, observation)
+        outlook = self._navigator.outlook
+        assert outlook is not None
+        self._display.show_outlook(outlook, self._navigator.way_m(observation))
+        if outlook.trapped:
+            self.get_logger().warning(
+                f"in a trap at ({observation.x_m:.1f}, {observation.y_m:.1f}) m: arrives in time "
+                f"with {outlook.probability:.0%}",
+                throttle_duration_sec=5.0,
+            )
+        values = outlook_values(outlook, self._navigator.strategy)
+        level, message = (WARN, "in a trap") if outlook.trapped else (OK, "driving")
+        self.report(observation.time_s, values, level=level, message=message)
 
-    def _show_policy(self) -> None:
-        grid, policy = self._strategy.problem.grid, self._strategy.policy
-        arrows = to_policy_markers(grid.centers_m, arrows_of(policy), grid.cell_size_m, 0.0)
-        self._arrows.publish(arrows)
-        values = to_value_markers(grid.centers_m, policy.value, grid.cell_size_m, 0.0)
-        self._values.publish(values)
+    def give_up_reason(self) -> str:
+        """The navigator's, in words."""
+        gave_up = self._navigator.gave_up
+        return gave_up.value if gave_up is not None else ""
+
+    def episode_ended(self, result: EpisodeResult) -> None:
+        """Append prediction and measurement to the log of arrivals."""
+        prediction, self._prediction = self._prediction, None
+        if result.reason:
+            self.report(self._time_s, {"reason": result.reason}, level=WARN, message="gave up")
+        if prediction is not None and self.config.output:
+            row = arrival_row(
+                prediction,
+                episode=result.episode,
+                seed=result.seed,
+                outcome=result.outcome,
+                reason=result.reason,
+                time_of_arrival_s=result.time_of_arrival_s,
+            )
+            append_arrival(Path(self.config.output) / "arrivals.csv", row)
+
+    def _on_goal(self, message: PoseStamped) -> None:
+        try:
+            x_m, y_m = from_goal_message(message)
+            self._replan(lambda: self._navigator.set_goal(x_m, y_m), f"goal ({x_m:g}, {y_m:g})")
+        except SerdError as error:
+            self._refuse(error)
+
+    def _change_goal(self, value: Any) -> None:
+        self._replan(lambda: self._navigator.set_goal_text(str(value)), f"goal {value!r}")
+
+    def _change_model(self, value: Any) -> None:
+        self._replan(lambda: self._navigator.set_model(str(value)), f"model {value}")
+        self._watch = FileWatch(self._navigator.model)
+
+    def _look_at_model(self) -> None:
+        path = self._navigator.model
+        if self._watch.changed():
+            try:
+                self._replan(lambda: self._navigator.set_model(path), f"{path} read again")
+            except SerdError as error:
+                self._refuse(error)
+
+    def _replan(self, change: Callable[[], None], what: str) -> None:
+        began_s = self.wall_s()
+        change()
+        self._prediction = None
+        self.aim(self._navigator.strategy.scenario)
+        self._show_plan(what, began_s)
+
+    def _refuse(self, error: SerdError) -> None:
+        self.get_logger().warning(f"refused, going on as before: {error}")
+        self.report(self._time_s, {}, level=WARN, message=f"refused: {error}")
+
+    def _show_plan(self, what: str, began_s: float) -> None:
+        strategy = self._navigator.strategy
+        self._display.show_strategy(strategy, self._time_s)
+        took_ms = 1e3 * (self.wall_s() - began_s)
+        self.get_logger().info(f"{what}: planned and shown in {took_ms:.1f} ms")
+        if traps := traps_in_words(strategy.traps):
+            self.get_logger().warning(traps)
 
 
 def main() -> int:
