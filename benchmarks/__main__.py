@@ -2,11 +2,12 @@
 
 import argparse
 
-from benchmarks import bags_throughput, closed_loop, gradient, lockstep
+from benchmarks import bags_throughput, closed_loop, crowd_peers, gradient, lockstep
 
 BENCHMARKS = {
     "bags_throughput": bags_throughput.run,
     "closed_loop": closed_loop.run,
+    "crowd_peers": crowd_peers.run,
     "gradient": gradient.run,
     "lockstep": lockstep.run,
 }
