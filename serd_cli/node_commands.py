@@ -25,13 +25,21 @@ def stack_processes(
     """One process per node of the stack, with its parameters."""
     layers = stack_parameters(stack, given)
     return [
-        Process(node, [str(find_executable(PACKAGE, node, environment)), *_arguments(parameters)])
+        Process(
+            node,
+            [
+                str(find_executable(PACKAGE, node, environment)),
+                *_arguments(parameters, stack.remappings.get(node, {})),
+            ],
+        )
         for node, parameters in layers.items()
     ]
 
 
-def _arguments(parameters: Mapping[str, Any]) -> list[str]:
+def _arguments(parameters: Mapping[str, Any], remappings: Mapping[str, str]) -> list[str]:
     arguments = ["--ros-args"]
+    for name, topic in remappings.items():
+        arguments += ["-r", f"{name}:={topic}"]
     for name, value in parameters.items():
         arguments += ["-p", f"{name}:={_as_ros(value)}"]
     return arguments

@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from storage.yaml_config import StrictModel
+from teleop.mode import Mode
 
 
 class HallwaySimConfig(StrictModel):
@@ -74,6 +75,51 @@ class DemoRecorderConfig(StrictModel):
     minimum_free_mb: float = Field(ge=0)
 
 
+class TeleopMuxConfig(StrictModel):
+    """See nodes.yaml for what each parameter means."""
+
+    mux: str
+    rate_hz: float = Field(ge=10, le=200)
+    stamped_cmd_vel: bool
+    max_vel_x_mps: float = Field(gt=0)
+    min_vel_x_mps: float = Field(le=0)
+    max_vel_theta_radps: float = Field(gt=0)
+    acc_lim_x_mps2: float = Field(gt=0)
+    acc_lim_theta_radps2: float = Field(gt=0)
+
+
+class HandDriverConfig(StrictModel):
+    """What every node needs through which a person drives."""
+
+    scenario: str = Field(min_length=1)
+    driver: str = Field(min_length=1)
+    mode: Mode
+    timeout_s: float = Field(gt=0)
+    speed_mps: float = Field(gt=0)
+    turn_radps: float = Field(gt=0)
+
+
+class TeleopKeyboardConfig(HandDriverConfig):
+    """See nodes.yaml for what each parameter means."""
+
+    terminal: str = Field(min_length=1)
+    key_timeout_s: float = Field(gt=0, le=0.5)
+
+
+class TeleopPageConfig(HandDriverConfig):
+    """See nodes.yaml for what each parameter means."""
+
+    address: str = Field(min_length=1)
+    port: int = Field(ge=0, le=65535)
+    token_file: str
+
+
+class TeleopJoyConfig(StrictModel):
+    """See nodes.yaml for what each parameter means."""
+
+    mapping: str
+
+
 class LearnerConfig(StrictModel):
     """See nodes.yaml for what each parameter means."""
 
@@ -96,4 +142,8 @@ CONFIGS: dict[str, type[StrictModel]] = {
     "demo_recorder": DemoRecorderConfig,
     "learner": LearnerConfig,
     "strategy": StrategyConfig,
+    "teleop_mux": TeleopMuxConfig,
+    "teleop_joy": TeleopJoyConfig,
+    "teleop_keyboard": TeleopKeyboardConfig,
+    "teleop_page": TeleopPageConfig,
 }

@@ -31,12 +31,16 @@ class NodeEndpoints(StrictModel):
 
 
 class Stack(StrictModel):
-    """Nodes that run together; `shared` goes to every node that has the parameter."""
+    """Nodes that run together; `shared` goes to every node that has the parameter.
+
+    remappings: for each node its topics that have another name in this stack.
+    """
 
     about: str
     nodes: tuple[str, ...]
     shared: dict[str, Any] = Field(default_factory=dict)
     parameters: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    remappings: dict[str, dict[str, str]] = Field(default_factory=dict)
 
 
 class Graph(StrictModel):
@@ -48,7 +52,7 @@ class Graph(StrictModel):
     @model_validator(mode="after")
     def _names_are_known(self) -> "Graph":
         for name, stack in self.stacks.items():
-            for node in (*stack.nodes, *stack.parameters):
+            for node in (*stack.nodes, *stack.parameters, *stack.remappings):
                 if node not in self.nodes:
                     raise ValueError(f"stack {name} names node {node!r}; {hint(node, self.nodes)}")
         return self

@@ -8,8 +8,12 @@ from geometry_msgs.msg import PolygonStamped, PoseStamped, Twist, TwistStamped, 
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
+<<<<<<< HEAD
 from sensor_msgs.msg import LaserScan, PointCloud2
 from std_msgs.msg import Float64MultiArray
+=======
+from sensor_msgs.msg import Joy, LaserScan, PointCloud2
+>>>>>>> 9f7ea87 (Drive by hand: a multiplexer with e-stop, joystick, keyboard and a web page)
 
 from serd_ros import qos, topics
 from serd_ros.errors import NodeError
@@ -37,6 +41,9 @@ _TYPES = {
     topics.ROBOT_POSE: TopicType(PoseStamped, qos.STATE),
     topics.SCAN: TopicType(LaserScan, qos.STATE),
     topics.PEDESTRIANS: TopicType(PointCloud2, qos.STATE),
+    topics.JOY: TopicType(Joy, qos.COMMAND),
+    topics.CMD_VEL_TELEOP: TopicType(Twist, qos.COMMAND, stamped=False),
+    topics.CMD_VEL_JOY: TopicType(Twist, qos.COMMAND, stamped=False),
     topics.MAP: TopicType(OccupancyGrid, qos.LATCHED),
     topics.INTENT: TopicType(Vector3Stamped, qos.STATE),
     topics.WAYPOINT: TopicType(PoseStamped, qos.STATE),

@@ -31,6 +31,8 @@ def test_every_node_module_has_a_main():
 def test_every_subscribed_topic_is_published_by_some_node():
     graph = load_graph()
     published = {topic for node in graph.nodes.values() for topic in node.publishes}
+    for stack in graph.stacks.values():
+        published |= {topic for names in stack.remappings.values() for topic in names.values()}
     subscribed = {topic for node in graph.nodes.values() for topic in node.subscribes}
     assert subscribed <= published | FROM_PEOPLE
     served = {name for node in graph.nodes.values() for name in node.serves}

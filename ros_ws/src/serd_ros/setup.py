@@ -18,7 +18,9 @@ setup(
     description="Hallway navigation that learns rewards and dynamics from demonstrations (SERD)",
     license="Apache-2.0",
     packages=find_packages(exclude=["test", "tests"]),
-    package_data={"": ["py.typed", "*.yaml", "scenarios/*.yaml", "templates/*", "data/*", "*.xml"]},
+    package_data={
+        "": ["py.typed", "*.yaml", "scenarios/*.yaml", "templates/*", "data/*", "static/*", "*.xml"]
+    },
     include_package_data=True,
     zip_safe=False,
     data_files=[

@@ -32,6 +32,7 @@ def nodes_of_stack(context):
             executable=node,
             name=node,
             parameters=[parameters],
+            remappings=list(stack.remappings.get(node, {}).items()),
             output="screen",
             on_exit=EmitEvent(event=Shutdown(reason=f"{node} ended")),
         )

@@ -1,0 +1,37 @@
+"""teleop_joy: a joystick's axes and buttons as velocities, as teleop_twist_joy does it."""
+
+import sys
+
+from geometry_msgs.msg import Twist
+from sensor_msgs.msg import Joy
+
+from serd_ros import qos, topics
+from serd_ros.configs import TeleopJoyConfig
+from serd_ros.convert.command import to_twist
+from serd_ros.run_node import run_node
+from serd_ros.serd_node import SerdNode
+from teleop.joy_mapping import JoyDriver, load_joy_mapping
+
+
+class TeleopJoyNode(SerdNode[TeleopJoyConfig]):
+    """`joy` in, `cmd_vel_joy` out; silent while nobody holds the enable button."""
+
+    def __init__(self) -> None:
+        super().__init__("teleop_joy", TeleopJoyConfig)
+        self._driver = JoyDriver(load_joy_mapping(self.config.mapping))
+        self._commands = self.create_publisher(Twist, topics.CMD_VEL_JOY, qos.COMMAND)
+        self.create_subscription(Joy, topics.JOY, self._on_joy, qos.COMMAND)
+
+    def _on_joy(self, message: Joy) -> None:
+        command = self._driver.command(list(message.axes), list(message.buttons))
+        if command is not None:
+            self._commands.publish(to_twist(command))
+
+
+def main() -> int:
+    """Entry point of `ros2 run serd_ros teleop_joy`."""
+    return run_node(TeleopJoyNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,87 @@
+"""teleop_keyboard: somebody drives with the keys of a terminal, as a ROS 2 node."""
+
+import signal
+import sys
+
+from serd_ros.configs import TeleopKeyboardConfig
+from serd_ros.hand_driver import HandDriverNode
+from serd_ros.run_node import run_node
+from teleop.errors import TeleopError
+from teleop.key_names import KeyNames
+from teleop.keyboard import HELP, KEY_COMMANDS, KEY_DIRECTIONS, KeyCommand
+from teleop.raw_terminal import RawTerminal
+from teleop.velocity_keys import VelocityKeys
+
+
+class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):
+    """Reads keys, chooses directions or velocities, starts and ends episodes."""
+
+    def __init__(self) -> None:
+        self._terminal: RawTerminal | None = None
+        super().__init__("teleop_keyboard", TeleopKeyboardConfig)
+        config = self.config
+        self._keys = KeyNames()
+        self._velocity = VelocityKeys(config.speed_mps, config.turn_radps, config.key_timeout_s)
+        self._terminal = RawTerminal(config.terminal)
+        # rclpy ends on SIGINT and SIGTERM; without this a closing window would end it unrestored.
+        signal.signal(signal.SIGHUP, lambda *_: self.finish(0))
+        self.tell(f"driving by {self.mode}\n{HELP}")
+
+    def close(self) -> None:
+        """Restore the terminal."""
+        if self._terminal is not None:
+            self._terminal.close()
+
+    def tell(self, sentence: str) -> None:
+        """Print it; the terminal shows what this process says on stderr."""
+        print(sentence, file=sys.stderr, flush=True)
+
+    def attend(self) -> bool:
+        """Take the keys typed since; the process being alive is somebody being there."""
+        if self._terminal is None:
+            return False
+        typed = self._terminal.read()
+        if typed is None:
+            self.finish(0)
+            return False
+        for key in self._keys.feed(typed):
+            self._press(key)
+        command = self._velocity.command(self.wall_s())
+        if command is not None and self.mode == "velocity":
+            self.drive(command)
+        return True
+
+    def _press(self, key: str) -> None:
+        wanted = KEY_COMMANDS.get(key)
+        if wanted is not None:
+            self._obey(wanted)
+        elif self.mode == "velocity":
+            self._velocity.press(key, self.wall_s())
+        elif key in KEY_DIRECTIONS:
+            self.choice.tap(KEY_DIRECTIONS[key])
+
+    def _obey(self, wanted: KeyCommand) -> None:
+        try:
+            if wanted is KeyCommand.START:
+                self.episodes.start()
+            elif wanted is KeyCommand.SAVE:
+                self.episodes.save()
+            elif wanted is KeyCommand.DISCARD:
+                self.episodes.discard()
+            elif wanted is KeyCommand.SWITCH_MODE:
+                self.set_mode("velocity" if self.mode == "directions" else "directions")
+                self.tell(f"driving by {self.mode}")
+            else:
+                self.set_e_stop(wanted is KeyCommand.E_STOP)
+                self.tell(wanted.value)
+        except TeleopError as error:
+            self.tell(str(error))
+
+
+def main() -> int:
+    """Entry point of `ros2 run serd_ros teleop_keyboard`."""
+    return run_node(TeleopKeyboardNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,109 @@
+"""teleop_mux: which of several velocity commands drives the robot, as a ROS 2 node.
+
+After twist_mux; see teleop.twist_mux for the rules. It speaks all the time: when nobody drives,
+stop. `e_stop` (Bool) and `set_e_stop` (SetBool) engage the latch with true, release it with false.
+"""
+
+import sys
+from functools import partial
+
+from geometry_msgs.msg import Twist, TwistStamped
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
+
+from serd_ros import qos, topics
+from serd_ros.configs import TeleopMuxConfig
+from serd_ros.convert.command import from_twist, to_twist, to_twist_stamped
+from serd_ros.convert.diagnostics import OK, WARN
+from serd_ros.run_node import run_node
+from serd_ros.serd_node import SerdNode
+from teleop.mux_settings import load_mux
+from teleop.twist_mux import MuxOutput, TwistMux
+from teleop.velocity_limits import VelocityLimits
+
+_REPORT_PERIOD_S = 0.2
+
+
+class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
+    """Converts, calls `TwistMux.step`, publishes `cmd_vel`."""
+
+    def __init__(self) -> None:
+        super().__init__("teleop_mux", TeleopMuxConfig)
+        config = self.config
+        settings = load_mux(config.mux)
+        limits = config.model_dump(exclude={"mux", "rate_hz", "stamped_cmd_vel"})
+        self._mux = TwistMux(settings, VelocityLimits(**limits))
+        self._said: MuxOutput | None = None
+        self._reported_s = self.wall_s()
+        for name, source in settings.topics.items():
+            kind = TwistStamped if source.stamped else Twist
+            self.create_subscription(kind, source.topic, partial(self._take, name), qos.COMMAND)
+        for name, lock in settings.locks.items():
+            self.create_subscription(Bool, lock.topic, partial(self._lock, name), qos.COMMAND)
+        self.create_subscription(Bool, topics.E_STOP, self._on_e_stop, qos.COMMAND)
+        self.create_service(SetBool, topics.SET_E_STOP, self._on_set_e_stop)
+        kind = TwistStamped if config.stamped_cmd_vel else Twist
+        self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.COMMAND)
+        self.create_timer(1.0 / config.rate_hz, self._step, clock=self.wall_clock)
+
+    def _take(self, name: str, message: Twist | TwistStamped) -> None:
+        twist = message.twist if isinstance(message, TwistStamped) else message
+        self._mux.receive(name, from_twist(twist), self.wall_s())
+
+    def _lock(self, name: str, message: Bool) -> None:
+        self._mux.receive_lock(name, bool(message.data), self.wall_s())
+
+    def _on_e_stop(self, message: Bool) -> None:
+        self._set_e_stop(bool(message.data))
+
+    def _on_set_e_stop(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
+        self._set_e_stop(bool(request.data))
+        response.success = True
+        response.message = "stopped until released" if request.data else "released"
+        return response
+
+    def _set_e_stop(self, engaged: bool) -> None:
+        self._mux.set_e_stop(engaged)
+        self._step()
+
+    def _step(self) -> None:
+        now_s = self.wall_s()
+        output = self._mux.step(now_s)
+        if self.config.stamped_cmd_vel:
+            time_s = self.get_clock().now().nanoseconds * 1e-9
+            self._commands.publish(to_twist_stamped(output.command, time_s))
+        else:
+            self._commands.publish(to_twist(output.command))
+        self._tell(output, now_s)
+
+    def _tell(self, output: MuxOutput, now_s: float) -> None:
+        """Report at once when who drives has changed, else now and then."""
+        last = self._said
+        changed = last is None or (last.active, last.e_stop) != (output.active, output.e_stop)
+        if not changed and now_s - self._reported_s < _REPORT_PERIOD_S:
+            return
+        if last is not None and last.e_stop != output.e_stop:
+            self.get_logger().warning("E-STOP engaged" if output.e_stop else "e-stop released")
+        self._said, self._reported_s = output, now_s
+        self.report(
+            self.get_clock().now().nanoseconds * 1e-9,
+            {
+                "active": output.active,
+                "e_stop": output.e_stop,
+                "locked_by": ", ".join(output.locked_by),
+                "rejected_commands": sum(self._mux.n_rejected.values()),
+            },
+            level=WARN if output.e_stop else OK,
+            message="e-stop" if output.e_stop else "",
+        )
+
+
+def main() -> int:
+    """Entry point of `ros2 run serd_ros teleop_mux`."""
+    return run_node(TeleopMuxNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

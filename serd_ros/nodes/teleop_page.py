@@ -1,0 +1,131 @@
+"""teleop_page: somebody drives through a web page, as a ROS 2 node.
+
+The page is served by a thread of its own (teleop.page); here its wishes become topics and what the
+world tells becomes its state, twenty times a second.
+"""
+
+import sys
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import Joy
+
+from serd_core.grid import Action
+from serd_ros import qos, topics
+from serd_ros.configs import TeleopPageConfig
+from serd_ros.convert.joy import to_joy
+from serd_ros.hand_driver import HandDriverNode
+from serd_ros.page_view import PageView
+from serd_ros.run_node import run_node
+from sim.command import Command
+from teleop.errors import TeleopError
+from teleop.page.access import PageAccess, read_token
+from teleop.page.scene import scene_of
+from teleop.page.server import PageServer
+from teleop.page.wishes import Away, EmergencyStop, Episode, Hold, Joystick, Move, SetMode, Wish
+
+_SILENCE_S = 0.5
+
+
+class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
+    """One page at a time drives; without its heartbeat nobody does."""
+
+    def __init__(self) -> None:
+        self._server: PageServer | None = None
+        super().__init__("teleop_page", TeleopPageConfig)
+        config = self.config
+        self._heard_s: float | None = None
+        self._moving = False
+        self._view = PageView(self, self.scenario)
+        self._joy = self.create_publisher(Joy, topics.JOY, qos.COMMAND)
+        self.create_subscription(
+            DiagnosticArray, topics.DIAGNOSTICS, self._view.take_diagnostics, qos.STATE
+        )
+        access = PageAccess(config.address, read_token(config.token_file))
+        scene = scene_of(self.scenario, self._view.grid)
+        self._server = PageServer(scene, access, config.port)
+        self.get_logger().info(f"the page is at {self._server.url}")
+
+    def close(self) -> None:
+        """End the server."""
+        if self._server is not None:
+            self._server.close()
+
+    def tell(self, sentence: str) -> None:
+        """Show it on the page and in the log."""
+        self.get_logger().info(sentence)
+        if self._server is not None:
+            self._server.say(sentence)
+
+    def attend(self) -> bool:
+        """Take the page's wishes and show how things stand."""
+        if self._server is None:
+            return False
+        for wish in self._server.take():
+            self._obey(wish)
+        there = self._heard_s is not None and self.wall_s() - self._heard_s <= _SILENCE_S
+        if not there:
+            self._let_go()
+        self._server.show(self._state(self._server, there=there))
+        return there
+
+    def _obey(self, wish: Wish) -> None:
+        if isinstance(wish, Away):
+            self._heard_s = None
+            return
+        if isinstance(wish, Hold | Move | Joystick):
+            self._heard_s = self.wall_s()
+        try:
+            self._act(wish)
+        except TeleopError as error:
+            self.tell(str(error))
+
+    def _act(self, wish: Wish) -> None:
+        if isinstance(wish, Hold):
+            self.choice.hold(None if wish.direction is None else Action[wish.direction.upper()])
+        elif isinstance(wish, Move):
+            self._move(wish)
+        elif isinstance(wish, Joystick):
+            time_s = self.observation.time_s if self.observation is not None else 0.0
+            self._joy.publish(to_joy(wish.axes, wish.buttons, time_s))
+        elif isinstance(wish, SetMode):
+            self.set_mode(wish.mode)
+        elif isinstance(wish, EmergencyStop):
+            self.set_e_stop(wish.engaged)
+        elif isinstance(wish, Episode):
+            steps = {
+                "start": self.episodes.start,
+                "save": self.episodes.save,
+                "discard": self.episodes.discard,
+            }
+            steps[wish.do]()
+
+    def _move(self, wish: Move) -> None:
+        """Drive while something is held; one stop when it is let go, then nothing."""
+        moving = wish.linear != 0.0 or wish.angular != 0.0
+        if self.mode == "velocity" and (moving or self._moving):
+            linear_mps = wish.linear * self.config.speed_mps
+            self.drive(Command(linear_mps, wish.angular * self.config.turn_radps))
+        self._moving = moving
+
+    def _let_go(self) -> None:
+        self.choice.hold(None)
+        self._moving = False
+
+    def _state(self, server: PageServer, *, there: bool) -> dict[str, Any]:
+        return {
+            **self._view.state(self.observation, self.episodes),
+            "page": server.driving_page,
+            "there": there,
+            "mode": self.mode,
+            "choice": self.choice.coming.name.lower(),
+        }
+
+
+def main() -> int:
+    """Entry point of `ros2 run serd_ros teleop_page`."""
+    return run_node(TeleopPageNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

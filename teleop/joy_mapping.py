@@ -1,0 +1,103 @@
+"""From a joystick's axes and buttons to a velocity, as teleop_twist_joy names and does it.
+
+linear = scale_linear.x * axes[axis_linear.x], angular = scale_angular.yaw * axes[axis_angular.yaw],
+with the turbo scales while enable_turbo_button is held. When enable_button is let go one stop is
+sent, then nothing. Axes and buttons that a message does not have count as 0.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic import Field
+
+from sim.command import STOP, Command
+from storage.yaml_config import StrictModel, yaml_model
+from storage.yaml_text import write_yaml
+from teleop.parameter_file import read_parameters
+
+_BUILTIN = Path(__file__).with_name("joy.yaml")
+_NO_BUTTON = -1
+
+
+class LinearAxis(StrictModel):
+    """Index of the axis that drives."""
+
+    x: int = Field(ge=0)
+
+
+class AngularAxis(StrictModel):
+    """Index of the axis that turns."""
+
+    yaw: int = Field(ge=0)
+
+
+class LinearScale(StrictModel):
+    """m/s at full deflection."""
+
+    x: float
+
+
+class AngularScale(StrictModel):
+    """rad/s at full deflection."""
+
+    yaw: float
+
+
+class JoyMapping(StrictModel):
+    """Parameters of teleop_twist_joy that a unicycle has a use for; a button of -1 is none."""
+
+    axis_linear: LinearAxis
+    scale_linear: LinearScale
+    scale_linear_turbo: LinearScale = LinearScale(x=1.0)
+    axis_angular: AngularAxis
+    scale_angular: AngularScale
+    scale_angular_turbo: AngularScale = AngularScale(yaw=1.0)
+    require_enable_button: bool = True
+    enable_button: int = Field(default=0, ge=0)
+    enable_turbo_button: int = Field(default=_NO_BUTTON, ge=_NO_BUTTON)
+    inverted_reverse: bool = False
+
+
+class JoyDriver:
+    """Follows one joystick."""
+
+    def __init__(self, mapping: JoyMapping) -> None:
+        self._mapping = mapping
+        self._driving = False
+
+    def command(self, axes: Sequence[float], buttons: Sequence[int]) -> Command | None:
+        """What a message asks for; one stop when the driver lets go, None while nobody drives."""
+        mapping = self._mapping
+        turbo = _held(buttons, mapping.enable_turbo_button)
+        enabled = _held(buttons, mapping.enable_button) or not mapping.require_enable_button
+        was_driving, self._driving = self._driving, turbo or enabled
+        if self._driving:
+            return self._scaled(axes, turbo=turbo)
+        return STOP if was_driving else None
+
+    def _scaled(self, axes: Sequence[float], *, turbo: bool) -> Command:
+        mapping = self._mapping
+        linear = mapping.scale_linear_turbo if turbo else mapping.scale_linear
+        angular = mapping.scale_angular_turbo if turbo else mapping.scale_angular
+        linear_mps = linear.x * _deflection(axes, mapping.axis_linear.x)
+        angular_radps = angular.yaw * _deflection(axes, mapping.axis_angular.yaw)
+        if mapping.inverted_reverse and linear_mps < 0.0:
+            angular_radps = -angular_radps
+        return Command(linear_mps, angular_radps)
+
+
+def load_joy_mapping(path: str | Path = "") -> JoyMapping:
+    """The mapping in a file, bare or in the frame of a ROS parameter file; built in without a path.
+
+    FileError names the key and the fix.
+    """
+    file = Path(path) if path else _BUILTIN
+    return yaml_model(write_yaml(read_parameters(file)), JoyMapping, name=str(file))
+
+
+def _held(buttons: Sequence[int], index: int) -> bool:
+    return 0 <= index < len(buttons) and bool(buttons[index])
+
+
+def _deflection(axes: Sequence[float], index: int) -> float:
+    return float(axes[index]) if index < len(axes) else 0.0

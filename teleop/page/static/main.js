@@ -1,0 +1,66 @@
+// Puts connection, map, panel and controls together.
+
+import { Link } from "./link.js";
+import { Panel } from "./panel.js";
+import { View } from "./view.js";
+import { Wishes } from "./wishes.js";
+
+const panel = new Panel();
+const view = new View(document.getElementById("view"));
+let ownPage = 0;
+let state = null;
+let lastNumber = null;
+
+const take = {
+  hello: (message) => { ownPage = message.page; },
+  scene: (message) => {
+    view.setScene(message);
+    document.getElementById("scene-name").textContent = message.name;
+  },
+  said: (message) => panel.say(message.text),
+  state: (message) => {
+    state = message;
+    wishes.mode = message.mode;
+    if (message.episode.number !== lastNumber) view.clearTrail();
+    lastNumber = message.episode.number;
+    view.show(message);
+    panel.show(message, { drives: message.page === ownPage, held: wishes.held });
+    panel.showGamepad(wishes.gamepadName);
+  },
+};
+
+const link = new Link({
+  onMessage: (message) => take[message.type]?.(message),
+  onChange: showConnection,
+});
+
+const isStopped = () => state?.mux?.e_stop === "True";
+const actions = {
+  start: () => link.send({ type: "episode", do: "start" }),
+  save: () => link.send({ type: "episode", do: "save" }),
+  discard: () => link.send({ type: "episode", do: "discard" }),
+  stop: () => link.send({ type: "e_stop", engaged: true }),
+  release: () => link.send({ type: "e_stop", engaged: false }),
+  switchMode: () => setMode(state?.mode === "directions" ? "velocity" : "directions"),
+};
+const setMode = (mode) => link.send({ type: "mode", mode });
+const wishes = new Wishes({ link, actions, pad: document.getElementById("pad") });
+
+for (const name of ["start", "save", "discard"]) press(name, actions[name]);
+for (const mode of ["directions", "velocity"]) press(mode, () => setMode(mode));
+press("stop", () => (isStopped() ? actions.release() : actions.stop()));
+
+// A button that keeps the focus would take the Space and Enter that are meant for the robot.
+function press(id, act) {
+  const button = document.getElementById(id);
+  button.addEventListener("click", () => { act(); button.blur(); });
+}
+
+function showConnection() {
+  const isAlive = link.isAlive;
+  panel.showLink({ isAlive, isStale: state?.is_stale ?? true });
+  if (!isAlive) panel.veil("No connection", "The robot has stopped. Trying again …");
+  else if (!wishes.isInFront) panel.veil("The robot stands", "Click here to drive: this page must be in front.");
+  else if (isStopped()) panel.veil("Emergency stop", "Press R, or Release, to drive on.");
+  else panel.veil("", "");
+}

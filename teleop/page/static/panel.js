@@ -1,0 +1,100 @@
+// The panel beside the map: episode, counts, driver, connection; only shows, decides nothing.
+
+const ARROWS = { north: "↑", east: "→", south: "↓", west: "←", wait: "wait" };
+const HINTS = {
+  directions: "Arrow keys choose the next cell, held ones again and again. A full ring decides.",
+  velocity: "Arrow keys drive and turn while held; up is forward.",
+};
+const PHASES = {
+  starting: "starting …", running: "", ended: "",
+};
+const SENTENCES_SHOWN = 4;
+
+export class Panel {
+  constructor() {
+    const ids = [...document.querySelectorAll("[id]")].map((element) => [element.id, element]);
+    this.parts = Object.fromEntries(ids);
+  }
+
+  show(state, { drives, held }) {
+    const { parts } = this;
+    const { episode, mux, recorder, world } = state;
+    const number = episode.number === null ? "" : ` ${episode.number}`;
+    const what = episode.phase === "ended" ? episode.outcome : PHASES[episode.phase];
+    const running = episode.phase === "running";
+    parts.phase.textContent = episode.other_driver
+      ? `${episode.other_driver} is driving`
+      : episode.phase === "idle" ? "no episode" : [`episode${number}`, what].filter(Boolean).join(" · ");
+    parts.recording.hidden = !running;
+    parts.duration.textContent = episode.duration_s.toFixed(1);
+    parts.decisions.textContent = `${episode.decisions} decision${episode.decisions === 1 ? "" : "s"}`;
+    parts.speed.textContent = `${Math.abs(world?.robot[3] ?? 0).toFixed(1)} m/s`;
+    for (const count of ["kept", "arrived", "discarded"]) parts[count].textContent = episode[count];
+    const free = drives && !episode.other_driver;
+    parts.start.disabled = !free || running || episode.phase === "starting";
+    parts.save.disabled = !free || !running;
+    parts.discard.disabled = !free || !(running || (episode.phase === "ended" && episode.outcome !== "discarded"));
+    this.showDriving(state, drives, held);
+    this.showHealth(mux, recorder);
+  }
+
+  showDriving(state, drives, held) {
+    const { parts } = this;
+    for (const mode of ["directions", "velocity"]) {
+      parts[mode].setAttribute("aria-pressed", String(state.mode === mode));
+    }
+    const byDirections = state.mode === "directions";
+    parts.ring.style.strokeDasharray = `${byDirections ? 100 * (state.world?.decided ?? 0) : 0} 100`;
+    parts.choice.textContent = byDirections ? ARROWS[state.choice] : "";
+    parts.choice.style.fontSize = state.choice === "wait" ? "" : "22px";
+    parts.hint.textContent = HINTS[state.mode];
+    for (const button of parts.pad.querySelectorAll("[data-way]")) {
+      const { way } = button.dataset;
+      button.classList.toggle("held", byDirections ? way === state.choice : held.includes(way));
+    }
+    const active = state.mux?.active;
+    const who = drives ? "this page drives" : state.page ? "another page drives" : "nobody drives";
+    parts.driver.textContent = active ? `${who} · ${active}` : who;
+  }
+
+  showHealth(mux, recorder) {
+    const { parts } = this;
+    const engaged = mux?.e_stop === "True";
+    parts.stop.classList.toggle("engaged", engaged);
+    parts.stop.innerHTML = engaged ? "RELEASE <kbd>R</kbd>" : "E-STOP <kbd>Space</kbd>";
+    const isRecording = recorder?.recording === "True";
+    parts.recorder.classList.toggle("alarm", !isRecording);
+    parts.recorder.textContent = isRecording
+      ? `${Number(recorder.messages).toLocaleString("en")} messages · ${gigabytes(recorder.free_mb)} free`
+      : recorder ? "NOT RECORDING" : "no recorder";
+  }
+
+  showLink({ isAlive, isStale }) {
+    const { link } = this.parts;
+    link.classList.toggle("good", isAlive && !isStale);
+    link.classList.toggle("bad", !isAlive);
+    link.textContent = !isAlive ? "no connection" : isStale ? "world stands still" : "connected";
+  }
+
+  showGamepad(name) {
+    this.parts.gamepad.hidden = !name;
+    this.parts.gamepad.textContent = name ? `gamepad: ${name.slice(0, 28)}` : "";
+  }
+
+  say(text) {
+    const line = document.createElement("li");
+    line.textContent = text;
+    this.parts.said.prepend(line);
+    while (this.parts.said.children.length > SENTENCES_SHOWN) this.parts.said.lastChild.remove();
+  }
+
+  veil(title, text) {
+    this.parts.veil.hidden = !title;
+    this.parts["veil-title"].textContent = title;
+    this.parts["veil-text"].textContent = text;
+  }
+}
+
+function gigabytes(megabytes) {
+  return `${(Number(megabytes) / 1000).toFixed(1)} GB`;
+}

@@ -1,0 +1,238 @@
+// The hallway from above on a canvas: x east, y north, metres; as large as the window allows.
+
+const COLOURS = {
+  floor: "#fbfaf7", wall: "#5c5a56", grid: "#e9e6df", goal: "#d6ecd6", goalLine: "#4f9d61",
+  start: "#dde7f4", person: "#e8963f", personNose: "#8c4e18", robot: "#265cb4", nose: "#f0f4fc",
+  trail: "rgb(38 92 180 / .35)", seen: "rgb(38 92 180 / .055)", scan: "#c2386b", next: "#7b5bc4",
+  chosen: "rgb(38 92 180 / .13)", text: "#3f7d4e",
+};
+const MARGIN_PX = 26;
+const TRAIL_STEP_M = 0.08;
+const STEPS = { north: [0, 1], east: [1, 0], south: [0, -1], west: [-1, 0] };
+
+export class View {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    this.trail = [];
+    new ResizeObserver(() => this.fit()).observe(canvas);
+  }
+
+  setScene(scene) {
+    this.scene = scene;
+    this.cells = new Map(scene.cells_m.map((cell) => [this.cellKey(cell), cell]));
+    this.trail = [];
+    this.fit();
+  }
+
+  clearTrail() { this.trail = []; }
+
+  fit() {
+    const { clientWidth, clientHeight } = this.canvas;
+    const density = devicePixelRatio || 1;
+    this.canvas.width = Math.round(clientWidth * density);
+    this.canvas.height = Math.round(clientHeight * density);
+    if (!this.scene || !clientWidth) return;
+    const [left, bottom, right, top] = this.scene.bounds_m;
+    const room = [clientWidth - 2 * MARGIN_PX, clientHeight - 2 * MARGIN_PX];
+    this.scale = Math.max(1, Math.min(room[0] / (right - left), room[1] / (top - bottom)));
+    this.offset = [
+      (clientWidth - this.scale * (right - left)) / 2 - this.scale * left,
+      (clientHeight + this.scale * (top - bottom)) / 2 + this.scale * bottom,
+    ];
+    this.context.setTransform(density, 0, 0, density, 0, 0);
+    this.draw();
+  }
+
+  show(state) {
+    this.state = state;
+    if (state.world?.scan_m) this.scan = { ranges: state.world.scan_m, pose: state.world.robot };
+    this.follow(state.world);
+    this.draw();
+  }
+
+  follow(world) {
+    if (!world) return;
+    const [x, y] = world.robot;
+    const last = this.trail.at(-1);
+    const way = last ? Math.hypot(x - last[0], y - last[1]) : Infinity;
+    if (last && way > 1) this.trail = [];
+    if (way > TRAIL_STEP_M) this.trail.push([x, y]);
+  }
+
+  draw() {
+    if (!this.scene || !this.scale) return;
+    const { clientWidth, clientHeight } = this.canvas;
+    this.context.clearRect(0, 0, clientWidth, clientHeight);
+    this.drawFloor();
+    this.drawWalls();
+    if (this.state?.world) this.drawWorld(this.state);
+  }
+
+  drawFloor() {
+    const { context, scene } = this;
+    this.path(scene.walls_m[0]);
+    context.fillStyle = COLOURS.floor;
+    context.fill();
+    this.area(scene.start_m, COLOURS.start);
+    this.area(scene.goal_m, COLOURS.goal, COLOURS.goalLine);
+    context.strokeStyle = COLOURS.grid;
+    context.lineWidth = 1;
+    for (const cell of scene.cells_m) context.strokeRect(...this.square(cell));
+    this.label("goal", centre(scene.goal_m));
+  }
+
+  drawWorld(state) {
+    const { world } = state;
+    this.drawScan();
+    this.drawChoice(state);
+    this.drawTrail();
+    for (const person of world.people) this.drawPerson(person);
+    this.drawRobot(world.robot);
+  }
+
+  drawScan() {
+    if (!this.scan) return;
+    const { context, scene } = this;
+    const [x, y, yaw] = this.scan.pose;
+    const hits = this.scan.ranges.flatMap((range, index) => {
+      const angle = yaw + scene.scan_start_rad + index * scene.scan_step_rad;
+      return range > 0 ? [[x + range * Math.cos(angle), y + range * Math.sin(angle)]] : [];
+    });
+    if (!hits.length) return;
+    this.path(hits);
+    context.fillStyle = COLOURS.seen;
+    context.fill();
+    context.fillStyle = COLOURS.scan;
+    for (const hit of hits) this.disc(hit, 0.035, COLOURS.scan);
+  }
+
+  // The cell being driven to, filled, with its waypoint; the cell chosen next, dashed.
+  drawChoice(state) {
+    const { context } = this;
+    if (state.waypoint && state.action !== "wait") {
+      const cell = this.cells.get(this.cellKey(state.waypoint));
+      context.fillStyle = COLOURS.chosen;
+      if (cell) context.fillRect(...this.square(cell));
+      this.ring(state.waypoint, 0.17, COLOURS.robot, 3);
+    }
+    const step = STEPS[state.choice];
+    if (!step || state.mode !== "directions") return;
+    const size = this.scene.cell_size_m;
+    const from = state.waypoint && state.action !== "wait" ? state.waypoint : state.world.robot;
+    const next = this.cells.get(this.cellKey([from[0] + step[0] * size, from[1] + step[1] * size]));
+    if (!next) return;
+    context.save();
+    context.setLineDash([6, 4]);
+    context.lineWidth = 2.5;
+    context.strokeStyle = COLOURS.next;
+    context.strokeRect(...this.square(next, 0.06));
+    context.restore();
+  }
+
+  drawTrail() {
+    if (this.trail.length < 2) return;
+    const { context } = this;
+    context.beginPath();
+    for (const point of this.trail) context.lineTo(...this.at(point));
+    context.strokeStyle = COLOURS.trail;
+    context.lineWidth = Math.max(2, 0.09 * this.scale);
+    context.lineJoin = context.lineCap = "round";
+    context.stroke();
+  }
+
+  drawPerson([x, y, vx, vy]) {
+    const radius = this.scene.person_radius_m;
+    const speed = Math.hypot(vx, vy);
+    this.disc([x, y], radius, COLOURS.person);
+    if (speed < 0.05) return;
+    const ahead = [x + (0.6 * radius * vx) / speed, y + (0.6 * radius * vy) / speed];
+    this.disc(ahead, 0.28 * radius, COLOURS.personNose);
+  }
+
+  drawRobot([x, y, yaw]) {
+    const radius = this.scene.robot_radius_m;
+    const { context } = this;
+    context.save();
+    context.shadowColor = "rgb(20 40 90 / .45)";
+    context.shadowBlur = 0.3 * this.scale;
+    this.disc([x, y], radius, COLOURS.robot);
+    context.restore();
+    this.ring([x, y], radius, "#ffffff", 1.5);
+    const nose = 0.56 * radius;
+    this.disc([x + nose * Math.cos(yaw), y + nose * Math.sin(yaw)], 0.3 * radius, COLOURS.nose);
+  }
+
+  drawWalls() {
+    const { context } = this;
+    context.lineJoin = "miter";
+    context.strokeStyle = COLOURS.wall;
+    context.lineWidth = Math.max(3, 0.12 * this.scale);
+    this.scene.walls_m.forEach((wall, index) => {
+      this.path(wall);
+      if (index > 0) { context.fillStyle = COLOURS.wall; context.fill(); }
+      context.stroke();
+    });
+  }
+
+  area(corners, fill, line) {
+    this.path(corners);
+    this.context.fillStyle = fill;
+    this.context.fill();
+    if (!line) return;
+    this.context.strokeStyle = line;
+    this.context.lineWidth = 1.5;
+    this.context.stroke();
+  }
+
+  label(text, point) {
+    const { context } = this;
+    context.fillStyle = COLOURS.text;
+    context.font = `600 ${Math.max(11, 0.42 * this.scale)}px system-ui, sans-serif`;
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.fillText(text, ...this.at(point));
+  }
+
+  path(points) {
+    this.context.beginPath();
+    for (const point of points) this.context.lineTo(...this.at(point));
+    this.context.closePath();
+  }
+
+  disc(point, radius, colour) {
+    this.context.beginPath();
+    this.context.arc(...this.at(point), radius * this.scale, 0, 2 * Math.PI);
+    this.context.fillStyle = colour;
+    this.context.fill();
+  }
+
+  ring(point, radius, colour, width) {
+    this.context.beginPath();
+    this.context.arc(...this.at(point), radius * this.scale, 0, 2 * Math.PI);
+    this.context.strokeStyle = colour;
+    this.context.lineWidth = width;
+    this.context.stroke();
+  }
+
+  square([x, y], inset = 0) {
+    const size = this.scene.cell_size_m;
+    const [left, top] = this.at([x - size / 2 + inset, y + size / 2 - inset]);
+    return [left, top, (size - 2 * inset) * this.scale, (size - 2 * inset) * this.scale];
+  }
+
+  at([x, y]) {
+    return [this.offset[0] + this.scale * x, this.offset[1] - this.scale * y];
+  }
+
+  cellKey([x, y]) {
+    const size = this.scene.cell_size_m;
+    const [left, bottom] = this.scene.bounds_m;
+    return `${Math.floor((x - left) / size)},${Math.floor((y - bottom) / size)}`;
+  }
+}
+
+function centre(corners) {
+  const sum = corners.reduce(([x, y], corner) => [x + corner[0], y + corner[1]], [0, 0]);
+  return sum.map((value) => value / corners.length);
+}

@@ -1,0 +1,132 @@
+// What the person holds and presses: keys, pad and gamepad, sent ten times a second.
+// A page that is not in front sends nothing, and has said so; the robot stops then.
+
+const HEARTBEAT_MS = 100;
+const STICK = 0.5;
+const KEY_WAYS = { ArrowUp: "north", ArrowRight: "east", ArrowDown: "south", ArrowLeft: "west" };
+const STEPS = { north: [1, 0], south: [-1, 0], west: [0, 1], east: [0, -1] };
+// The standard gamepad: B stops, Y saves, back discards, start starts, 12 to 15 are the cross.
+const PAD_BUTTONS = { 1: "stop", 3: "save", 8: "discard", 9: "start" };
+const PAD_WAYS = { 12: "north", 13: "south", 14: "west", 15: "east" };
+
+export class Wishes {
+  constructor({ link, actions, pad }) {
+    this.link = link;
+    this.actions = actions;
+    this.mode = "directions";
+    this.held = [];
+    this.padButtons = [];
+    this.gamepadName = "";
+    this.isInFront = document.hasFocus();
+    this.listenToKeys();
+    this.listenToPad(pad);
+    this.listenToFocus();
+    setInterval(() => this.beat(), HEARTBEAT_MS);
+  }
+
+  listenToKeys() {
+    const commands = {
+      Enter: "start", s: "save", d: "discard", " ": "stop", r: "release", Tab: "switchMode",
+    };
+    addEventListener("keydown", (event) => {
+      if (event.ctrlKey || event.altKey || event.metaKey) return;
+      const command = commands[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+      if (KEY_WAYS[event.key]) this.hold(KEY_WAYS[event.key]);
+      else if (command && !event.repeat) this.actions[command]();
+      else if (!command) return;
+      event.preventDefault();
+    });
+    addEventListener("keyup", (event) => {
+      if (KEY_WAYS[event.key]) this.letGo(KEY_WAYS[event.key]);
+      if (event.key === " " || event.key === "Enter") event.preventDefault();
+    });
+  }
+
+  listenToPad(pad) {
+    for (const button of pad.querySelectorAll("[data-way]")) {
+      const way = button.dataset.way;
+      button.addEventListener("pointerdown", (event) => {
+        button.setPointerCapture(event.pointerId);
+        this.hold(way);
+        event.preventDefault();
+      });
+      for (const ending of ["pointerup", "pointercancel", "lostpointercapture"]) {
+        button.addEventListener(ending, () => this.letGo(way));
+      }
+      button.addEventListener("contextmenu", (event) => event.preventDefault());
+    }
+  }
+
+  listenToFocus() {
+    const leave = () => {
+      this.held = [];
+      this.isInFront = false;
+      this.link.send({ type: "away" });
+    };
+    const look = () => { this.isInFront = document.visibilityState === "visible" && document.hasFocus(); };
+    addEventListener("blur", leave);
+    addEventListener("pagehide", leave);
+    addEventListener("focus", look);
+    addEventListener("pointerdown", () => { this.isInFront = true; });
+    document.addEventListener("visibilitychange", () => (document.hidden ? leave() : look()));
+  }
+
+  hold(way) {
+    if (this.held.includes(way)) return;
+    this.held.push(way);
+    this.beat();
+  }
+
+  letGo(way) {
+    if (!this.held.includes(way)) return;
+    this.held = this.held.filter((each) => each !== way);
+    this.beat();
+  }
+
+  // The way held last counts by directions; by velocities all that are held add up.
+  beat() {
+    if (!this.isInFront) return;
+    const gamepad = [...(navigator.getGamepads?.() ?? [])].find((each) => each?.connected);
+    this.gamepadName = gamepad ? gamepad.id : "";
+    if (gamepad) this.pressGamepad(gamepad);
+    if (this.mode === "directions") {
+      const way = this.held.at(-1) ?? (gamepad ? gamepadWay(gamepad) : null);
+      this.link.send({ type: "hold", direction: way });
+      return;
+    }
+    if (gamepad) this.link.send(joyOf(gamepad));
+    const steps = this.held.map((way) => STEPS[way]);
+    const [linear, angular] = [0, 1].map((index) => steps.reduce((sum, step) => sum + step[index], 0));
+    this.link.send({ type: "move", linear: clip(linear), angular: clip(angular) });
+  }
+
+  pressGamepad(gamepad) {
+    for (const [index, command] of Object.entries(PAD_BUTTONS)) {
+      const isPressed = Boolean(gamepad.buttons[index]?.pressed);
+      if (isPressed && !this.padButtons[index]) this.actions[command]();
+      this.padButtons[index] = isPressed;
+    }
+  }
+}
+
+function gamepadWay(gamepad) {
+  const pressed = Object.keys(PAD_WAYS).find((index) => gamepad.buttons[index]?.pressed);
+  if (pressed) return PAD_WAYS[pressed];
+  const [right = 0, down = 0] = gamepad.axes;
+  if (Math.max(Math.abs(right), Math.abs(down)) < STICK) return null;
+  if (Math.abs(right) > Math.abs(down)) return right > 0 ? "east" : "west";
+  return down > 0 ? "south" : "north";
+}
+
+// Browsers count right and down positive, ROS left and up.
+function joyOf(gamepad) {
+  return {
+    type: "joy",
+    axes: [...gamepad.axes].slice(0, 16).map((value) => clip(-value)),
+    buttons: [...gamepad.buttons].slice(0, 32).map((button) => Number(button.pressed)),
+  };
+}
+
+function clip(value) {
+  return Math.min(1, Math.max(-1, value)) + 0;
+}

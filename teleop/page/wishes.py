@@ -1,0 +1,79 @@
+"""What a page may ask for, as JSON objects with a `type`; anything else is one sentence back."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from storage.yaml_config import StrictModel
+from teleop.errors import TeleopError
+from teleop.mode import Mode
+
+LARGEST_WISH_BYTES = 4096
+Direction = Literal["north", "east", "south", "west", "wait"]
+_Share = Annotated[float, Field(ge=-1.0, le=1.0)]
+
+
+class Hold(StrictModel):
+    """Heartbeat of a page that drives by directions; direction: the one held now, if any."""
+
+    type: Literal["hold"]
+    direction: Direction | None
+
+
+class Move(StrictModel):
+    """Heartbeat of a page that drives by velocities, as shares of the greatest ones."""
+
+    type: Literal["move"]
+    linear: _Share
+    angular: _Share
+
+
+class Joystick(StrictModel):
+    """State of a gamepad, up and left positive; also a heartbeat."""
+
+    type: Literal["joy"]
+    axes: Annotated[tuple[_Share, ...], Field(max_length=16)]
+    buttons: Annotated[tuple[Annotated[int, Field(ge=0, le=1)], ...], Field(max_length=32)]
+
+
+class Away(StrictModel):
+    """The page is no longer in front, or has gone."""
+
+    type: Literal["away"]
+
+
+class Episode(StrictModel):
+    """Start, save or discard an episode."""
+
+    type: Literal["episode"]
+    do: Literal["start", "save", "discard"]
+
+
+class EmergencyStop(StrictModel):
+    """Engage the emergency stop, or release it."""
+
+    type: Literal["e_stop"]
+    engaged: bool
+
+
+class SetMode(StrictModel):
+    """Drive by directions or by velocities."""
+
+    type: Literal["mode"]
+    mode: Mode
+
+
+Wish = Hold | Move | Joystick | Away | Episode | EmergencyStop | SetMode
+_WISH: TypeAdapter[Wish] = TypeAdapter(Annotated[Wish, Field(discriminator="type")])
+
+
+def parse_wish(text: str) -> Wish:
+    """The wish a page sent; TeleopError with one sentence for anything else."""
+    try:
+        return _WISH.validate_json(text, strict=True)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        place = ".".join(str(part) for part in first["loc"]) or "message"
+        raise TeleopError(
+            f"{place} of a page's wish: {first['msg']}; load the page again"
+        ) from None

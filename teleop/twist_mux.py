@@ -1,0 +1,87 @@
+"""Which of several velocity commands drives the robot, after twist_mux, plus limits and an e-stop.
+
+Of the inputs that are not silent and whose priority is not below that of an engaged lock, the one
+with the highest priority drives, within the limits. No such input: stop. The e-stop is a latch:
+engaged, it wins over everything until it is released. A stop for safety is passed on at once; the
+limits slow down commands only.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from sim.command import STOP, Command
+from sim.command_guard import CommandGuard
+from teleop.mux_settings import MuxSettings
+from teleop.velocity_limits import VelocityLimits
+
+_LONGEST_STEP_S = 0.1
+
+
+@dataclass(frozen=True)
+class MuxOutput:
+    """active: the input that drives, empty for none; locked_by: the engaged locks."""
+
+    command: Command
+    active: str
+    locked_by: tuple[str, ...]
+    e_stop: bool
+
+
+class TwistMux:
+    """Times are seconds of one steady clock that the caller reads."""
+
+    def __init__(self, settings: MuxSettings, limits: VelocityLimits) -> None:
+        self._settings, self._limits = settings, limits
+        self._inputs = {name: CommandGuard(each.timeout) for name, each in settings.topics.items()}
+        self._locks: dict[str, tuple[bool, float]] = {}
+        self._e_stop = False
+        self._before, self._before_s = STOP, 0.0
+
+    @property
+    def n_rejected(self) -> Mapping[str, int]:
+        """Commands that were not finite, by input; each was taken for a stop."""
+        return {name: guard.n_rejected for name, guard in self._inputs.items()}
+
+    def receive(self, name: str, command: Command, now_s: float) -> None:
+        """Take a command of an input."""
+        self._inputs[name].receive(command, now_s)
+
+    def receive_lock(self, name: str, engaged: bool, now_s: float) -> None:
+        """Take what a lock's topic says."""
+        self._locks[name] = engaged, now_s
+
+    def set_e_stop(self, engaged: bool) -> None:
+        """Engage the latch, or release it."""
+        self._e_stop = engaged
+
+    def step(self, now_s: float) -> MuxOutput:
+        """What the robot is to do now; call it at a steady rate."""
+        locked_by = self.engaged_locks(now_s)
+        active = "" if self._e_stop else self._active(locked_by, now_s)
+        command = STOP
+        if active:
+            duration_s = min(max(now_s - self._before_s, 0.0), _LONGEST_STEP_S)
+            wanted = self._inputs[active].current(now_s)
+            command = self._limits.limited(wanted, self._before, duration_s)
+        self._before, self._before_s = command, now_s
+        return MuxOutput(command, active, locked_by, self._e_stop)
+
+    def engaged_locks(self, now_s: float) -> tuple[str, ...]:
+        """Locks that said true last, or whose timeout has passed in silence."""
+        return tuple(name for name in self._settings.locks if self._is_engaged(name, now_s))
+
+    def _is_engaged(self, name: str, now_s: float) -> bool:
+        timeout_s = self._settings.locks[name].timeout
+        if name not in self._locks:
+            return timeout_s > 0.0
+        engaged, heard_s = self._locks[name]
+        return engaged or (timeout_s > 0.0 and not 0.0 <= now_s - heard_s <= timeout_s)
+
+    def _active(self, locked_by: tuple[str, ...], now_s: float) -> str:
+        barrier = max((self._settings.locks[name].priority for name in locked_by), default=-1)
+        heard = [
+            (each.priority, name)
+            for name, each in self._settings.topics.items()
+            if each.priority >= barrier and not self._inputs[name].is_stale(now_s)
+        ]
+        return max(heard)[1] if heard else ""

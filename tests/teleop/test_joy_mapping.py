@@ -1,0 +1,73 @@
+"""Joystick to velocity as teleop_twist_joy does it."""
+
+import pytest
+
+from sim.command import STOP, Command
+from storage.errors import FileError
+from teleop.joy_mapping import JoyDriver, JoyMapping, load_joy_mapping
+
+MAPPING = JoyMapping.model_validate(
+    {
+        "axis_linear": {"x": 1},
+        "scale_linear": {"x": 0.5},
+        "scale_linear_turbo": {"x": 1.5},
+        "axis_angular": {"yaw": 0},
+        "scale_angular": {"yaw": 2.0},
+        "scale_angular_turbo": {"yaw": 4.0},
+        "enable_button": 1,
+        "enable_turbo_button": 2,
+    }
+)
+
+
+def test_without_the_enable_button_nothing_is_sent():
+    assert JoyDriver(MAPPING).command([1.0, 1.0], [1, 0, 0]) is None
+
+
+def test_axes_are_scaled_while_enabled_and_letting_go_sends_one_stop():
+    driver = JoyDriver(MAPPING)
+    assert driver.command([0.5, 1.0], [0, 1, 0]) == Command(0.5, 1.0)
+    assert driver.command([0.5, 1.0], [0, 0, 0]) == STOP
+    assert driver.command([0.5, 1.0], [0, 0, 0]) is None
+
+
+def test_turbo_has_its_own_scale_and_enables_too():
+    assert JoyDriver(MAPPING).command([-0.5, 1.0], [0, 0, 1]) == Command(1.5, -2.0)
+
+
+def test_axes_and_buttons_that_are_missing_count_as_zero():
+    assert JoyDriver(MAPPING).command([], [0, 1]) == STOP
+    assert JoyDriver(MAPPING).command([1.0, 1.0], []) is None
+
+
+def test_inverted_reverse_steers_backwards_as_a_car_does():
+    car = MAPPING.model_copy(update={"inverted_reverse": True})
+    assert JoyDriver(car).command([1.0, -1.0], [0, 1]) == Command(-0.5, -2.0)
+
+
+def test_without_a_required_enable_button_the_axes_drive_at_once():
+    free = MAPPING.model_copy(update={"require_enable_button": False})
+    assert JoyDriver(free).command([0.0, 1.0], []) == Command(0.5, 0.0)
+
+
+def test_the_built_in_mapping_needs_an_enable_button():
+    mapping = load_joy_mapping()
+    assert mapping.require_enable_button
+    assert mapping.enable_button != mapping.enable_turbo_button
+
+
+def test_a_file_of_teleop_twist_joy_is_understood(tmp_path):
+    file = tmp_path / "xbox.yaml"
+    file.write_text(
+        "teleop_twist_joy_node:\n  ros__parameters:\n    axis_linear:\n      x: 1\n"
+        "    scale_linear:\n      x: 0.7\n    axis_angular:\n      yaw: 0\n"
+        "    scale_angular:\n      yaw: 0.4\n    enable_button: 6\n"
+    )
+    assert load_joy_mapping(file).enable_button == 6
+
+
+def test_a_wrong_name_in_the_file_is_refused_by_name(tmp_path):
+    file = tmp_path / "joy.yaml"
+    file.write_text("axis_linear: {x: 1}\nscale_linear: {x: 1.0}\naxis_angluar: {yaw: 0}\n")
+    with pytest.raises(FileError, match="axis_ang"):
+        load_joy_mapping(file)

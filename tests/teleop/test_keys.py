@@ -1,0 +1,135 @@
+"""Keys of a terminal: names, velocities as teleop_twist_keyboard has them, and the raw terminal."""
+
+import os
+import pty
+import termios
+import time
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim.command import STOP, Command
+from teleop.errors import TeleopError
+from teleop.key_names import KeyNames
+from teleop.raw_terminal import RawTerminal
+from teleop.velocity_keys import VelocityKeys
+
+
+def test_bytes_become_names():
+    assert KeyNames().feed(b"i \r\t\x1b[A\x1bOBd") == [
+        "i", "space", "enter", "tab", "up", "down", "d",
+    ]  # fmt: skip
+
+
+def test_an_arrow_that_comes_in_pieces_is_one_key():
+    names = KeyNames()
+    assert names.feed(b"\x1b") == []
+    assert names.feed(b"[") == []
+    assert names.feed(b"C") == ["right"]
+
+
+def test_escape_alone_is_a_key_once_nothing_follows():
+    names = KeyNames()
+    assert names.feed(b"\x1b") == []
+    assert names.feed(b"") == ["escape"]
+    assert names.feed(b"") == []
+
+
+def test_sequences_of_other_keys_are_passed_over():
+    assert KeyNames().feed(b"\x1b[1;5A\x1b[3~s") == ["s"]
+
+
+@given(st.binary(max_size=40))
+def test_any_bytes_end_in_names_and_nothing_is_kept_for_ever(data):
+    names = KeyNames()
+    names.feed(data)
+    names.feed(b"")
+    assert names.feed(b"k") == ["k"]
+
+
+@pytest.mark.parametrize(
+    ("key", "linear", "angular"),
+    [
+        ("i", 0.5, 0.0), ("o", 0.5, -1.0), ("j", 0.0, 1.0), ("l", 0.0, -1.0), ("u", 0.5, 1.0),
+        (",", -0.5, 0.0), (".", -0.5, 1.0), ("m", -0.5, -1.0), ("k", 0.0, 0.0), ("y", 0.0, 0.0),
+    ],
+)  # fmt: skip
+def test_keys_drive_as_in_teleop_twist_keyboard(key, linear, angular):
+    keys = VelocityKeys(0.5, 1.0, 0.5)
+    keys.press(key, 3.0)
+    assert keys.command(3.2) == Command(linear, angular)
+
+
+def test_a_key_without_repeat_ends_in_one_stop_and_then_silence():
+    keys = VelocityKeys(0.5, 1.0, 0.5)
+    assert keys.command(0.0) is None
+    keys.press("i", 3.0)
+    assert keys.command(3.5) == Command(0.5, 0.0)
+    assert keys.command(3.51) == STOP
+    assert keys.command(3.6) is None
+
+
+def test_speeds_change_by_a_tenth_and_do_not_move_the_robot():
+    keys = VelocityKeys(0.5, 1.0, 0.5)
+    for key in "qwx":
+        keys.press(key, 0.0)
+    assert (keys.speed_mps, keys.turn_radps) == pytest.approx((0.5 * 1.1 * 1.1 * 0.9, 1.1))
+    assert keys.command(0.1) is None
+
+
+@pytest.fixture
+def terminal():
+    """Both ends of a pseudo terminal: (the person's end, the device's name)."""
+    person, device = pty.openpty()
+    yield person, os.ttyname(device)
+    os.close(person)
+    os.close(device)
+
+
+def settings_of(device):
+    fd = os.open(device, os.O_RDONLY | os.O_NOCTTY)
+    try:
+        return termios.tcgetattr(fd)
+    finally:
+        os.close(fd)
+
+
+def test_the_terminal_gives_keys_at_once_and_is_put_back_as_it_was(terminal):
+    person, device = terminal
+    before = settings_of(device)
+    raw = RawTerminal(device)
+    assert settings_of(device) != before
+    assert raw.read() == b""
+    os.write(person, b"i\x1b[A")
+    deadline = time.monotonic() + 5.0
+    typed = b""
+    while len(typed) < 4 and time.monotonic() < deadline:
+        typed += raw.read()
+    assert typed == b"i\x1b[A"
+    raw.close()
+    raw.close()
+    assert settings_of(device) == before
+
+
+def test_a_terminal_is_put_back_when_its_user_fails(terminal):
+    _, device = terminal
+    before = settings_of(device)
+    with pytest.raises(ZeroDivisionError), RawTerminal(device):
+        raise ZeroDivisionError
+    assert settings_of(device) == before
+
+
+def test_a_terminal_that_went_away_reads_as_none():
+    person, device = pty.openpty()
+    raw = RawTerminal(os.ttyname(device))
+    os.close(device)
+    os.close(person)
+    assert raw.read() is None
+    raw.close()
+
+
+@pytest.mark.parametrize("device", ["/dev/null", "/nowhere/tty"])
+def test_what_is_no_terminal_is_refused_with_the_fix(device):
+    with pytest.raises(TeleopError, match=f"got {device} .*; start it in a terminal window"):
+        RawTerminal(device)

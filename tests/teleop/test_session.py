@@ -1,0 +1,118 @@
+"""A person's episodes: when they begin and end, what is kept, what can be taken back."""
+
+import pytest
+
+from sim.observation import make_observation
+from sim.scenario import load_scenario
+from teleop.episode_tally import EpisodeTally
+from teleop.errors import TeleopError
+from teleop.session import DISCARDED, END, START, Session
+
+SCENARIO = load_scenario("hallway")
+PERIOD_S = SCENARIO.control_period_s
+FLOOR, GOAL = (1.5, 1.5), (12.0, 18.0)
+
+
+def seen(tick, place=FLOOR):
+    return make_observation(
+        time_s=tick * PERIOD_S,
+        tick=tick,
+        pose=(*place, 0.0),
+        speed_mps=0.0,
+        yaw_rate_radps=0.0,
+        people_position_m=[],
+        people_velocity_mps=[],
+        people_id=[],
+    )
+
+
+@pytest.fixture
+def running():
+    session = Session(SCENARIO, timeout_s=10.0)
+    session.start()
+    session.began(100 * PERIOD_S)
+    session.see(seen(100))
+    return session
+
+
+def test_an_episode_starts_at_its_first_observation_and_not_at_one_from_before_the_reset():
+    session = Session(SCENARIO, timeout_s=10.0)
+    session.start()
+    assert session.see(seen(60)) == ()
+    session.began(100 * PERIOD_S)
+    assert session.see(seen(61)) == ()
+    (event,) = session.see(seen(100))
+    assert (event.event, event.time_s) == (START, 100 * PERIOD_S)
+    assert session.see(seen(101)) == ()
+
+
+def test_arrival_ends_it_once(running):
+    (event,) = running.see(seen(140, GOAL))
+    assert (event.event, event.time_s, event.outcome) == (END, 7.0, "arrived")
+    assert running.see(seen(141, GOAL)) == ()
+    assert running.duration_s == pytest.approx(2.0)
+
+
+def test_the_timeout_ends_it(running):
+    events = [event for tick in range(101, 320) for event in running.see(seen(tick))]
+    assert [(event.outcome, event.time_s) for event in events] == [("timeout", 15.0)]
+
+
+def test_saving_before_the_goal_is_an_aborted_episode_at_the_newest_time(running):
+    running.see(seen(120))
+    event = running.save()
+    assert (event.outcome, event.time_s) == ("aborted", 6.0)
+
+
+def test_an_arrived_episode_is_saved_already_and_can_be_taken_back_once(running):
+    running.see(seen(140, GOAL))
+    assert running.save() is None
+    running.see(seen(200))
+    event = running.discard()
+    assert (event.event, event.outcome, event.time_s) == (END, DISCARDED, 7.0)
+    with pytest.raises(TeleopError, match="no episode to discard; start one first"):
+        running.discard()
+
+
+def test_a_running_episode_can_be_discarded(running):
+    running.see(seen(120))
+    assert running.discard().outcome == DISCARDED
+    with pytest.raises(TeleopError, match="no episode to save"):
+        running.save()
+
+
+def test_a_second_start_is_refused_until_the_first_has_ended(running):
+    with pytest.raises(TeleopError, match="an episode is running; save or discard it first"):
+        running.start()
+    running.save()
+    running.start()
+    assert running.phase == "starting"
+
+
+def test_nothing_can_be_saved_before_the_world_has_been_reset():
+    session = Session(SCENARIO, timeout_s=10.0)
+    session.start()
+    session.began(5.0)
+    with pytest.raises(TeleopError, match="no episode to save"):
+        session.save()
+
+
+def test_the_tally_counts_each_episode_by_its_last_end_mark():
+    tally = EpisodeTally()
+    tally.hear(START, 1, "me", "")
+    assert tally.running.driver == "me"
+    tally.hear(END, 1, "me", "arrived")
+    tally.hear(START, 2, "me", "")
+    tally.hear(END, 2, "me", "aborted")
+    tally.hear(END, 1, "me", DISCARDED)
+    assert tally.running is None
+    assert (tally.kept, tally.arrived, tally.discarded) == (1, 0, 1)
+    assert str(tally) == "1 kept (0 arrived), 1 discarded"
+
+
+def test_taking_an_episode_back_does_not_end_the_one_that_runs():
+    tally = EpisodeTally()
+    tally.hear(END, 1, "me", "arrived")
+    tally.hear(START, 2, "you", "")
+    tally.hear(END, 1, "me", DISCARDED)
+    assert tally.running.number == 2
