@@ -115,12 +115,22 @@ def _unique(rows: FloatArray) -> FloatArray:
 def spans_of_marks(
     marks: list[tuple[float, str, dict[str, str]]], last_pose_s: float
 ) -> tuple[EpisodeSpan, ...]:
-    """Start and end marks as spans; one without an end is cut off at the next start or the end."""
+    """Start and end marks as spans; one without an end is cut off at the next start or the end.
+
+    An episode that has ended can be taken back: a second end mark with its number and the outcome
+    discarded, whenever it comes, counts in the place of the first.
+    """
+    taken_back = {
+        _number(values)
+        for _, event, values in marks
+        if event == "end" and values.get("outcome") == DISCARDED
+    }
     spans: list[EpisodeSpan] = []
     open_mark: tuple[float, int] | None = None
     for time_s, event, values in sorted(marks, key=lambda mark: mark[0]):
         if open_mark is not None:
             outcome = values.get("outcome", "") if event == "end" else CUT_OFF
+            outcome = DISCARDED if open_mark[1] in taken_back else outcome
             spans.append(EpisodeSpan(open_mark[1], open_mark[0], time_s, outcome))
         open_mark = (time_s, _number(values)) if event == "start" else None
     if open_mark is not None:

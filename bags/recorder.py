@@ -87,8 +87,8 @@ class BagRecorder:
         self._recording = True
         self._problem = ""
         self._n_lost = 0
-        self._marks: Counter[str] = Counter()
-        self._outcomes: Counter[str] = Counter()
+        self._n_started = 0
+        self._outcome_of: dict[str, str] = {}
         self._free_bytes = 0
         self._check_disk()
 
@@ -141,9 +141,9 @@ class BagRecorder:
             n_lost=self._n_lost,
             size_bytes=self._writer.size,
             free_bytes=self._free_bytes,
-            episodes_started=self._marks["start"],
-            episodes_ended=self._marks["end"],
-            outcomes=dict(self._outcomes),
+            episodes_started=self._n_started,
+            episodes_ended=len(self._outcome_of),
+            outcomes=dict(Counter(self._outcome_of.values())),
         )
 
     def close(self) -> RecorderStatus:
@@ -187,6 +187,7 @@ class BagRecorder:
             return
         for status in statuses:
             if status.name == _EPISODE:
-                self._marks[status.message] += 1
-                if status.message == "end":
-                    self._outcomes[status.values.get("outcome", "")] += 1
+                self._n_started += status.message == "start"
+                if status.message == "end":  # a later one takes the episode back
+                    number = status.values.get("episode", "")
+                    self._outcome_of[number] = status.values.get("outcome", "")

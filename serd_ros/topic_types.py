@@ -8,12 +8,8 @@ from geometry_msgs.msg import PolygonStamped, PoseStamped, Twist, TwistStamped, 
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
-<<<<<<< HEAD
-from sensor_msgs.msg import LaserScan, PointCloud2
-from std_msgs.msg import Float64MultiArray
-=======
 from sensor_msgs.msg import Joy, LaserScan, PointCloud2
->>>>>>> 9f7ea87 (Drive by hand: a multiplexer with e-stop, joystick, keyboard and a web page)
+from std_msgs.msg import Float64MultiArray
 
 from serd_ros import qos, topics
 from serd_ros.errors import NodeError

@@ -38,7 +38,7 @@ class Session:
         self._scenario, self._timeout_s = scenario, timeout_s
         self._start_s = 0.0
         self._progress: EpisodeProgress | None = None
-        self._newest_s = self._ended_s = 0.0
+        self._newest_s = 0.0
 
     @property
     def duration_s(self) -> float:
@@ -80,9 +80,8 @@ class Session:
 
     def discard(self) -> EpisodeEvent:
         """Throw away the running episode, or the one that has just ended."""
-        if self.phase == "ended" and self.outcome != DISCARDED:
-            return self._end(DISCARDED, self._ended_s)
-        self._require_running("discard")
+        if self.phase != "ended" or self.outcome == DISCARDED:
+            self._require_running("discard")
         return self._end(DISCARDED, self._newest_s)
 
     def _require_running(self, what: str) -> None:
@@ -90,5 +89,5 @@ class Session:
             raise TeleopError(f"there is no episode to {what}; start one first")
 
     def _end(self, outcome: str, time_s: float) -> EpisodeEvent:
-        self.phase, self.outcome, self._ended_s = "ended", outcome, time_s
+        self.phase, self.outcome = "ended", outcome
         return EpisodeEvent(END, time_s, outcome)

@@ -7,10 +7,11 @@ each package. Topics: serd_ros/graph.yaml. Run `make pictures` after changing ei
 import ast
 import subprocess
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -82,8 +83,11 @@ def topics_picture(graph_file: Path = GRAPH_FILE) -> Picture:
 
     Topics that touch every node are named in a note without arrows.
     """
-    graph: dict[str, dict[str, list[str]]] = yaml.safe_load(graph_file.read_text())["nodes"]
+    described = yaml.safe_load(graph_file.read_text())
+    graph: dict[str, dict[str, list[str]]] = described["nodes"]
     topics = _ends(graph, "publishes", "subscribes")
+    for node, topic in _renamed(described.get("stacks", {})):
+        topics[topic][0].add(node)
     shared = [name for name, (talkers, hearers) in topics.items() if talkers | hearers == {*graph}]
     groups = _grouped({name: ends for name, ends in topics.items() if name not in shared})
     services = _grouped(_ends(graph, "calls", "serves"))
@@ -127,6 +131,13 @@ def _ends(
             for name in listed.get(key) or ():
                 found.setdefault(name, (set(), set()))[side].add(node)
     return dict(sorted(found.items()))
+
+
+def _renamed(stacks: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
+    """(node, topic) of everything that has another name in some stack."""
+    for stack in stacks.values():
+        for node, names in stack.get("remappings", {}).items():
+            yield from ((node, topic) for topic in names.values())
 
 
 def _grouped(

@@ -9,7 +9,13 @@ from bags import discretise
 from bags.discretise import decisions_from_bag, decisions_from_drive
 from bags.errors import BagError
 from bags.reader import BagReader
-from bags.recorded_drive import DriveBuilder, EpisodeSpan, RecordedDrive, read_drive
+from bags.recorded_drive import (
+    DriveBuilder,
+    EpisodeSpan,
+    RecordedDrive,
+    read_drive,
+    spans_of_marks,
+)
 from bags.writer import BagWriter
 from serd_core.grid import Action, Grid
 
@@ -104,6 +110,20 @@ def test_of_intents_within_a_period_the_first_counts():
     decisions, report = decisions_from_drive(drive(places, intents), GRID, PERIOD_S)
     assert decisions.action.tolist() == [1, 3]
     assert report.dropped == {discretise.WITHIN_PERIOD: 3}
+
+
+def test_an_episode_taken_back_after_its_arrival_is_discarded_and_the_next_one_is_not():
+    marks = [
+        (0.0, "start", {"episode": "1"}),
+        (4.0, "end", {"episode": "1", "outcome": "arrived"}),
+        (5.0, "end", {"episode": "1", "outcome": "discarded"}),
+        (6.0, "start", {"episode": "2"}),
+        (9.0, "end", {"episode": "2", "outcome": "arrived"}),
+    ]
+    assert spans_of_marks(marks, 10.0) == (
+        EpisodeSpan(1, 0.0, 4.0, "discarded"),
+        EpisodeSpan(2, 6.0, 9.0, "arrived"),
+    )
 
 
 def test_a_discarded_episode_gives_nothing():

@@ -69,7 +69,7 @@ def test_an_arrived_episode_is_saved_already_and_can_be_taken_back_once(running)
     assert running.save() is None
     running.see(seen(200))
     event = running.discard()
-    assert (event.event, event.outcome, event.time_s) == (END, DISCARDED, 7.0)
+    assert (event.event, event.outcome, event.time_s) == (END, DISCARDED, 10.0)
     with pytest.raises(TeleopError, match="no episode to discard; start one first"):
         running.discard()
 
