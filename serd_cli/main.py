@@ -10,7 +10,18 @@ from serd_cli.errors import BAD_INPUT, FAILED, INTERRUPTED, RunError
 from serd_cli.terminal import progress_console
 from serd_core.errors import SerdError
 
-COMMANDS = ("demo", "launch", "run", "experiment", "bag", "demos", "scenario", "episode", "batch")
+COMMANDS = (
+    "demo",
+    "navigate",
+    "launch",
+    "run",
+    "experiment",
+    "bag",
+    "demos",
+    "scenario",
+    "episode",
+    "batch",
+)
 
 
 def make_app(wanted: str = "") -> typer.Typer:

@@ -96,6 +96,21 @@ def law_in_seconds(
     )
 
 
+def largest_gap(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
+    """Kolmogorov-Smirnov distance of a law and measured times, inf where it did not arrive.
+
+    The largest difference of the two step functions up to the law's last step, looked at on both
+    sides of every step.
+    """
+    measured = np.sort(np.asarray(arrival_times_s, dtype=np.float64))
+    steps = np.unique(np.concatenate([law.times_s, measured[measured <= law.times_s[-1]]]))
+    after = np.searchsorted(measured, steps + _SAME_TIME_S, side="right") / len(measured)
+    before = np.searchsorted(measured, steps - _SAME_TIME_S, side="right") / len(measured)
+    after_gap = np.abs(law.probability_by(steps) - after)
+    before_gap = np.abs(law.probability_by(steps - 2 * _SAME_TIME_S) - before)
+    return float(np.maximum(after_gap, before_gap).max())
+
+
 def entry_times_s(arrival_times_s: ArrayLike, period_s: float) -> FloatArray:
     """(N,) time of each measured arrival since the beginning of its decision period, in (0, D].
 

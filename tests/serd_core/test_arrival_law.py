@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import ks_2samp
 
 from serd_core.arrival import ArrivalTimes
-from serd_core.arrival_law import ArrivalLaw, entry_times_s, law_in_seconds
+from serd_core.arrival_law import ArrivalLaw, entry_times_s, largest_gap, law_in_seconds
 from serd_core.errors import SerdError
 
 
@@ -104,6 +105,27 @@ def test_the_quantile_is_the_first_time_by_which_that_share_has_arrived():
     assert law.quantile_s(0.4) == 1.0
     assert law.quantile_s(0.41) == 3.0
     assert law.quantile_s(0.81) is None
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 10_000))
+def test_the_largest_gap_is_the_kolmogorov_smirnov_statistic(seed):
+    """Against scipy's two-sample statistic, with the law as a sample of its own step times."""
+    rng = np.random.default_rng(seed)
+    predicted = np.sort(rng.choice(np.arange(1, 60) / 4, size=40))
+    measured = rng.choice(np.arange(1, 60) / 4, size=25)
+    times_s, counts = np.unique(predicted, return_counts=True)
+    law = ArrivalLaw(np.append(0.0, times_s), np.append(0.0, np.cumsum(counts) / 40), 1.0)
+    within = measured[measured <= times_s[-1]]
+    expected = ks_2samp(predicted, measured).statistic
+    if len(within) == len(measured):
+        assert largest_gap(law, measured) == pytest.approx(expected)
+
+
+def test_those_who_never_arrive_leave_a_gap_at_the_end():
+    law = ArrivalLaw(np.array([0.0, 2.0, 4.0]), np.array([0.0, 0.5, 1.0]), 1.0)
+    assert largest_gap(law, [2.0, np.inf]) == 0.5
+    assert largest_gap(law, [2.0, 4.0]) == 0.0
 
 
 def test_entry_times_are_what_exceeds_the_whole_periods_before():

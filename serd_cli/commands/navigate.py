@@ -1,0 +1,146 @@
+"""`serd navigate`: let a learned model drive, and hold its predicted arrival against it."""
+
+from contextlib import nullcontext
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Literal
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from serd_cli.json_output import print_json
+from serd_cli.navigate.comparison import compare, comparison_table, remarks
+from serd_cli.navigate.in_process import drive_in_process
+from serd_cli.navigate.settings import NavigateSettings, claim_folder
+from serd_cli.navigate.through_ros import drive_through_ros
+from serd_cli.terminal import console, progress_console
+from serd_ros.strategy import Strategy, load_strategy
+from sim.goal import with_goal
+from sim.planners import make_planner, planner_names
+from sim.scenario import load_scenario
+from sim.scenario_grid import grid_of, start_states_of
+from storage.episode_table import EpisodeResult, load_episodes
+from storage.model_file import load_model
+
+
+def register(app: typer.Typer) -> None:
+    """Add the subcommand."""
+    app.command(no_args_is_help=True)(navigate)
+
+
+def navigate(
+    model: Annotated[Path, typer.Argument(help="file of a learned model")],
+    scenario: Annotated[
+        str, typer.Option(help="built-in scenario or YAML file, the model's own when not given")
+    ] = "",
+    goal: Annotated[
+        str, typer.Option(help="x,y (m) of the cell to drive to, else the scenario's goal area")
+    ] = "",
+    start_area: Annotated[str, typer.Option(help="where the robot starts")] = "train",
+    episodes: Annotated[int, typer.Option(min=1)] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="of people, starts and soft choices")] = 1000,
+    timeout_s: Annotated[
+        float, typer.Option(min=2.0, max=86400.0, help="simulated seconds per episode")
+    ] = 420.0,
+    policy: Annotated[
+        Literal["optimal", "soft"], typer.Option(help="what drives: the optimum, or as the expert")
+    ] = "optimal",
+    planner: Annotated[str, typer.Option(help=" or ".join(planner_names()))] = "dwa",
+    transfer: Annotated[
+        bool, typer.Option("--transfer", help="also use a model learned on another grid")
+    ] = False,
+    lookahead: Annotated[
+        int, typer.Option(min=1, help="waypoint this many cells ahead; above 1 predicts too late")
+    ] = 1,
+    patience: Annotated[
+        int, typer.Option(min=0, help="give up after so many periods without progress, 0: never")
+    ] = 60,
+    minimum_probability: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="give up below this chance of arriving in time")
+    ] = 0.0,
+    ros: Annotated[bool, typer.Option("--ros", help="through ROS nodes, not in process")] = False,
+    output: Annotated[
+        Path | None, typer.Option(help="folder for episodes.csv and arrivals.csv, else not kept")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
+) -> None:
+    """Drive by a learned model and compare predicted with measured times of arrival.
+
+    serd navigate model.yaml --goal 3.5,20.5 --episodes 30
+
+    With --output an interrupted drive in process goes on where it stopped.
+    """
+    settings = NavigateSettings(
+        model=str(model.resolve()),
+        scenario=_scenario_of(scenario, model),
+        goal=goal,
+        start_area=start_area,
+        episodes=episodes,
+        seed=seed,
+        timeout_s=timeout_s,
+        policy=policy,
+        planner=planner,
+        transfer=transfer,
+        lookahead_cells=lookahead,
+        patience_periods=patience,
+        minimum_arrival_probability=minimum_probability,
+    )
+    strategy = _strategy_of(settings)
+    if output is not None:
+        claim_folder(output, settings)
+    found = compare(strategy, settings, _drive(settings, output, ros=ros))
+    if as_json:
+        print_json({**settings.model_dump(), **found.values()})
+        return
+    console.print(comparison_table(found))
+    for line in remarks(found, settings):
+        console.print(line, soft_wrap=True, markup=False)
+    if output is not None:
+        console.print(f"tables: {output.resolve()}", soft_wrap=True, markup=False)
+
+
+def _scenario_of(given: str, model: Path) -> str:
+    name = given or load_model(model).scenario
+    return str(Path(name).resolve()) if Path(name).is_file() else name
+
+
+def _strategy_of(settings: NavigateSettings) -> Strategy:
+    """The plan; every fault of what was typed is found here, before anything drives."""
+    scenario = with_goal(load_scenario(settings.scenario), settings.goal)
+    start_states_of(scenario, grid_of(scenario), settings.start_area)
+    make_planner(settings.planner, scenario)
+    return load_strategy(
+        settings.model,
+        scenario,
+        settings.policy,
+        transfer=settings.transfer,
+        timeout_s=settings.timeout_s,
+    )
+
+
+def _drive(settings: NavigateSettings, output: Path | None, *, ros: bool) -> list[EpisodeResult]:
+    if not ros:
+        return _drive_here(settings, output)
+    with TemporaryDirectory() if output is None else nullcontext(str(output)) as folder:
+        return drive_through_ros(settings, Path(folder))
+
+
+def _drive_here(settings: NavigateSettings, output: Path | None) -> list[EpisodeResult]:
+    table = output / "episodes.csv" if output is not None else None
+    done = load_episodes(table)[: settings.episodes] if table and table.is_file() else ()
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=20),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("[dim]{task.fields[said]}"),
+        console=progress_console,
+    )
+    with bar:
+        task = bar.add_task("navigate", total=settings.episodes, completed=len(done), said="")
+
+        def tell(row: EpisodeResult) -> None:
+            said = f"{row.outcome} after {row.duration_s:.1f} s"
+            bar.update(task, advance=1, said=said)
+
+        return drive_in_process(settings, output, done, tell)

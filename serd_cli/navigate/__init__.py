@@ -1,0 +1,1 @@
+"""`serd navigate`: a learned model drives, and its predicted arrivals are held against it."""

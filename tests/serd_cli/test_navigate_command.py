@@ -1,0 +1,150 @@
+"""`serd navigate`: predicted against measured, goals, resuming, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+from report.wording import counted
+from serd_cli.navigate.comparison import compare, remarks
+from serd_cli.navigate.settings import NavigateSettings
+from serd_core.arrival_law import law_in_seconds
+from serd_ros.strategy import load_strategy, start_distribution
+from sim.goal import with_goal
+from sim.scenario import load_scenario
+from storage.arrival_log import load_arrivals
+from storage.episode_table import EpisodeResult, load_episodes
+
+
+def test_it_drives_to_a_goal_and_prints_predicted_and_measured(serd, save_model_of):
+    done = serd("navigate", save_model_of(), "--goal", "4.5,6.5", "--episodes", "2", "--json")
+    assert done.code == 0, done.err
+    found = json.loads(done.out)
+    assert found["outcomes"] == {"arrived": 2}
+    assert found["goal"] == "4.5,6.5"
+    assert found["predicted_probability"] == pytest.approx(1.0)
+    assert 4.0 < found["measured_median_s"] < 40.0
+    assert found["n_trap_states"] == 0
+
+
+def test_the_table_says_what_the_numbers_are_of(serd, save_model_of):
+    path = save_model_of("corridor")
+    done = serd(
+        "navigate", path, "--scenario", "hallway", "--transfer", "--goal", "1.5,5.5",
+        "--episodes", "1", "--lookahead", "2",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    for words in (
+        "arrives in time",
+        "half of all by",
+        "1 episode: 1 arrived; contacts: robot into people",
+        "the model was learned on another grid",
+        "with --lookahead 2 the robot is faster",
+    ):
+        assert words in done.out
+
+
+def test_an_interrupted_drive_goes_on_where_it_stopped_with_the_same_result(
+    serd, save_model_of, tmp_path
+):
+    path = save_model_of()
+    given = ("--goal", "4.5,5.5")
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    assert serd("navigate", path, *given, "--episodes", "3", "--output", whole).code == 0
+    assert serd("navigate", path, *given, "--episodes", "1", "--output", parts).code == 0
+    assert serd("navigate", path, *given, "--episodes", "3", "--output", parts).code == 0
+    assert load_arrivals(parts / "arrivals.csv") == load_arrivals(whole / "arrivals.csv")
+    times_s = [
+        [row.time_of_arrival_s for row in load_episodes(folder / "episodes.csv")]
+        for folder in (parts, whole)
+    ]
+    assert times_s[0] == times_s[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--goal", "9,3"), "goal must be in a walkable cell"),
+        (("--goal", "north"), "goal must be two numbers"),
+        (("--start-area", "trian"), "did you mean 'train'?"),
+        (("--scenario", "corridor"), "was made for another grid of the scenario 'hallway'"),
+        (("--planner", "dva"), "did you mean 'dwa'?"),
+    ],
+)
+def test_what_cannot_be_driven_is_said_before_anything_drives(
+    serd, save_model_of, words, sentence, tmp_path
+):
+    done = serd("navigate", save_model_of(), *words, "--output", tmp_path / "new")
+    assert done.code == 2
+    assert sentence in " ".join(done.err.split())
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_folder_of_another_drive_is_refused(serd, save_model_of, tmp_path):
+    path, folder = save_model_of(), tmp_path / "drive"
+    assert serd(
+        "navigate", path, "--goal", "4.5,4.5", "--episodes", "1", "--output", folder
+    ).code == 0  # fmt: skip
+    done = serd("navigate", path, "--goal", "4.5,5.5", "--output", folder)
+    assert done.code == 2
+    said = " ".join(done.err.split())
+    assert "was begun with goal = '4.5,4.5', but '4.5,5.5' is given; give another folder" in said
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full/notes.txt").write_text("mine")
+    assert serd("navigate", path, "--output", tmp_path / "full").code == 2
+
+
+def row(episode, time_s, reason=""):
+    arrived = np.isfinite(time_s)
+    return EpisodeResult(
+        episode=episode,
+        seed=1,
+        driver="strategy",
+        start_area="train",
+        outcome="arrived" if arrived else "aborted",
+        time_of_arrival_s=time_s if arrived else float("nan"),
+        duration_s=50.0,
+        distance_m=20.0,
+        robot_on_person=0,
+        person_on_robot=1,
+        robot_on_wall=0,
+        minimum_person_distance_m=0.1,
+        wall_s=1.0,
+        reason=reason,
+    )
+
+
+def test_a_comparison_counts_those_who_gave_up_as_not_arrived(save_model_of):
+    settings = NavigateSettings(model=str(save_model_of()), scenario="hallway")
+    strategy = load_strategy(settings.model, load_scenario("hallway"), "optimal")
+    rows = [row(0, 50.0), row(1, 60.0), row(2, np.inf, "no progress"), row(3, 70.0)]
+    found = compare(strategy, settings, rows)
+    assert (found.n_arrived, found.measured_probability) == (3, 0.75)
+    assert found.outcomes == {"arrived": 3, "aborted (no progress)": 1}
+    assert found.measured_median_s == 60.0
+    assert found.measured_most_s is None
+    assert found.person_on_robot == 4
+    assert any("1 aborted (no progress)" in line for line in remarks(found, settings))
+    assert counted(4, "episode") in "".join(remarks(found, settings))
+
+
+def test_times_drawn_from_the_prediction_leave_a_small_gap_and_late_ones_a_large_one(
+    save_model_of,
+):
+    settings = NavigateSettings(
+        model=str(save_model_of(goal_entry_s=(0.9, 1.0, 1.1))), scenario="hallway", goal="4.5,10.5"
+    )
+    scenario = with_goal(load_scenario("hallway"), settings.goal)
+    strategy = load_strategy(settings.model, scenario, "optimal")
+    law = strategy.law_s(strategy.predicted_arrival(start_distribution(scenario, "train"), 210))
+    rng = np.random.default_rng(5)
+    drawn_s = rng.choice(law.times_s, size=600, p=np.diff(law.cdf, prepend=0.0) / law.cdf[-1])
+    found = compare(strategy, settings, [row(i, time_s) for i, time_s in enumerate(drawn_s)])
+    # Dvoretzky-Kiefer-Wolfowitz: exceeded once in 10^6.
+    allowed = np.sqrt(np.log(2e6) / (2 * 600))
+    assert found.largest_gap < allowed
+    assert found.largest_gap_thesis > 2 * allowed
+    thesis = law_in_seconds(
+        strategy.predicted_arrival(start_distribution(scenario, "train"), 210), period_s=2.0
+    )
+    assert thesis.quantile_s(0.5) > law.quantile_s(0.5)

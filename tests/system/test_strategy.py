@@ -1,0 +1,204 @@
+"""The strategy node at work: goals and models that change, refusals, giving up, kills."""
+
+import math
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from std_msgs.msg import Float64MultiArray
+from visualization_msgs.msg import MarkerArray
+
+from serd_cli.navigate.in_process import drive_in_process
+from serd_cli.navigate.settings import NavigateSettings
+from serd_ros import qos
+from serd_ros.convert.arrival import from_arrival_message
+from serd_ros.convert.diagnostics import values_of
+from serd_ros.convert.episode_mark import END, from_episode_message
+from serd_ros.convert.pose import from_pose, to_pose_stamped
+from storage.arrival_log import load_arrivals
+from storage.episode_table import load_episodes
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+EAST_END = (12.0, 18.0)
+
+
+class Watch:
+    """Listens to what the strategy says and sends it goals."""
+
+    def __init__(self, probe):
+        self.probe, node = probe, probe.node
+        self.y_m = 0.0
+        self.said, self.ends, self.laws, self.traps = [], [], [], []
+        self.goals = node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
+        self.parameters = AsyncParameterClient(node, "strategy")
+        node.create_subscription(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
+        node.create_subscription(DiagnosticArray, "diagnostics", self._take_health, qos.STATE)
+        node.create_subscription(DiagnosticArray, "episode", self._take_mark, qos.STATE)
+
+    def listen_late(self):
+        """To the latched topics, as a viewer that is started in the middle of things."""
+        node = self.probe.node
+        node.create_subscription(Float64MultiArray, "arrival", self._take_law, qos.LATCHED)
+        node.create_subscription(MarkerArray, "markers/traps", self.traps.append, qos.LATCHED)
+
+    def send_goal(self, x_m, y_m, frame="map"):
+        message = to_pose_stamped((x_m, y_m, 0.0), 0.0)
+        message.header.frame_id = frame
+        self.probe.spin_until(lambda: self.goals.get_subscription_count() > 0)
+        self.goals.publish(message)
+
+    def set(self, name, value):
+        """Set a parameter of the strategy; the reason of a refusal, empty when it was taken."""
+        self.probe.spin_until(self.parameters.services_are_ready)
+        future = self.parameters.set_parameters([Parameter(name, value=value)])
+        self.probe.spin_until(future.done)
+        (result,) = future.result().results
+        return "" if result.successful else result.reason
+
+    def heard(self, words):
+        return any(words in each for each in self.said)
+
+    def _take_pose(self, message):
+        self.y_m = from_pose(message.pose)[1]
+
+    def _take_health(self, message):
+        if values_of(message, "strategy") is not None:
+            self.said.append(message.status[0].message)
+
+    def _take_mark(self, message):
+        mark = from_episode_message(message)
+        if mark.event == END:
+            self.ends.append(mark)
+
+    def _take_law(self, message):
+        self.laws.append(from_arrival_message(message))
+
+
+@pytest.fixture
+def watch(probe):
+    return Watch(probe)
+
+
+def arrivals(tmp_path):
+    path = tmp_path / "arrivals.csv"
+    return load_arrivals(path) if path.is_file() else ()
+
+
+def test_goals_and_models_change_on_the_way_and_what_cannot_be_is_refused(
+    nodes, watch, save_model_of, tmp_path
+):
+    model = save_model_of()
+    nodes.start_stack(
+        "navigate", seed=4, episodes=1000, model=str(model), strategy__output=str(tmp_path)
+    )
+    spin_until = watch.probe.spin_until
+    spin_until(lambda: watch.y_m > 8.0)
+    watch.send_goal(9.0, 3.0)
+    spin_until(lambda: watch.heard("refused: goal must be in a walkable cell"))
+    watch.send_goal(3.5, 9.5, frame="odom")
+    spin_until(lambda: watch.heard("refused: goal_pose must be in the frame 'map', got 'odom'"))
+    spin_until(lambda: watch.y_m < 4.0)
+    spin_until(lambda: watch.y_m > 8.0)
+    watch.send_goal(1.5, 4.5)
+    spin_until(lambda: any(row.goal_y_m == 4.5 for row in arrivals(tmp_path)))
+    rows = arrivals(tmp_path)
+    turned = next(row for row in rows if row.goal_y_m == 4.5)
+    assert turned.outcome == "arrived"
+    assert turned.start_y_m > 6.0  # planned for in the middle of the episode
+    assert (rows[0].goal_x_m, rows[0].goal_y_m) == EAST_END
+
+    assert "seed is fixed while the node runs" in watch.set("seed", 7)
+    assert "walkable cell" in watch.set("goal", "9, 3")
+    assert "none.yaml: it does not exist" in watch.set("model", str(tmp_path / "none.yaml"))
+    assert watch.set("goal", "") == ""
+    n_rows = len(arrivals(tmp_path))
+    spin_until(lambda: len(arrivals(tmp_path)) > n_rows + 1)
+    assert (arrivals(tmp_path)[-1].goal_x_m, arrivals(tmp_path)[-1].goal_y_m) == EAST_END
+
+    # The file of the model is written again: by it nobody wants to arrive any more.
+    save_model_of(reward_weights={"goal": -5.0, "social_norm": 1.0})
+    spin_until(lambda: watch.heard("in a trap"))
+    watch.listen_late()
+    spin_until(lambda: watch.traps and watch.laws)
+    assert len(watch.traps[-1].markers[0].points) > 100
+    assert "cells are traps" in nodes.said("strategy")
+    assert "read again: planned" in nodes.said("strategy")
+
+
+def test_the_predicted_arrival_is_there_for_late_comers_and_comes_nearer(
+    nodes, watch, save_model_of
+):
+    nodes.start_stack("navigate", seed=4, episodes=1000, model=str(save_model_of()))
+    watch.probe.spin_until(lambda: watch.y_m > 6.0)
+    watch.listen_late()
+    watch.probe.spin_until(lambda: len(watch.laws) > 15)
+    for now_s, law in watch.laws:
+        assert now_s > 0
+        assert law.times_s[0] == 0
+        assert (law.cdf[1:] > law.cdf[:-1]).all()
+        assert 0 <= law.cdf[-1] <= 1
+    medians = [law.quantile_s(0.5) for _, law in watch.laws]
+    assert min(medians) < max(medians) - 10.0
+
+
+def test_no_progress_ends_the_episode_with_its_reason(nodes, watch, save_model_of, tmp_path):
+    model = save_model_of(reward_weights={"goal": -5.0, "social_norm": 1.0})
+    stack = nodes.start_stack(
+        "navigate",
+        seed=4,
+        episodes=2,
+        model=str(model),
+        patience_periods=4,
+        strategy__output=str(tmp_path),
+    )
+    watch.probe.spin_until(lambda: len(watch.ends) == 2)
+    assert stack["strategy"].wait(20) == 0
+    assert [(mark.outcome, mark.reason) for mark in watch.ends] == [("aborted", "no progress")] * 2
+    rows = load_episodes(tmp_path / "episodes.csv")
+    assert [(row.outcome, row.reason) for row in rows] == [("aborted", "no progress")] * 2
+    assert all(math.isnan(row.time_of_arrival_s) for row in rows)
+    assert all(row.reason == "no progress" for row in arrivals(tmp_path))
+
+
+def test_arrivals_survive_a_kill_and_the_next_strategy_goes_on_below_them(
+    nodes, probe, save_model_of, tmp_path
+):
+    given = {"seed": 4, "episodes": 1000, "model": str(save_model_of())}
+    stack = nodes.start_stack("navigate", **given, strategy__output=str(tmp_path))
+    probe.spin_until(lambda: len(arrivals(tmp_path)) >= 1)
+    stack["strategy"].kill()
+    stack["strategy"].wait()
+    kept = arrivals(tmp_path)
+    nodes.start(list(stack["strategy"].args), "strategy")
+    probe.spin_until(lambda: len(arrivals(tmp_path)) > len(kept), 60.0)
+    assert arrivals(tmp_path)[: len(kept)] == kept
+
+
+def test_a_transferred_model_drives_to_a_goal_alike_in_process_and_through_ros(
+    nodes, save_model_of, tmp_path
+):
+    settings = NavigateSettings(
+        model=str(save_model_of("corridor")),
+        scenario="crossing",
+        goal="18.5, 8.5",
+        seed=21,
+        episodes=2,
+        transfer=True,
+        lookahead_cells=2,
+    )
+    stack = nodes.start_stack(
+        "navigate", **settings.of_strategy(), strategy__output=str(tmp_path / "ros")
+    )
+    here = drive_in_process(settings, tmp_path / "here", (), lambda _: None)
+    assert stack["strategy"].wait(120) == 0, nodes.said("strategy")
+    there = load_episodes(tmp_path / "ros/episodes.csv")
+    for one, other in zip(here, there, strict=True):
+        assert one.arrived
+        assert one.time_of_arrival_s == other.time_of_arrival_s
+        assert one.distance_m == other.distance_m
+        assert one.person_on_robot == other.person_on_robot
+    assert load_arrivals(tmp_path / "ros/arrivals.csv") == load_arrivals(
+        tmp_path / "here/arrivals.csv"
+    )
