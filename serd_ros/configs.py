@@ -60,6 +60,7 @@ class StrategyConfig(DriverConfig):
     policy: Literal["optimal", "soft"]
     transfer: bool
     goal: str
+    reset: bool
     lookahead_cells: int = Field(ge=1)
     patience_periods: int = Field(ge=0)
     minimum_arrival_probability: float = Field(ge=0, le=1)

@@ -86,21 +86,34 @@ class EpisodeDriverNode(SerdNode[Config]):
 
     def _begin_when_ready(self) -> None:
         """Wait for the graph, then begin the first episode."""
-        missing = self._readiness.missing(self.wall_s())
-        if missing or not self._reset.service_is_ready():
-            self._say_waiting(missing or "the reset service")
+        missing = self._readiness.missing(self.wall_s()) or self.missing_for_episode()
+        if missing:
+            self._say_waiting(missing)
         else:
             self._look.cancel()
-            self._ask_for_episode()
+            self._next_episode()
 
     def _say_waiting(self, missing: str) -> None:
         if self.wall_s() - self._said_wall_s > _SAY_AGAIN_S:
             self._said_wall_s = self.wall_s()
             self.get_logger().info(f"waiting for {missing}")
 
-    def _ask_for_episode(self) -> None:
+    @property
+    def idle(self) -> bool:
+        """Whether it is ready to drive but no episode is under way or asked for."""
+        return self._look.is_canceled() and self._running is None
+
+    def missing_for_episode(self) -> str:
+        """What an episode cannot begin without, beside nodes and endpoints; empty when ready."""
+        return "" if self._reset.service_is_ready() else "the reset service"
+
+    def _next_episode(self) -> None:
         self._running, self._progress, self._decision, self._ending = None, None, None, None
         self._reason = ""
+        self.ask_for_episode()
+
+    def ask_for_episode(self) -> None:
+        """Have the world reset; whoever begins otherwise calls `begin_episode` when it is time."""
         self._reset.call_async(Trigger.Request()).add_done_callback(self._on_reset)
 
     def _on_reset(self, future: Future) -> None:
@@ -109,8 +122,12 @@ class EpisodeDriverNode(SerdNode[Config]):
             self._say_waiting(reply.message)
             self._look.reset()
             return
-        self._running = from_reset_sentence(reply.message)
-        self.driver.begin(self._running.episode)
+        self.begin_episode(from_reset_sentence(reply.message))
+
+    def begin_episode(self, episode: ResetReply) -> None:
+        """Drive from the episode's first observation on, which may be here already."""
+        self._running = episode
+        self.driver.begin(episode.episode)
         if self._waiting is not None:
             self._on_observation(self._waiting)
 
@@ -157,21 +174,29 @@ class EpisodeDriverNode(SerdNode[Config]):
 
     def _finish_when_reported(self) -> None:
         """End the episode once the world's own count of contacts at its last tick is here."""
-        if self._ending is None or self._running is None or self._world_report is None:
+        if self._ending is None or self._running is None:
             return
         ending, observation = self._ending
-        if self._world_report[0] < stamp_ns(to_stamp(observation.time_s)):
+        report = self.world_report(observation)
+        if report is None:
             return
         self._mark(END, observation, ending)
-        self._results.append(self._result(ending, self._world_report[1]))
-        self._save()
+        self._results.append(self._result(ending, report))
+        self.save_results()
         self._tell(self._results[-1])
         self.episode_ended(self._results[-1])
         if len(self._results) < self.config.episodes:
-            self._ask_for_episode()
+            self._next_episode()
         else:
             self._running = None
             self.finish(0)
+
+    def world_report(self, observation: Observation) -> dict[str, str] | None:
+        """What the world counted up to an observation; None while it has not said so yet."""
+        if self._world_report is None:
+            return None
+        time_ns, report = self._world_report
+        return report if time_ns >= stamp_ns(to_stamp(observation.time_s)) else None
 
     def _result(self, ending: Ending, report: dict[str, str]) -> EpisodeResult:
         assert self._running is not None
@@ -194,7 +219,8 @@ class EpisodeDriverNode(SerdNode[Config]):
             reason=self._reason,
         )
 
-    def _save(self) -> None:
+    def save_results(self) -> None:
+        """Write the table of all episodes so far."""
         if self.config.output:
             save_episodes(Path(self.config.output) / "episodes.csv", self._results)
 

@@ -6,7 +6,6 @@ may change at any time. A plan takes milliseconds, so callbacks make it where th
 
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -14,24 +13,25 @@ from geometry_msgs.msg import PoseStamped
 from serd_core.errors import SerdError
 from serd_core.grid import Action
 from serd_ros import qos, topics
+from serd_ros.arrival_records import ArrivalRecords
 from serd_ros.changeable_parameters import accept_changes
 from serd_ros.configs import StrategyConfig
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.goal import from_goal_message
 from serd_ros.convert.pose import to_waypoint_message
 from serd_ros.episode_driver import EpisodeDriverNode
+from serd_ros.goal_episodes import UNCOUNTED, GoalEpisodes
 from serd_ros.navigator import Navigator
-from serd_ros.outlook_words import outlook_values, traps_in_words
-from serd_ros.prediction import Prediction, arrival_row, prediction_of
+from serd_ros.outlook_words import outlook_in_short, outlook_values, traps_in_words
 from serd_ros.run_node import run_node
 from serd_ros.strategy_display import StrategyDisplay
 from sim.driver import Driver
 from sim.observation import Observation
-from storage.arrival_log import append_arrival
 from storage.episode_table import EpisodeResult
 from storage.file_watch import FileWatch
 
 _LOOK_AT_MODEL_S = 1.0
+_SAY_AGAIN_S = 5.0
 
 
 class StrategyNode(EpisodeDriverNode[StrategyConfig]):
@@ -41,7 +41,8 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
 
     def __init__(self) -> None:
         super().__init__("strategy", StrategyConfig)
-        self._prediction: Prediction | None = None
+        self._records = ArrivalRecords(self.config.output)
+        self._by_goal = GoalEpisodes(self.config.seed, wanted=bool(self.config.goal))
         self._time_s = 0.0
         self._watch = FileWatch(self._navigator.model)
         self._waypoints = self.create_publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
@@ -52,7 +53,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         self._show_plan("planned", self.wall_s())
 
     def make_driver(self) -> Driver:
-        """The policy of the model file; its file must belong to this scenario's grid."""
+        """The policy of the model file, towards the goal of the parameters."""
         self._navigator = Navigator(self.scenario, self.config)
         self.scenario = self._navigator.strategy.scenario
         return self._navigator
@@ -62,20 +63,8 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         self._time_s = observation.time_s
         waypoint = self._navigator.waypoint_of(observation, action)
         self._waypoints.publish(to_waypoint_message(waypoint, observation.time_s))
-        if self._prediction is None:
-            self._prediction = prediction_of(self._navigator, observation)
-        outlook = self._navigator.outlook
-        assert outlook is not None
-        self._display.show_outlook(outlook, self._navigator.way_m(observation))
-        if outlook.trapped:
-            self.get_logger().warning(
-                f"in a trap at ({observation.x_m:.1f}, {observation.y_m:.1f}) m: arrives in time "
-                f"with {outlook.probability:.0%}",
-                throttle_duration_sec=5.0,
-            )
-        values = outlook_values(outlook, self._navigator.strategy)
-        level, message = (WARN, "in a trap") if outlook.trapped else (OK, "driving")
-        self.report(observation.time_s, values, level=level, message=message)
+        self._records.note(self._navigator, observation)
+        self._tell_outlook(observation)
 
     def give_up_reason(self) -> str:
         """The navigator's, in words."""
@@ -84,29 +73,43 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
 
     def episode_ended(self, result: EpisodeResult) -> None:
         """Append prediction and measurement to the log of arrivals."""
-        prediction, self._prediction = self._prediction, None
+        self._records.ended(result)
         if result.reason:
             self.report(self._time_s, {"reason": result.reason}, level=WARN, message="gave up")
-        if prediction is not None and self.config.output:
-            row = arrival_row(
-                prediction,
-                episode=result.episode,
-                seed=result.seed,
-                outcome=result.outcome,
-                reason=result.reason,
-                time_of_arrival_s=result.time_of_arrival_s,
-            )
-            append_arrival(Path(self.config.output) / "arrivals.csv", row)
+
+    def missing_for_episode(self) -> str:
+        """Without resets an episode needs a goal, which is waited for elsewhere."""
+        return super().missing_for_episode() if self.config.reset else ""
+
+    def ask_for_episode(self) -> None:
+        """Without resets drive to the goal that waits; where none does, the next one begins."""
+        if self.config.reset:
+            super().ask_for_episode()
+        elif self._by_goal.wanted:
+            self.begin_episode(self._by_goal.begin(self._time_s))
+        else:
+            self.get_logger().info("waiting for a goal on goal_pose")
+
+    def world_report(self, observation: Observation) -> dict[str, str] | None:
+        """Without resets nobody counts contacts per episode."""
+        return super().world_report(observation) if self.config.reset else UNCOUNTED
+
+    def save_results(self) -> None:
+        """Without resets there is only the log of arrivals, which has no contacts."""
+        if self.config.reset:
+            super().save_results()
 
     def _on_goal(self, message: PoseStamped) -> None:
         try:
             x_m, y_m = from_goal_message(message)
             self._replan(lambda: self._navigator.set_goal(x_m, y_m), f"goal ({x_m:g}, {y_m:g})")
+            self._go()
         except SerdError as error:
             self._refuse(error)
 
     def _change_goal(self, value: Any) -> None:
         self._replan(lambda: self._navigator.set_goal_text(str(value)), f"goal {value!r}")
+        self._go()
 
     def _change_model(self, value: Any) -> None:
         self._replan(lambda: self._navigator.set_model(str(value)), f"model {value}")
@@ -123,13 +126,33 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
     def _replan(self, change: Callable[[], None], what: str) -> None:
         began_s = self.wall_s()
         change()
-        self._prediction = None
+        self._records.renew()
         self.aim(self._navigator.strategy.scenario)
         self._show_plan(what, began_s)
+
+    def _go(self) -> None:
+        """Without resets a goal begins an episode, unless one is under way."""
+        if not self.config.reset and self.idle:
+            self._by_goal.want()
+            self.ask_for_episode()
 
     def _refuse(self, error: SerdError) -> None:
         self.get_logger().warning(f"refused, going on as before: {error}")
         self.report(self._time_s, {}, level=WARN, message=f"refused: {error}")
+
+    def _tell_outlook(self, observation: Observation) -> None:
+        outlook = self._navigator.outlook
+        assert outlook is not None
+        self._display.show_outlook(outlook, self._navigator.way_m(observation))
+        if outlook.trapped:
+            self.get_logger().warning(
+                f"in a trap at ({observation.x_m:.1f}, {observation.y_m:.1f}) m: "
+                f"{outlook_in_short(outlook)}",
+                throttle_duration_sec=_SAY_AGAIN_S,
+            )
+        values = outlook_values(outlook, self._navigator.strategy)
+        level, message = (WARN, "in a trap") if outlook.trapped else (OK, "driving")
+        self.report(observation.time_s, values, level=level, message=message)
 
     def _show_plan(self, what: str, began_s: float) -> None:
         strategy = self._navigator.strategy

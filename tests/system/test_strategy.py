@@ -176,6 +176,23 @@ def test_arrivals_survive_a_kill_and_the_next_strategy_goes_on_below_them(
     assert arrivals(tmp_path)[: len(kept)] == kept
 
 
+def test_without_resets_it_drives_from_goal_to_goal_in_real_time(
+    nodes, watch, save_model_of, tmp_path
+):
+    nodes.start_stack("goto", seed=2, model=str(save_model_of()), strategy__output=str(tmp_path))
+    watch.probe.spin_until(lambda: "waiting for a goal" in nodes.said("strategy"))
+    first, second = (2.5, 1.5), (2.5, 2.5)
+    watch.send_goal(*first)
+    watch.probe.spin_until(lambda: len(arrivals(tmp_path)) == 1)
+    watch.send_goal(*second)
+    watch.probe.spin_until(lambda: len(arrivals(tmp_path)) == 2)
+    rows = arrivals(tmp_path)
+    assert [(row.goal_x_m, row.goal_y_m) for row in rows] == [first, second]
+    assert [row.outcome for row in rows] == ["arrived", "arrived"]
+    assert math.dist((rows[1].start_x_m, rows[1].start_y_m), first) < 1.0
+    assert not (tmp_path / "episodes.csv").exists()  # nobody counts contacts here
+
+
 def test_a_transferred_model_drives_to_a_goal_alike_in_process_and_through_ros(
     nodes, save_model_of, tmp_path
 ):
