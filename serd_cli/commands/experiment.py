@@ -1,7 +1,8 @@
 """`serd experiment NAME`: one subcommand per experiment, one option per setting of its config."""
 
 import inspect
-from collections.abc import Callable
+import shlex
+from collections.abc import Callable, Mapping
 from dataclasses import Field
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from experiments.catalogue import EXPERIMENTS, Experiment
+from experiments.provenance import recorded
 from experiments.repetitions import Execution, Row
 from experiments.settings import file_settings, is_required, make_config, settings_of
 from serd_cli.terminal import console, progress_console
@@ -41,7 +43,13 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
     ) -> None:
         given = file_settings(experiment, config) if config is not None else {}
         given |= {name: text for name, text in texts.items() if text is not None}
-        _run(experiment, make_config(experiment, given), output, Execution(jobs, backend))
+        execution = Execution(jobs, backend)
+        words = _words(experiment, config, texts, execution, output)
+        made = make_config(experiment, given)
+        with recorded(output, words, made):
+            rows = _run(experiment, made, output, execution)
+        _show(experiment, rows)
+        print(f"results: {output.resolve()}")
 
     own_defaults: dict[str, Any] = {
         "output": Path("experiment_output") / experiment.name,
@@ -67,7 +75,24 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
     return command
 
 
-def _run(experiment: Experiment, config: Any, output: Path, execution: Execution) -> None:
+def _words(
+    experiment: Experiment,
+    config: Path | None,
+    texts: Mapping[str, str | None],
+    execution: Execution,
+    output: Path,
+) -> str:
+    """The command line that says the same."""
+    words = ["serd", "experiment", experiment.name]
+    words += ["--config", str(config)] if config is not None else []
+    for name, text in texts.items():
+        words += [_flags(name)[0], text] if text is not None else []
+    words += ["--jobs", str(execution.n_jobs), "--backend", execution.backend]
+    return shlex.join([*words, "--output", str(output)])
+
+
+def _run(experiment: Experiment, config: Any, output: Path, execution: Execution) -> list[Row]:
+    """Run with a progress bar."""
     bar = Progress(
         TextColumn(experiment.name),
         BarColumn(),
@@ -77,14 +102,12 @@ def _run(experiment: Experiment, config: Any, output: Path, execution: Execution
     )
     with bar:
         task = bar.add_task("", total=None)
-        rows = experiment.run(
+        return experiment.run(
             config,
             output,
             execution,
             lambda done, total: bar.update(task, completed=done, total=total),
         )
-    _show(experiment, rows)
-    print(f"results: {output.resolve()}")
 
 
 def _show(experiment: Experiment, rows: list[Row]) -> None:

@@ -1,6 +1,9 @@
 """`serd experiment`: settings as options, results as files, faults as sentences."""
 
+import shlex
+
 import pytest
+import yaml
 
 from serd_cli.main import make_app
 from serd_core.errors import SerdError
@@ -16,6 +19,18 @@ def test_an_experiment_leaves_its_tables_and_figures(tmp_path, capsys):
     assert (folder / "surfaces.png").read_bytes().startswith(b"\x89PNG")
     assert (folder / "optimal_distributions.csv").read_text().count("\n") > 4
     assert capsys.readouterr().out.splitlines()[-1] == f"results: {folder}"
+
+
+def test_an_experiment_notes_its_command_beside_its_results(tmp_path):
+    folder = tmp_path / "out"
+    words = ["priors", "--n-points", "11", "--n-angles", "36"]
+    run(*words, "--output", str(folder))
+    (noted,) = yaml.safe_load((folder / "provenance.yaml").read_text())["runs"]
+    assert noted["command"] == shlex.join(
+        ["serd", "experiment", *words, "--jobs", "-1", "--backend", "loky", "--output", str(folder)]
+    )
+    assert "n_points=11" in noted["settings"]
+    assert noted["finished"]
 
 
 @pytest.mark.parametrize(

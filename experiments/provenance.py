@@ -1,0 +1,100 @@
+"""Where results come from: `provenance.yaml` beside them lists every run that wrote into a folder.
+
+A run that goes on with an interrupted one is added to the list, so it stays visible when the
+repetitions of one table were made by different commits.
+"""
+
+import platform
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from datetime import datetime, timezone
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from storage.atomic import atomic_write_text
+from storage.yaml_text import read_yaml, write_yaml
+
+FILE_NAME = "provenance.yaml"
+PACKAGES = ("serd", "numpy", "scipy")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: its command, settings in full, when, with which code, and whether it got through.
+
+    commit: of the code's repository, with "+ changes" where files differed from it, or None where
+    the code is installed without one.
+    """
+
+    command: str
+    settings: str
+    began: str
+    seconds: float
+    finished: bool
+    commit: str | None
+    python: str
+    packages: dict[str, str]
+
+
+@contextmanager
+def recorded(
+    folder: Path, command: str, settings: object, clock: Callable[[], float] = time.perf_counter
+) -> Iterator[None]:
+    """Note the run inside in `folder` when it ends or is interrupted; errors leave no note."""
+    began, start_s, commit = datetime.now(timezone.utc), clock(), code_commit()
+
+    def note(*, finished: bool) -> None:
+        run = Run(
+            command=command,
+            settings=repr(settings),
+            began=began.isoformat(timespec="seconds"),
+            seconds=round(clock() - start_s, 1),
+            finished=finished,
+            commit=commit,
+            python=platform.python_version(),
+            packages=installed_versions(PACKAGES),
+        )
+        _append(folder / FILE_NAME, run)
+
+    try:
+        yield
+    except KeyboardInterrupt:
+        note(finished=False)
+        raise
+    note(finished=True)
+
+
+def code_commit(folder: Path = Path(__file__).parent) -> str | None:
+    """Commit of the repository around `folder`, "+ changes" where tracked files differ from it."""
+    commit = _git(folder, "rev-parse", "HEAD")
+    if commit is None:
+        return None
+    return f"{commit} + changes" if _git(folder, "status", "-uno", "--porcelain") else commit
+
+
+def installed_versions(names: Sequence[str]) -> dict[str, str]:
+    """Version of each package that is installed."""
+    found = {}
+    for name in names:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
+
+
+def _append(path: Path, run: Run) -> None:
+    earlier = read_yaml(path.read_text(), str(path))["runs"] if path.exists() else []
+    atomic_write_text(path, write_yaml({"runs": [*earlier, asdict(run)]}))
+
+
+def _git(folder: Path, *words: str) -> str | None:
+    """What git says, or None where there is no git or no repository."""
+    try:
+        said = subprocess.run(
+            ["git", "-C", str(folder), *words], capture_output=True, text=True, check=False
+        )
+    except OSError:
+        return None
+    return said.stdout.strip() if said.returncode == 0 else None
