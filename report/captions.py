@@ -22,8 +22,9 @@ CAPTIONS: dict[str, str] = {
         "from the learned model before driving; the red one was measured. Bands hold 95 % at each "
         "time by itself: blue, where the share of that many episodes would fall if the model were "
         "right; red, the exact confidence interval of the measured share. A good model keeps "
-        "the red curve inside the blue band. The model counts whole decision periods: who arrives "
-        "within one is predicted at its end, so the blue curve is late by up to one period."
+        "the red curve inside the blue band. The model counts whole decision periods; how far into "
+        "the last one the robot arrives is taken from the demonstrations, and is its end where "
+        "they do not tell."
     ),
     "weights": (
         "What the demonstrator seems to want: reward per unit of each feature. Blue bars attract, "

@@ -5,21 +5,14 @@ import numpy as np
 from report.episode_row import EpisodeRow
 from report.figures.arrival import ArrivalCurve
 from serd_core.arrays import FloatArray
-from serd_core.arrival import ArrivalTimes
 from serd_core.arrival_bands import empirical_arrival_cdf, sampling_band
+from serd_core.arrival_law import ArrivalLaw
 
 
-def predicted_curve(
-    predicted: ArrivalTimes, decision_period_s: float, n_episodes: int
-) -> ArrivalCurve:
+def predicted_curve(predicted: ArrivalLaw, n_episodes: int) -> ArrivalCurve:
     """Predicted CDF; the band is where the share of `n_episodes` episodes would fall in 95 %."""
     lower, upper = sampling_band(predicted.cdf, n_episodes)
-    return ArrivalCurve(
-        np.multiply(predicted.periods, decision_period_s, dtype=np.float64),
-        predicted.cdf,
-        lower,
-        upper,
-    )
+    return ArrivalCurve(predicted.times_s, predicted.cdf, lower, upper)
 
 
 def measured_curve(episodes: tuple[EpisodeRow, ...], timeout_s: float) -> ArrivalCurve:
@@ -45,8 +38,7 @@ def at_times(curve: ArrivalCurve, times_s: FloatArray) -> ArrivalCurve:
 def largest_gap(predicted: ArrivalCurve, measured: ArrivalCurve) -> float:
     """Largest difference of the two step functions, looked at whenever `predicted` may step.
 
-    This is the Kolmogorov-Smirnov distance of times rounded up to whole decision periods: the
-    model knows of nothing finer.
+    This is the Kolmogorov-Smirnov distance of times rounded up to those that the model knows of.
     """
     difference = predicted.probability - at_times(measured, predicted.time_s).probability
     return float(np.abs(difference).max())

@@ -60,7 +60,7 @@ def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
 
 def _chart_figures(inputs: ReportInputs) -> dict[str, Figure]:
     fit, n_episodes = inputs.fit, len(inputs.episodes)
-    predicted = predicted_curve(inputs.predicted, inputs.decision_period_s, n_episodes)
+    predicted = predicted_curve(inputs.predicted, n_episodes)
     measured = measured_curve(inputs.episodes, inputs.timeout_s)
     return {
         "arrival": draw_arrival(
@@ -85,6 +85,6 @@ def _shown_until_s(inputs: ReportInputs) -> float:
     if not all(row.arrived for row in inputs.episodes):
         return inputs.timeout_s
     latest = max(row.time_of_arrival_s or 0.0 for row in inputs.episodes)
-    curve = predicted_curve(inputs.predicted, inputs.decision_period_s, 1)
+    curve = predicted_curve(inputs.predicted, 1)
     settled = time_reaching(curve, 0.99 * float(curve.probability[-1])) or latest
     return min(inputs.timeout_s, 1.15 * max(latest, settled))

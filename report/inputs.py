@@ -8,7 +8,7 @@ from report.errors import ReportError
 from report.run_facts import FileLink, PhaseTiming, RunFacts
 from report.snapshot import CrowdSnapshot
 from serd_core.arrays import FloatArray, float_array, require_index
-from serd_core.arrival import ArrivalTimes
+from serd_core.arrival_law import ArrivalLaw
 from serd_core.demonstrations import Decisions
 from serd_core.fit_result import FitResult
 from serd_core.navigation import NavigationProblem
@@ -34,8 +34,7 @@ class ReportInputs:
     fit: FitResult
     policy: Policy
     episodes: tuple[EpisodeRow, ...]
-    predicted: ArrivalTimes
-    decision_period_s: float
+    predicted: ArrivalLaw
     timeout_s: float
     snapshot: CrowdSnapshot
     run: RunFacts
@@ -44,9 +43,8 @@ class ReportInputs:
     def __post_init__(self) -> None:
         if not self.episodes:
             raise ReportError("episodes must have at least one row, got none; drive the policy")
-        for name in ("decision_period_s", "timeout_s"):
-            if not finite_number(name, getattr(self, name)) > 0:
-                raise ReportError(f"{name} must be above 0, got {getattr(self, name)}; use seconds")
+        if not finite_number("timeout_s", self.timeout_s) > 0:
+            raise ReportError(f"timeout_s must be above 0, got {self.timeout_s}; use seconds")
         self._check_learned()
         tracks = tuple(
             float_array(f"demonstration_tracks_m[{i}]", track, (None, 2))
@@ -62,7 +60,7 @@ class ReportInputs:
         float_array("fit.objective_trace", self.fit.objective_trace, (None,))
         for name in ("outcome_probabilities", "initial_outcome_probabilities"):
             float_array(f"fit.{name}", getattr(self.fit, name), (models, None))
-        float_array("predicted.cdf", self.predicted.cdf, (len(self.predicted.periods),))
+        float_array("predicted.cdf", self.predicted.cdf, (len(self.predicted.times_s),))
         if self.fit.feature_names != self.problem.feature_names:
             raise ReportError(
                 f"fit.feature_names must be those of the problem {self.problem.feature_names}, "

@@ -52,7 +52,7 @@ class Summary:
 def summary_of(inputs: ReportInputs) -> Summary:
     """Count and compare: everything the report states as a number."""
     episodes, fit, run = inputs.episodes, inputs.fit, inputs.run
-    predicted = predicted_curve(inputs.predicted, inputs.decision_period_s, len(episodes))
+    predicted = predicted_curve(inputs.predicted, len(episodes))
     measured = measured_curve(episodes, inputs.timeout_s)
     times = [row.time_of_arrival_s for row in episodes if row.time_of_arrival_s is not None]
     models = inputs.problem.model_names

@@ -32,7 +32,7 @@ def episodes_table(episodes: tuple[EpisodeRow, ...]) -> str:
 def arrival_table(inputs: ReportInputs) -> str:
     """Both curves with their bands at every time at which one of them steps."""
     n_episodes = len(inputs.episodes)
-    predicted = predicted_curve(inputs.predicted, inputs.decision_period_s, n_episodes)
+    predicted = predicted_curve(inputs.predicted, n_episodes)
     measured = measured_curve(inputs.episodes, inputs.timeout_s)
     times_s = np.union1d(predicted.time_s, measured.time_s)
     columns, header = [times_s], ["time_s"]

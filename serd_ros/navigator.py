@@ -21,6 +21,7 @@ from sim.observation import Observation
 from sim.policy_driver import PolicyDriver
 from sim.scenario import Scenario
 from sim.waypoint import Waypoint
+from storage.model_file import ModelFile
 
 #: Marks of a prediction that people read: half and nine in ten have arrived.
 HALF, MOST = 0.5, 0.9
@@ -115,11 +116,11 @@ class Navigator:
 
     def set_goal(self, x_m: float, y_m: float) -> None:
         """Plan for the cell under a point; SimError where there is none."""
-        self._replace(self._solved(self._model, goal_at(self.strategy.scenario, x_m, y_m)))
+        self._plan_for(goal_at(self.strategy.scenario, x_m, y_m))
 
     def set_goal_text(self, text: str) -> None:
         """Plan for "x, y" (m), or for the scenario's own goal area when empty."""
-        self._replace(self._solved(self._model, with_goal(self._own_scenario, text)))
+        self._plan_for(with_goal(self._own_scenario, text))
 
     def set_model(self, path: str) -> None:
         """Plan by another model file, or by the same one read again; FileError if unusable."""
@@ -131,7 +132,11 @@ class Navigator:
         state = self._state(observation)
         return self.strategy.intended_path_m(state) if state >= 0 else np.zeros((0, 2))
 
-    def _solved(self, path: str, scenario: Scenario) -> Strategy:
+    def _plan_for(self, scenario: Scenario) -> None:
+        """Plan by the model in force, whatever has become of its file."""
+        self._replace(self._solved(self._model, scenario, self.strategy.file))
+
+    def _solved(self, path: str, scenario: Scenario, read: ModelFile | None = None) -> Strategy:
         config = self._config
         return load_strategy(
             path,
@@ -139,6 +144,7 @@ class Navigator:
             config.policy,
             transfer=config.transfer,
             timeout_s=config.timeout_s,
+            read=read,
         )
 
     def _replace(self, strategy: Strategy) -> None:

@@ -17,6 +17,7 @@ from serd_core.trap_states import Traps, find_traps
 from serd_ros.usable_model import usable_model
 from sim.scenario import Scenario
 from sim.scenario_grid import grid_of, start_states_of
+from storage.model_file import ModelFile
 
 SOLVERS = {"optimal": optimal_policy, "soft": soft_policy}
 #: A state that arrives in time with less than this is called a trap.
@@ -34,6 +35,7 @@ class Strategy:
     scenario: Scenario
     problem: NavigationProblem
     policy: Policy
+    file: ModelFile
     outcome_probabilities: NDArray[np.float64]
     entry_times_s: tuple[float, ...]
     timeout_s: float
@@ -96,18 +98,21 @@ def load_strategy(
     *,
     transfer: bool = False,
     timeout_s: float | None = None,
+    read: ModelFile | None = None,
 ) -> Strategy:
     """Solve the model of a file; FileError where it cannot be used in the scenario.
 
     kind: "optimal" for the hard Bellman optimum of the learned rewards and dynamics, "soft" for
-    the expert's own stochastic policy. timeout_s: the scenario's when None.
+    the expert's own stochastic policy. timeout_s: the scenario's when None. read: what the file
+    held when it was read before, to plan for another goal.
     """
-    model = usable_model(path, scenario, transfer=transfer)
+    model = usable_model(path, scenario, transfer=transfer, model=read)
     probabilities = model.outcome_probabilities
     return Strategy(
         scenario=scenario,
         problem=model.problem,
         policy=SOLVERS[kind](model.problem, model.file.weights, probabilities),
+        file=model.file,
         outcome_probabilities=probabilities,
         entry_times_s=model.file.goal_entry_s,
         timeout_s=scenario.episode_timeout_s if timeout_s is None else timeout_s,

@@ -16,7 +16,7 @@ from serd_core.navigation import NavigationProblem
 from sim.scenario import Scenario
 from sim.scenario_grid import grid_of, navigation_problem_of
 from storage.errors import FileError
-from storage.model_file import ModelFile, load_model
+from storage.model_file import ModelFile, load_model, require_grid
 
 _OUTCOME_NAMES = tuple(outcome.name.lower() for outcome in Outcome)
 
@@ -31,16 +31,18 @@ class UsableModel:
     transferred: bool
 
 
-def usable_model(path: str, scenario: Scenario, *, transfer: bool) -> UsableModel:
+def usable_model(
+    path: str, scenario: Scenario, *, transfer: bool, model: ModelFile | None = None
+) -> UsableModel:
     """The model on the scenario's own problem, goal area included; FileError where it cannot be.
 
-    transfer: whether a model learned on another grid is wanted at all.
+    transfer: whether a model learned on another grid is wanted at all. model: what the file held
+    when it was read before; it is read now when None.
     """
-    grid = grid_of(scenario)
-    model = load_model(path)
-    transferred = model.grid.fingerprint != grid.fingerprint()
+    model = load_model(path) if model is None else model
+    transferred = model.grid.fingerprint != grid_of(scenario).fingerprint()
     if transferred and not transfer:
-        load_model(path, expected_grid=grid)  # refuses with a sentence that says what differs
+        require_grid(path, model, grid_of(scenario))
     _require_same_scale(path, model, scenario)
     try:
         problem = navigation_problem_of(scenario, model.discount, model.feature_names)

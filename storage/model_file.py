@@ -180,14 +180,24 @@ def load_model(
     """Read a model; FileError says what differs where it was made for another grid."""
     model = load_yaml_model(path, ModelFile)
     if expected_grid is not None:
-        expected_grid_fingerprint = expected_grid.fingerprint()
-    if expected_grid_fingerprint not in (None, model.grid.fingerprint):
-        difference = _difference(model.grid, expected_grid, str(expected_grid_fingerprint))
-        raise FileError(
-            f"{path}: was made for another grid of the scenario {model.scenario!r}: {difference}"
-            "; learn a model on this grid or choose the scenario the model was made for"
-        )
+        require_grid(path, model, expected_grid)
+    elif expected_grid_fingerprint not in (None, model.grid.fingerprint):
+        _refuse(path, model, None, str(expected_grid_fingerprint))
     return model
+
+
+def require_grid(path: str | Path, model: ModelFile, grid: Grid) -> None:
+    """FileError that says what differs where the model of a file was made for another grid."""
+    if model.grid.fingerprint != grid.fingerprint():
+        _refuse(path, model, grid, grid.fingerprint())
+
+
+def _refuse(path: str | Path, model: ModelFile, grid: Grid | None, fingerprint: str) -> None:
+    raise FileError(
+        f"{path}: was made for another grid of the scenario {model.scenario!r}: "
+        f"{_difference(model.grid, grid, fingerprint)}"
+        "; learn a model on this grid or choose the scenario the model was made for"
+    )
 
 
 def _difference(own: GridSummary, other: Grid | None, fingerprint: str) -> str:

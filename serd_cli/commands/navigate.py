@@ -8,8 +8,9 @@ from typing import Annotated, Literal
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from report.canvas import png_bytes
 from serd_cli.json_output import print_json
-from serd_cli.navigate.comparison import compare, comparison_table, remarks
+from serd_cli.navigate.comparison import compare, comparison_figure, comparison_table, remarks
 from serd_cli.navigate.in_process import drive_in_process
 from serd_cli.navigate.settings import NavigateSettings, claim_folder
 from serd_cli.navigate.through_ros import drive_through_ros
@@ -19,6 +20,7 @@ from sim.goal import with_goal
 from sim.planners import make_planner, planner_names
 from sim.scenario import load_scenario
 from sim.scenario_grid import grid_of, start_states_of
+from storage.atomic import atomic_write_bytes
 from storage.episode_table import EpisodeResult, load_episodes
 from storage.model_file import load_model
 
@@ -60,7 +62,7 @@ def navigate(
     ] = 0.0,
     ros: Annotated[bool, typer.Option("--ros", help="through ROS nodes, not in process")] = False,
     output: Annotated[
-        Path | None, typer.Option(help="folder for episodes.csv and arrivals.csv, else not kept")
+        Path | None, typer.Option(help="folder for tables and arrival.png, else nothing is kept")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
 ) -> None:
@@ -88,7 +90,11 @@ def navigate(
     strategy = _strategy_of(settings)
     if output is not None:
         claim_folder(output, settings)
-    found = compare(strategy, settings, _drive(settings, output, ros=ros))
+    rows = _drive(settings, output, ros=ros)
+    found = compare(strategy, settings, rows)
+    if output is not None:
+        figure = comparison_figure(strategy, settings, rows)
+        atomic_write_bytes(output / "arrival.png", png_bytes(figure))
     if as_json:
         print_json({**settings.model_dump(), **found.values()})
         return
@@ -96,7 +102,7 @@ def navigate(
     for line in remarks(found, settings):
         console.print(line, soft_wrap=True, markup=False)
     if output is not None:
-        console.print(f"tables: {output.resolve()}", soft_wrap=True, markup=False)
+        console.print(f"tables and arrival.png: {output.resolve()}", soft_wrap=True, markup=False)
 
 
 def _scenario_of(given: str, model: Path) -> str:

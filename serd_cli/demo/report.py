@@ -77,8 +77,9 @@ def report_inputs(
         fit=fit_of(model, strategy.problem, _trace(folder)),
         policy=strategy.policy,
         episodes=tuple(_row(episode) for episode in folder.episodes(folder.navigation)),
-        predicted=strategy.predicted_arrival(start_distribution(scenario, "train"), n_periods),
-        decision_period_s=scenario.decision_period_s,
+        predicted=strategy.law_s(
+            strategy.predicted_arrival(start_distribution(scenario, "train"), n_periods)
+        ),
         timeout_s=settings.timeout_s,
         snapshot=busy_moment(folder.bag, recording),
         run=_facts(settings, scenario, phases),

@@ -7,12 +7,15 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.table import Table
 
+from report.curves import predicted_curve
+from report.figures.arrival import ArrivalCurve, draw_arrival
 from report.wording import counted
 from serd_cli.navigate.settings import NavigateSettings
-from serd_core.arrival_bands import clopper_pearson
-from serd_core.arrival_law import largest_gap, law_in_seconds
+from serd_core.arrival_bands import clopper_pearson, empirical_arrival_cdf
+from serd_core.arrival_law import ArrivalLaw, largest_gap, law_in_seconds
 from serd_ros.navigator import HALF, MOST
 from serd_ros.outlook_words import traps_in_words
 from serd_ros.strategy import Strategy, start_distribution
@@ -58,7 +61,7 @@ def compare(
     """Hold the prediction from the start area against the episodes."""
     starts = start_distribution(strategy.scenario, settings.start_area)
     counts = strategy.predicted_arrival(starts, strategy.n_periods)
-    law = strategy.law_s(counts)
+    law = predicted_law(strategy, settings.start_area)
     thesis = law_in_seconds(counts, period_s=strategy.scenario.decision_period_s)
     times_s = np.array([row.time_of_arrival_s if row.arrived else math.inf for row in episodes])
     n_arrived = int(np.isfinite(times_s).sum())
@@ -83,6 +86,31 @@ def compare(
         traps=traps_in_words(strategy.traps),
         transferred=strategy.transferred,
     )
+
+
+def comparison_figure(
+    strategy: Strategy, settings: NavigateSettings, episodes: Sequence[EpisodeResult]
+) -> Figure:
+    """Predicted and measured share of arrivals over time, with bands."""
+    law = predicted_law(strategy, settings.start_area)
+    times_s = [row.time_of_arrival_s if row.arrived else math.inf for row in episodes]
+    late = [not row.arrived for row in episodes]
+    measured = empirical_arrival_cdf(np.where(late, 0.0, times_s), late, settings.timeout_s)
+    latest_s = max([time_s for time_s in times_s if math.isfinite(time_s)], default=0.0)
+    settled_s = law.quantile_s(0.99 * float(law.cdf[-1])) or 0.0
+    shown_s = settings.timeout_s if any(late) else 1.15 * max(latest_s, settled_s)
+    return draw_arrival(
+        predicted_curve(law, len(episodes)),
+        ArrivalCurve(measured.times_s, measured.cdf, measured.lower, measured.upper),
+        n_episodes=len(episodes),
+        shown_until_s=min(settings.timeout_s, shown_s),
+    )
+
+
+def predicted_law(strategy: Strategy, start_area: str) -> ArrivalLaw:
+    """Time of arrival from anywhere in a start area, up to the time-out."""
+    starts = start_distribution(strategy.scenario, start_area)
+    return strategy.law_s(strategy.predicted_arrival(starts, strategy.n_periods))
 
 
 def comparison_table(found: Comparison) -> Table:

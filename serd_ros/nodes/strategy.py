@@ -50,7 +50,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         self.create_subscription(PoseStamped, topics.GOAL_POSE, self._on_goal, qos.COMMAND)
         self.create_timer(_LOOK_AT_MODEL_S, self._look_at_model, clock=self.wall_clock)
         accept_changes(self, {"goal": self._change_goal, "model": self._change_model})
-        self._show_plan("planned", self.wall_s())
+        self._show_plan("start", self.wall_s())
 
     def make_driver(self) -> Driver:
         """The policy of the model file, towards the goal of the parameters."""
@@ -158,7 +158,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         strategy = self._navigator.strategy
         self._display.show_strategy(strategy, self._time_s)
         took_ms = 1e3 * (self.wall_s() - began_s)
-        self.get_logger().info(f"{what}: planned and shown in {took_ms:.1f} ms")
+        self.get_logger().info(f"{what}: plan made and shown in {took_ms:.1f} ms")
         if traps := traps_in_words(strategy.traps):
             self.get_logger().warning(traps)
 

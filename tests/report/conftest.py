@@ -11,6 +11,7 @@ from report.layout import HallwayLayout, layout_of
 from report.run_facts import FileLink, PhaseTiming, RunFacts
 from report.snapshot import CrowdSnapshot
 from serd_core.arrival import arrival_time_distribution
+from serd_core.arrival_law import law_in_seconds
 from serd_core.demonstrations import Decisions
 from serd_core.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
@@ -134,10 +135,12 @@ def inputs(
             EpisodeRow(2, 7, "arrived", 19.0, 10.4),
             EpisodeRow(3, 7, "timeout", None, 30.0, robot_on_person_contacts=1),
         ),
-        predicted=arrival_time_distribution(
-            problem, policy.probabilities, fit.outcome_probabilities, start, 60
+        predicted=law_in_seconds(
+            arrival_time_distribution(
+                problem, policy.probabilities, fit.outcome_probabilities, start, 60
+            ),
+            period_s=2.0,
         ),
-        decision_period_s=2.0,
         timeout_s=120.0,
         snapshot=snapshot,
         run=RunFacts(

@@ -6,7 +6,7 @@ import pytest
 from report.curves import at_times, largest_gap, measured_curve, predicted_curve, time_reaching
 from report.episode_row import EpisodeRow
 from report.figures.arrival import ArrivalCurve
-from serd_core.arrival import ArrivalTimes
+from serd_core.arrival_law import ArrivalLaw
 from serd_core.errors import SerdError
 
 
@@ -35,13 +35,13 @@ def test_the_measured_curve_counts_who_never_arrived() -> None:
 
 
 def test_the_predicted_band_narrows_with_the_number_of_episodes() -> None:
-    predicted = ArrivalTimes(np.arange(4), np.array([0.0, 0.2, 0.6, 0.9]), 1.0)
-    few, many = predicted_curve(predicted, 2.0, 10), predicted_curve(predicted, 2.0, 1000)
+    predicted = ArrivalLaw(2.0 * np.arange(4), np.array([0.0, 0.2, 0.6, 0.9]), 1.0)
+    few, many = predicted_curve(predicted, 10), predicted_curve(predicted, 1000)
     assert few.time_s.tolist() == [0.0, 2.0, 4.0, 6.0]
     assert (many.upper - many.lower)[1:].max() < (few.upper - few.lower)[1:].min()
 
 
-def test_the_largest_gap_is_taken_at_the_ends_of_decision_periods() -> None:
+def test_the_largest_gap_is_taken_whenever_the_prediction_may_step() -> None:
     predicted = curve([0.0, 2.0, 4.0], [0.0, 0.5, 1.0])
     measured = curve([0.0, 1.5, 2.5, 4.0], [0.0, 0.4, 0.8, 1.0])
     assert largest_gap(predicted, measured) == pytest.approx(0.1)

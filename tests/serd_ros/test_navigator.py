@@ -49,6 +49,15 @@ def test_another_goal_in_the_middle_of_an_episode_turns_the_robot_round(save_mod
     assert navigator.decide(seen_at(4.5, 9.5, 4.0)) == Action.NORTH
 
 
+def test_another_goal_is_planned_for_even_when_the_models_file_is_gone(save_model_of):
+    path = save_model_of()
+    navigator = navigator_of(path)
+    path.unlink()
+    navigator.set_goal(1.5, 2.5)
+    navigator.begin(0)
+    assert navigator.decide(seen_at(1.5, 4.5)) == Action.SOUTH
+
+
 def test_a_goal_in_a_wall_is_refused_and_changes_nothing(save_model_of):
     navigator = navigator_of(save_model_of())
     before = navigator.strategy

@@ -60,3 +60,12 @@ def spoil(text, old, new):
     head, row = text.split("\n", 1)
     row = row.replace('0,3,"strategy', 'zero,3,"strategy') if "strategy" in old else row
     return head + "\n" + row.replace(old, new, 1)
+
+
+def test_a_table_written_before_there_were_reasons_is_read(tmp_path):
+    save_episodes(tmp_path / "new.csv", [result()])
+    lines = (tmp_path / "new.csv").read_text().splitlines()
+    assert lines[0].endswith(",reason")
+    older = [line.rsplit(",", 1)[0] for line in lines]
+    (tmp_path / "old.csv").write_text("\n".join(older) + "\n")
+    assert load_episodes(tmp_path / "old.csv") == (result(),)

@@ -124,7 +124,7 @@ def test_goals_and_models_change_on_the_way_and_what_cannot_be_is_refused(
     spin_until(lambda: watch.traps and watch.laws)
     assert len(watch.traps[-1].markers[0].points) > 100
     assert "cells are traps" in nodes.said("strategy")
-    assert "read again: planned" in nodes.said("strategy")
+    assert "read again: plan made" in nodes.said("strategy")
 
 
 def test_the_predicted_arrival_is_there_for_late_comers_and_comes_nearer(

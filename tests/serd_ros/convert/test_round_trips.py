@@ -6,13 +6,26 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from visualization_msgs.msg import Marker
 
+from serd_core.arrival_law import ArrivalLaw
 from serd_core.grid import Action
+from serd_ros.convert.arrival import from_arrival_message, to_arrival_message
 from serd_ros.convert.command import from_twist, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import to_diagnostics, values_of
-from serd_ros.convert.episode_mark import EpisodeMark, from_episode_message, to_episode_message
+from serd_ros.convert.episode_mark import EpisodeMark
+from serd_ros.convert.goal import (
+    from_goal_area_message,
+    from_goal_message,
+    to_goal_area_message,
+)
 from serd_ros.convert.intent import from_intent, to_intent
-from serd_ros.convert.markers import to_policy_markers, to_value_markers
+from serd_ros.convert.markers import (
+    to_policy_markers,
+    to_text_marker,
+    to_trap_markers,
+    to_value_markers,
+)
 from serd_ros.convert.occupancy import to_occupancy_grid
 from serd_ros.convert.odometry import speeds_of, to_odometry
 from serd_ros.convert.path import to_path
@@ -21,6 +34,7 @@ from serd_ros.convert.pose import (
     from_pose,
     from_waypoint_message,
     to_pose,
+    to_pose_stamped,
     to_waypoint_message,
 )
 from serd_ros.convert.reset_reply import ResetReply, from_reset_sentence, to_reset_sentence
@@ -159,7 +173,7 @@ def test_a_map_keeps_its_cells_row_by_row_from_the_south():
 
 def test_an_episode_mark_survives():
     mark = EpisodeMark("end", 12.35, 4, "scripted_expert", 3, "train", "arrived")
-    assert from_episode_message(to_episode_message(mark)) == mark
+    mark = EpisodeMark("end", 12.35, 4, "strategy", 3, "train", "aborted", "no progress")
 
 
 def test_diagnostics_carry_floats_exactly():
@@ -191,3 +205,61 @@ def test_markers_show_one_arrow_per_cell_and_darker_cells_for_higher_values():
     assert from_pose(arrows[1].pose)[2] == pytest.approx(math.pi / 2)
     (values,) = to_value_markers(centers, np.array([0.0, 5.0]), 1.0, 0.0).markers
     assert values.colors[1].r < values.colors[0].r
+
+
+@given(
+    now_s=st.floats(0.0, 1e6),
+    shares=st.lists(st.floats(0.002, 1.0), min_size=1, max_size=30),
+)
+def test_an_arrival_law_survives_with_its_time(now_s, shares):
+    cdf = np.cumsum(shares) / max(1.0, float(np.sum(shares)))
+    kept = np.diff(cdf, prepend=0.0) >= 1.1e-3
+    cdf = np.concatenate([[0.0], cdf[kept]])
+    law = ArrivalLaw(np.arange(len(cdf)) * 0.5, cdf, float(cdf[-1]))
+    message = to_arrival_message(law, now_s)
+    assert [dim.size for dim in message.layout.dim] == [2, len(message.data) // 2]
+    back_s, back = from_arrival_message(message)
+    assert back_s == now_s
+    asked = np.linspace(0.25, 20.25, 41)
+    np.testing.assert_allclose(
+        back.probability_by(asked), law.probability_by(asked), atol=1e-3 + 1e-9
+    )
+
+
+def test_an_arrival_law_of_thousands_of_small_steps_is_told_to_a_thousandth():
+    steps = 5000
+    law = ArrivalLaw(np.linspace(0.0, 100.0, steps), np.linspace(0.0, 1.0, steps), 1.0)
+    _, back = from_arrival_message(to_arrival_message(law, 0.0))
+    assert len(back.times_s) <= 1001
+    asked = np.linspace(0.0, 100.0, 777)
+    assert np.abs(back.probability_by(asked) - law.probability_by(asked)).max() < 1.3e-3
+
+
+def test_a_goal_is_taken_from_the_map_only():
+    message = to_pose_stamped((3.5, 20.25, 1.0), 7.0)
+    assert from_goal_message(message) == (3.5, 20.25)
+    message.header.frame_id = ""
+    with pytest.raises(NodeError, match="goal_pose must be in the frame 'map', got ''"):
+        from_goal_message(message)
+
+
+def test_the_goal_area_survives_in_single_precision_and_the_own_one_exactly():
+    own = ((0.1, 0.2), (1.1, 0.2), (1.1, 1.2))
+    assert from_goal_area_message(to_goal_area_message(own, 2.0), own) is own
+    other = ((0.5, 2.0), (1.5, 2.0), (1.5, 3.0), (0.5, 3.0))
+    message = to_goal_area_message(other, 2.0)
+    assert from_goal_area_message(message, own) == other
+    assert message.header.frame_id == "map"
+
+
+def test_traps_are_one_list_of_cubes_and_none_takes_them_away():
+    shown = to_trap_markers(np.array([[0.5, 0.5], [1.5, 0.5]]), 1.0, 3.0).markers
+    assert [(point.x, point.y) for point in shown[0].points] == [(0.5, 0.5), (1.5, 0.5)]
+    (gone,) = to_trap_markers(np.zeros((0, 2)), 1.0, 3.0).markers
+    assert gone.action == Marker.DELETEALL
+
+
+def test_words_stand_above_their_place():
+    (marker,) = to_text_marker("arrives in 31 s", (2.5, 4.0), 3.0).markers
+    assert (marker.pose.position.x, marker.pose.position.y) == (2.5, 4.0)
+    assert marker.text == "arrives in 31 s"
