@@ -172,8 +172,8 @@ def test_a_map_keeps_its_cells_row_by_row_from_the_south():
 
 
 def test_an_episode_mark_survives():
-    mark = EpisodeMark("end", 12.35, 4, "scripted_expert", 3, "train", "arrived")
     mark = EpisodeMark("end", 12.35, 4, "strategy", 3, "train", "aborted", "no progress")
+    assert from_episode_message(to_episode_message(mark)) == mark
 
 
 def test_diagnostics_carry_floats_exactly():
