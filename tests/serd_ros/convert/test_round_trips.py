@@ -13,7 +13,7 @@ from serd_core.grid import Action
 from serd_ros.convert.arrival import from_arrival_message, to_arrival_message
 from serd_ros.convert.command import from_twist, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import to_diagnostics, values_of
-from serd_ros.convert.episode_mark import EpisodeMark
+from serd_ros.convert.episode_mark import EpisodeMark, from_episode_message, to_episode_message
 from serd_ros.convert.goal import (
     from_goal_area_message,
     from_goal_message,
