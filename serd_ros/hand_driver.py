@@ -1,9 +1,9 @@
 """What the keyboard and the page share: a person drives, by directions or by velocities.
 
-By directions the choice becomes an `intent` at each decision tick: always while an episode of this
-driver runs, and else only when something is chosen. By velocities `cmd_vel_teleop` is published.
-As long as somebody is there to drive by directions, `driver_gone` says false; else the mux locks
-the planner, within its timeout even when this process has died.
+By directions the choice becomes an `intent` at each decision tick: in an episode of this driver's
+from the first direction on, waits included, and else only when something is chosen. By velocities
+`cmd_vel_teleop` is published. As long as somebody is there to drive by directions, `driver_gone`
+says false; else the mux locks the planner, within its timeout even when this process has died.
 """
 
 from abc import abstractmethod
@@ -107,9 +107,12 @@ class HandDriverNode(SerdNode[Config]):
         if not self._was_there or self.episodes.other_driver:
             return
         action = self.choice.decide()
+        chosen = action != Action.WAIT
         if self.episodes.is_running:
-            self.episodes.n_decisions += 1
-        if self.episodes.is_running or self._is_moving or action != Action.WAIT:
+            if self.episodes.n_decisions or chosen:  # waiting to begin is no decision to wait
+                self.episodes.n_decisions += 1
+                self._publish_intent(action, observation)
+        elif chosen or self._is_moving:
             self._publish_intent(action, observation)
 
     def _publish_intent(self, action: Action, observation: Observation) -> None:

@@ -11,8 +11,8 @@ class KeyCommand(Enum):
     START = "start an episode"
     SAVE = "save the episode"
     DISCARD = "discard the episode"
-    E_STOP = "emergency stop"
-    RELEASE = "release the emergency stop"
+    E_STOP = "E-STOP engaged"
+    RELEASE = "e-stop released"
     SWITCH_MODE = "switch between directions and velocities"
 
 

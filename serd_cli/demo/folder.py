@@ -5,9 +5,9 @@ from pathlib import Path
 
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.errors import UsageError
+from serd_cli.free_folder import free_folder
 from storage.atomic import atomic_write_text
 from storage.episode_table import EpisodeResult, load_episodes
-from storage.errors import disk_error
 from storage.yaml_config import load_yaml_model, model_yaml
 
 
@@ -55,18 +55,7 @@ class DemoFolder:
 
 def new_folder(output: Path, settings: DemoSettings) -> DemoFolder:
     """The next free `run-N` below `output`, with the settings in it."""
-    for number in count(1):
-        root = output / f"run-{number}"
-        try:
-            root.mkdir(parents=True)
-        except FileExistsError:
-            if not output.is_dir():
-                raise UsageError(f"{output} is a file; give a folder for the output") from None
-        except OSError as error:
-            raise disk_error("write", root, error) from None
-        else:
-            break
-    folder = DemoFolder(root)
+    folder = DemoFolder(free_folder(output, "run"))
     atomic_write_text(folder.settings, model_yaml(settings))
     return folder
 

@@ -1,0 +1,112 @@
+"""`serd teleop`: drive by hand in real time, record it, and see what is recorded."""
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from bags.mapping import BagMapping
+from serd_cli.free_folder import free_folder
+from serd_cli.node_commands import stack_processes
+from serd_cli.supervisor import run_together
+from serd_cli.teleop.settings import TeleopSettings, require_a_way_to_drive
+from serd_cli.teleop.summary import summarise_session
+from serd_cli.teleop.terminal_output import DriverLines, restored_terminal
+from serd_cli.terminal import progress_console
+from serd_cli.workspace import ros_environment
+from sim.scenario import load_scenario
+from storage.atomic import atomic_write_text
+from storage.yaml_config import model_yaml
+
+_VELOCITIES = BagMapping(action_from="velocity", action_topic="cmd_vel", episode_topic="episode")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the subcommand."""
+    app.command()(teleop)
+
+
+def teleop(
+    output: Annotated[Path, typer.Option(help="folder that gets a session-N folder")] = Path(
+        "teleop_output"
+    ),
+    scenario: Annotated[str, typer.Option(help="built-in scenario or YAML file")] = "hallway",
+    seed: Annotated[int, typer.Option(min=0, help="fixes people and starts")] = 0,
+    start_area: Annotated[
+        Literal["train", "transfer"], typer.Option(help="where episodes begin")
+    ] = "train",
+    people: Annotated[
+        int | None, typer.Option(min=0, help="how many people walk; the scenario's own number")
+    ] = None,
+    page: Annotated[bool, typer.Option(help="drive through a web page")] = True,
+    keyboard: Annotated[
+        bool, typer.Option("--keyboard", help="drive with this terminal's keys too")
+    ] = False,
+    velocity: Annotated[
+        bool, typer.Option("--velocity", help="drive by velocities, not by directions")
+    ] = False,
+    driver: Annotated[str, typer.Option(help="who drives, for the episode marks")] = "",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="of the page; 0: a free one")] = 8765,
+    address: Annotated[
+        str, typer.Option(help="the page's; another than loopback needs --token-file")
+    ] = "127.0.0.1",
+    token_file: Annotated[
+        Path | None, typer.Option(help="its first line is the token: open /?token=TOKEN")
+    ] = None,
+) -> None:
+    """Start world, planner, mux, recorder and page; drive, save or discard episodes, Ctrl-C ends.
+
+    Without --page the terminal's keys drive. A new session-N folder is made every time.
+    """
+    settings = TeleopSettings(
+        scenario=str(Path(scenario).resolve()) if Path(scenario).is_file() else scenario,
+        seed=seed,
+        start_area=start_area,
+        people=people,
+        address=address,
+        port=port,
+        token_file=token_file,
+        page=page,
+        keyboard=keyboard or not page,
+        velocity=velocity,
+        driver=driver,
+    )
+    load_scenario(settings.scenario)
+    require_a_way_to_drive(settings)
+    _run(settings, free_folder(output, "session").resolve())
+
+
+def _run(settings: TeleopSettings, folder: Path) -> None:
+    """Run the stack until it is told to stop; whatever ends it, say what is recorded."""
+    bag = folder / "bag"
+    environment = ros_environment(os.environ)
+    environment["ROS_LOG_DIR"] = str(folder / "logs" / "ros")
+    processes = stack_processes(settings.stack(), settings.parameters(bag), environment)
+    progress_console.print(f"recording into {bag}", soft_wrap=True)
+    try:
+        with restored_terminal(sys.stdin), DriverLines(folder / "logs" / "nodes.log") as lines:
+            run_together(processes, environment, lines.hear)
+    except KeyboardInterrupt:
+        pass  # the usual end
+    finally:
+        _say_what_is_recorded(settings, folder, bag)
+
+
+def _say_what_is_recorded(settings: TeleopSettings, folder: Path, bag: Path) -> None:
+    summary = summarise_session(bag, settings.scenario)
+    if summary is None:
+        progress_console.print(f"nothing was recorded in {folder}", soft_wrap=True)
+        return
+    progress_console.print(f"\n{summary}\nbag: {bag}", soft_wrap=True)
+    how = ""
+    if settings.velocity:
+        mapping = folder / "mapping.yaml"
+        atomic_write_text(mapping, model_yaml(_VELOCITIES))
+        how = f" --mapping {mapping}"
+    progress_console.print(
+        f"decisions: serd demos {bag} --scenario {settings.scenario}{how}"
+        f" --output {folder / 'decisions.csv'}",
+        soft_wrap=True,
+    )

@@ -1,0 +1,81 @@
+"""What a session of driving by hand runs with."""
+
+import os
+import socket
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from serd_cli.errors import UsageError
+from serd_ros.graph import Stack, find_stack
+from teleop.page.access import PageAccess, read_token
+
+KEYBOARD, PAGE = "teleop_keyboard", "teleop_page"
+
+
+@dataclass(frozen=True)
+class TeleopSettings:
+    """driver: name for the episode marks, empty for the node's own; keyboard, page: the ways."""
+
+    scenario: str
+    seed: int
+    start_area: str
+    people: int | None
+    address: str
+    port: int
+    token_file: Path | None
+    page: bool
+    keyboard: bool
+    velocity: bool
+    driver: str
+
+    def stack(self) -> Stack:
+        """The stack `teleop` with the ways to drive that are wanted."""
+        stack = find_stack("teleop")
+        others = tuple(node for node in stack.nodes if node not in (KEYBOARD, PAGE))
+        wanted = ((PAGE,) if self.page else ()) + ((KEYBOARD,) if self.keyboard else ())
+        return stack.model_copy(update={"nodes": (*others, *wanted)})
+
+    def parameters(self, bag: Path) -> dict[str, Any]:
+        """Parameters of its nodes."""
+        given: dict[str, Any] = {
+            "scenario": self.scenario,
+            "seed": self.seed,
+            "start_area": self.start_area,
+            "mode": "velocity" if self.velocity else "directions",
+            "demo_recorder.output": str(bag),
+        }
+        if self.driver:
+            given["driver"] = self.driver
+        if self.people is not None:
+            given["people"] = self.people
+        if self.page:
+            given |= {"address": self.address, "port": self.port}
+            given["token_file"] = str(self.token_file.resolve()) if self.token_file else ""
+        if self.keyboard:
+            given["terminal"] = os.ttyname(sys.stdin.fileno())
+        return given
+
+
+def require_a_way_to_drive(settings: TeleopSettings) -> None:
+    """UsageError where nobody could drive."""
+    if settings.keyboard and not sys.stdin.isatty():
+        raise UsageError("the keyboard needs a terminal as standard input; start it in a window")
+    if settings.page:
+        PageAccess(settings.address, read_token(settings.token_file or ""))
+    if settings.page and settings.port:
+        _require_free(settings.address, settings.port)
+
+
+def _require_free(address: str, port: int) -> None:
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    with socket.socket(family) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((address, port))
+        except OSError as error:
+            raise UsageError(
+                f"cannot serve the page on {address} port {port}: {error.strerror or error}"
+                "; choose another with --port, 0 takes a free one"
+            ) from None

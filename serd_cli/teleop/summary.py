@@ -1,0 +1,42 @@
+"""What a session has recorded, counted from its bag."""
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from bags.discretise import decisions_from_drive
+from bags.recorded_drive import DISCARDED, read_drive
+from report.wording import counted
+from serd_core.errors import SerdError
+from sim.scenario import load_scenario
+from sim.scenario_grid import grid_of
+
+
+@dataclass(frozen=True)
+class SessionSummary:
+    """outcomes: of all episodes; n_decisions: of those that were not discarded."""
+
+    outcomes: dict[str, int]
+    n_decisions: int
+
+    def __str__(self) -> str:
+        """The counts in words."""
+        kept = {name: n for name, n in self.outcomes.items() if name != DISCARDED}
+        how = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in sorted(kept.items()))
+        return (
+            f"{counted(sum(kept.values()), 'episode')} kept{f' ({how})' if how else ''}, "
+            f"{self.outcomes.get(DISCARDED, 0)} discarded; "
+            f"{counted(self.n_decisions, 'decision')} by directions"
+        )
+
+
+def summarise_session(bag: Path, scenario: str) -> SessionSummary | None:
+    """The bag's episodes and decisions; None where nothing readable was recorded."""
+    place = load_scenario(scenario)
+    try:
+        drive = read_drive(bag, tolerant=True)
+        _, report = decisions_from_drive(drive, grid_of(place), place.decision_period_s)
+    except SerdError:
+        return None
+    outcomes = Counter(span.outcome for span in drive.episodes)
+    return SessionSummary(dict(outcomes), report.n_decisions)

@@ -1,0 +1,72 @@
+"""What the nodes say while somebody drives: all of it into a log, the driver's part on screen."""
+
+import re
+import termios
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import TextIO
+
+from rich.markup import escape
+
+from serd_cli.teleop.settings import KEYBOARD, PAGE
+from serd_cli.terminal import progress_console
+
+_ROS_PREFIX = re.compile(r"^\[(\w+)\] \[[\d.]+\] \[[\w.]+\]: ")
+_ADDRESS = re.compile(r"the page is at (http://\S+)")
+_SHOWN_LEVELS = ("WARN", "ERROR", "FATAL")
+
+
+class DriverLines:
+    """Takes the nodes' lines."""
+
+    def __init__(self, log: Path) -> None:
+        self._log_path = log
+        self._log: TextIO | None = None
+        self._shown = ""
+
+    def __enter__(self) -> "DriverLines":
+        self._log_path.parent.mkdir(parents=True, exist_ok=True)
+        self._log = self._log_path.open("a", encoding="utf-8")
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._log is not None:
+            self._log.close()
+
+    def hear(self, node: str, line: str) -> None:
+        """Take a line a node printed."""
+        if self._log is not None:
+            self._log.write(f"{node:>15} | {line}\n")
+            self._log.flush()
+        match = _ROS_PREFIX.match(line)
+        said = line[match.end() :] if match else line
+        if node in (KEYBOARD, PAGE) or (match and match[1] in _SHOWN_LEVELS):
+            self._show(said)
+
+    def _show(self, said: str) -> None:
+        """Print it once: page and keyboard both tell of every episode."""
+        if said == self._shown:
+            return
+        self._shown = said
+        if match := _ADDRESS.search(said):
+            progress_console.print(f"drive at [bold]{match[1]}[/bold]   (Ctrl-C ends)")
+        else:
+            progress_console.print(escape(said), soft_wrap=True)
+
+
+@contextmanager
+def restored_terminal(stream: TextIO) -> Iterator[None]:
+    """Put the terminal back as it was, also where a node that changed it has been killed."""
+    before = termios.tcgetattr(stream.fileno()) if stream.isatty() else None
+    try:
+        yield
+    finally:
+        if before is not None:
+            termios.tcsetattr(stream.fileno(), termios.TCSADRAIN, before)

@@ -1,0 +1,235 @@
+"""The teleop nodes over ROS: the mux decides, the joystick drives, the keyboard is put back."""
+
+import math
+import os
+import pty
+import signal
+import termios
+
+import pytest
+from geometry_msgs.msg import Twist, TwistStamped, Vector3Stamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Joy
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
+
+from serd_cli.node_commands import stack_processes
+from serd_core.grid import Action
+from serd_ros import qos
+from serd_ros.convert.intent import from_intent
+from serd_ros.convert.odometry import speeds_of
+from serd_ros.convert.stamp import stamp_s
+from serd_ros.graph import Stack, find_stack
+
+pytestmark = pytest.mark.ros
+STOPPED_MPS = 1e-6
+
+
+def start(nodes, environment, names, **given):
+    """Start some nodes of the teleop stack."""
+    part = find_stack("teleop").model_copy(update={"nodes": names})
+    commands = stack_processes(part, given, environment)
+    return {each.name: nodes.start(list(each.command), each.name) for each in commands}
+
+
+class Commander:
+    """Publishes velocities and sees what the mux makes of them."""
+
+    def __init__(self, probe):
+        self.probe = probe
+        self.linear = math.nan
+        probe.node.create_subscription(Twist, "cmd_vel", self._take, qos.COMMAND)
+        self.inputs = {
+            name: probe.node.create_publisher(Twist, f"cmd_vel_{name}", qos.COMMAND)
+            for name in ("planner", "teleop", "joy")
+        }
+        self.gone = probe.node.create_publisher(Bool, "driver_gone", qos.COMMAND)
+        self.e_stop = probe.node.create_publisher(Bool, "e_stop", qos.COMMAND)
+        every = [*self.inputs.values(), self.gone, self.e_stop]
+        probe.spin_until(lambda: all(each.get_subscription_count() for each in every))
+
+    def _take(self, message):
+        self.linear = message.linear.x
+
+    def until(self, reached, **speeds):
+        """Send these speeds until the output is reached."""
+
+        def done():
+            for name, speed in speeds.items():
+                message = Twist()
+                message.linear.x = speed
+                self.inputs[name].publish(message)
+            return self.linear == pytest.approx(reached, abs=1e-9)
+
+        self.probe.spin_until(done, 10)
+
+
+@pytest.fixture
+def commander(nodes, probe, ros_env):
+    start_mux(nodes, ros_env)
+    return Commander(probe)
+
+
+def start_mux(nodes, environment, **given):
+    alone = Stack(about="the mux alone", nodes=("teleop_mux",))
+    (process,) = stack_processes(alone, given, environment)
+    return nodes.start(list(process.command), "teleop_mux")
+
+
+def test_the_mux_lets_the_highest_priority_drive_and_stops_when_all_are_silent(commander):
+    commander.until(0.0)
+    commander.until(0.4, teleop=0.4, planner=0.2)
+    commander.until(0.7, joy=0.7, teleop=0.4, planner=0.2)
+    commander.until(0.0)
+
+
+def test_the_planner_drives_only_while_somebody_is_there(commander):
+    commander.until(0.0, planner=0.3)
+
+    def there():
+        commander.gone.publish(Bool(data=False))
+        message = Twist()
+        message.linear.x = 0.3
+        commander.inputs["planner"].publish(message)
+        return commander.linear == pytest.approx(0.3)
+
+    commander.probe.spin_until(there, 10)
+    commander.gone.publish(Bool(data=True))
+    commander.until(0.0, planner=0.3)
+
+
+def test_the_e_stop_holds_until_the_service_releases_it_and_speeds_are_limited(commander):
+    commander.until(1.2, teleop=50.0)
+    commander.e_stop.publish(Bool(data=True))
+    commander.until(0.0, teleop=0.5)
+    for _ in range(10):
+        commander.until(0.0, teleop=0.5, joy=0.5)
+    service = commander.probe.node.create_client(SetBool, "set_e_stop")
+    commander.probe.spin_until(service.service_is_ready)
+    reply = service.call_async(SetBool.Request(data=False))
+    commander.probe.spin_until(reply.done)
+    assert reply.result().message == "released"
+    commander.until(0.5, teleop=0.5)
+
+
+def test_a_command_that_is_not_finite_stops(commander):
+    commander.until(0.5, teleop=0.5)
+    commander.until(0.0, teleop=math.nan)
+
+
+def test_stamped_commands_go_in_and_out_when_the_file_says_so(nodes, probe, ros_env, tmp_path):
+    file = tmp_path / "mux.yaml"
+    file.write_text("topics: {nav: {topic: nav_vel, timeout: 0.5, priority: 1, stamped: true}}\n")
+    start_mux(nodes, ros_env, mux=str(file), stamped_cmd_vel=True)
+    speeds = []
+    probe.node.create_subscription(
+        TwistStamped, "cmd_vel", lambda m: speeds.append(m.twist.linear.x), qos.COMMAND
+    )
+    publisher = probe.node.create_publisher(TwistStamped, "nav_vel", qos.COMMAND)
+
+    def driven():
+        message = TwistStamped()
+        message.twist.linear.x = 0.25
+        publisher.publish(message)
+        return speeds and speeds[-1] == 0.25
+
+    probe.spin_until(driven)
+
+
+def test_a_joystick_drives_while_its_enable_button_is_held(nodes, probe, ros_env):
+    start(nodes, ros_env, ("teleop_joy",))
+    got = []
+    probe.node.create_subscription(Twist, "cmd_vel_joy", got.append, qos.COMMAND)
+    publisher = probe.node.create_publisher(Joy, "joy", qos.COMMAND)
+    probe.spin_until(lambda: publisher.get_subscription_count() > 0)
+
+    def driven():
+        publisher.publish(Joy(axes=[0.0, 1.0, -0.5], buttons=[0, 0, 0, 0, 1, 0]))
+        return got
+
+    probe.spin_until(driven)
+    assert (got[-1].linear.x, got[-1].angular.z) == pytest.approx((0.6, -0.75))
+    publisher.publish(Joy(axes=[0.0, 1.0, -0.5], buttons=[0] * 6))
+    probe.spin_until(lambda: got[-1].linear.x == 0.0)
+
+
+class Terminal:
+    """A pseudo terminal: what a person types goes in at `person`."""
+
+    def __init__(self):
+        self.person, self._device = pty.openpty()
+        self.name = os.ttyname(self._device)
+        self.before = self.settings()
+
+    def settings(self):
+        return termios.tcgetattr(self._device)
+
+    def type(self, keys):
+        os.write(self.person, keys)
+
+    def close(self):
+        os.close(self.person)
+        os.close(self._device)
+
+
+@pytest.fixture
+def terminal():
+    terminal = Terminal()
+    yield terminal
+    terminal.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_the_keyboard_puts_the_terminal_back_on_every_signal(
+    nodes, probe, ros_env, terminal, number
+):
+    process = start(nodes, ros_env, ("teleop_keyboard",), terminal=terminal.name)["teleop_keyboard"]
+    probe.spin_until(lambda: "Ctrl-C end" in nodes.said("teleop_keyboard"))
+    assert terminal.settings() != terminal.before
+    process.send_signal(number)
+    assert process.wait(10) == 0
+    assert terminal.settings() == terminal.before
+
+
+def test_without_a_terminal_the_keyboard_ends_with_a_sentence(nodes, ros_env):
+    process = start(nodes, ros_env, ("teleop_keyboard",), terminal="/dev/null")["teleop_keyboard"]
+    assert process.wait(20) == 2
+    assert "start it in a terminal window" in nodes.said("teleop_keyboard")
+
+
+@pytest.mark.slow
+def test_arrow_keys_drive_and_a_killed_keyboard_stops_the_robot(nodes, probe, ros_env, terminal):
+    names = ("hallway_sim", "local_planner", "teleop_mux", "teleop_keyboard")
+    running = start(nodes, ros_env, names, terminal=terminal.name, people=0, seed=2)
+    motion, actions, sent = [], [], {}
+    for topic in ("cmd_vel", "cmd_vel_planner"):
+        probe.node.create_subscription(
+            Twist, topic, lambda m, topic=topic: sent.update({topic: m.linear.x}), qos.COMMAND
+        )
+    probe.node.create_subscription(
+        Odometry,
+        "odom",
+        lambda m: motion.append((stamp_s(m.header.stamp), speeds_of(m)[0])),
+        qos.STATE,
+    )
+    probe.node.create_subscription(
+        Vector3Stamped, "intent", lambda m: actions.append(from_intent(m)), qos.STATE
+    )
+    probe.spin_until(lambda: motion and "Ctrl-C end" in nodes.said("teleop_keyboard"))
+
+    def fast():
+        terminal.type(b"\x1b[A")
+        return motion[-1][1] > 0.3
+
+    probe.spin_until(fast)
+    assert set(actions) <= {Action.NORTH, Action.WAIT}
+    assert Action.NORTH in actions
+    running["teleop_keyboard"].kill()
+    killed_s = motion[-1][0]
+    probe.spin_until(lambda: sent["cmd_vel"] == 0.0, 5)
+    assert sent["cmd_vel_planner"] > 0.1  # the planner would have driven on
+    probe.spin_until(lambda: abs(motion[-1][1]) < STOPPED_MPS, 10)
+    # The lock engages after 0.5 s of silence; then the robot brakes, and odometry tells.
+    assert motion[-1][0] - killed_s <= 0.5 + 1.2 / 2.5 + 0.15
+    probe.spin_for(0.5)
+    assert abs(motion[-1][1]) < STOPPED_MPS
