@@ -4,11 +4,13 @@ By directions the choice becomes an `intent` at each decision tick: in an episod
 from the first direction on, waits included, and else only when something is chosen. By velocities
 `cmd_vel_teleop` is published. As long as somebody is there to drive by directions, `driver_gone`
 says false; else the mux locks the planner, within its timeout even when this process has died.
+While the mux reports the e-stop nothing is decided: what the robot does then is nobody's wish.
 """
 
 from abc import abstractmethod
 from typing import TypeVar
 
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, Vector3Stamped
 from std_msgs.msg import Bool
 
@@ -16,6 +18,7 @@ from serd_core.grid import Action
 from serd_ros import qos, topics
 from serd_ros.configs import HandDriverConfig
 from serd_ros.convert.command import to_twist
+from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.intent import to_intent
 from serd_ros.episode_control import EpisodeControl
 from serd_ros.observation_endpoints import subscribe_observations
@@ -47,12 +50,15 @@ class HandDriverNode(SerdNode[Config]):
             timeout_s=self.config.timeout_s,
             tell=self.tell,
         )
-        self._was_there = self._has_decided = self._is_moving = False
+        self._was_there = self._has_decided = self._is_moving = self._is_e_stopped = False
         self._intents = self.create_publisher(Vector3Stamped, topics.INTENT, qos.STATE)
         self._velocities = self.create_publisher(Twist, topics.CMD_VEL_TELEOP, qos.COMMAND)
         self._gone = self.create_publisher(Bool, topics.DRIVER_GONE, qos.COMMAND)
         self._e_stop = self.create_publisher(Bool, topics.E_STOP, qos.COMMAND)
         subscribe_observations(self, self.scenario.control_period_s, self._on_observation)
+        self.create_subscription(
+            DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
+        )
         self.create_timer(_BEAT_PERIOD_S, self._beat, clock=self.wall_clock)
 
     @abstractmethod
@@ -97,6 +103,11 @@ class HandDriverNode(SerdNode[Config]):
         if self._is_moving and self.observation is not None:
             self._publish_intent(Action.WAIT, self.observation)
 
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        values = values_of(message, "teleop_mux")
+        if values is not None:
+            self._is_e_stopped = values["e_stop"] == str(True)
+
     def _on_observation(self, observation: Observation) -> None:
         self.observation = observation
         self.episodes.see(observation)
@@ -104,7 +115,7 @@ class HandDriverNode(SerdNode[Config]):
             self._decide(observation)
 
     def _decide(self, observation: Observation) -> None:
-        if not self._was_there or self.episodes.other_driver:
+        if not self._was_there or self._is_e_stopped or self.episodes.other_driver:
             return
         action = self.choice.decide()
         chosen = action != Action.WAIT

@@ -41,13 +41,9 @@ class PageView:
         node.create_subscription(LaserScan, topics.SCAN, self._on_scan, qos.STATE)
         node.create_subscription(Vector3Stamped, topics.INTENT, self._on_intent, qos.STATE)
         node.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.STATE)
-
-    def take_diagnostics(self, message: DiagnosticArray) -> None:
-        """Keep what the mux and the recorder say of themselves."""
-        for name in _SHOWN:
-            values = values_of(message, name)
-            if values is not None:
-                self._health[name] = values
+        node.create_subscription(
+            DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
+        )
 
     def state(self, observation: Observation | None, episodes: EpisodeControl) -> dict[str, Any]:
         """Everything the page needs to draw itself."""
@@ -67,6 +63,12 @@ class PageView:
             "mux": self._health.get("teleop_mux"),
             "recorder": self._health.get("demo_recorder"),
         }
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for name in _SHOWN:
+            values = values_of(message, name)
+            if values is not None:
+                self._health[name] = values
 
     def _on_scan(self, message: LaserScan) -> None:
         self._ranges = message

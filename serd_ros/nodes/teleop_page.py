@@ -7,7 +7,6 @@ world tells becomes its state, twenty times a second.
 import sys
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import Joy
 
 from serd_core.grid import Action
@@ -38,9 +37,6 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
         self._moving = False
         self._view = PageView(self, self.scenario)
         self._joy = self.create_publisher(Joy, topics.JOY, qos.COMMAND)
-        self.create_subscription(
-            DiagnosticArray, topics.DIAGNOSTICS, self._view.take_diagnostics, qos.STATE
-        )
         access = PageAccess(config.address, read_token(config.token_file))
         scene = scene_of(self.scenario, self._view.grid)
         self._server = PageServer(scene, access, config.port)

@@ -6,7 +6,8 @@ const COLOURS = {
   trail: "rgb(38 92 180 / .35)", seen: "rgb(38 92 180 / .055)", scan: "#c2386b", next: "#7b5bc4",
   chosen: "rgb(38 92 180 / .13)", text: "#3f7d4e",
 };
-const MARGIN_PX = 26;
+const MARGIN_PX = 22;
+const LARGEST_SCALE = 90;
 const TRAIL_STEP_M = 0.08;
 const STEPS = { north: [0, 1], east: [1, 0], south: [0, -1], west: [-1, 0] };
 
@@ -35,7 +36,8 @@ export class View {
     if (!this.scene || !clientWidth) return;
     const [left, bottom, right, top] = this.scene.bounds_m;
     const room = [clientWidth - 2 * MARGIN_PX, clientHeight - 2 * MARGIN_PX];
-    this.scale = Math.max(1, Math.min(room[0] / (right - left), room[1] / (top - bottom)));
+    const fitting = Math.min(room[0] / (right - left), room[1] / (top - bottom));
+    this.scale = Math.min(LARGEST_SCALE, Math.max(1, fitting));
     this.offset = [
       (clientWidth - this.scale * (right - left)) / 2 - this.scale * left,
       (clientHeight + this.scale * (top - bottom)) / 2 + this.scale * bottom,
@@ -104,7 +106,7 @@ export class View {
     context.fillStyle = COLOURS.seen;
     context.fill();
     context.fillStyle = COLOURS.scan;
-    for (const hit of hits) this.disc(hit, 0.035, COLOURS.scan);
+    for (const hit of hits) this.disc(hit, Math.min(0.04, 2 / this.scale), COLOURS.scan);
   }
 
   // The cell being driven to, filled, with its waypoint; the cell chosen next, dashed.
@@ -136,7 +138,7 @@ export class View {
     context.beginPath();
     for (const point of this.trail) context.lineTo(...this.at(point));
     context.strokeStyle = COLOURS.trail;
-    context.lineWidth = Math.max(2, 0.09 * this.scale);
+    context.lineWidth = Math.min(6, Math.max(2, 0.09 * this.scale));
     context.lineJoin = context.lineCap = "round";
     context.stroke();
   }
@@ -155,7 +157,7 @@ export class View {
     const { context } = this;
     context.save();
     context.shadowColor = "rgb(20 40 90 / .45)";
-    context.shadowBlur = 0.3 * this.scale;
+    context.shadowBlur = Math.min(14, 0.3 * this.scale);
     this.disc([x, y], radius, COLOURS.robot);
     context.restore();
     this.ring([x, y], radius, "#ffffff", 1.5);
@@ -167,7 +169,7 @@ export class View {
     const { context } = this;
     context.lineJoin = "miter";
     context.strokeStyle = COLOURS.wall;
-    context.lineWidth = Math.max(3, 0.12 * this.scale);
+    context.lineWidth = Math.min(6, Math.max(3, 0.12 * this.scale));
     this.scene.walls_m.forEach((wall, index) => {
       this.path(wall);
       if (index > 0) { context.fillStyle = COLOURS.wall; context.fill(); }
@@ -188,7 +190,7 @@ export class View {
   label(text, point) {
     const { context } = this;
     context.fillStyle = COLOURS.text;
-    context.font = `600 ${Math.max(11, 0.42 * this.scale)}px system-ui, sans-serif`;
+    context.font = `600 ${Math.min(20, Math.max(11, 0.42 * this.scale))}px system-ui, sans-serif`;
     context.textAlign = "center";
     context.textBaseline = "middle";
     context.fillText(text, ...this.at(point));

@@ -1,0 +1,297 @@
+"""The web page as a person uses it, in headless Chromium: to the goal, or away from it."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from geometry_msgs.msg import PoseStamped, Vector3Stamped
+from nav_msgs.msg import Odometry
+from rosbags.highlevel import AnyReader
+from selenium import webdriver
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+from bags.discretise import decisions_from_bag
+from bags.recorded_drive import read_drive
+from serd_cli.node_commands import stack_processes
+from serd_core.grid import Action
+from serd_ros import qos
+from serd_ros.convert.intent import from_intent
+from serd_ros.convert.odometry import speeds_of
+from serd_ros.convert.pose import from_pose
+from serd_ros.graph import find_stack
+from sim.scenario import load_scenario
+from sim.scenario_grid import grid_of
+
+SERD = str(Path(sys.executable).with_name("serd"))
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+CHROMEDRIVER = shutil.which("chromedriver")
+STOPPED_MPS = 1e-6
+SCENARIO = """
+name: bend
+walkable_area_m: [[0, 0], [3, 0], [3, 2], [6, 2], [6, 5], [0, 5]]
+goal_area_m: [[3, 2], [4, 2], [4, 5], [3, 5]]
+start_areas_m: {train: [[0, 0], [1, 0], [1, 1], [0, 1]]}
+pedestrians:
+  count: 2
+  warm_up_s: 1.0
+  loops:
+    - name: beyond the goal
+      waypoints_m: [[5, 2.7], [5.4, 2.7], [5.4, 4.3], [5, 4.3]]
+      lane_half_width_m: 0.1
+"""
+FAKE_GAMEPAD = """
+const button = (pressed) => ({ pressed, value: Number(pressed) });
+window.fake = { id: "test pad", connected: true, axes: [0, -1, 0, 0],
+  buttons: Array.from({ length: 17 }, (_, index) => button(index === 4)) };
+navigator.getGamepads = () => (window.fake ? [window.fake] : []);
+"""
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not (CHROMIUM and CHROMEDRIVER),
+        reason="no Chromium on this machine: apt-get install chromium chromium-driver",
+    ),
+]
+
+
+class Page:
+    """The page in a browser of its own."""
+
+    def __init__(self, folder):
+        options = webdriver.ChromeOptions()
+        options.binary_location = CHROMIUM
+        for argument in (
+            "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+            "--window-size=1280,860", f"--user-data-dir={folder / 'chromium'}",
+        ):  # fmt: skip
+            options.add_argument(argument)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        self.browser = webdriver.Chrome(options, webdriver.ChromeService(CHROMEDRIVER))
+
+    def open(self, url):
+        self.browser.get(url)
+        self.wait(lambda: self.text("link") == "connected")
+
+    def part(self, name):
+        return self.browser.find_element(By.ID, name)
+
+    def text(self, name):
+        return self.part(name).text
+
+    def keys(self):
+        return ActionChains(self.browser)
+
+    def press(self, key):
+        self.keys().send_keys(key).perform()
+
+    def run(self, script):
+        return self.browser.execute_script(script)
+
+    def wait(self, condition, limit_s=20.0):
+        deadline = time.monotonic() + limit_s
+        while not condition():
+            assert time.monotonic() < deadline, (self.text("phase"), self.text("said"))
+            time.sleep(0.05)
+
+    def faults(self):
+        return [entry for entry in self.browser.get_log("browser") if entry["level"] == "SEVERE"]
+
+
+@pytest.fixture
+def page(tmp_path):
+    page = Page(tmp_path)
+    yield page
+    page.browser.quit()
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    file = tmp_path / "bend.yaml"
+    file.write_text(SCENARIO)
+    return file
+
+
+class World:
+    """What the probe sees of the robot."""
+
+    def __init__(self, probe):
+        self.probe = probe
+        self.pose, self.speed_mps = None, 0.0
+        self.speeds_mps, self.actions = [], []
+        node = probe.node
+        node.create_subscription(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
+        node.create_subscription(Odometry, "odom", self._take_odometry, qos.STATE)
+        node.create_subscription(Vector3Stamped, "intent", self._take_intent, qos.STATE)
+
+    def _take_pose(self, message):
+        self.pose = from_pose(message.pose)
+
+    def _take_odometry(self, message):
+        self.speed_mps = abs(speeds_of(message)[0])
+        self.speeds_mps.append(self.speed_mps)
+
+    def _take_intent(self, message):
+        self.actions.append(from_intent(message))
+
+    def until(self, condition, limit_s=20.0):
+        self.probe.spin_until(lambda: self.pose is not None and condition(), limit_s)
+
+    def until_it_drives(self):
+        self.until(lambda: self.speed_mps > 0.25)
+
+    def until_it_stands(self, limit_s):
+        self.until(lambda: self.speed_mps < STOPPED_MPS, limit_s)
+        self.probe.spin_for(0.4)
+        assert self.speed_mps < STOPPED_MPS
+
+
+@pytest.fixture
+def world(probe):
+    return World(probe)
+
+
+def test_somebody_drives_to_the_goal_through_the_page_and_it_is_recorded(
+    page, world, scenario, ros_env, tmp_path
+):
+    command = [SERD, "teleop", "--scenario", str(scenario), "--port", "0", "--driver", "anna"]
+    log = tmp_path / "said.txt"
+    with log.open("wb") as said:
+        session = subprocess.Popen(command, cwd=tmp_path, env=ros_env, stdout=said, stderr=said)
+    try:
+        address = re.compile(r"drive at (http://\S+)")
+        page.wait(lambda: session.poll() is not None or address.search(log.read_text()), 30)
+        page.open(address.search(log.read_text())[1])
+        drive_to_the_goal(page, world)
+        page.wait(lambda: page.text("arrived") == "1")
+        assert page.text("kept") == "1"
+        assert page.faults() == []
+        n_decisions = int(page.text("decisions").split()[0])
+        keep_picture(page, tmp_path)
+        session.send_signal(signal.SIGINT)
+        assert session.wait(20) == 0, log.read_text()
+    finally:
+        session.kill()
+        session.wait()
+    summary = log.read_text()
+    assert "episode 1 arrived" in summary
+    assert "1 episode kept (1 arrived), 0 discarded" in summary
+    check_recording(tmp_path / "teleop_output/session-1/bag", scenario, n_decisions)
+
+
+def drive_to_the_goal(page, world):
+    """North until the bend, then east, with held arrow keys."""
+    page.press(Keys.ENTER)
+    page.wait(lambda: page.part("recording").is_displayed())
+    page.keys().key_down(Keys.ARROW_UP).perform()
+    world.until(lambda: world.pose[1] > 2.2)
+    page.keys().key_up(Keys.ARROW_UP).key_down(Keys.ARROW_RIGHT).perform()
+    page.wait(lambda: "arrived" in page.text("phase"), 30)
+    page.keys().key_up(Keys.ARROW_RIGHT).perform()
+
+
+def keep_picture(page, folder):
+    """A picture of the page, for whoever wants to look at it: SERD_PICTURES=FOLDER."""
+    picture = folder / "teleop_page.png"
+    assert page.browser.save_screenshot(str(picture))
+    if "SERD_PICTURES" in os.environ:
+        shutil.copy(picture, os.environ["SERD_PICTURES"])
+
+
+def check_recording(bag, scenario, n_decisions):
+    place = load_scenario(scenario)
+    with AnyReader([bag]) as reader:
+        assert reader.message_count > 200
+    (span,) = read_drive(bag).episodes
+    assert span.outcome == "arrived"
+    decisions, report = decisions_from_bag(bag, grid_of(place), place.decision_period_s)
+    assert {Action.NORTH, Action.EAST} <= {Action(each) for each in decisions.action}
+    assert report.n_intents == n_decisions
+
+
+@pytest.fixture
+def driving(nodes, page, scenario, ros_env):
+    """The teleop stack without a recorder, and the page in front."""
+    stack = find_stack("teleop")
+    names = tuple(name for name in stack.nodes if name != "demo_recorder")
+    given = {"scenario": str(scenario), "port": 0, "people": 0}
+    for process in stack_processes(stack.model_copy(update={"nodes": names}), given, ros_env):
+        nodes.start(list(process.command), process.name)
+    address = re.compile(r"the page is at (http://\S+)")
+    page.wait(lambda: address.search(nodes.said("teleop_page")), 30)
+    page.open(address.search(nodes.said("teleop_page"))[1])
+    return page
+
+
+def test_touch_drives_and_leaving_the_page_or_the_e_stop_stops_the_robot(driving, world):
+    page = driving
+    north = page.browser.find_element(By.CSS_SELECTOR, "[data-way=north]")
+    page.keys().click_and_hold(north).perform()
+    world.until_it_drives()
+    page.run("window.dispatchEvent(new Event('blur'))")
+    world.until_it_stands(1.5)
+    page.wait(lambda: page.part("veil").is_displayed())
+    assert page.text("veil-title") == "The robot stands"
+    page.keys().release().perform()
+
+    page.part("veil").click()
+    page.keys().key_down(Keys.ARROW_UP).perform()
+    world.until_it_drives()
+    page.press(Keys.SPACE)
+    world.until_it_stands(1.5)
+    page.wait(lambda: page.text("veil-title") == "Emergency stop")
+    assert page.text("stop").startswith("RELEASE")
+    n_actions = len(world.actions)
+    world.probe.spin_for(2.2)  # the key is still held, and a decision period begins
+    assert len(world.actions) == n_actions
+    page.press("r")
+    world.until_it_drives()
+    page.keys().key_up(Keys.ARROW_UP).perform()
+
+
+def test_a_gamepad_drives_by_velocities_and_a_page_that_closes_stops_the_robot(driving, world):
+    page = driving
+    page.part("velocity").click()
+    page.wait(lambda: page.part("velocity").get_attribute("aria-pressed") == "true")
+    page.run(FAKE_GAMEPAD)
+    world.until_it_drives()
+    assert "test pad" in page.text("gamepad")
+    page.run("window.fake.buttons[4] = { pressed: false, value: 0 }")
+    world.until_it_stands(1.5)
+    page.run("window.fake = null")
+    page.keys().key_down(Keys.ARROW_LEFT).key_down(Keys.ARROW_DOWN).perform()
+    world.until(lambda: world.speed_mps > 0.1)
+    world.speeds_mps.clear()
+    page.run("const end = performance.now() + 1200; while (performance.now() < end);")
+    world.until(lambda: min(world.speeds_mps, default=1.0) < STOPPED_MPS)  # it was frozen
+    world.until(lambda: world.speed_mps > 0.1)
+    page.browser.get("about:blank")
+    world.until_it_stands(1.5)
+    assert world.actions == []
+
+
+def test_episodes_start_and_are_thrown_away_with_the_buttons(driving, world):
+    page = driving
+    page.part("start").click()
+    page.wait(lambda: page.part("recording").is_displayed())
+    page.part("discard").click()
+    page.wait(lambda: page.text("discarded") == "1")
+    assert page.text("kept") == "0"
+    page.part("start").click()
+    page.wait(lambda: page.text("phase") == "episode 2")
+    page.part("save").click()
+    page.wait(lambda: page.text("kept") == "1")
+    page.press("d")
+    page.wait(lambda: page.text("discarded") == "2")
+    assert world.actions == []
+    assert not page.part("discard").is_enabled()
+    assert page.faults() == []
