@@ -12,6 +12,7 @@ from serd_core.errors import SerdError
 
 COMMANDS = (
     "demo",
+    "teleop",
     "navigate",
     "launch",
     "run",
