@@ -35,7 +35,7 @@ def draw_policy_map(
         norm = Normalize(*_colour_range(elsewhere if len(elsewhere) else values))
         cells = draw_cells(axes, grid, values, norm, style.VALUE_MAP)
         draw_areas(axes, layout, filled=False)
-        _arrows(axes, grid, greedy, np.isin(np.arange(grid.n_states), goal_states), trapped)
+        draw_arrows(axes, grid, greedy, np.isin(np.arange(grid.n_states), goal_states), trapped)
         outline_cells(axes, grid, np.flatnonzero(trapped).tolist(), style.RED, "trap")
         colour_bar(figure, axes, cells, "value of the cell (discounted reward)", extend="both")
         axes.set_title(_title(int(trapped.sum())))
@@ -53,9 +53,15 @@ def _title(n_trapped: int) -> str:
     return f"{counted(n_trapped, 'trap state')} (dashed red)"
 
 
-def _arrows(
-    axes: Axes, grid: Grid, greedy: IntArray, is_goal: BoolArray, trapped: BoolArray
+def draw_arrows(
+    axes: Axes,
+    grid: Grid,
+    greedy: IntArray,
+    is_goal: BoolArray,
+    trapped: BoolArray,
+    width_in: float = 0.016,
 ) -> None:
+    """Arrows of the moves and dots of the waits of a greedy policy (S,), red where trapped."""
     moving = (greedy != Action.WAIT) & ~is_goal
     waiting = (greedy == Action.WAIT) & ~is_goal
     colours = np.where(trapped, style.RED, style.INK)
@@ -69,7 +75,7 @@ def _arrows(
             scale_units="xy",
             scale=1.0,
             units="inches",
-            width=0.016,
+            width=width_in,
             headwidth=4.5,
             headlength=4.5,
             headaxislength=4.0,
@@ -78,4 +84,4 @@ def _arrows(
             gid="greedy moves",
         )
     x, y = grid.centers_m[waiting].T
-    axes.scatter(x, y, s=16, c=colours[waiting].tolist(), zorder=5, gid="greedy waits")
+    axes.scatter(x, y, s=1000 * width_in, c=colours[waiting].tolist(), zorder=5, gid="greedy waits")

@@ -1,0 +1,137 @@
+"""Fig. 5.10: predicted and measured distribution of the time of arrival, method by method."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from experiments.repetitions import Row
+from experiments.study.experts import PEOPLE
+from experiments.study.figures.context import FigureContext
+from experiments.study.figures.looks import METHOD_LOOKS
+from experiments.study.results import Results
+from report import style
+from report.canvas import new_figure
+from serd_core.arrival_bands import clopper_pearson, sampling_band
+
+#: Times of arrival span a decade: a logarithmic axis shows the bulk and the stragglers alike.
+_FROM_S, _TICKS_S = 35.0, (40, 50, 60, 80, 100, 150, 200, 300, 420)
+
+
+def rows(results: Results) -> list[Row]:
+    """Both CDFs by whole periods, with pointwise bands, and that of sampled trajectories."""
+    coverage = results.settings.statistics.coverage
+    table: list[Row] = []
+    for method in results.methods(PEOPLE):
+        tables = results.arrival_tables(PEOPLE, method)
+        n_episodes = tables.n_episodes * len(tables.measured)
+        predicted, measured = tables.predicted.mean(axis=0), tables.measured.mean(axis=0)
+        sampled = np.mean(
+            [each["sampled_cdf"] for each in results.predictions(PEOPLE, method)], axis=0
+        )
+        around = sampling_band(predicted, n_episodes, coverage)
+        exact = clopper_pearson(np.round(measured * n_episodes), n_episodes, coverage)
+        columns = {
+            "time_s": tables.period_s * np.arange(len(predicted)),
+            "predicted": predicted,
+            "predicted_lower": around[0],
+            "predicted_upper": around[1],
+            "sampled": sampled,
+            "measured": measured,
+            "measured_lower": exact[0],
+            "measured_upper": exact[1],
+        }
+        table += [
+            {"method": method, "n_episodes": n_episodes}
+            | {name: float(values[period]) for name, values in columns.items()}
+            for period in range(len(predicted))
+        ]
+    return table
+
+
+def draw(table: list[Row], context: FigureContext) -> Figure:
+    """All measured curves, then one panel per method."""
+    del context
+    methods = list(dict.fromkeys(str(row["method"]) for row in table))
+    with style.report_style():
+        figure = new_figure(12.0, 6.4)
+        panels = figure.subplots(2, (len(methods) + 2) // 2, sharey=True).ravel()
+        for method in methods:
+            curve = _columns(table, method)
+            look = METHOD_LOOKS[method]
+            panels[0].step(
+                curve["time_s"],
+                curve["measured"],
+                where="post",
+                color=look.colour,
+                linestyle=look.line,
+                label=method,
+            )
+        panels[0].set_title("measured, all methods", loc="left")
+        for axes, method in zip(panels[1:], methods, strict=False):
+            _compare(axes, _columns(table, method))
+            axes.set_title(method, loc="left")
+        for axes in panels[: len(methods) + 1]:
+            axes.set_xscale("log")
+            axes.set_xlim(_FROM_S, float(table[-1]["time_s"]))
+            axes.set_xticks(_TICKS_S, [str(tick) for tick in _TICKS_S])
+            axes.set_xticks([], minor=True)
+            axes.tick_params(labelbottom=True)
+            axes.set_ylim(0, 1.03)
+            axes.grid()
+            axes.set_xlabel("time since the start in s")
+        _legends(panels, len(methods))
+        figure.supylabel("probability of having arrived", fontsize=9)
+    return figure
+
+
+def _compare(axes: Axes, curve: dict[str, np.ndarray]) -> None:
+    for kind, colour, line in (
+        ("predicted", style.PREDICTED_COLOUR, "--"),
+        ("measured", style.MEASURED_COLOUR, "-"),
+    ):
+        axes.fill_between(
+            curve["time_s"],
+            curve[f"{kind}_lower"],
+            curve[f"{kind}_upper"],
+            step="post",
+            color=colour,
+            alpha=0.18,
+            linewidth=0,
+            label=f"95 % band, {kind}",
+        )
+        axes.step(
+            curve["time_s"], curve[kind], where="post", color=colour, linestyle=line, label=kind
+        )
+    axes.plot(
+        curve["time_s"][::2],
+        curve["sampled"][::2],
+        ".",
+        color=style.INK,
+        markersize=2.5,
+        label="sampled trajectories",
+    )
+
+
+def _columns(table: list[Row], method: str) -> dict[str, np.ndarray]:
+    chosen = [row for row in table if row["method"] == method]
+    names = [name for name in chosen[0] if name != "method"]
+    return {name: np.array([float(row[name]) for row in chosen]) for name in names}
+
+
+def _legends(panels: Sequence[Axes], n_methods: int) -> None:
+    """Methods and curves, in the panel that is left over where there is one."""
+    handles, labels = panels[1].get_legend_handles_labels()
+    if len(panels) == n_methods + 1:
+        panels[0].legend(fontsize=7)
+        panels[1].legend(fontsize=7)
+        return
+    spare = panels[n_methods + 1]
+    for each in panels[n_methods + 1 :]:
+        each.set_axis_off()
+    methods = spare.legend(
+        *panels[0].get_legend_handles_labels(), loc="upper left", title="measured, all methods"
+    )
+    spare.add_artist(methods)
+    spare.legend(handles, labels, loc="lower left", title="every other panel")

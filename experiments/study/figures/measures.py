@@ -1,0 +1,79 @@
+"""Fig. 5.9: medians with quartiles over the number of demonstrations, for every method."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from experiments.figures.ticks import tick_sizes
+from experiments.repetitions import Row
+from experiments.study.experts import PEOPLE
+from experiments.study.figures.context import FigureContext
+from experiments.study.figures.looks import METHOD_LOOKS
+from experiments.study.results import Results
+from experiments.summary import quartiles
+from report import style
+from report.canvas import new_figure
+
+PANELS = {
+    "test_log_likelihood": ("(a) test", "log-likelihood per decision"),
+    "transfer_log_likelihood": ("(b) transfer", "log-likelihood per decision"),
+    "dynamics_divergence": ("(c) dynamics", "divergence from the reference"),
+}
+
+
+def rows(results: Results) -> list[Row]:
+    """Median and quartiles over repetitions for every measure, size and method."""
+    chosen = [row for row in results.measures if row["expert"] == PEOPLE]
+    return [
+        {"measure": measure} | row
+        for measure in PANELS
+        for row in quartiles(chosen, measure, ["size", "method"])
+    ]
+
+
+def draw(table: list[Row], context: FigureContext) -> Figure:
+    """Three panels; what lies below the lower edge is told by an arrow-less cut at the axis."""
+    del context
+    with style.report_style():
+        figure = new_figure(11.5, 4.3)
+        for axes, (measure, (title, label)) in zip(
+            figure.subplots(1, 3), PANELS.items(), strict=True
+        ):
+            panel = [row for row in table if row["measure"] == measure]
+            for method, look in METHOD_LOOKS.items():
+                lines = [row for row in panel if row["method"] == method]
+                sizes = [int(row["size"]) for row in lines]
+                low, middle, high = (
+                    np.array([float(row[name]) for row in lines])
+                    for name in ("lower", "median", "upper")
+                )
+                axes.plot(
+                    sizes,
+                    middle,
+                    color=look.colour,
+                    marker=look.marker,
+                    linestyle=look.line,
+                    markersize=5,
+                    label=method,
+                )
+                axes.fill_between(sizes, low, high, color=look.colour, alpha=0.13, linewidth=0)
+            axes.set_title(title, loc="left")
+            axes.set(xlabel="demonstrations", ylabel=label, xscale="log")
+            if measure == "dynamics_divergence":
+                axes.set_yscale("log")
+            else:
+                axes.set_ylim(*_shown(panel))
+            axes.grid(axis="y")
+            tick_sizes(axes, sorted({int(row["size"]) for row in panel}))
+        figure.legend(
+            *figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6
+        )
+    return figure
+
+
+def _shown(panel: list[Row]) -> tuple[float, float]:
+    """Limits that show three quarters of all quartiles; the worst learners start below."""
+    lower = np.array([float(row["lower"]) for row in panel])
+    upper = np.array([float(row["upper"]) for row in panel])
+    low, high = float(np.quantile(lower, 0.25)), float(upper.max())
+    margin = 0.08 * (high - low)
+    return low - margin, high + margin

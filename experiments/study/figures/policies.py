@@ -1,0 +1,85 @@
+"""Fig. 5.11: greedy policies with the states from which they never arrive.
+
+Two examples of each method: repetition 0, and the repetition with the most trap states.
+"""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from experiments.repetitions import Row
+from experiments.study.demonstrations import n_repetitions
+from experiments.study.experts import PEOPLE
+from experiments.study.figures.context import FigureContext
+from experiments.study.results import Results
+from report import style
+from report.figures.map_axes import draw_areas, draw_cells, map_figure, outline_cells
+from report.figures.policy_map import draw_arrows
+from report.wording import counted
+from serd_core.arrays import BoolArray, IntArray
+from serd_core.trap_states import trap_states
+
+
+def rows(results: Results) -> list[Row]:
+    """Action and trap of every state for every method and repetition."""
+    grid = results.problem.grid
+    table: list[Row] = []
+    for method in results.methods(PEOPLE):
+        for repetition in range(n_repetitions(results.settings, PEOPLE)):
+            greedy = np.array(results.model(PEOPLE, repetition, method)["greedy"])
+            trapped = trap_states(grid.neighbours, greedy, results.problem.goal_states)
+            table += [
+                {
+                    "method": method,
+                    "repetition": repetition,
+                    "state": state,
+                    "action": int(greedy[state]),
+                    "trapped": bool(trapped[state]),
+                }
+                for state in range(grid.n_states)
+            ]
+    return table
+
+
+def draw(table: list[Row], context: FigureContext) -> Figure:
+    """Upper row: repetition 0; lower row: the repetition with most traps.
+
+    Shades tell in how many of all repetitions a state is a trap.
+    """
+    grid = context.problem.grid
+    methods = list(dict.fromkeys(str(row["method"]) for row in table))
+    found = {method: _policies(table, method, grid.n_states) for method in methods}
+    with style.report_style():
+        figure, axes = map_figure(context.layout, 2 * len(methods), height_in=9.4, width_in=13.5)
+        for place, panel in enumerate(axes):
+            method = methods[place % len(methods)]
+            greedy, trapped = found[method]
+            counts = trapped.sum(axis=1)
+            number = 0 if place < len(methods) else int(counts.argmax())
+            cells = draw_cells(panel, grid, trapped.mean(axis=0), Normalize(0, 1), style.VALUE_MAP)
+            _panel(panel, context, greedy[number], trapped[number])
+            panel.set_title(
+                f"{method}\nrepetition {number}: {counted(int(counts[number]), 'trap')}", fontsize=8
+            )
+        bar = figure.colorbar(cells, ax=axes, shrink=0.6, pad=0.01, aspect=30)
+        bar.set_label("share of repetitions in which the cell is a trap")
+        bar.outline.set_visible(False)
+    return figure
+
+
+def _panel(axes: Axes, context: FigureContext, greedy: IntArray, trapped: BoolArray) -> None:
+    grid = context.problem.grid
+    is_goal = np.isin(np.arange(grid.n_states), context.problem.goal_states)
+    draw_areas(axes, context.layout, filled=False)
+    draw_arrows(axes, grid, greedy, is_goal, trapped, width_in=0.008)
+    outline_cells(axes, grid, np.flatnonzero(trapped).tolist(), style.RED, "trap")
+
+
+def _policies(table: list[Row], method: str, n_states: int) -> tuple[IntArray, BoolArray]:
+    """(R, S) actions and traps."""
+    chosen = [row for row in table if row["method"] == method]
+    shape = (-1, n_states)
+    greedy = np.array([int(row["action"]) for row in chosen], dtype=np.int64).reshape(shape)
+    trapped = np.array([str(row["trapped"]) == "True" for row in chosen]).reshape(shape)
+    return greedy, trapped

@@ -1,0 +1,77 @@
+"""Fig. 5.8: lambda of the divergence prior against the number of demonstrations."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from experiments.repetitions import Row
+from experiments.study.figures.context import FigureContext
+from experiments.study.results import Results
+from report import style
+from report.canvas import new_figure
+from serd_core.arrays import FloatArray
+
+PANELS = {
+    "validation_log_likelihood": "(a) validation log-likelihood",
+    "test_log_likelihood": "(b) test log-likelihood",
+    "transfer_log_likelihood": "(c) transfer log-likelihood",
+    "dynamics_divergence": "(d) divergence of the dynamics",
+}
+
+
+def rows(results: Results) -> list[Row]:
+    """Means over repetitions for every size and lambda."""
+    keys = sorted({(row["size"], row["prior_weight"]) for row in results.candidates})
+    table: list[Row] = []
+    for size, weight in keys:
+        chosen = [
+            row
+            for row in results.candidates
+            if (row["size"], row["prior_weight"]) == (size, weight)
+        ]
+        means = {name: float(np.mean([row[name] for row in chosen])) for name in PANELS}
+        table.append({"size": size, "prior_weight": weight, "n": len(chosen)} | means)
+    return table
+
+
+def draw(table: list[Row], context: FigureContext) -> Figure:
+    """Four heat maps with their numbers; the best lambda of each size is framed."""
+    del context
+    sizes = sorted({int(row["size"]) for row in table})
+    weights = sorted({float(row["prior_weight"]) for row in table})
+    with style.report_style():
+        figure = new_figure(11.0, 6.6)
+        for axes, (name, title) in zip(figure.subplots(2, 2).ravel(), PANELS.items(), strict=True):
+            lookup = {(float(r["prior_weight"]), int(r["size"])): float(r[name]) for r in table}
+            values = np.array([[lookup[weight, size] for size in sizes] for weight in weights])
+            _panel(figure, axes, values, higher_is_better=name != "dynamics_divergence")
+            axes.set_title(title, loc="left")
+            axes.set_xticks(range(len(sizes)), [str(size) for size in sizes])
+            axes.set_yticks(range(len(weights)), [f"{weight:g}" for weight in weights])
+            axes.set_xlabel("demonstrations")
+            axes.set_ylabel("prior weight λ")
+    return figure
+
+
+def _panel(figure: Figure, axes: Axes, values: FloatArray, *, higher_is_better: bool) -> None:
+    colours = style.VALUE_MAP if higher_is_better else style.VALUE_MAP.reversed()
+    # Few demonstrations are far worse: off the scale, they leave room for what matters.
+    low, high = np.quantile(values, [0.1, 1.0] if higher_is_better else [0.0, 0.9])
+    drawn = axes.imshow(values, origin="lower", aspect="auto", cmap=colours, vmin=low, vmax=high)
+    figure.colorbar(drawn, ax=axes, shrink=0.9, extend="min" if higher_is_better else "max")
+    best = values.argmax(axis=0) if higher_is_better else values.argmin(axis=0)
+    for (row, column), value in np.ndenumerate(values):
+        weight = "bold" if row == best[column] else "normal"
+        text = f"{value:.3f}".replace("-", "−")
+        axes.text(column, row, text, ha="center", va="center", fontsize=7.5, fontweight=weight)
+    for column, row in enumerate(best):
+        _frame(axes, column, int(row))
+    axes.tick_params(length=0)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+def _frame(axes: Axes, column: int, row: int) -> None:
+    place = (column - 0.47, row - 0.45)
+    axes.add_patch(Rectangle(place, 0.94, 0.9, fill=False, edgecolor=style.RED, linewidth=1.4))

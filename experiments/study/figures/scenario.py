@@ -1,0 +1,132 @@
+"""Fig. 5.6: the scenario with its people, the shortest way, and the way experts typically take."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from experiments.repetitions import Row
+from experiments.study.demonstrations import load_sets
+from experiments.study.experts import PEOPLE
+from experiments.study.figures.context import FigureContext
+from experiments.study.figures.shortest_way import shortest_way
+from experiments.study.results import Results
+from report import style
+from report.figures.map_axes import draw_areas, map_figure
+from serd_core.arrays import FloatArray
+from serd_core.demonstrations import Decisions
+from serd_core.grid import Grid
+from sim.world import HallwayWorld
+
+SHORTEST, TYPICAL, PERSON = "shortest way", "typical way", "person"
+_ORANGE = "#e07b00"
+_ARROW_S = 0.6
+
+
+def rows(results: Results) -> list[Row]:
+    """Corners of both ways in order; people with their velocities at the start of episode 0."""
+    grid = results.problem.grid
+    training = load_sets(results.folder / "demonstrations", PEOPLE, 0).training
+    typical = typical_way(grid, training)
+    goal_m = _nearest_goal(results, typical[0])
+    radius_m = results.scenario.robot.radius_m
+    ways = {
+        SHORTEST: shortest_way(results.scenario, typical[0], goal_m, radius_m),
+        TYPICAL: typical,
+    }
+    table = [
+        _row(kind, number, *point) for kind, way in ways.items() for number, point in enumerate(way)
+    ]
+    with HallwayWorld(results.scenario, seed=results.settings.seed) as world:
+        seen = world.reset(0, "train")
+    for number, (place, velocity) in enumerate(
+        zip(seen.people_position_m, seen.people_velocity_mps, strict=True)
+    ):
+        table.append(_row(PERSON, number, *place, *velocity))
+    return table
+
+
+def typical_way(grid: Grid, decisions: Decisions) -> FloatArray:
+    """(n, 2) the demonstration whose cells are most like those of all others (a medoid)."""
+    tracks = {
+        episode: decisions.state[decisions.episode == episode] for episode in decisions.episodes
+    }
+    visits = np.zeros((len(tracks), grid.n_states))
+    for number, states in enumerate(tracks.values()):
+        visits[number, states] = 1.0
+    shared = visits @ visits.T
+    united = visits.sum(axis=1)[:, None] + visits.sum(axis=1)[None, :] - shared
+    most_alike = int((shared / united).sum(axis=1).argmax())
+    episode = list(tracks)[most_alike]
+    last = decisions.next_state[decisions.episode == episode][-1:]
+    return np.asarray(grid.centers_m[np.concatenate([tracks[episode], last])])
+
+
+def draw(table: list[Row], context: FigureContext) -> Figure:
+    """The map with areas, people and both ways."""
+    with style.report_style():
+        figure, (axes,) = map_figure(context.layout, height_in=7.6, width_in=6.6)
+        draw_areas(axes, context.layout, filled=True)
+        _draw_people(axes, _points(table, PERSON))
+        for kind, colour, line in ((TYPICAL, style.PURPLE, "-"), (SHORTEST, _ORANGE, "--")):
+            way = _points(table, kind)[:, :2]
+            axes.plot(*way.T, color=colour, linestyle=line, linewidth=2.6, zorder=9, alpha=0.9)
+            axes.annotate(
+                "",
+                xy=way[-1],
+                xytext=way[-1] - 0.4 * (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2]),
+                arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 2.2},
+                zorder=9,
+            )
+        count = len(_points(table, PERSON))
+        axes.set_title(f"{context.scenario.name} with {count} people")
+        figure.legend(handles=_legend(), loc="outside lower center", ncols=2)
+    return figure
+
+
+def _draw_people(axes: Axes, people: FloatArray) -> None:
+    axes.scatter(people[:, 0], people[:, 1], s=26, color=style.PERSON_COLOUR, zorder=8, linewidth=0)
+    axes.quiver(
+        *people[:, :2].T,
+        *(people[:, 2:] * _ARROW_S).T,
+        angles="xy",
+        scale_units="xy",
+        scale=1.0,
+        units="inches",
+        width=0.013,
+        color=style.INK,
+        zorder=8,
+    )
+
+
+def _legend() -> list[Line2D]:
+    person = Line2D([], [], linestyle="none", marker="o", color=style.PERSON_COLOUR)
+    person.set_label("person, arrow = velocity")
+    return [
+        Line2D([], [], color=style.PURPLE, linewidth=2.6, label="typical demonstration"),
+        Line2D([], [], color=_ORANGE, linestyle="--", linewidth=2.6, label="shortest way"),
+        person,
+    ]
+
+
+def _nearest_goal(results: Results, start_m: FloatArray) -> FloatArray:
+    goals = results.problem.grid.centers_m[results.problem.goal_states]
+    return np.asarray(goals[np.linalg.norm(goals - start_m, axis=1).argmin()])
+
+
+def _row(
+    kind: str, number: int, x_m: float, y_m: float, vx_mps: float = 0.0, vy_mps: float = 0.0
+) -> Row:
+    return {
+        "kind": kind,
+        "number": number,
+        "x_m": float(x_m),
+        "y_m": float(y_m),
+        "vx_mps": float(vx_mps),
+        "vy_mps": float(vy_mps),
+    }
+
+
+def _points(table: list[Row], kind: str) -> FloatArray:
+    names = ("x_m", "y_m", "vx_mps", "vy_mps")
+    return np.array([[float(row[name]) for name in names] for row in table if row["kind"] == kind])

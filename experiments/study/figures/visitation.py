@@ -1,0 +1,65 @@
+"""Fig. 5.7: where the demonstrations of repetition 0 went, set by set."""
+
+import numpy as np
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from experiments.repetitions import Row
+from experiments.study.demonstrations import load_sets
+from experiments.study.experts import PEOPLE
+from experiments.study.figures.context import FigureContext
+from experiments.study.fitting import trials
+from experiments.study.results import Results
+from report import style
+from report.figures.map_axes import colour_bar, draw_areas, draw_cells, map_figure
+from serd_core.demonstrations import state_counts
+
+SETS = ("training", "validation", "test", "transfer")
+
+
+def rows(results: Results) -> list[Row]:
+    """Decisions per state of each set; the largest size is split."""
+    problem, settings = results.problem, results.settings
+    sets = load_sets(results.folder / "demonstrations", PEOPLE, 0)
+    no_matter = np.full((problem.outcome_models.n_models, problem.outcome_models.n_outcomes), 0.2)
+    sizes = settings.learning.sizes
+    *_, last = trials(settings, problem, sets, sizes, no_matter, 0)
+    chosen = (last.training, last.validation, sets.test, sets.transfer)
+    table: list[Row] = []
+    for name, decisions in zip(SETS, chosen, strict=True):
+        counts = state_counts(decisions, problem.grid.n_states)
+        for state in np.flatnonzero(counts):
+            x_m, y_m = problem.grid.centers_m[state]
+            table.append(
+                {
+                    "set": name,
+                    "episodes": len(decisions.episodes),
+                    "state": int(state),
+                    "x_m": float(x_m),
+                    "y_m": float(y_m),
+                    "decisions": int(counts[state]),
+                }
+            )
+    return table
+
+
+def draw(table: list[Row], context: FigureContext) -> Figure:
+    """Four maps; shades are decisions per episode, so that sets of any size compare."""
+    grid = context.problem.grid
+    shares, episodes = {}, {}
+    for name in SETS:
+        values = np.zeros(grid.n_states)
+        for row in table:
+            if row["set"] == name:
+                values[int(row["state"])] = int(row["decisions"])
+                episodes[name] = int(row["episodes"])
+        shares[name] = values / episodes[name]
+    norm = Normalize(0, max(float(np.quantile(each, 0.995)) for each in shares.values()))
+    with style.report_style():
+        figure, axes = map_figure(context.layout, len(SETS), height_in=5.4, width_in=12.5)
+        for panel, (name, values) in zip(axes, shares.items(), strict=True):
+            cells = draw_cells(panel, grid, values, norm, style.VISITS_MAP)
+            draw_areas(panel, context.layout, filled=False)
+            panel.set_title(f"{name} ({episodes[name]})")
+        colour_bar(figure, axes, cells, "decisions taken in the cell, per episode", extend="max")
+    return figure

@@ -1,0 +1,163 @@
+"""Tables of numbers that are no figure: all measures, paired tests, distances of arrival times."""
+
+import numpy as np
+
+from experiments.repetitions import Row
+from experiments.study.arrival_distances import distance_row
+from experiments.study.experts import EXPERTS, PEOPLE
+from experiments.study.paired_statistics import holm, mean_interval, paired_p_value
+from experiments.study.results import Results
+
+MEASURES = ("test_log_likelihood", "transfer_log_likelihood", "dynamics_divergence")
+#: What every other method is compared with.
+OURS, BASELINE = "MDCE SERD", "fixed (IRL)"
+
+
+def all_tables(results: Results) -> dict[str, list[Row]]:
+    """Every table by the name of its file."""
+    return {
+        "measures": results.measures,
+        "paired_tests": paired_tests(results, PEOPLE, OURS),
+        "beliefs": beliefs(results),
+        "arrival_distances": arrival_distances(results),
+        "arrival_scores": arrival_scores(results),
+        "measured_episodes": results.measured,
+    }
+
+
+def values_of(results: Results, expert: str, method: str, size: int, measure: str) -> list[float]:
+    """One measure of each repetition, in their order."""
+    rows = [
+        row
+        for row in results.measures
+        if (row["expert"], row["method"], row["size"]) == (expert, method, size)
+    ]
+    return [row[measure] for row in sorted(rows, key=lambda row: int(row["repetition"]))]
+
+
+def paired_tests(results: Results, expert: str, against: str) -> list[Row]:
+    """Mean difference of every other method to one, within repetitions; p-values by Holm.
+
+    One family of tests: all other methods at one size, for one measure.
+    """
+    rng = np.random.default_rng([results.settings.seed, 1])
+    table: list[Row] = []
+    for measure in MEASURES:
+        for size in _sizes(results, expert):
+            ours = values_of(results, expert, against, size, measure)
+            family: list[Row] = []
+            for method in results.methods(expert):
+                if method == against:
+                    continue
+                theirs = values_of(results, expert, method, size, measure)
+                difference = mean_interval(
+                    np.subtract(ours, theirs).tolist(), results.settings.statistics, rng
+                )
+                family.append(
+                    {
+                        "expert": expert,
+                        "measure": measure,
+                        "size": size,
+                        "first": against,
+                        "second": method,
+                        "mean_difference": difference.value,
+                        "lower": difference.lower,
+                        "upper": difference.upper,
+                        "p_value": paired_p_value(ours, theirs, rng),
+                    }
+                )
+            adjusted = holm([row["p_value"] for row in family])
+            table += [row | {"p_holm": p} for row, p in zip(family, adjusted, strict=True)]
+    return table
+
+
+def beliefs(results: Results) -> list[Row]:
+    """Which assumption about the belief pays when: means, and differences to IRL."""
+    rng = np.random.default_rng([results.settings.seed, 2])
+    table: list[Row] = []
+    for expert in EXPERTS:
+        if expert == PEOPLE:
+            continue
+        tests = {
+            (row["measure"], row["size"], row["second"]): row
+            for row in paired_tests(results, expert, BASELINE)
+        }
+        for measure in MEASURES:
+            for size in _sizes(results, expert):
+                for method in results.methods(expert):
+                    values = values_of(results, expert, method, size, measure)
+                    mean = mean_interval(values, results.settings.statistics, rng)
+                    test = tests.get((measure, size, method))
+                    table.append(
+                        {
+                            "expert": expert,
+                            "assumption": method,
+                            "measure": measure,
+                            "size": size,
+                            "n": len(values),
+                            "mean": mean.value,
+                            "lower": mean.lower,
+                            "upper": mean.upper,
+                            # The test is of the baseline minus this one; told the other way round.
+                            "difference": -test["mean_difference"] if test else 0.0,
+                            "difference_lower": -test["upper"] if test else 0.0,
+                            "difference_upper": -test["lower"] if test else 0.0,
+                            "p_holm": test["p_holm"] if test else None,
+                        }
+                    )
+    return table
+
+
+def arrival_distances(results: Results) -> list[Row]:
+    """Predicted against measured times of arrival of every expert and method."""
+    rng = np.random.default_rng([results.settings.seed, 3])
+    table: list[Row] = []
+    for expert in EXPERTS:
+        for method in results.methods(expert):
+            tables = results.arrival_tables(expert, method)
+            costs = results.predictions(expert, method)
+            row: Row = {"expert": expert, "method": method}
+            row |= distance_row(tables, results.settings.statistics, rng)
+            sampled = np.array([each["sampled_cdf"] for each in costs])
+            table.append(
+                row
+                | {
+                    "sampled_gap": float(np.abs(sampled - tables.predicted).max()),
+                    "chain_ms": float(np.median([each["chain_ms"] for each in costs])),
+                    "sampled_ms": float(np.median([each["sampled_ms"] for each in costs])),
+                }
+            )
+    return table
+
+
+def arrival_scores(results: Results) -> list[Row]:
+    """Are the predictions of one method better than another's? CRPS within repetitions."""
+    rng = np.random.default_rng([results.settings.seed, 4])
+    table: list[Row] = []
+    for expert in EXPERTS:
+        first = OURS if expert == PEOPLE else BASELINE
+        ours = results.arrival_tables(expert, first).scores
+        family: list[Row] = []
+        for method in results.methods(expert):
+            if method == first:
+                continue
+            theirs = results.arrival_tables(expert, method).scores
+            difference = mean_interval((ours - theirs).tolist(), results.settings.statistics, rng)
+            family.append(
+                {
+                    "expert": expert,
+                    "first": first,
+                    "second": method,
+                    "crps_difference_s": difference.value,
+                    "lower": difference.lower,
+                    "upper": difference.upper,
+                    "p_value": paired_p_value(ours.tolist(), theirs.tolist(), rng),
+                }
+            )
+        adjusted = holm([row["p_value"] for row in family])
+        table += [row | {"p_holm": p} for row, p in zip(family, adjusted, strict=True)]
+    return table
+
+
+def _sizes(results: Results, expert: str) -> list[int]:
+    return sorted({row["size"] for row in results.measures if row["expert"] == expert})
