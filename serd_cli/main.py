@@ -22,6 +22,7 @@ COMMANDS = (
     "scenario",
     "episode",
     "batch",
+    "study",
 )
 
 

@@ -5,36 +5,25 @@ Every repetition is recorded anew in worlds of its own. Repetition 0 of the scri
 the bags under bags/data hold.
 """
 
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from experiments.study.bag_sets import sets_from_bags
+from experiments.study.demonstration_sets import ROLES, DemonstrationSets
 from experiments.study.drives import drive_episodes
 from experiments.study.experts import PEOPLE
 from experiments.study.planned_experts import planned_policy
 from experiments.study.products import Task
 from experiments.study.reference import reference_dynamics
-from experiments.study.seeds import Purpose, world_seed
+from experiments.study.seeds import world_seed
 from experiments.study.settings import StudySettings
 from experiments.study.world import TRAIN_AREA, TRANSFER_AREA, problem_of, scenario_of
-from serd_core.demonstrations import Decisions
 from serd_core.navigation import NavigationProblem
 from sim.driver import Driver
 from sim.drivers import make_driver
 from sim.policy_driver import PolicyDriver
 from sim.scenario import Scenario
 from storage.decision_table import load_decisions, save_decisions
-
-ROLES = {"training": Purpose.TRAINING, "test": Purpose.TEST, "transfer": Purpose.TRANSFER}
-
-
-@dataclass(frozen=True, eq=False)
-class DemonstrationSets:
-    """The three sets of one expert and repetition."""
-
-    training: Decisions
-    test: Decisions
-    transfer: Decisions
 
 
 def n_repetitions(settings: StudySettings, expert: str) -> int:
@@ -76,8 +65,12 @@ def start_area_of(role: str) -> str:
 def record_set(
     settings: StudySettings, expert: str, repetition: int, role: str, reference: Path, file: Path
 ) -> None:
-    """Drive one set and write its table."""
+    """Drive one set and write its table; or take it from bags, where people drove."""
     scenario, problem = scenario_of(settings), problem_of(settings)
+    if expert == PEOPLE and settings.demonstrations.bags:
+        recorded = sets_from_bags(settings, scenario, problem, repetition)
+        save_decisions(file, getattr(recorded, role))
+        return
     seed = world_seed(settings.seed, expert, repetition, ROLES[role])
     drives = drive_episodes(
         scenario,

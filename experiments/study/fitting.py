@@ -9,11 +9,8 @@ from typing import Any
 import numpy as np
 
 from experiments.repetitions import Row
-from experiments.study.demonstrations import (
-    DemonstrationSets,
-    load_sets,
-    n_repetitions,
-)
+from experiments.study.demonstration_sets import DemonstrationSets
+from experiments.study.demonstrations import load_sets, n_repetitions
 from experiments.study.experts import EXPERTS, PEOPLE
 from experiments.study.learned import Learned, learned_from_fit
 from experiments.study.methods import ASSUMPTIONS, METHODS, Trial, fit_tied

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.stats
 
 from experiments.study.settings import StatisticsSettings
-from serd_core.arrays import FloatArray
+from serd_core.arrays import IntArray
 
 #: All sign flips up to this many, else as many drawn.
 _FLIPS = 9_999
@@ -28,7 +28,7 @@ class Interval:
 
 def bootstrap(
     n_repetitions: int,
-    statistic: Callable[[FloatArray], float],
+    statistic: Callable[[IntArray], float],
     settings: StatisticsSettings,
     rng: np.random.Generator,
 ) -> Interval:

@@ -4,13 +4,12 @@ A stage's folder is claimed by the settings its files depend on, so files of oth
 never taken for its own.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import joblib
-
-from experiments.repetitions import Execution, claim_folder
+from experiments.repetitions import claim_folder
+from sim.execution import Execution
 
 #: Told (seconds of work done, seconds of work in all, what is being done), as estimated.
 OnWork = Callable[[float, float, str], None]
@@ -55,17 +54,10 @@ def make_products(stages: Sequence[Stage], execution: Execution, on_work: OnWork
     done_s = 0.0
     for stage in stages:
         on_work(done_s, total_s, stage.name)
-        for _ in _finished(stage.missing, execution):
+        for _ in execution.results(_run, stage.missing):
             done_s += stage.task_s
             on_work(done_s, total_s, stage.name)
 
 
-def _finished(tasks: Sequence[Task], execution: Execution) -> Iterator[None]:
-    if execution.n_jobs == 1:
-        for task in tasks:
-            task.run()
-            yield None
-        return
-    with execution.activate():
-        parallel = joblib.Parallel(return_as="generator_unordered")
-        yield from parallel(joblib.delayed(task.run)() for task in tasks)
+def _run(task: Task) -> None:
+    task.run()

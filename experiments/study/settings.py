@@ -1,6 +1,6 @@
 """Settings of the hallway study: hallway_study.yaml, with what a file or --quick changes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,16 @@ Sizes = tuple[int, ...]
 
 
 class DemonstrationSettings(StrictModel):
-    """Episodes of each set of one repetition."""
+    """Episodes of each set of one repetition.
+
+    bags: recordings that take the place of the driver's; empty for none.
+    """
 
     driver: str
     training: int = Field(ge=2)
     test: int = Field(ge=1)
     transfer: int = Field(ge=1)
+    bags: tuple[str, ...] = ()
 
 
 class ReferenceSettings(StrictModel):
@@ -99,13 +103,17 @@ class StudySettings(StrictModel):
         return self
 
 
-def study_settings(*, quick: bool = False, config: Path | None = None) -> StudySettings:
-    """The defaults, changed by --quick and by a YAML file; FileError with one sentence."""
+def study_settings(
+    *, quick: bool = False, config: Path | None = None, bags: Sequence[Path] = ()
+) -> StudySettings:
+    """The defaults, changed by --quick, a YAML file and bags; FileError with one sentence."""
     values = _mapping(FULL_YAML)
     changes = [QUICK_YAML] if quick else []
     changes += [config] if config is not None else []
     for path in changes:
         values = _merged(values, _mapping(path))
+    if bags:
+        values = _merged(values, {"demonstrations": {"bags": [str(bag.resolve()) for bag in bags]}})
     name = " with ".join(map(str, [FULL_YAML.name, *changes]))
     return yaml_model(write_yaml(values), StudySettings, name=name)
 

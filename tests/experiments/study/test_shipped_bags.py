@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from bags.discretise import decisions_from_bag
-from experiments.study.demonstrations import PEOPLE, ROLES, start_area_of
+from experiments.study.demonstration_sets import ROLES
+from experiments.study.demonstrations import start_area_of
 from experiments.study.drives import drive_episodes
+from experiments.study.experts import PEOPLE
 from experiments.study.seeds import world_seed
 from experiments.study.settings import study_settings
 from experiments.study.world import problem_of, scenario_of

@@ -1,0 +1,61 @@
+"""Demonstrations out of bags, where people drove: split at random, anew in every repetition.
+
+Episodes that begin in the transfer area are the transfer set. Repetitions share the same episodes,
+so intervals over them tell how much the split matters, not how much other people would differ.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from bags.discretise import decisions_from_bag
+from bags.joined_decisions import joined_decisions
+from experiments.study.demonstration_sets import DemonstrationSets
+from experiments.study.settings import StudySettings
+from experiments.study.world import TRANSFER_AREA
+from serd_core.demonstrations import Decisions
+from serd_core.errors import SerdError
+from serd_core.likelihood.observations import explained
+from serd_core.navigation import NavigationProblem
+from serd_core.trajectories import trajectories_of
+from sim.scenario import Scenario
+from sim.scenario_grid import start_states_of
+
+
+def sets_from_bags(
+    settings: StudySettings, scenario: Scenario, problem: NavigationProblem, repetition: int
+) -> DemonstrationSets:
+    """The sets of one repetition; SerdError where the bags hold too few episodes."""
+    decisions = _decisions(settings, scenario, problem)
+    begins = trajectories_of(decisions).start
+    elsewhere = np.isin(begins, start_states_of(scenario, problem.grid, TRANSFER_AREA))
+    rng = np.random.default_rng([settings.seed, repetition])
+    usual = rng.permutation(decisions.episodes[~elsewhere])
+    transfer = rng.permutation(decisions.episodes[elsewhere])
+    wanted = settings.demonstrations
+    _require("training and test", len(usual), wanted.training + wanted.test)
+    _require("transfer", len(transfer), wanted.transfer)
+    return DemonstrationSets(
+        training=decisions.select_episodes(usual[: wanted.training]),
+        test=decisions.select_episodes(usual[wanted.training :][: wanted.test]),
+        transfer=decisions.select_episodes(transfer[: wanted.transfer]),
+    )
+
+
+def _decisions(
+    settings: StudySettings, scenario: Scenario, problem: NavigationProblem
+) -> Decisions:
+    tables = [
+        decisions_from_bag(Path(bag), problem.grid, scenario.decision_period_s)[0]
+        for bag in settings.demonstrations.bags
+    ]
+    every = joined_decisions(tables)
+    return every.select(explained(problem.mdp, every))
+
+
+def _require(name: str, found: int, wanted: int) -> None:
+    if found < wanted:
+        raise SerdError(
+            f"the bags must hold {wanted} episodes for {name}, got {found}"
+            "; record more, or lower demonstrations in a --config file"
+        )

@@ -1,0 +1,116 @@
+"""`serd study hallway`: chapter 5 from recordings to figures, resumable."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from experiments.repetitions import Row
+from experiments.study.figures.catalogue import FIGURES
+from experiments.study.headline import headline
+from experiments.study.run import KEPT, SETTINGS_YAML, redraw, run_study
+from experiments.study.settings import StudySettings, study_settings
+from serd_cli.json_output import print_json
+from serd_cli.terminal import console, progress_console
+from sim.execution import BACKENDS, Execution
+
+_FIGURES = ", ".join(figure.name for figure in FIGURES)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the group of studies."""
+    group = typer.Typer(no_args_is_help=True, help="Run a study from recordings to figures.")
+    group.callback()(lambda: None)
+    group.command()(hallway)
+    app.add_typer(group, name="study")
+
+
+def hallway(
+    output: Annotated[
+        Path | None,
+        typer.Option(help="folder of the study; default study_output/hallway (or hallway_quick)"),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="small numbers that still run every stage")
+    ] = False,
+    config: Annotated[
+        Path | None, typer.Option(help="YAML file with any part of hallway_study.yaml")
+    ] = None,
+    bags: Annotated[
+        list[Path] | None,
+        typer.Option(help="recorded demonstrations in place of the scripted ones; repeat"),
+    ] = None,
+    figure: Annotated[
+        list[str] | None,
+        typer.Option(help=f"only draw again from kept tables: {_FIGURES}; repeat"),
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="processes at a time, -1 for all cores")] = -1,
+    backend: Annotated[str, typer.Option(help=f"{', '.join(BACKENDS)}")] = "loky",
+    address: Annotated[str, typer.Option(help="of a running Dask or Ray cluster")] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
+) -> None:
+    """Navigation in a populated hallway: who learns what, and what arrives when (chapter 5).
+
+    serd study hallway --quick
+
+    What is made already is not made again, so the same command goes on where it was interrupted.
+    """
+    folder = output or Path("study_output") / ("hallway_quick" if quick else "hallway")
+    if figure:
+        _redraw(figure, folder)
+        return
+    settings = study_settings(quick=quick, config=config, bags=bags or ())
+    execution = Execution(jobs, backend, address)
+    tables = _run(settings, folder, execution)
+    if as_json:
+        print_json(tables)
+        return
+    console.print(_table(headline(tables), settings.learning.sizes[-1]))
+    print(f"results: {folder.resolve()}")
+
+
+def _run(settings: StudySettings, folder: Path, execution: Execution) -> dict[str, list[Row]]:
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=progress_console,
+    )
+    with bar:
+        task = bar.add_task("", total=None)
+        try:
+            return run_study(
+                settings,
+                folder,
+                execution,
+                lambda done, total, stage: bar.update(
+                    task, completed=done, total=total or 1.0, description=stage
+                ),
+            )
+        except KeyboardInterrupt:
+            progress_console.print(f"kept in {folder}; the same command goes on", soft_wrap=True)
+            raise
+
+
+def _redraw(names: list[str], folder: Path) -> None:
+    source = folder if (folder / SETTINGS_YAML).exists() else KEPT
+    for picture in redraw(names, source, folder):
+        print(picture.resolve())
+
+
+def _table(rows: list[Row], size: int) -> Table:
+    table = Table(title=f"Learned from {size} demonstrations", title_justify="left")
+    for column in rows[0]:
+        justify: Literal["left", "right"] = "left" if column == "method" else "right"
+        table.add_column(column.replace("_", " "), justify=justify)
+    for row in rows:
+        table.add_row(*map(_text, row.values()))
+    return table
+
+
+def _text(value: object) -> str:
+    return f"{value:.2f}" if isinstance(value, float) else str(value)
