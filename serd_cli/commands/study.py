@@ -1,5 +1,6 @@
 """`serd study hallway`: chapter 5 from recordings to figures, resumable."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -7,6 +8,7 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from experiments.provenance import recorded
 from experiments.repetitions import Row
 from experiments.study.figures.catalogue import FIGURES
 from experiments.study.headline import headline
@@ -63,7 +65,8 @@ def hallway(
         return
     settings = study_settings(quick=quick, config=config, bags=bags or ())
     execution = Execution(jobs, backend, address)
-    tables = _run(settings, folder, execution)
+    with recorded(folder, _words(folder, quick=quick, config=config, bags=bags or ()), settings):
+        tables = _run(settings, folder, execution)
     if as_json:
         print_json(tables)
         return
@@ -94,6 +97,13 @@ def _run(settings: StudySettings, folder: Path, execution: Execution) -> dict[st
         except KeyboardInterrupt:
             progress_console.print(f"kept in {folder}; the same command goes on", soft_wrap=True)
             raise
+
+
+def _words(folder: Path, *, quick: bool, config: Path | None, bags: Sequence[Path]) -> str:
+    """The command that makes the same results."""
+    words = ["serd study hallway", *(["--quick"] if quick else [])]
+    words += [f"--config {config}"] if config is not None else []
+    return " ".join([*words, *(f"--bags {bag}" for bag in bags), f"--output {folder}"])
 
 
 def _redraw(names: list[str], folder: Path) -> None:

@@ -1,0 +1,80 @@
+"""The whole study in miniature, in this process."""
+
+from pathlib import Path
+
+import pytest
+
+import sim
+from experiments.study.experts import EXPERTS, PEOPLE
+from experiments.study.figures.catalogue import FIGURES
+from experiments.study.headline import headline
+from experiments.study.methods import METHODS
+from experiments.study.run import redraw, run_study
+from experiments.study.settings import study_settings
+from experiments.study.stages import stages_of
+from serd_core.errors import SerdError
+from sim.execution import Execution
+
+TINY = """
+scenario: {scenario}
+people: 3
+demonstrations: {{training: 2, test: 1, transfer: 1}}
+reference: {{experts: 1, against_flow: 1, exploring: 1, exploring_s: 20.0}}
+learning: {{repetitions: 2, sizes: [2], prior_weights: [1.0]}}
+beliefs: {{repetitions: 2, sizes: [2], episodes: 1}}
+arrival: {{episodes: 1, sampled: 20}}
+statistics: {{bootstrap: 20}}
+"""
+SCENARIOS = Path(sim.__file__).parent / "scenarios"
+NEAR_START = "train: [[4, 12], [6, 12], [6, 14], [4, 14]]"
+
+
+@pytest.fixture
+def settings(tmp_path):
+    """Near the goal and short of time, so that an episode takes a moment."""
+    hallway = (SCENARIOS / "hallway.yaml").read_text()
+    near = hallway.replace("train: [[0, 0], [2, 0], [2, 3], [0, 3]]", NEAR_START)
+    near = near.replace("episode_timeout_s: 420.0", "episode_timeout_s: 40.0")
+    assert NEAR_START in near
+    assert "420.0" not in near
+    scenario, config = tmp_path / "near.yaml", tmp_path / "tiny.yaml"
+    scenario.write_text(near)
+    config.write_text(TINY.format(scenario=scenario))
+    return study_settings(config=config)
+
+
+@pytest.mark.slow
+def test_every_stage_leaves_its_products_from_which_tables_and_figures_are_made(settings, tmp_path):
+    folder, told = tmp_path / "study", []
+    tables = run_study(settings, folder, Execution(n_jobs=1), lambda *said: told.append(said))
+
+    assert list(dict.fromkeys(name for *_, name in told)) == [
+        "reference recordings",
+        "demonstrations",
+        "learning",
+        "times of arrival",
+    ]
+    assert not any(stage.missing for stage in stages_of(settings, folder / "work"))
+    assert [row["method"] for row in headline(tables)] == list(METHODS)
+    assert {row["expert"] for row in tables["measures"]} == set(EXPERTS)
+    assert_every_method_drove_the_same_episodes(tables["measured_episodes"])
+    for figure in FIGURES:
+        for ending in (".csv", ".png", ".svg"):
+            assert (folder / f"{figure.stem}{ending}").stat().st_size > 500
+
+    (picture,) = redraw(["5.8"], folder, tmp_path)
+    assert picture.read_bytes() == (folder / picture.name).read_bytes()
+
+
+def assert_every_method_drove_the_same_episodes(rows):
+    by_method = {}
+    for row in rows:
+        if row["expert"] == PEOPLE:
+            by_method.setdefault(row["method"], []).append((row["seed"], row["episode"]))
+    assert set(by_method) == set(METHODS)
+    assert len({tuple(each) for each in by_method.values()}) == 1
+
+
+def test_a_folder_without_a_study_is_refused(tmp_path):
+    with pytest.raises(SerdError, match=r"must hold a finished study, but has no settings\.yaml"):
+        redraw(["5.9"], tmp_path, tmp_path)
