@@ -1,5 +1,6 @@
 """What the strategy thinks of its way, in words and numbers."""
 
+from serd_core.grid import Action
 from serd_core.trap_states import Traps
 from serd_ros.navigator import HALF, MOST, Outlook
 from serd_ros.strategy import TRAP_PROBABILITY, Strategy
@@ -11,6 +12,17 @@ def outlook_in_short(outlook: Outlook) -> str:
     arrives = "no arrival in sight" if median_s is None else f"arrives in {median_s:.0f} s"
     trapped = ", TRAPPED" if outlook.trapped else ""
     return f"{arrives}, in time with {outlook.probability:.0%}{trapped}"
+
+
+def situation_of(outlook: Outlook) -> tuple[bool, str]:
+    """(whether somebody should look at it, what the robot is doing)."""
+    if outlook.state < 0:
+        return True, "waiting: off the grid"
+    if outlook.trapped:
+        return True, "in a trap"
+    if outlook.action == Action.WAIT:
+        return False, "waiting: the policy says so"
+    return False, "driving"
 
 
 def outlook_values(outlook: Outlook, strategy: Strategy) -> dict[str, object]:

@@ -22,7 +22,12 @@ from serd_ros.convert.pose import to_waypoint_message
 from serd_ros.episode_driver import EpisodeDriverNode
 from serd_ros.goal_episodes import UNCOUNTED, GoalEpisodes
 from serd_ros.navigator import Navigator
-from serd_ros.outlook_words import outlook_in_short, outlook_values, traps_in_words
+from serd_ros.outlook_words import (
+    outlook_in_short,
+    outlook_values,
+    situation_of,
+    traps_in_words,
+)
 from serd_ros.run_node import run_node
 from serd_ros.strategy_display import StrategyDisplay
 from sim.driver import Driver
@@ -144,15 +149,16 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         outlook = self._navigator.outlook
         assert outlook is not None
         self._display.show_outlook(outlook, self._navigator.way_m(observation))
-        if outlook.trapped:
+        needs_look, doing = situation_of(outlook)
+        if needs_look:
             self.get_logger().warning(
-                f"in a trap at ({observation.x_m:.1f}, {observation.y_m:.1f}) m: "
+                f"{doing} at ({observation.x_m:.1f}, {observation.y_m:.1f}) m: "
                 f"{outlook_in_short(outlook)}",
                 throttle_duration_sec=_SAY_AGAIN_S,
             )
         values = outlook_values(outlook, self._navigator.strategy)
-        level, message = (WARN, "in a trap") if outlook.trapped else (OK, "driving")
-        self.report(observation.time_s, values, level=level, message=message)
+        level = WARN if needs_look else OK
+        self.report(observation.time_s, values, level=level, message=doing)
 
     def _show_plan(self, what: str, began_s: float) -> None:
         strategy = self._navigator.strategy

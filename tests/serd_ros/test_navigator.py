@@ -8,7 +8,12 @@ from serd_ros.configs import StrategyConfig
 from serd_ros.defaults import default_parameters
 from serd_ros.give_up import GiveUp
 from serd_ros.navigator import Navigator
-from serd_ros.outlook_words import outlook_in_short, outlook_values, traps_in_words
+from serd_ros.outlook_words import (
+    outlook_in_short,
+    outlook_values,
+    situation_of,
+    traps_in_words,
+)
 from serd_ros.prediction import arrival_row, prediction_of
 from sim.errors import SimError
 from sim.observation import make_observation
@@ -106,6 +111,7 @@ def test_off_the_grid_it_waits_and_expects_nothing(save_model_of):
     assert len(navigator.way_m(outside)) == 0
     assert prediction_of(navigator, outside) is None
     assert outlook_in_short(navigator.outlook) == "no arrival in sight, in time with 0%"
+    assert situation_of(navigator.outlook) == (True, "waiting: off the grid")
 
 
 def test_who_stands_still_gives_up_after_its_patience_and_who_moves_on_does_not(save_model_of):
@@ -192,6 +198,7 @@ def test_traps_are_counted_by_kind_and_said_of_a_state(save_model_of):
         navigator.decide(observation)
         assert navigator.outlook.trapped == trapped
         assert outlook_values(navigator.outlook, navigator.strategy)["trapped"] == trapped
+        assert situation_of(navigator.outlook)[0] == trapped
 
 
 def test_a_plan_without_traps_has_nothing_to_say_of_them(save_model_of):

@@ -22,6 +22,7 @@ from storage.episode_table import load_episodes
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 EAST_END = (12.0, 18.0)
+PATIENCE_S = 90.0  # a drive of a minute takes two seconds, or twenty on a busy machine
 
 
 class Watch:
@@ -37,6 +38,9 @@ class Watch:
         node.create_subscription(DiagnosticArray, "diagnostics", self._take_health, qos.STATE)
         node.create_subscription(DiagnosticArray, "episode", self._take_mark, qos.STATE)
 
+    def spin_until(self, condition):
+        self.probe.spin_until(condition, PATIENCE_S)
+
     def listen_late(self):
         """To the latched topics, as a viewer that is started in the middle of things."""
         node = self.probe.node
@@ -46,14 +50,14 @@ class Watch:
     def send_goal(self, x_m, y_m, frame="map"):
         message = to_pose_stamped((x_m, y_m, 0.0), 0.0)
         message.header.frame_id = frame
-        self.probe.spin_until(lambda: self.goals.get_subscription_count() > 0)
+        self.spin_until(lambda: self.goals.get_subscription_count() > 0)
         self.goals.publish(message)
 
     def set(self, name, value):
         """Set a parameter of the strategy; the reason of a refusal, empty when it was taken."""
-        self.probe.spin_until(self.parameters.services_are_ready)
+        self.spin_until(self.parameters.services_are_ready)
         future = self.parameters.set_parameters([Parameter(name, value=value)])
-        self.probe.spin_until(future.done)
+        self.spin_until(future.done)
         (result,) = future.result().results
         return "" if result.successful else result.reason
 
@@ -93,7 +97,7 @@ def test_goals_and_models_change_on_the_way_and_what_cannot_be_is_refused(
     nodes.start_stack(
         "navigate", seed=4, episodes=1000, model=str(model), strategy__output=str(tmp_path)
     )
-    spin_until = watch.probe.spin_until
+    spin_until = watch.spin_until
     spin_until(lambda: watch.y_m > 8.0)
     watch.send_goal(9.0, 3.0)
     spin_until(lambda: watch.heard("refused: goal must be in a walkable cell"))
@@ -131,9 +135,9 @@ def test_the_predicted_arrival_is_there_for_late_comers_and_comes_nearer(
     nodes, watch, save_model_of
 ):
     nodes.start_stack("navigate", seed=4, episodes=1000, model=str(save_model_of()))
-    watch.probe.spin_until(lambda: watch.y_m > 6.0)
+    watch.spin_until(lambda: watch.y_m > 6.0)
     watch.listen_late()
-    watch.probe.spin_until(lambda: len(watch.laws) > 15)
+    watch.spin_until(lambda: len(watch.laws) > 15)
     for now_s, law in watch.laws:
         assert now_s > 0
         assert law.times_s[0] == 0
@@ -153,7 +157,7 @@ def test_no_progress_ends_the_episode_with_its_reason(nodes, watch, save_model_o
         patience_periods=4,
         strategy__output=str(tmp_path),
     )
-    watch.probe.spin_until(lambda: len(watch.ends) == 2)
+    watch.spin_until(lambda: len(watch.ends) == 2)
     assert stack["strategy"].wait(20) == 0
     assert [(mark.outcome, mark.reason) for mark in watch.ends] == [("aborted", "no progress")] * 2
     rows = load_episodes(tmp_path / "episodes.csv")
@@ -167,12 +171,12 @@ def test_arrivals_survive_a_kill_and_the_next_strategy_goes_on_below_them(
 ):
     given = {"seed": 4, "episodes": 1000, "model": str(save_model_of())}
     stack = nodes.start_stack("navigate", **given, strategy__output=str(tmp_path))
-    probe.spin_until(lambda: len(arrivals(tmp_path)) >= 1)
+    probe.spin_until(lambda: len(arrivals(tmp_path)) >= 1, PATIENCE_S)
     stack["strategy"].kill()
     stack["strategy"].wait()
     kept = arrivals(tmp_path)
     nodes.start(list(stack["strategy"].args), "strategy")
-    probe.spin_until(lambda: len(arrivals(tmp_path)) > len(kept), 60.0)
+    probe.spin_until(lambda: len(arrivals(tmp_path)) > len(kept), PATIENCE_S)
     assert arrivals(tmp_path)[: len(kept)] == kept
 
 
@@ -180,12 +184,12 @@ def test_without_resets_it_drives_from_goal_to_goal_in_real_time(
     nodes, watch, save_model_of, tmp_path
 ):
     nodes.start_stack("goto", seed=2, model=str(save_model_of()), strategy__output=str(tmp_path))
-    watch.probe.spin_until(lambda: "waiting for a goal" in nodes.said("strategy"))
+    watch.spin_until(lambda: "waiting for a goal" in nodes.said("strategy"))
     first, second = (2.5, 1.5), (2.5, 2.5)
     watch.send_goal(*first)
-    watch.probe.spin_until(lambda: len(arrivals(tmp_path)) == 1)
+    watch.spin_until(lambda: len(arrivals(tmp_path)) == 1)
     watch.send_goal(*second)
-    watch.probe.spin_until(lambda: len(arrivals(tmp_path)) == 2)
+    watch.spin_until(lambda: len(arrivals(tmp_path)) == 2)
     rows = arrivals(tmp_path)
     assert [(row.goal_x_m, row.goal_y_m) for row in rows] == [first, second]
     assert [row.outcome for row in rows] == ["arrived", "arrived"]
