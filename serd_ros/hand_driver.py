@@ -109,6 +109,8 @@ class HandDriverNode(SerdNode[Config]):
             self._is_e_stopped = values["e_stop"] == str(True)
 
     def _on_observation(self, observation: Observation) -> None:
+        if self.observation is None:
+            self.tell("the world runs: drive, or start an episode")
         self.observation = observation
         self.episodes.see(observation)
         if self.mode == "directions" and is_decision_tick(observation, self.scenario):

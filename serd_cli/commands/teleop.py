@@ -100,6 +100,8 @@ def _say_what_is_recorded(settings: TeleopSettings, folder: Path, bag: Path) -> 
         progress_console.print(f"nothing was recorded in {folder}", soft_wrap=True)
         return
     progress_console.print(f"\n{summary}\nbag: {bag}", soft_wrap=True)
+    if not summary.n_kept:
+        return
     how = ""
     if settings.velocity:
         mapping = folder / "mapping.yaml"

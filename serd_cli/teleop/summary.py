@@ -6,7 +6,7 @@ from pathlib import Path
 
 from bags.discretise import decisions_from_drive
 from bags.recorded_drive import DISCARDED, read_drive
-from report.wording import counted
+from report.wording import counted, in_words
 from serd_core.errors import SerdError
 from sim.scenario import load_scenario
 from sim.scenario_grid import grid_of
@@ -19,12 +19,17 @@ class SessionSummary:
     outcomes: dict[str, int]
     n_decisions: int
 
+    @property
+    def n_kept(self) -> int:
+        """Episodes that were not discarded."""
+        return sum(self.outcomes.values()) - self.outcomes.get(DISCARDED, 0)
+
     def __str__(self) -> str:
         """The counts in words."""
-        kept = {name: n for name, n in self.outcomes.items() if name != DISCARDED}
-        how = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in sorted(kept.items()))
+        kept = sorted((in_words(name), n) for name, n in self.outcomes.items() if name != DISCARDED)
+        how = ", ".join(f"{count} {name}" for name, count in kept)
         return (
-            f"{counted(sum(kept.values()), 'episode')} kept{f' ({how})' if how else ''}, "
+            f"{counted(self.n_kept, 'episode')} kept{f' ({how})' if how else ''}, "
             f"{self.outcomes.get(DISCARDED, 0)} discarded; "
             f"{counted(self.n_decisions, 'decision')} by directions"
         )

@@ -1,0 +1,126 @@
+"""What `serd teleop` makes of its options, what it shows, and what it counts."""
+
+import io
+import os
+import pty
+import socket
+import termios
+
+import pytest
+
+from serd_cli.errors import UsageError
+from serd_cli.free_folder import free_folder
+from serd_cli.node_commands import stack_processes
+from serd_cli.teleop.settings import TeleopSettings, require_a_way_to_drive
+from serd_cli.teleop.summary import SessionSummary, summarise_session
+from serd_cli.teleop.terminal_output import DriverLines, restored_terminal
+from storage.errors import FileError
+from teleop.errors import TeleopError
+
+
+def settings(**changes):
+    values = {
+        "scenario": "hallway",
+        "seed": 3,
+        "start_area": "train",
+        "people": None,
+        "address": "127.0.0.1",
+        "port": 0,
+        "token_file": None,
+        "page": True,
+        "keyboard": False,
+        "velocity": False,
+        "driver": "",
+    }
+    return TeleopSettings(**{**values, **changes})
+
+
+def test_the_stack_has_the_ways_to_drive_that_are_wanted():
+    assert "teleop_page" in settings().stack().nodes
+    assert "teleop_keyboard" not in settings().stack().nodes
+    alone = settings(page=False, keyboard=True).stack().nodes
+    assert "teleop_keyboard" in alone
+    assert "teleop_page" not in alone
+    assert {"hallway_sim", "local_planner", "teleop_mux", "demo_recorder"} <= set(alone)
+
+
+def test_options_become_parameters_of_the_nodes(tmp_path, ros_env):
+    chosen = settings(velocity=True, driver="anna", people=5, port=9000)
+    commands = {
+        process.name: " ".join(process.command)
+        for process in stack_processes(chosen.stack(), chosen.parameters(tmp_path / "bag"), ros_env)
+    }
+    assert "mode:='velocity'" in commands["teleop_page"]
+    assert "driver:='anna'" in commands["teleop_page"]
+    assert "port:=9000" in commands["teleop_page"]
+    assert "people:=5" in commands["hallway_sim"]
+    assert f"output:='{tmp_path / 'bag'}'" in commands["demo_recorder"]
+    assert "-r cmd_vel:=cmd_vel_planner" in commands["local_planner"]
+
+
+def test_a_port_in_use_is_refused_before_anything_starts():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(UsageError, match=f"port {port}: .*; choose another with --port"):
+            require_a_way_to_drive(settings(port=port))
+
+
+def test_any_address_but_loopback_needs_a_token_file(tmp_path):
+    with pytest.raises(TeleopError, match="unless a token is given"):
+        require_a_way_to_drive(settings(address="0.0.0.0"))
+    token = tmp_path / "token"
+    token.write_text("a-long-random-token\n")
+    require_a_way_to_drive(settings(address="0.0.0.0", token_file=token))
+
+
+def test_the_keyboard_needs_a_terminal(monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    with pytest.raises(UsageError, match="needs a terminal as standard input"):
+        require_a_way_to_drive(settings(page=False, keyboard=True))
+
+
+def test_every_run_gets_a_folder_of_its_own(tmp_path):
+    assert free_folder(tmp_path / "out", "session").name == "session-1"
+    assert free_folder(tmp_path / "out", "session").name == "session-2"
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(FileError, match="is a file, not a folder; check the path"):
+        free_folder(file, "session")
+
+
+def test_the_driver_sees_its_own_lines_once_and_everything_goes_into_the_log(tmp_path, capsys):
+    prefix = "[INFO] [1795249906.32] [teleop_page]: "
+    with DriverLines(tmp_path / "logs" / "nodes.log") as lines:
+        lines.hear("teleop_page", prefix + "the page is at http://127.0.0.1:9/")
+        lines.hear("teleop_page", prefix + "episode 1 arrived")
+        lines.hear("teleop_keyboard", "episode 1 arrived")
+        lines.hear("hallway_sim", "[INFO] [1.0] [hallway_sim]: nothing of interest")
+        lines.hear("teleop_mux", "[WARN] [1.0] [teleop_mux]: E-STOP engaged")
+    said = capsys.readouterr().err
+    assert "drive at http://127.0.0.1:9/" in said
+    assert said.count("episode 1 arrived") == 1
+    assert "nothing of interest" not in said
+    assert "E-STOP engaged" in said
+    assert len((tmp_path / "logs" / "nodes.log").read_text().splitlines()) == 5
+
+
+def test_the_terminal_is_put_back_even_when_a_killed_node_could_not():
+    person, device = pty.openpty()
+    before = termios.tcgetattr(device)
+    with os.fdopen(device, "r") as stream:
+        with restored_terminal(stream):
+            changed = termios.tcgetattr(device)
+            changed[3] &= ~termios.ECHO
+            termios.tcsetattr(device, termios.TCSANOW, changed)
+        assert termios.tcgetattr(device) == before
+    os.close(person)
+
+
+def test_the_summary_counts_kept_and_discarded_episodes(tmp_path):
+    summary = SessionSummary({"arrived": 2, "cut_off": 1, "discarded": 3}, 17)
+    assert str(summary) == (
+        "3 episodes kept (2 arrived, 1 cut off), 3 discarded; 17 decisions by directions"
+    )
+    assert summarise_session(tmp_path / "no bag", "hallway") is None

@@ -1,0 +1,134 @@
+"""`serd teleop` as a person types it into a terminal."""
+
+import contextlib
+import os
+import pty
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import pytest
+
+from bags.recorded_drive import read_drive
+
+SERD = str(Path(sys.executable).with_name("serd"))
+
+
+def serd(*arguments, env, cwd):
+    return subprocess.run(
+        [SERD, "teleop", *arguments],
+        env=env,
+        cwd=cwd,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--scenario", "hallwy"), "did you mean 'hallway'?"),
+        (("--address", "0.0.0.0"), "unless a token is given"),
+        (("--no-page",), "needs a terminal as standard input"),
+        (("--token-file", "nowhere"), "nowhere"),
+        (("--keybord",), "--keyboard"),
+    ],
+)
+def test_what_cannot_be_done_exits_with_2_and_makes_no_folder(
+    arguments, sentence, ros_env, tmp_path
+):
+    done = serd(*arguments, env=ros_env, cwd=tmp_path)
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.glob("teleop_output/*")) == []
+
+
+class Session:
+    """`serd teleop` in a terminal of its own."""
+
+    def __init__(self, folder, environment, *arguments):
+        self._person, device = pty.openpty()
+        self.before = termios.tcgetattr(device)
+        self._device = device
+        self.said = ""
+        os.set_blocking(self._person, False)
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", _IN_ITS_TERMINAL, SERD, "teleop", *arguments],
+            cwd=folder, env=environment, stdin=device, stdout=device, stderr=device,
+            start_new_session=True,
+        )  # fmt: skip
+
+    def wait_for(self, words, limit_s=40):
+        deadline = time.monotonic() + limit_s
+        while words not in self.said:
+            assert time.monotonic() < deadline, self.said
+            self.listen()
+            time.sleep(0.02)
+
+    def listen(self):
+        with contextlib.suppress(BlockingIOError):
+            self.said += os.read(self._person, 65536).decode(errors="replace")
+
+    def type(self, keys):
+        os.write(self._person, keys)
+
+    def end(self):
+        """Ctrl-C, as the terminal itself passes it on; the exit code."""
+        self.type(b"\x03")
+        deadline = time.monotonic() + 20
+        while self.process.poll() is None:
+            assert time.monotonic() < deadline, self.said
+            self.listen()
+            time.sleep(0.02)
+        self.listen()
+        return self.process.returncode
+
+    def terminal_is_as_before(self):
+        return termios.tcgetattr(self._device) == self.before
+
+    def close(self):
+        self.process.kill()
+        self.process.wait()
+        os.close(self._person)
+        os.close(self._device)
+
+
+# The terminal becomes the controlling one, so that Ctrl-C reaches the command as a signal.
+_IN_ITS_TERMINAL = """
+import fcntl, os, sys, termios
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_keys_start_save_and_discard_and_a_second_run_overwrites_nothing(ros_env, tmp_path):
+    for number in (1, 2):
+        session = Session(
+            tmp_path, ros_env, "--no-page", "--people", "0", "--driver", "anna", "--seed", "2"
+        )
+        try:
+            session.wait_for("the world runs")
+            session.type(b"\r\x1b[A")
+            session.wait_for("episode 1 of anna has begun")
+            time.sleep(0.3)
+            session.type(b"s")
+            session.wait_for("so far 1 kept (0 arrived), 0 discarded")
+            session.type(b"\r")
+            session.wait_for("episode 2 of anna has begun")
+            time.sleep(0.3)
+            session.type(b"d")
+            session.wait_for("so far 1 kept (0 arrived), 1 discarded")
+            assert session.end() == 0
+            assert session.terminal_is_as_before()
+        finally:
+            session.close()
+        assert "1 episode kept (1 aborted), 1 discarded" in session.said
+        bag = tmp_path / f"teleop_output/session-{number}/bag"
+        assert [span.outcome for span in read_drive(bag).episodes] == ["aborted", "discarded"]
