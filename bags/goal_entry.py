@@ -1,5 +1,6 @@
 """When, within its last decision period, each recorded demonstration entered the goal area."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,14 @@ def goal_entry_times_s(
     builder = DriveBuilder(str(directory))
     for message in reader.messages([topic_named(reader.topics, EPISODE)]):
         builder.add_mark(message.data, message.log_time_ns)
-    arrived = [span for span in builder.drive().episodes if span.outcome == "arrived"]
+    return goal_entries_s(builder.drive().episodes, decisions, decision_period_s)
+
+
+def goal_entries_s(
+    episodes: Sequence[EpisodeSpan], decisions: Decisions, decision_period_s: float
+) -> FloatArray:
+    """The same of episodes that are known already."""
+    arrived = [span for span in episodes if span.outcome == "arrived"]
     entry_s = np.array([span.end_s - _last_decision_s(decisions, span) for span in arrived])
     known = (entry_s > _ROUNDING_S) & (entry_s <= decision_period_s + _ROUNDING_S)
     return np.asarray(np.minimum(entry_s[known], decision_period_s))

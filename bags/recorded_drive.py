@@ -14,6 +14,7 @@ from serd_core.directions import action_of_direction
 from serd_core.errors import SerdError
 
 POSE, INTENT, EPISODE = "robot_pose", "intent", "episode"
+_START, _END = "start", "end"
 CUT_OFF, DISCARDED = "cut_off", "discarded"
 
 
@@ -69,7 +70,7 @@ class DriveBuilder:
         report = diagnostic_array(data)
         time_s = (report.header.stamp_ns or log_time_ns) / 1e9
         for status in report.statuses:
-            if status.name == EPISODE and status.message in ("start", "end"):
+            if status.name == EPISODE and status.message in (_START, _END):
                 self._marks.append((time_s, status.message, status.values))
 
     def drive(self) -> RecordedDrive:
@@ -106,6 +107,14 @@ def read_drive(directory: str | Path, *, tolerant: bool = False) -> RecordedDriv
     return builder.drive()
 
 
+def is_end_mark(data: bytes) -> bool:
+    """Whether a diagnostic_msgs/DiagnosticArray marks the end of an episode."""
+    return any(
+        status.name == EPISODE and status.message == _END
+        for status in diagnostic_array(data).statuses
+    )
+
+
 def _unique(rows: FloatArray) -> FloatArray:
     """Rows by time, one per stamp: a message that was sent again counts once."""
     _, first = np.unique(rows[:, 0], return_index=True)
@@ -123,16 +132,16 @@ def spans_of_marks(
     taken_back = {
         _number(values)
         for _, event, values in marks
-        if event == "end" and values.get("outcome") == DISCARDED
+        if event == _END and values.get("outcome") == DISCARDED
     }
     spans: list[EpisodeSpan] = []
     open_mark: tuple[float, int] | None = None
     for time_s, event, values in sorted(marks, key=lambda mark: mark[0]):
         if open_mark is not None:
-            outcome = values.get("outcome", "") if event == "end" else CUT_OFF
+            outcome = values.get("outcome", "") if event == _END else CUT_OFF
             outcome = DISCARDED if open_mark[1] in taken_back else outcome
             spans.append(EpisodeSpan(open_mark[1], open_mark[0], time_s, outcome))
-        open_mark = (time_s, _number(values)) if event == "start" else None
+        open_mark = (time_s, _number(values)) if event == _START else None
     if open_mark is not None:
         end_s = max(last_pose_s, open_mark[0])
         spans.append(EpisodeSpan(open_mark[1], open_mark[0], end_s, CUT_OFF))

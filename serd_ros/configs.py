@@ -74,6 +74,8 @@ class DemoRecorderConfig(StrictModel):
     stamped_cmd_vel: bool
     record_at_start: bool
     minimum_free_mb: float = Field(ge=0)
+    maximum_file_mb: float = Field(ge=0)
+    compression: Literal["none", "zstd"]
 
 
 class TeleopMuxConfig(StrictModel):
@@ -126,8 +128,11 @@ class LearnerConfig(StrictModel):
 
     scenario: str = Field(min_length=1)
     bag: str
+    learn_on: Literal["call", "episode"]
+    state: str
     output: str = Field(min_length=1)
     decisions: str
+    minimum_decisions: int = Field(ge=1)
     seed: int = Field(ge=0)
     discount: float = Field(ge=0, lt=1)
     prior_weight: float = Field(ge=0)

@@ -11,8 +11,9 @@ from pathlib import Path
 from std_srvs.srv import Trigger
 
 from bags.recorder import BagRecorder, RecorderSettings
+from bags.stamp import message_stamp_ns
 from serd_ros import topics
-from serd_ros.bag_topics import bag_qos, cdr_stamp_ns
+from serd_ros.bag_topics import bag_qos
 from serd_ros.configs import DemoRecorderConfig
 from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.run_node import run_node
@@ -60,7 +61,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
     def _take(self, name: str, kind: TopicType, data: bytes) -> None:
         if self._recorder is None:
             return
-        stamp_ns = cdr_stamp_ns(data) if kind.stamped else self._newest_ns
+        stamp_ns = message_stamp_ns(data) if kind.stamped else self._newest_ns
         self._newest_ns = max(self._newest_ns, stamp_ns)
         if not self._recorder.record(name, data, stamp_ns):
             self._end_with_the_problem(self._recorder)
@@ -78,7 +79,11 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         self.fail(recorder.status.problem)
 
     def _start(self) -> None:
-        settings = RecorderSettings(min_free_bytes=round(self.config.minimum_free_mb * 1e6))
+        settings = RecorderSettings(
+            min_free_bytes=round(self.config.minimum_free_mb * 1e6),
+            max_file_bytes=round(self.config.maximum_file_mb * 1e6) or None,
+            compression=self.config.compression,
+        )
         self._recorder = BagRecorder(self._free_folder(), settings=settings)
         for name, kind in self._kinds.items():
             self._recorder.add_topic(name, kind.name, (bag_qos(kind.qos),))

@@ -1,111 +1,194 @@
-"""learner: turns a bag into decisions and decisions into a model file, as a ROS 2 node."""
+"""learner: demonstrations become a model file, from a bag or from topics as they come, as a node.
+
+Live, it learns at the end of each episode, beginning where the last fit ended, or on a call of
+`learn`, beginning anew. What it has seen and where its fit stands is kept on disk after each.
+"""
 
 import sys
 from pathlib import Path
 
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from bags.discretise import decisions_from_bag
-from bags.goal_entry import goal_entry_times_s
-from serd_core.ascent.ascent import Step
-from serd_core.demonstrations import Decisions
+from bags.demonstrations import Demonstrations, demonstrations_of_bag
+from bags.recorded_drive import EPISODE
 from serd_core.errors import SerdError
-from serd_ros import topics
+from serd_ros import qos, topics
 from serd_ros.configs import LearnerConfig
-from serd_ros.errors import NodeError
+from serd_ros.convert.diagnostics import OK, WARN
+from serd_ros.learner_memory import LearnerMemory
 from serd_ros.learning import Lesson, learn
+from serd_ros.lesson_files import save_lesson
+from serd_ros.lesson_words import lesson_in_words, lesson_values
+from serd_ros.lesson_worker import LessonWorker, Progress
 from serd_ros.run_node import run_node
 from serd_ros.serd_node import SerdNode
-from sim.scenario import load_scenario
+from serd_ros.topic_types import topic_type
+from sim.scenario import Scenario, load_scenario
 from sim.scenario_grid import grid_of
-from storage.atomic import atomic_write_text
 from storage.decision_table import save_decisions
-from storage.grid_file import save_grid
-from storage.model_file import save_model
+from storage.yaml_config import model_yaml
 
-_TELL_EVERY = 10
+_LOOK_PERIOD_S = 0.1
+_CHECKPOINT_PERIOD_S = 1.0
+#: Messages of an episode may come this much later (s) than the mark of its end, poses even more.
+_SETTLING_S = 0.5
+_PATIENCE_S = 5.0
 _UNCONVERGED = 1
 
 
 class LearnerNode(SerdNode[LearnerConfig]):
-    """Learns at start when a bag is given, and again whenever `learn` is called."""
+    """Listens, learns in a thread, says how it goes on `diagnostics` and publishes `model`."""
 
     def __init__(self) -> None:
         super().__init__("learner", LearnerConfig)
         self._scenario = load_scenario(self.config.scenario)
+        self._worker, self._memory = LessonWorker(), None if self.config.bag else self._listen()
+        self._again = self._begin_anew = False
+        self._begun_s = 0.0
+        self._ended_s: float | None = None
+        self._checkpoint_due_s = 0.0
+        self._models = self.create_publisher(String, topics.MODEL, qos.LATCHED)
         self.create_service(Trigger, topics.LEARN, self._on_learn)
-        if self.config.bag:
-            self._start = self.create_timer(0.0, self._learn_at_start, clock=self.wall_clock)
-        elif self.config.exit_when_done:
-            raise NodeError("bag must be given when exit_when_done is true; add -p bag:=FOLDER")
+        self.create_timer(_LOOK_PERIOD_S, self._look, clock=self.wall_clock)
+        if self._memory is None or (self._memory.unlearned and self.config.learn_on == "episode"):
+            self._begin(anew=False)
 
-    def _learn_at_start(self) -> None:
-        self._start.cancel()
-        lesson = self._learn()
-        if self.config.exit_when_done:
-            self.finish(0 if lesson.fit.converged else _UNCONVERGED)
+    def close(self) -> None:
+        """End a fit that is under way; its last checkpoint is kept."""
+        self._worker.stop()
+
+    @property
+    def _ends(self) -> bool:
+        return bool(self.config.bag) and self.config.exit_when_done
+
+    def _listen(self) -> LearnerMemory:
+        memory = LearnerMemory(self._scenario, self.config)
+        self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
+        for topic in (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE):
+            kind = topic_type(topic, stamped_cmd_vel=False)
+            self.create_subscription(
+                kind.message,
+                topic,
+                lambda data, topic=topic: self._take(memory, topic, data),
+                kind.qos,
+                raw=True,
+            )
+        return memory
+
+    def _take(self, memory: LearnerMemory, topic: str, data: bytes) -> None:
+        ended = memory.drive.n_ended
+        try:
+            memory.drive.take(topic, data)
+        except SerdError as error:
+            self.get_logger().warning(f"{topic} dropped: {error}", throttle_duration_sec=5.0)
+        if topic == EPISODE and memory.drive.n_ended > ended:
+            self._ended_s = self.wall_s()
+
+    def _look(self) -> None:
+        for event in self._worker.events():
+            if isinstance(event, Progress):
+                self._show(event)
+            elif isinstance(event, Lesson):
+                self._conclude(event)
+            else:
+                self._refuse(str(event))
+        if self._settled():
+            self._ended_s = None
+            self._gather(unfinished=False)
+        if (self._again or self._begin_anew) and not self._worker.busy:
+            self._begin(anew=self._begin_anew)
+
+    def _settled(self) -> bool:
+        if self._ended_s is None or self._memory is None:
+            return False
+        waited_s = self.wall_s() - self._ended_s
+        return waited_s >= (_SETTLING_S if self._memory.drive.caught_up else _PATIENCE_S)
+
+    def _gather(self, *, unfinished: bool) -> None:
+        assert self._memory is not None
+        try:
+            demonstrations = self._memory.gather(unfinished=unfinished)
+        except SerdError as error:
+            self._refuse(str(error))
+            return
+        if self.config.decisions:
+            save_decisions(self.config.decisions, demonstrations.decisions)
+        self.get_logger().info(f"in this session {self._memory.drive.report}")
+        self._again = self.config.learn_on == "episode" and self._memory.unlearned
 
     def _on_learn(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            lesson = self._learn()
-        except SerdError as error:
-            response.success, response.message = False, str(error)
-            return response
-        response.success, response.message = lesson.fit.converged, lesson.fit.message
+        """Answers at once: this executor cannot hold an answer back until a fit has ended."""
+        if self._memory is not None:
+            self._gather(unfinished=True)
+        self._begin_anew = True
+        response.success = True
+        response.message = "learning begins; diagnostics tell how it goes and ends"
         return response
 
-    def _learn(self) -> Lesson:
-        decisions = self._read()
-        entry_s = goal_entry_times_s(
-            self.config.bag, decisions, self._scenario.decision_period_s
-        ).tolist()
-        lesson = learn(self._scenario, decisions, self.config, self._tell, entry_s)
-        output = Path(self.config.output)
-        save_model(output, lesson.model)
-        save_grid(output.with_name("grid.yaml"), grid_of(self._scenario), self._scenario.name)
-        atomic_write_text(output.with_name("learning.csv"), lesson.trace_table())
-        self._conclude(lesson)
-        return lesson
-
-    def _read(self) -> Decisions:
-        decisions, report = decisions_from_bag(
-            Path(self.config.bag), grid_of(self._scenario), self._scenario.decision_period_s
+    def _begin(self, *, anew: bool) -> None:
+        self._again = self._begin_anew = False
+        self._begun_s = self.wall_s()
+        memory = self._memory
+        if memory is None:
+            self._worker.begin(lambda told: learn(*self._read(), told))
+            return
+        demonstrations, warm = memory.demonstrations, None if anew else memory.warm_weights
+        if demonstrations is None:
+            self._refuse("no episode has ended yet; demonstrate, then call again")
+            return
+        self._worker.begin(
+            lambda told: learn(self._scenario, demonstrations, self.config, told, warm)
         )
+
+    def _read(self) -> tuple[Scenario, Demonstrations, LearnerConfig]:
+        demonstrations, report = demonstrations_of_bag(
+            self.config.bag, grid_of(self._scenario), self._scenario.decision_period_s
+        )
+        decisions = demonstrations.decisions
         self.get_logger().info(f"{len(decisions)} decisions from {self.config.bag}: {report}")
         if self.config.decisions:
             save_decisions(self.config.decisions, decisions)
-        return decisions
+        return self._scenario, demonstrations, self.config
 
-    def _tell(self, start: int, step: Step) -> None:
-        if step.number % _TELL_EVERY == 0:
-            self.get_logger().info(
-                f"start {start + 1} of {self.config.starts}, step {step.number}: "
-                f"objective {step.objective:.4f} per decision, gradient {step.gradient_norm:.1e}"
-            )
+    def _show(self, progress: Progress) -> None:
+        step = progress.step
+        if self._memory is not None and self.wall_s() >= self._checkpoint_due_s:
+            self._checkpoint_due_s = self.wall_s() + _CHECKPOINT_PERIOD_S
+            self._memory.note_step(progress.weights, step.number)
+        values = {
+            "start": progress.start + 1,
+            "step": step.number,
+            "objective_per_decision": step.objective,
+            "gradient_norm": step.gradient_norm,
+            "seconds": self.wall_s() - self._begun_s,
+        }
+        self.report(0.0, values, message="learning")
+        self.get_logger().info(
+            f"start {progress.start + 1} of {self.config.starts}, step {step.number}: objective "
+            f"{step.objective:.4f} per decision, gradient {step.gradient_norm:.1e}",
+            throttle_duration_sec=1.0,
+        )
 
     def _conclude(self, lesson: Lesson) -> None:
-        fit = lesson.fit
-        weights = ", ".join(
-            f"{name} {weight:+.2f}"
-            for name, weight in zip(fit.feature_names, fit.reward_weights, strict=True)
-        )
-        spread = max(lesson.objectives) - min(lesson.objectives)
-        self.get_logger().info(
-            f"{'converged' if fit.converged else 'NOT converged'} ({fit.message}); log posterior "
-            f"{fit.objective:.2f}, starts differ by {spread:.2g}; weights: {weights}"
-        )
-        self.report(
-            0.0,
-            {
-                "converged": fit.converged,
-                "objective": fit.objective,
-                "gradient_norm": fit.gradient_norm,
-                "n_decisions": fit.n_decisions,
-                "n_steps": fit.n_steps,
-                "model": self.config.output,
-            },
-            message=fit.message,
-        )
+        save_lesson(Path(self.config.output), lesson, self._scenario)
+        self._models.publish(String(data=model_yaml(lesson.model)))
+        if self._memory is not None:
+            self._memory.note_learned(lesson.fit.reward_weights, lesson.fit.n_decisions)
+        self.get_logger().info(lesson_in_words(lesson))
+        values = {**lesson_values(lesson), "model": self.config.output}
+        level = OK if lesson.fit.converged else WARN
+        self.report(0.0, values, level=level, message=lesson.fit.message)
+        if self._ends:
+            self.finish(0 if lesson.fit.converged else _UNCONVERGED)
+
+    def _refuse(self, reason: str) -> None:
+        """The model stays as it is."""
+        if self._ends:
+            self.fail(reason)
+            return
+        self.get_logger().warning(f"not learned: {reason}")
+        self.report(0.0, {"model": self.config.output}, level=WARN, message=reason)
 
 
 def main() -> int:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bags.demonstrations import Demonstrations
 from serd_cli.demo.report import fit_of
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.simulation import sample_decisions
@@ -41,7 +42,9 @@ def lesson():
         rng=np.random.default_rng(4),
     )
     told = []
-    return learn(HALLWAY, decisions, CONFIG, lambda start, _: told.append(start)), told
+    return learn(
+        HALLWAY, Demonstrations(decisions), CONFIG, lambda start, _: told.append(start)
+    ), told
 
 
 def test_every_start_is_told_of_and_the_likeliest_is_kept(lesson):

@@ -1,0 +1,79 @@
+"""What a live learner has seen and where its fit stands, kept on disk against a kill."""
+
+from pathlib import Path
+
+import numpy as np
+
+from bags.demonstrations import Demonstrations
+from bags.live_drive import LiveDrive
+from serd_core.arrays import FloatArray
+from serd_core.navigation import FEATURE_NAMES
+from serd_ros.configs import LearnerConfig
+from sim.scenario import Scenario
+from sim.scenario_grid import grid_of
+from storage.learner_checkpoint import CheckpointFolder, LearnerCheckpoint
+
+
+class LearnerMemory:
+    """Demonstrations as they come, and the newest weights, from and to a checkpoint folder."""
+
+    def __init__(self, scenario: Scenario, config: LearnerConfig) -> None:
+        grid = grid_of(scenario)
+        self.folder = CheckpointFolder(state_folder(config), scenario.name, grid)
+        kept = self.folder.load()
+        self._checkpoint, earlier = (self.folder.new(), None) if kept is None else kept
+        self.demonstrations: Demonstrations | None = None
+        if earlier is not None:
+            self.demonstrations = Demonstrations(earlier, self._checkpoint.goal_entry_s)
+        self.drive = LiveDrive(
+            "live topics", grid, scenario.decision_period_s, earlier=self.demonstrations
+        )
+
+    @property
+    def n_decisions(self) -> int:
+        """Decisions there are."""
+        return 0 if self.demonstrations is None else len(self.demonstrations.decisions)
+
+    @property
+    def unlearned(self) -> bool:
+        """Whether there are decisions no finished fit has learned from."""
+        return self.n_decisions != self._checkpoint.n_learned
+
+    @property
+    def warm_weights(self) -> FloatArray | None:
+        """(F,) where the newest fit stood, None before the first."""
+        weights = self._checkpoint.reward_weights
+        if set(weights) != set(FEATURE_NAMES):
+            return None
+        return np.array([weights[name] for name in FEATURE_NAMES])
+
+    def gather(self, *, unfinished: bool) -> Demonstrations:
+        """Everything seen, which is kept; unfinished: see `LiveDrive.gathered`."""
+        self.demonstrations = self.drive.gathered(unfinished=unfinished)
+        self.folder.save_decisions(self.demonstrations.decisions)
+        self._keep(goal_entry_s=self.demonstrations.goal_entry_s)
+        return self.demonstrations
+
+    def note_step(self, weights: FloatArray, step: int) -> None:
+        """Keep where an unfinished fit stands."""
+        self._keep(reward_weights=_named(weights), step=step)
+
+    def note_learned(self, weights: FloatArray, n_decisions: int) -> None:
+        """Keep what a finished fit found, and from how many decisions."""
+        self._keep(reward_weights=_named(weights), step=0, n_learned=n_decisions)
+
+    def _keep(self, **changes: object) -> None:
+        self._checkpoint = LearnerCheckpoint(**(self._checkpoint.model_dump() | changes))
+        self.folder.save(self._checkpoint)
+
+
+def state_folder(config: LearnerConfig) -> Path:
+    """The folder of checkpoints: the parameter `state`, or one named after the output."""
+    if config.state:
+        return Path(config.state)
+    output = Path(config.output)
+    return output.with_name(f"{output.stem}_learner")
+
+
+def _named(weights: FloatArray) -> dict[str, float]:
+    return dict(zip(FEATURE_NAMES, weights.tolist(), strict=True))

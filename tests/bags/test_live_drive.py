@@ -1,0 +1,103 @@
+"""Decisions from messages as they come equal those from the bag that recorded them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bags.demonstrations import Demonstrations, demonstrations_of_bag
+from bags.errors import BagError
+from bags.live_drive import LiveDrive
+from bags.reader import BagReader
+from sim.scenario import load_scenario
+from sim.scenario_grid import grid_of
+
+HALLWAY = load_scenario("hallway")
+GRID = grid_of(HALLWAY)
+TOPICS = ("robot_pose", "intent", "episode")
+
+
+@pytest.fixture(scope="module")
+def messages(root: Path):
+    bag = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))[0]
+    wanted = [f"/{topic}" for topic in TOPICS]
+    return bag, [(each.topic[1:], each.data) for each in BagReader(bag).messages(wanted)]
+
+
+def live_drive(messages, earlier: Demonstrations | None = None) -> LiveDrive:
+    drive = LiveDrive("live", GRID, HALLWAY.decision_period_s, earlier)
+    for topic, data in messages:
+        drive.take(topic, data)
+    return drive
+
+
+def columns(found: Demonstrations):
+    table = found.decisions
+    return [table.episode, table.time_s, table.state, table.action, table.next_state]
+
+
+def same(first: Demonstrations, second: Demonstrations) -> bool:
+    return all(map(np.array_equal, columns(first), columns(second))) and (
+        first.goal_entry_s == second.goal_entry_s
+    )
+
+
+def test_live_messages_give_the_decisions_of_the_bag(messages):
+    bag, sent = messages
+    offline, report = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)
+    drive = live_drive(sent)
+    assert same(drive.gathered(), offline)
+    assert drive.report == report
+    assert drive.n_ended == len(offline.decisions.episodes)
+
+
+def test_a_bag_played_twice_counts_once(messages):
+    _, sent = messages
+    assert same(live_drive(sent + sent).gathered(), live_drive(sent).gathered())
+
+
+def test_what_was_kept_before_a_restart_comes_first_and_is_not_counted_again(messages):
+    _, sent = messages
+    everything = live_drive(sent).gathered()
+    first = everything.decisions.episodes[:2]
+    kept = Demonstrations(everything.decisions.select_episodes(first), everything.goal_entry_s[:2])
+    again = live_drive(sent, kept).gathered()
+    assert same(again, everything)
+
+
+def test_a_restarted_world_adds_its_episodes_under_numbers_of_their_own(messages):
+    _, sent = messages
+    everything = live_drive(sent).gathered().decisions
+    moved = everything.select(np.arange(len(everything)))
+    other = Demonstrations(
+        type(moved)(moved.episode, moved.time_s + 0.5, moved.state, moved.action, moved.next_state)
+    )
+    both = live_drive(sent, other).gathered().decisions
+    assert len(both) == 2 * len(everything)
+    assert len(both.episodes) == 2 * len(everything.episodes)
+
+
+def test_poses_that_lag_behind_the_end_of_an_episode_are_waited_for(messages):
+    _, sent = messages
+    last_end = max(index for index, (topic, _) in enumerate(sent) if topic == "episode")
+    before = [each for each in sent[:last_end] if each[0] != "robot_pose"]
+    poses = [each for each in sent if each[0] == "robot_pose"]
+    drive = live_drive([*before, sent[last_end]])
+    assert not drive.caught_up
+    for topic, data in poses:
+        drive.take(topic, data)
+    assert drive.caught_up
+
+
+def test_a_message_too_short_for_a_stamp_is_refused():
+    with pytest.raises(BagError, match=r"must begin with a stamp \(12 bytes\), got 3 bytes"):
+        LiveDrive("live", GRID, 2.0).take("intent", b"\x00\x01\x00")
+
+
+def test_an_episode_still_being_driven_waits_for_its_end_unless_it_is_asked_for(messages):
+    _, sent = messages
+    ends = [index for index, (topic, data) in enumerate(sent) if topic == "episode"]
+    drive = live_drive(sent[: ends[3]])
+    finished, everything = drive.gathered(unfinished=False), drive.gathered()
+    assert len(finished.decisions.episodes) == 1
+    assert len(everything.decisions.episodes) == 2

@@ -1,0 +1,122 @@
+"""A learner that listens: the table a recording of the same drive gives, and life after a kill."""
+
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from bags.demonstrations import Demonstrations, demonstrations_of_bag
+from serd_ros import qos
+from sim.scenario import load_scenario
+from sim.scenario_grid import grid_of
+from storage.decision_table import save_decisions
+from storage.learner_checkpoint import CheckpointFolder, LearnerCheckpoint
+from storage.model_file import ModelFile, load_model
+from storage.yaml_config import yaml_model
+
+HALLWAY = load_scenario("hallway")
+GRID = grid_of(HALLWAY)
+
+
+@pytest.fixture
+def models(probe) -> list[ModelFile]:
+    """Every model published so far."""
+    found: list[ModelFile] = []
+    probe.node.create_subscription(
+        String,
+        "model",
+        lambda message: found.append(yaml_model(message.data, ModelFile, name="model")),
+        qos.LATCHED,
+    )
+    return found
+
+
+def table_without_source(path: Path) -> list[str]:
+    return [line.rsplit(",", 1)[0] for line in path.read_text().splitlines()]
+
+
+def shipped_demonstrations(root: Path) -> Demonstrations:
+    bag = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))[0]
+    return demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)[0]
+
+
+def test_what_a_learner_hears_is_what_a_recording_of_the_drive_holds(
+    nodes, probe, models, tmp_path
+):
+    started = nodes.start_stack(
+        "demonstrate_and_learn",
+        seed=3,
+        scripted_expert__episodes=3,
+        demo_recorder__output=str(tmp_path / "bag"),
+        learner__output=str(tmp_path / "model.yaml"),
+        learner__decisions=str(tmp_path / "live.csv"),
+    )
+    probe.spin_until(lambda: started["scripted_expert"].poll() is not None, 60.0)
+    probe.spin_until(lambda: bool(models) and models[-1].fit.n_episodes == 3, 30.0)
+    nodes.end_all()
+    offline, _ = demonstrations_of_bag(tmp_path / "bag", GRID, HALLWAY.decision_period_s)
+    save_decisions(tmp_path / "offline.csv", offline.decisions)
+    live = table_without_source(tmp_path / "live.csv")
+    assert live == table_without_source(tmp_path / "offline.csv")
+    assert load_model(tmp_path / "model.yaml") == models[-1]
+    assert models[-1].goal_entry_s == offline.goal_entry_s
+    assert [model.fit.n_episodes for model in models] == sorted(
+        {model.fit.n_episodes for model in models}
+    )
+
+
+def test_a_learner_killed_in_a_long_fit_goes_on_from_its_last_checkpoint(
+    nodes, probe, models, root, tmp_path
+):
+    demonstrations = shipped_demonstrations(root)
+    folder = CheckpointFolder(tmp_path / "kept", HALLWAY.name, GRID)
+    folder.save_decisions(demonstrations.decisions)
+    folder.save(folder.new())
+    given = {"output": str(tmp_path / "model.yaml"), "state": str(folder.path), "starts": 1000}
+
+    def stands_at() -> LearnerCheckpoint:
+        kept = folder.load()
+        assert kept is not None
+        return kept[0]
+
+    first = nodes.start_stack("learn", **given)["learner"]
+    probe.spin_until(lambda: stands_at().step > 0, 30.0)
+    first.send_signal(signal.SIGKILL)
+    first.wait()
+    assert stands_at().n_learned == 0
+    assert not models
+    # One start, from the weights kept, takes seconds at most where a thousand take minutes.
+    nodes.start_stack("learn", **given)
+    probe.spin_until(lambda: bool(models), 30.0)
+    assert models[-1].fit.n_decisions == len(demonstrations.decisions)
+    probe.spin_until(lambda: stands_at().n_learned == len(demonstrations.decisions))
+
+
+def test_too_few_decisions_are_refused_with_the_reason_and_the_learner_lives(
+    nodes, probe, root, tmp_path
+):
+    few = shipped_demonstrations(root).decisions.select(np.arange(5))
+    folder = CheckpointFolder(tmp_path / "kept", HALLWAY.name, GRID)
+    folder.save_decisions(few)
+    folder.save(folder.new())
+    said: list[str] = []
+    probe.node.create_subscription(
+        DiagnosticArray,
+        "diagnostics",
+        lambda message: said.extend(status.message for status in message.status),
+        qos.STATE,
+    )
+    given = {"output": str(tmp_path / "model.yaml"), "state": str(folder.path)}
+    learner = nodes.start_stack("learn", learn_on="call", **given)["learner"]
+    client = probe.node.create_client(Trigger, "learn")
+    assert client.wait_for_service(20.0)
+    answer = client.call_async(Trigger.Request())
+    sentence = "at least minimum_decisions = 20 decisions are needed to learn, got 5"
+    probe.spin_until(lambda: any(sentence in each for each in said), 20.0)
+    assert answer.done()
+    assert learner.poll() is None
+    assert not (tmp_path / "model.yaml").exists()
