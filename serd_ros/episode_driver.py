@@ -5,7 +5,6 @@ by. Nothing sleeps: the first reset waits until the nodes it needs are there and
 between them are matched.
 """
 
-import math
 from abc import abstractmethod
 from pathlib import Path
 from typing import TypeVar
@@ -21,6 +20,7 @@ from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.episode_mark import END, START, EpisodeMark, to_episode_message
 from serd_ros.convert.reset_reply import ResetReply, from_reset_sentence
 from serd_ros.convert.stamp import stamp_ns, to_stamp
+from serd_ros.episode_result import episode_result
 from serd_ros.graph_readiness import Readiness
 from serd_ros.observation_endpoints import subscribe_observations
 from serd_ros.serd_node import SerdNode
@@ -99,9 +99,14 @@ class EpisodeDriverNode(SerdNode[Config]):
             self.get_logger().info(f"waiting for {missing}")
 
     @property
-    def idle(self) -> bool:
-        """Whether it is ready to drive but no episode is under way or asked for."""
-        return self._look.is_canceled() and self._running is None
+    def ready(self) -> bool:
+        """Whether all that episodes need is there."""
+        return bool(self._look.is_canceled())
+
+    @property
+    def driving(self) -> bool:
+        """Whether an episode is under way."""
+        return self._running is not None
 
     def missing_for_episode(self) -> str:
         """What an episode cannot begin without, beside nodes and endpoints; empty when ready."""
@@ -201,22 +206,14 @@ class EpisodeDriverNode(SerdNode[Config]):
     def _result(self, ending: Ending, report: dict[str, str]) -> EpisodeResult:
         assert self._running is not None
         assert self._progress is not None
-        duration_s = self._progress.duration_s
-        return EpisodeResult(
-            episode=self._running.episode,
-            seed=self._running.seed,
+        return episode_result(
+            self._running,
+            self._progress,
+            report,
             driver=self.driver.name,
-            start_area=self._running.start_area,
             outcome=ending,
-            time_of_arrival_s=duration_s if ending == "arrived" else math.nan,
-            duration_s=duration_s,
-            distance_m=self._progress.distance_m,
-            robot_on_person=int(report["robot_on_person"]),
-            person_on_robot=int(report["person_on_robot"]),
-            robot_on_wall=int(report["robot_on_wall"]),
-            minimum_person_distance_m=float(report["minimum_person_distance_m"]),
-            wall_s=self.wall_s() - self._started_wall_s,
             reason=self._reason,
+            wall_s=self.wall_s() - self._started_wall_s,
         )
 
     def save_results(self) -> None:

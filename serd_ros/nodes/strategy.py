@@ -16,27 +16,19 @@ from serd_ros import qos, topics
 from serd_ros.arrival_records import ArrivalRecords
 from serd_ros.changeable_parameters import accept_changes
 from serd_ros.configs import StrategyConfig
-from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.goal import from_goal_message
 from serd_ros.convert.pose import to_waypoint_message
 from serd_ros.episode_driver import EpisodeDriverNode
 from serd_ros.goal_episodes import UNCOUNTED, GoalEpisodes
 from serd_ros.navigator import Navigator
-from serd_ros.outlook_words import (
-    outlook_in_short,
-    outlook_values,
-    situation_of,
-    traps_in_words,
-)
 from serd_ros.run_node import run_node
-from serd_ros.strategy_display import StrategyDisplay
+from serd_ros.strategy_voice import StrategyVoice
 from sim.driver import Driver
 from sim.observation import Observation
 from storage.episode_table import EpisodeResult
 from storage.file_watch import FileWatch
 
 _LOOK_AT_MODEL_S = 1.0
-_SAY_AGAIN_S = 5.0
 
 
 class StrategyNode(EpisodeDriverNode[StrategyConfig]):
@@ -48,14 +40,13 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         super().__init__("strategy", StrategyConfig)
         self._records = ArrivalRecords(self.config.output)
         self._by_goal = GoalEpisodes(self.config.seed, wanted=bool(self.config.goal))
-        self._time_s = 0.0
         self._watch = FileWatch(self._navigator.model)
         self._waypoints = self.create_publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
-        self._display = StrategyDisplay(self)
+        self._voice = StrategyVoice(self)
         self.create_subscription(PoseStamped, topics.GOAL_POSE, self._on_goal, qos.COMMAND)
         self.create_timer(_LOOK_AT_MODEL_S, self._look_at_model, clock=self.wall_clock)
         accept_changes(self, {"goal": self._change_goal, "model": self._change_model})
-        self._show_plan("start", self.wall_s())
+        self._voice.tell_plan(self._navigator.strategy, "start", self.wall_s())
 
     def make_driver(self) -> Driver:
         """The policy of the model file, towards the goal of the parameters."""
@@ -64,12 +55,11 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         return self._navigator
 
     def steer(self, observation: Observation, action: Action) -> None:
-        """Publish the waypoint, and what it was decided on for viewers."""
-        self._time_s = observation.time_s
+        """Publish the waypoint, and what it was decided on."""
         waypoint = self._navigator.waypoint_of(observation, action)
         self._waypoints.publish(to_waypoint_message(waypoint, observation.time_s))
         self._records.note(self._navigator, observation)
-        self._tell_outlook(observation)
+        self._voice.tell_decision(self._navigator, observation)
 
     def give_up_reason(self) -> str:
         """The navigator's, in words."""
@@ -80,7 +70,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         """Append prediction and measurement to the log of arrivals."""
         self._records.ended(result)
         if result.reason:
-            self.report(self._time_s, {"reason": result.reason}, level=WARN, message="gave up")
+            self._voice.tell_give_up(result.reason)
 
     def missing_for_episode(self) -> str:
         """Without resets an episode needs a goal, which is waited for elsewhere."""
@@ -91,7 +81,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         if self.config.reset:
             super().ask_for_episode()
         elif self._by_goal.wanted:
-            self.begin_episode(self._by_goal.begin(self._time_s))
+            self.begin_episode(self._by_goal.begin(self._voice.time_s))
         else:
             self.get_logger().info("waiting for a goal on goal_pose")
 
@@ -110,7 +100,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
             self._replan(lambda: self._navigator.set_goal(x_m, y_m), f"goal ({x_m:g}, {y_m:g})")
             self._go()
         except SerdError as error:
-            self._refuse(error)
+            self._voice.tell_refusal(error)
 
     def _change_goal(self, value: Any) -> None:
         self._replan(lambda: self._navigator.set_goal_text(str(value)), f"goal {value!r}")
@@ -126,47 +116,22 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
             try:
                 self._replan(lambda: self._navigator.set_model(path), f"{path} read again")
             except SerdError as error:
-                self._refuse(error)
+                self._voice.tell_refusal(error)
 
     def _replan(self, change: Callable[[], None], what: str) -> None:
         began_s = self.wall_s()
         change()
         self._records.renew()
         self.aim(self._navigator.strategy.scenario)
-        self._show_plan(what, began_s)
+        self._voice.tell_plan(self._navigator.strategy, what, began_s)
 
     def _go(self) -> None:
         """Without resets a goal begins an episode, unless one is under way."""
-        if not self.config.reset and self.idle:
-            self._by_goal.want()
+        if self.config.reset or self.driving:
+            return
+        self._by_goal.want()
+        if self.ready:
             self.ask_for_episode()
-
-    def _refuse(self, error: SerdError) -> None:
-        self.get_logger().warning(f"refused, going on as before: {error}")
-        self.report(self._time_s, {}, level=WARN, message=f"refused: {error}")
-
-    def _tell_outlook(self, observation: Observation) -> None:
-        outlook = self._navigator.outlook
-        assert outlook is not None
-        self._display.show_outlook(outlook, self._navigator.way_m(observation))
-        needs_look, doing = situation_of(outlook)
-        if needs_look:
-            self.get_logger().warning(
-                f"{doing} at ({observation.x_m:.1f}, {observation.y_m:.1f}) m: "
-                f"{outlook_in_short(outlook)}",
-                throttle_duration_sec=_SAY_AGAIN_S,
-            )
-        values = outlook_values(outlook, self._navigator.strategy)
-        level = WARN if needs_look else OK
-        self.report(observation.time_s, values, level=level, message=doing)
-
-    def _show_plan(self, what: str, began_s: float) -> None:
-        strategy = self._navigator.strategy
-        self._display.show_strategy(strategy, self._time_s)
-        took_ms = 1e3 * (self.wall_s() - began_s)
-        self.get_logger().info(f"{what}: plan made and shown in {took_ms:.1f} ms")
-        if traps := traps_in_words(strategy.traps):
-            self.get_logger().warning(traps)
 
 
 def main() -> int:
