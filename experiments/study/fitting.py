@@ -85,9 +85,11 @@ def trials(
     repetition: int,
 ) -> Iterator[Trial]:
     """Each size as a subset of the next, in a random order of the demonstrations."""
-    rng = np.random.default_rng([settings.seed, repetition])
-    shuffled = rng.permutation(sets.training.episodes)
+    order = np.random.default_rng([settings.seed, repetition])
+    shuffled = order.permutation(sets.training.episodes)
     for size in sizes:
+        # A generator of its own, so that what learners draw changes no later subset or split.
+        rng = np.random.default_rng([settings.seed, repetition, size])
         subset = sets.training.select_episodes(shuffled[:size])
         training, validation = split_episodes(subset, settings.learning.validation_share, rng)
         yield Trial(problem, settings.learning, subset, training, validation, reference, rng)

@@ -7,6 +7,7 @@ so that every learner has learned from the same demonstrations.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -18,16 +19,18 @@ from serd_core.ascent.trust_region import TrustRegion
 from serd_core.beliefs import Belief, CoupledBelief, FreeBelief, TiedBelief
 from serd_core.demonstrations import Decisions, start_distribution
 from serd_core.estimation import estimate_dynamics
-from serd_core.evaluation import validation_log_likelihood
+from serd_core.evaluation import policy_log_likelihood, validation_log_likelihood
 from serd_core.fit_result import FitResult
 from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.importance_samples import hoeffding_thresholds
+from serd_core.learners.irl_result import IrlResult
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
 from serd_core.learners.staged_start import weights_under_initial_dynamics
 from serd_core.navigation import NavigationProblem
 from serd_core.parameters import Block
+from serd_core.policies.solved_policy import soft_policy
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import Prior
@@ -121,31 +124,46 @@ def irl_by_entropy(trial: Trial) -> Learned:
 def relative_entropy_irl(trial: Trial) -> Learned:
     """REIRL on trajectories sampled from estimates, as section 4.6.2 does.
 
-    How much the sampling policy is smoothed, and how long its trajectories are, decides what comes
-    out: demonstrations outside what the samples span let the weights grow without bound.
+    How much the sampling policy is smoothed, and how wide the thresholds are, decides what comes
+    out: too narrow a sample lets the weights grow without bound, too wide thresholds allow them all
+    to be 0. Both are chosen on validation, as lambda is for SERD.
     """
-    problem, subset = trial.problem, trial.subset
-    policy = clone_behaviour(problem, subset, trial.settings.reirl_smoothing)
+    settings = trial.settings
+    choices = list(product(settings.reirl_smoothing, settings.reirl_threshold_shares))
+    scores = []
+    for smoothing, share in choices:
+        weights = _fit_reirl(trial, trial.training, smoothing, share).reward_weights
+        policy = soft_policy(
+            trial.problem, weights, estimate_dynamics(trial.problem, trial.training)
+        )
+        scores.append(policy_log_likelihood(trial.problem, trial.validation, policy.probabilities))
+    fit = _fit_reirl(trial, trial.subset, *choices[int(np.argmax(scores))])
+    return _of_weights(trial, fit.reward_weights, converged=fit.converged)
+
+
+def _fit_reirl(trial: Trial, decisions: Decisions, smoothing: float, share: float) -> IrlResult:
+    """smoothing: of the cloned policy that samples; share: of Hoeffding's thresholds."""
+    problem = trial.problem
+    policy = clone_behaviour(problem, decisions, smoothing)
     samples = sample_decisions(
         problem.mdp,
         policy,
-        estimate_dynamics(problem, subset),
-        start_distribution(subset, problem.mdp.n_states),
+        estimate_dynamics(problem, decisions),
+        start_distribution(decisions, problem.mdp.n_states),
         n_episodes=trial.settings.reirl_samples,
         n_steps=_LONGEST_SAMPLE,
         rng=trial.rng,
     )
-    longest = int(trajectories_of(subset).length.max())
-    thresholds = hoeffding_thresholds(problem, len(subset.episodes), horizon=longest)
-    fit = fit_relative_entropy_irl(
+    longest = int(trajectories_of(decisions).length.max())
+    thresholds = hoeffding_thresholds(problem, len(decisions.episodes), horizon=longest)
+    return fit_relative_entropy_irl(
         problem,
-        subset,
+        decisions,
         samples=samples,
         sampling_policy=policy,
-        thresholds=trial.settings.reirl_threshold_share * thresholds,
+        thresholds=share * thresholds,
         rng=trial.rng,
     )
-    return _of_weights(trial, fit.reward_weights, converged=fit.converged)
 
 
 def behavioural_cloning(trial: Trial) -> Learned:

@@ -47,8 +47,8 @@ class LearningSettings(StrictModel):
     prior_weights: tuple[float, ...] = Field(min_length=1)
     validation_share: float = Field(gt=0, lt=1)
     reward_deviation: float = Field(gt=0)
-    reirl_threshold_share: float = Field(ge=0)
-    reirl_smoothing: float = Field(gt=0)
+    reirl_threshold_shares: tuple[float, ...] = Field(min_length=1)
+    reirl_smoothing: tuple[float, ...] = Field(min_length=1)
     reirl_samples: int = Field(ge=1)
     entropy_slack: float = Field(ge=0)
 

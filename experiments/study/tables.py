@@ -6,7 +6,11 @@ from experiments.repetitions import Row
 from experiments.study.arrival_distances import distance_row
 from experiments.study.experts import EXPERTS, PEOPLE
 from experiments.study.paired_statistics import holm, mean_interval, paired_p_value
+from experiments.study.recordings_table import demonstrations_table, reference_table
 from experiments.study.results import Results
+from experiments.study.world import TRAIN_AREA
+from serd_core.trap_states import trap_states
+from sim.scenario_grid import start_states_of
 
 MEASURES = ("test_log_likelihood", "transfer_log_likelihood", "dynamics_divergence")
 #: What every other method is compared with.
@@ -22,6 +26,9 @@ def all_tables(results: Results) -> dict[str, list[Row]]:
         "arrival_distances": arrival_distances(results),
         "arrival_scores": arrival_scores(results),
         "measured_episodes": results.measured,
+        "traps": traps(results),
+        "reference_dynamics": reference_table(results),
+        "demonstrations": demonstrations_table(results),
     }
 
 
@@ -156,6 +163,41 @@ def arrival_scores(results: Results) -> list[Row]:
             )
         adjusted = holm([row["p_value"] for row in family])
         table += [row | {"p_holm": p} for row, p in zip(family, adjusted, strict=True)]
+    return table
+
+
+def traps(results: Results) -> list[Row]:
+    """How many states the greedy policies of each method never leave for the goal.
+
+    start_traps: share of the repetitions in which a start cell of the training task is one.
+    """
+    problem = results.problem
+    starts = start_states_of(results.scenario, problem.grid, TRAIN_AREA)
+    table: list[Row] = []
+    for method in results.methods(PEOPLE):
+        masks = np.array(
+            [
+                trap_states(
+                    problem.grid.neighbours,
+                    np.array(results.model(PEOPLE, number, method)["greedy"]),
+                    problem.goal_states,
+                )
+                for number in range(results.settings.learning.repetitions)
+            ]
+        )
+        counts = masks.sum(axis=1)
+        table.append(
+            {
+                "method": method,
+                "n": len(counts),
+                "states": problem.grid.n_states,
+                "median_traps": float(np.median(counts)),
+                "fewest_traps": int(counts.min()),
+                "most_traps": int(counts.max()),
+                "without_traps": float((counts == 0).mean()),
+                "start_traps": float(masks[:, starts].any(axis=1).mean()),
+            }
+        )
     return table
 
 
