@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments import gridworld, hallway, minimum_example, policy_cost, priors, rust
+from experiments import gridworld, minimum_example, policy_cost, priors, rust
 from experiments.figures.gridworld import environment_figure, measures_figure
 from experiments.figures.minimum_example import estimates_figure, likelihood_figure
 from experiments.figures.policy_cost import cost_figure
@@ -123,17 +123,6 @@ def _write_tests(config: gridworld.GridworldConfig, rows: list[Row], folder: Pat
         write_table(folder / f"welch_{measure}.csv", table)
 
 
-def _hallway(
-    config: hallway.HallwayConfig, folder: Path, execution: Execution, progress: Progress
-) -> list[Row]:
-    rows = hallway.run_hallway(config, folder, execution, progress)
-    write_table(folder / "measures.csv", rows)
-    for measure in hallway.MEASURES:
-        write_table(folder / f"{measure}.csv", quartiles(rows, measure, ["size", "learner"]))
-    atomic_write_bytes(folder / "measures.png", png_bytes(measures_figure(rows)))
-    return quartiles(rows, "log_likelihood", ["size", "learner"])
-
-
 def _rust(
     config: rust.RustConfig, folder: Path, execution: Execution, progress: Progress
 ) -> list[Row]:
@@ -178,12 +167,6 @@ EXPERIMENTS = (
         "navigation on satellite images (section 4.6.2)",
         gridworld.GridworldConfig,
         _gridworld,
-    ),
-    Experiment(
-        "hallway",
-        "navigation in a populated hallway (section 5.2)",
-        hallway.HallwayConfig,
-        _hallway,
     ),
     Experiment("rust", "bus engine replacement (Rust 1987)", rust.RustConfig, _rust),
 )

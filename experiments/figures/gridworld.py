@@ -25,7 +25,7 @@ LOWEST = -6.0
 
 
 def measures_figure(rows: Sequence[Row]) -> Figure:
-    """Figs. 4.12, 4.13 and 5.9: median with quartiles by learner, of the measures there are."""
+    """Figs. 4.12 and 4.13: median with quartiles by learner, of the measures there are."""
     present = {name: label for name, label in MEASURES.items() if name in rows[0]}
     figure = new_figure(9.0, 6.4)
     learners = list(dict.fromkeys(row["learner"] for row in rows))

@@ -11,7 +11,7 @@ import numpy as np
 
 from bags.discretise import decisions_from_drive
 from bags.recorded_drive import EpisodeSpan, RecordedDrive
-from experiments.hallway_data import together
+from experiments.study.together import together
 from serd_core.demonstrations import Decisions
 from serd_core.grid import Action
 from serd_core.likelihood.observations import explained

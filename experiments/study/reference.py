@@ -7,13 +7,13 @@ No learner sees these recordings; who knows the world plans with what is estimat
 from functools import partial
 from pathlib import Path
 
-from experiments.hallway_data import together
 from experiments.study.drives import drive_episodes
 from experiments.study.experts import PEOPLE
 from experiments.study.exploring_driver import ExploringDriver
 from experiments.study.products import Task
 from experiments.study.seeds import Purpose, world_seed
 from experiments.study.settings import StudySettings
+from experiments.study.together import together
 from experiments.study.world import TRAIN_AREA, TRANSFER_AREA, problem_of, scenario_of
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations import Decisions

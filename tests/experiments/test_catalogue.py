@@ -4,8 +4,6 @@ import pytest
 
 from experiments.catalogue import EXPERIMENTS, experiment_of
 from experiments.gridworld import GridworldConfig
-from experiments.hallway import HallwayConfig
-from experiments.hallway_data import RecordingPlan
 from experiments.minimum_example import MinimumExampleConfig
 from experiments.policy_cost import PolicyCostConfig
 from experiments.priors import PriorsConfig
@@ -24,19 +22,12 @@ SMALL = {
     "gridworld": GridworldConfig(
         side=6, sizes=(4,), n_steps=10, n_test_episodes=10, n_repetitions=2
     ),
-    "hallway": HallwayConfig(
-        sizes=(2,),
-        prior_weights=(1.0,),
-        n_repetitions=1,
-        plan=RecordingPlan(n_training=2, n_test=1, n_transfer=1, n_wandering=1, wander_s=30.0),
-    ),
 }
 LEFT_BEHIND = {
     "minimum-example": {"estimates.csv", "log_likelihood.csv", "estimates.png"},
     "priors": {"optimal_distributions.csv", "surfaces.png"},
     "policy-cost": {"seconds.csv", "exponents.csv", "cost.png"},
     "gridworld": {"measures.csv", "welch_log_likelihood.csv", "measures.png", "transfer.png"},
-    "hallway": {"measures.csv", "measures.png", "recordings"},
 }
 
 

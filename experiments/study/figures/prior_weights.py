@@ -21,7 +21,7 @@ PANELS = {
 
 
 def rows(results: Results) -> list[Row]:
-    """Means over repetitions for every size and lambda."""
+    """Medians over repetitions for every size and lambda: one may rule out an action altogether."""
     keys = sorted({(row["size"], row["prior_weight"]) for row in results.candidates})
     table: list[Row] = []
     for size, weight in keys:
@@ -30,8 +30,8 @@ def rows(results: Results) -> list[Row]:
             for row in results.candidates
             if (row["size"], row["prior_weight"]) == (size, weight)
         ]
-        means = {name: float(np.mean([row[name] for row in chosen])) for name in PANELS}
-        table.append({"size": size, "prior_weight": weight, "n": len(chosen)} | means)
+        medians = {name: float(np.median([row[name] for row in chosen])) for name in PANELS}
+        table.append({"size": size, "prior_weight": weight, "n": len(chosen)} | medians)
     return table
 
 
@@ -57,13 +57,15 @@ def draw(table: list[Row], context: FigureContext) -> Figure:
 def _panel(figure: Figure, axes: Axes, values: FloatArray, *, higher_is_better: bool) -> None:
     colours = style.VALUE_MAP if higher_is_better else style.VALUE_MAP.reversed()
     # Few demonstrations are far worse: off the scale, they leave room for what matters.
-    low, high = np.quantile(values, [0.1, 1.0] if higher_is_better else [0.0, 0.9])
-    drawn = axes.imshow(values, origin="lower", aspect="auto", cmap=colours, vmin=low, vmax=high)
+    finite = values[np.isfinite(values)]
+    low, high = np.quantile(finite, [0.2, 1.0] if higher_is_better else [0.0, 0.8])
+    shown = np.clip(values, low, high)
+    drawn = axes.imshow(shown, origin="lower", aspect="auto", cmap=colours, vmin=low, vmax=high)
     figure.colorbar(drawn, ax=axes, shrink=0.9, extend="min" if higher_is_better else "max")
     best = values.argmax(axis=0) if higher_is_better else values.argmin(axis=0)
     for (row, column), value in np.ndenumerate(values):
         weight = "bold" if row == best[column] else "normal"
-        text = f"{value:.3f}".replace("-", "−")
+        text = f"{value:.3f}".replace("-", "−").replace("inf", "∞")
         axes.text(column, row, text, ha="center", va="center", fontsize=7.5, fontweight=weight)
     for column, row in enumerate(best):
         _frame(axes, column, int(row))
