@@ -98,6 +98,7 @@ class HandDriverConfig(StrictModel):
     driver: str = Field(min_length=1)
     mode: Mode
     timeout_s: float = Field(gt=0)
+    required_nodes: tuple[str, ...]
     speed_mps: float = Field(gt=0)
     turn_radps: float = Field(gt=0)
 

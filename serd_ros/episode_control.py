@@ -1,6 +1,7 @@
 """A person's episodes over ROS: resets the world, publishes marks, counts those of everybody."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.task import Future
@@ -9,13 +10,15 @@ from std_srvs.srv import Trigger
 from serd_ros import qos, topics
 from serd_ros.convert.episode_mark import EpisodeMark, from_episode_message, to_episode_message
 from serd_ros.convert.reset_reply import ResetReply, from_reset_sentence
+from serd_ros.graph_readiness import Readiness
 from serd_ros.serd_node import SerdNode
 from sim.observation import Observation
 from sim.scenario import Scenario
-from storage.yaml_config import StrictModel
 from teleop.episode_tally import EpisodeTally
 from teleop.errors import TeleopError
 from teleop.session import END, EpisodeEvent, Session
+
+_LOOK_AGAIN_S = 0.05
 
 
 class EpisodeControl:
@@ -23,18 +26,24 @@ class EpisodeControl:
 
     def __init__(
         self,
-        node: SerdNode[StrictModel],
+        node: SerdNode[Any],
         scenario: Scenario,
         *,
         driver: str,
         timeout_s: float,
+        required_nodes: Sequence[str],
         tell: Callable[[str], None],
     ) -> None:
         self.session = Session(scenario, timeout_s)
         self.tally = EpisodeTally()
         self.n_decisions = 0
         self.episode: ResetReply | None = None
-        self._driver, self._tell = driver, tell
+        self._node, self._driver, self._tell = node, driver, tell
+        self._readiness = Readiness(node, required_nodes, node.wall_s())
+        self._waited_for = ""
+        self._look = node.create_timer(
+            _LOOK_AGAIN_S, self._begin_when_ready, clock=node.wall_clock, autostart=False
+        )
         self._marks = node.create_publisher(DiagnosticArray, topics.EPISODE, qos.STATE)
         self._reset = node.create_client(Trigger, topics.RESET)
         node.create_subscription(DiagnosticArray, topics.EPISODE, self._on_mark, qos.STATE)
@@ -51,13 +60,12 @@ class EpisodeControl:
         return running.driver if running is not None and not self._is_mine(running.number) else ""
 
     def start(self) -> None:
-        """Reset the world and begin; TeleopError where that cannot be now."""
+        """Begin as soon as everybody listens; TeleopError where an episode is running."""
         if self.other_driver:
             raise TeleopError(f"an episode of {self.other_driver} is running; end it there first")
-        if not self._reset.service_is_ready():
-            raise TeleopError("the world is not there yet; wait until it has started")
         self.session.start()
-        self._reset.call_async(Trigger.Request()).add_done_callback(self._on_reset)
+        self._waited_for = ""
+        self._look.reset()
 
     def save(self) -> None:
         """Keep the running episode as it is."""
@@ -74,11 +82,25 @@ class EpisodeControl:
         for event in self.session.see(observation):
             self._publish(event)
 
+    def _begin_when_ready(self) -> None:
+        """Reset the world once nobody who records or drives would miss the beginning."""
+        missing = self._readiness.missing(self._node.wall_s())
+        if missing or not self._reset.service_is_ready():
+            self._say_waiting(missing or "the world")
+            return
+        self._look.cancel()
+        self._reset.call_async(Trigger.Request()).add_done_callback(self._on_reset)
+
+    def _say_waiting(self, missing: str) -> None:
+        if missing != self._waited_for:
+            self._waited_for = missing
+            self._tell(f"the episode waits for {missing}")
+
     def _on_reset(self, future: Future) -> None:
         reply = future.result()
         if not reply.success:
-            self.session.failed()
-            self._tell(f"the world cannot begin: waiting for {reply.message}")
+            self._say_waiting(reply.message)
+            self._look.reset()
             return
         self.episode = from_reset_sentence(reply.message)
         self.n_decisions = 0

@@ -48,6 +48,7 @@ class HandDriverNode(SerdNode[Config]):
             self.scenario,
             driver=self.config.driver,
             timeout_s=self.config.timeout_s,
+            required_nodes=self.config.required_nodes,
             tell=self.tell,
         )
         self._was_there = self._has_decided = self._is_moving = self._is_e_stopped = False

@@ -56,10 +56,6 @@ class Session:
         self._start_s = start_s
         self.phase = "running"
 
-    def failed(self) -> None:
-        """The world could not be reset."""
-        self.phase = "idle"
-
     def see(self, observation: Observation) -> tuple[EpisodeEvent, ...]:
         """Take the next observation."""
         self._newest_s = observation.time_s

@@ -26,7 +26,7 @@ _HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
-_HEARTBEAT_S = 1.0
+_PING_PERIOD_S = 5.0
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -84,7 +84,7 @@ def _with_cookie(token: str) -> web.Response:
 
 
 async def _talk(request: web.Request, hub: Hub) -> web.StreamResponse:
-    socket = web.WebSocketResponse(max_msg_size=LARGEST_WISH_BYTES, heartbeat=_HEARTBEAT_S)
+    socket = web.WebSocketResponse(max_msg_size=LARGEST_WISH_BYTES, heartbeat=_PING_PERIOD_S)
     await socket.prepare(request)
     page = hub.open()
     sender = asyncio.create_task(_send_all(socket, page))

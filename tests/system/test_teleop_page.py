@@ -224,6 +224,9 @@ def driving(nodes, page, scenario, ros_env):
     stack = find_stack("teleop")
     names = tuple(name for name in stack.nodes if name != "demo_recorder")
     given = {"scenario": str(scenario), "port": 0, "people": 0}
+    listeners = ["hallway_sim", "local_planner", "teleop_mux"]
+    given |= {"teleop_page.required_nodes": listeners}
+    given |= {"hallway_sim.required_nodes": ["local_planner"]}
     for process in stack_processes(stack.model_copy(update={"nodes": names}), given, ros_env):
         nodes.start(list(process.command), process.name)
     address = re.compile(r"the page is at (http://\S+)")

@@ -2,8 +2,8 @@
 
 const ARROWS = { north: "↑", east: "→", south: "↓", west: "←", wait: "wait" };
 const HINTS = {
-  directions: "Arrow keys choose the next cell, held ones again and again. A full ring decides.",
-  velocity: "Arrow keys drive and turn while held; up is forward.",
+  directions: "Arrow keys choose the next cell, held ones again and again. A full ring decides. Tab: velocity.",
+  velocity: "Arrow keys drive and turn while held; up is forward. Tab: directions.",
 };
 const PHASES = {
   starting: "starting …", running: "", ended: "",
