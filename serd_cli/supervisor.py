@@ -1,4 +1,7 @@
-"""Runs the processes of a stack together with honcho: one ends, all end; Ctrl-C ends all."""
+"""Runs the processes of a stack together with honcho: one ends, all end; Ctrl-C ends all.
+
+Nodes are told this process, so that they end too when it is killed (`serd_ros.starter`).
+"""
 
 import os
 import shlex
@@ -11,6 +14,7 @@ from honcho.manager import SIGNALS, SYSTEM_PRINTER_NAME, Manager
 from honcho.printer import Message
 
 from serd_cli.errors import RunError
+from serd_ros.starter import VARIABLE
 
 Line = Callable[[str, str], None]
 _KEPT_LINES = 15
@@ -84,9 +88,10 @@ def run_together(
     """
     tap = _Tap(on_line)
     manager = _Manager(tap)
+    environment = {**environment, VARIABLE: str(os.getpid())}
     for process in processes:
         command = "exec " + shlex.join(process.command)
-        manager.add_process(process.name, command, env=dict(environment))
+        manager.add_process(process.name, command, env=environment)
     before = {number: signal.getsignal(number) for number in SIGNALS}
     try:
         manager.loop()

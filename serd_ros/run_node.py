@@ -10,6 +10,7 @@ from rclpy.experimental import EventsExecutor
 
 from serd_core.errors import SerdError
 from serd_ros.serd_node import BAD_INPUT, SerdNode
+from serd_ros.starter import Starter
 
 
 def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
@@ -46,10 +47,14 @@ def _spin(node: SerdNode[Any]) -> int:
     """
     executor = EventsExecutor()
     executor.add_node(node)
+    starter = Starter()
     try:
         while rclpy.ok() and not node.finished.done():
             executor.spin_until_future_complete(node.finished, timeout_sec=1.0)
+            if starter.gone:
+                node.fail("the command that started it was killed; start it again")
     finally:
+        starter.close()
         executor.remove_node(node)
         executor.shutdown()
     return int(node.finished.result()) if node.finished.done() else 0

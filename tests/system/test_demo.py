@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from rosbags.highlevel import AnyReader
 
+from bags.reader import BagReader
 from storage.episode_table import load_episodes
 
 SERD = str(Path(sys.executable).with_name("serd"))
@@ -100,6 +101,19 @@ def test_a_killed_node_ends_the_demo_with_its_name_and_not_with_a_hang(tmp_path)
     assert code == 1
     assert "local_planner was killed by signal 9" in said
     assert processes_of(tmp_path) == {}
+
+
+def test_a_killed_demo_leaves_no_node_behind(tmp_path):
+    run = tmp_path / "demo_output/run-1"
+    demo = Demo(tmp_path, "--demonstrations", "50")
+    demo.wait_for((run / "demonstrations/episodes.csv").exists)
+    demo.process.kill()
+    demo.process.wait()
+    deadline = time.monotonic() + 15
+    while processes_of(tmp_path):
+        assert time.monotonic() < deadline, processes_of(tmp_path)
+        time.sleep(0.1)
+    assert BagReader(run / "bag").topics  # the recorder closed it
 
 
 def is_planner_of(entry, demo_pid):
