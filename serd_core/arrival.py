@@ -12,7 +12,8 @@ import scipy.sparse
 import scipy.sparse.csgraph
 import scipy.sparse.linalg
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.distributions import checked_distribution, checked_policy
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
 from serd_core.mdp import Mdp
@@ -55,9 +56,9 @@ def arrival_time_distribution(
     policy: (S, A) probabilities; start_distribution: (S,) probabilities.
     """
     chain = policy_chain(problem.mdp, policy, outcome_probabilities)
-    share = _distribution("start_distribution", start_distribution, problem.mdp.n_states)
+    share = checked_distribution("start_distribution", start_distribution, problem.mdp.n_states)
     if n_periods < 0:
-        raise SerdError(f"n_periods must not be negative, got {n_periods}")
+        raise SerdError(f"n_periods must not be negative, got {n_periods}; use the time-out's")
     goal = np.zeros(problem.mdp.n_states, dtype=np.bool_)
     goal[problem.goal_states] = True
     cdf = np.empty(n_periods + 1)
@@ -80,8 +81,7 @@ def policy_chain(
     mdp: Mdp, policy: FloatArray, outcome_probabilities: FloatArray
 ) -> scipy.sparse.csr_array:
     """(S, S) Markov chain of an (S, A) policy."""
-    choice = float_array("policy", policy, mdp.available.shape)
-    _require_policy(mdp, choice)
+    choice = checked_policy("policy", policy, mdp)
     transitions = transitions_of(mdp.transitions, np.asarray(outcome_probabilities, np.float64))
     entries = transitions.entries * choice.ravel()[mdp.transitions.row]
     state = mdp.transitions.row // mdp.n_actions
@@ -113,29 +113,3 @@ def _can_reach(chain: scipy.sparse.csr_array, goal: BoolArray) -> BoolArray:
     reaches = np.zeros(len(goal) + 1, dtype=np.bool_)
     reaches[found] = True
     return reaches[1:]
-
-
-def _require_policy(mdp: Mdp, policy: FloatArray) -> None:
-    wrong = (policy < -1e-9) | (~mdp.available & (policy != 0.0))
-    bad = np.argwhere(wrong)
-    if len(bad):
-        state, action = bad[0]
-        raise SerdError(
-            f"policy[{state}, {action}] must be a probability of an available action,"
-            f" got {policy[state, action]}"
-        )
-    sums = policy.sum(axis=1)
-    off = np.flatnonzero(np.abs(sums - 1.0) > 1e-6)
-    if off.size:
-        raise SerdError(
-            f"policy[{off[0]}] must sum to 1, got {sums[off[0]]}; normalise over actions"
-        )
-
-
-def _distribution(name: str, values: FloatArray, size: int) -> FloatArray:
-    share = float_array(name, values, (size,))
-    if np.any(share < 0) or abs(float(share.sum()) - 1.0) > 1e-6:
-        raise SerdError(
-            f"{name} must be non-negative and sum to 1, got a sum of {share.sum()}; normalise it"
-        )
-    return share

@@ -13,8 +13,11 @@ import numpy as np
 import scipy.stats
 from numpy.typing import ArrayLike
 
-from serd_core.arrays import FloatArray, bool_array, float_array
+from serd_core.arrays import FloatArray, bool_array, first_index, float_array
 from serd_core.errors import SerdError
+
+#: Sums of probabilities may pass 0 or 1 by this much.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +45,17 @@ def empirical_arrival_cdf(
     timed_out: (N,) episodes that did not arrive; later than the horizon counts as such, too.
     """
     late = bool_array("timed_out", timed_out, (None,))
-    times = np.where(late, np.inf, np.asarray(times_s, dtype=np.float64))
+    given = np.asarray(times_s, dtype=np.float64)
+    if given.shape != late.shape:
+        raise SerdError(
+            f"times_s must have one entry per episode ({len(late)} as in timed_out), got shape"
+            f" {given.shape}; any number does for an episode that timed out"
+        )
+    times = np.where(late, np.inf, given)
     if not len(late):
         raise SerdError("times_s must hold at least one episode, got none")
+    if not horizon_s >= 0:
+        raise SerdError(f"horizon_s must not be negative or NaN, got {horizon_s}; use the time-out")
     _require_coverage(coverage)
     if np.any(np.isnan(times) | (times < 0)):
         raise SerdError("times_s must not be NaN or negative for an episode that arrived")
@@ -67,7 +78,14 @@ def clopper_pearson(
 ) -> tuple[FloatArray, FloatArray]:
     """Exact confidence interval of a binomial proportion: quantiles of Beta distributions."""
     _require_coverage(coverage)
-    count = np.asarray(successes, dtype=np.float64)
+    count = float_array("successes", successes)
+    if not n_trials >= 1:
+        raise SerdError(f"n_trials must be at least 1, got {n_trials}")
+    bad = first_index((count < 0) | (count > n_trials))
+    if bad is not None:
+        raise SerdError(
+            f"successes{list(bad)} must be from 0 to n_trials = {n_trials}, got {count[bad]}"
+        )
     tail = (1.0 - coverage) / 2.0
     beta = scipy.stats.beta
     lower = beta.ppf(tail, np.maximum(count, 1.0), n_trials - count + 1.0)
@@ -85,7 +103,11 @@ def sampling_band(
     _require_coverage(coverage)
     if n_episodes < 1:
         raise SerdError(f"n_episodes must be at least 1, got {n_episodes}")
-    probability = np.clip(float_array("cdf", cdf), 0.0, 1.0)
+    given = float_array("cdf", cdf)
+    bad = first_index((given < -ROUNDING) | (given > 1.0 + ROUNDING))
+    if bad is not None:
+        raise SerdError(f"cdf{list(bad)} must be a probability, got {given[bad]}")
+    probability = np.clip(given, 0.0, 1.0)
     tail = (1.0 - coverage) / 2.0
     lower = scipy.stats.binom.ppf(tail, n_episodes, probability) / n_episodes
     upper = scipy.stats.binom.ppf(1.0 - tail, n_episodes, probability) / n_episodes

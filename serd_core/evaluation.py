@@ -9,6 +9,8 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, float_array, floored
 from serd_core.demonstrations import Decisions
+from serd_core.distributions import checked_policy
+from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
 from serd_core.fit_result import FitResult
 from serd_core.likelihood.observations import observe
@@ -19,7 +21,7 @@ from serd_core.problem import Problem
 def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatArray) -> float:
     """Mean log pi(a | s) over the decisions; -inf where the policy rules one out."""
     counts = observe(problem.mdp, decisions).state_action
-    chosen = float_array("policy", policy, counts.shape)
+    chosen = checked_policy("policy", policy, problem.mdp)
     seen = counts > 0
     if np.any(chosen[seen] <= 0):
         return -np.inf
@@ -47,8 +49,10 @@ def dynamics_divergence(
 ) -> float:
     """Mean KLD from true to estimated transitions under (S, A) visits (counts or shares)."""
     model = problem.mdp.transitions
-    true = model.groups.probabilities(model.entries(np.asarray(truth, np.float64)))
-    other = model.groups.probabilities(model.entries(np.asarray(estimate, np.float64)))
+    true, other = (
+        model.groups.probabilities(transitions_of(model, np.asarray(table, np.float64)).entries)
+        for table in (truth, estimate)
+    )
     terms = true * (np.log(floored(true)) - np.log(floored(other)))
     by_row = np.zeros(model.available.size)
     np.add.at(by_row, model.groups.row, terms)
@@ -57,7 +61,8 @@ def dynamics_divergence(
 
 def policy_divergence(truth: FloatArray, estimate: FloatArray, visits: FloatArray) -> float:
     """Mean KLD from a true to an estimated (S, A) policy under (S,) or (S, A) visits."""
-    true, other = np.asarray(truth, np.float64), np.asarray(estimate, np.float64)
+    true = float_array("truth", truth, (None, None))
+    other = float_array("estimate", estimate, true.shape)
     by_state = np.sum(true * (np.log(floored(true)) - np.log(floored(other))), axis=1)
     total = np.asarray(visits, np.float64)
     per_state = total.sum(axis=1) if total.ndim == 2 else total

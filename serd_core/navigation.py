@@ -86,7 +86,9 @@ def build_navigation_problem(
 
 
 def outcome_of(problem: NavigationProblem, decisions: Decisions) -> BoolArray:
-    """(N, 5) which outcomes explain each decision; several do where a wall blocks."""
+    """(N, 5) which outcomes explain each decision; several do where a wall blocks, or none."""
+    require_index("state", decisions.state, problem.mdp.n_states, "a state")
+    require_index("action", decisions.action, problem.mdp.n_actions, "an action")
     reached = problem.outcome_models.successors[decisions.state, decisions.action]
     return np.asarray(reached == decisions.next_state[:, None])
 

@@ -7,7 +7,8 @@ The sum over all states is 1 / (1 - gamma). Feature expectations are sums over i
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array
+from serd_core.arrays import FloatArray
+from serd_core.distributions import checked_distribution, checked_policy
 from serd_core.dynamics.transitions import Transitions
 from serd_core.mdp import Mdp
 from serd_core.solvers.automatic import Automatic
@@ -17,8 +18,8 @@ def state_action_occupancy(
     mdp: Mdp, transitions: Transitions, policy: FloatArray, starts: FloatArray
 ) -> FloatArray:
     """(S, A) expected discounted visits of an (S, A) policy from the (S,) start distribution."""
-    choice = float_array("policy", policy, mdp.available.shape)
-    begin = float_array("starts", starts, (mdp.n_states,))
+    choice = checked_policy("policy", policy, mdp)
+    begin = checked_distribution("starts", starts, mdp.n_states)
     data = mdp.policy_pattern.system_data(choice, transitions.entries, mdp.discount)
     system = Automatic().prepare(mdp.policy_pattern, data)
     return np.asarray(system.solve_transposed(begin)[:, None] * choice)

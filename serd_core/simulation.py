@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, float_array
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations import Decisions
+from serd_core.distributions import checked_distribution, checked_policy
 from serd_core.dynamics.transitions import Transitions, transitions_of
 from serd_core.errors import SerdError
 from serd_core.mdp import Mdp
@@ -31,8 +32,8 @@ def sample_decisions(
         raise SerdError(
             f"n_episodes and n_steps must be at least 1, got {n_episodes} and {n_steps}"
         )
-    choice = float_array("policy", policy, mdp.available.shape)
-    starts = float_array("start_distribution", start_distribution, (mdp.n_states,))
+    choice = checked_policy("policy", policy, mdp)
+    starts = checked_distribution("start_distribution", start_distribution, mdp.n_states)
     transitions = transitions_of(mdp.transitions, np.asarray(outcome_probabilities, np.float64))
     state = _draw(np.broadcast_to(starts, (n_episodes, mdp.n_states)), rng)
     moving = np.flatnonzero(~mdp.absorbing[state])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
 from serd_core.errors import SerdError
 
 
@@ -44,9 +44,10 @@ def find_traps(
     """Both kinds of trap states. arrival_probability: (S,) within the horizon that matters."""
     if not 0.0 <= threshold <= 1.0:
         raise SerdError(f"threshold must be a probability, got {threshold}; use for example 0.5")
+    likely = float_array("arrival_probability", arrival_probability, (len(greedy),))
     return Traps(
         looping=trap_states(neighbours, greedy, goal_states),
-        unlikely=np.asarray(arrival_probability < threshold),
+        unlikely=np.asarray(likely < threshold),
         threshold=threshold,
     )
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.differences import gradient_differences
+from serd_core.errors import SerdError
 
 #: Why an ascent ended.
 CONVERGED = "gradient within tolerance"
@@ -75,6 +76,16 @@ class Ascent(ABC):
         self, objective: Objective, start: FloatArray, observer: StepObserver
     ) -> AscentResult:
         """Climb from `start` (n,)."""
+
+
+def require_limits(gradient_tolerance: float, max_steps: int) -> None:
+    """SerdError unless an ascent with these limits can end, and end for a reason."""
+    if not gradient_tolerance >= 0:
+        raise SerdError(
+            f"gradient_tolerance must not be negative or NaN, got {gradient_tolerance}; use 1e-6"
+        )
+    if not max_steps >= 0:
+        raise SerdError(f"max_steps must not be negative or NaN, got {max_steps}; use 500")
 
 
 def largest(gradient: FloatArray) -> float:

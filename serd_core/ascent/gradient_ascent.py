@@ -16,6 +16,7 @@ from serd_core.ascent.ascent import (
     Step,
     StepObserver,
     largest,
+    require_limits,
 )
 
 
@@ -31,6 +32,9 @@ class GradientAscent(Ascent):
     step_size: Callable[[int], float] = constant_step
     gradient_tolerance: float = 1e-6
     max_steps: int = 100_000
+
+    def __post_init__(self) -> None:
+        require_limits(self.gradient_tolerance, self.max_steps)
 
     def maximise(
         self, objective: Objective, start: FloatArray, observer: StepObserver

@@ -27,6 +27,7 @@ from serd_core.ascent.ascent import (
     Step,
     StepObserver,
     largest,
+    require_limits,
 )
 from serd_core.ascent.inverse_metric import first_metric, updated_metric
 from serd_core.ascent.smallest_mean import smallest_mean
@@ -55,6 +56,9 @@ class KinkedAscent(Ascent):
     neighbourhood: float = 1e-6
     max_steps: int = 1_000
     longest_step: float = 10.0
+
+    def __post_init__(self) -> None:
+        require_limits(self.gradient_tolerance, self.max_steps)
 
     def maximise(
         self, objective: Objective, start: FloatArray, observer: StepObserver

@@ -15,6 +15,7 @@ from serd_core.ascent.ascent import (
     Step,
     StepObserver,
     largest,
+    require_limits,
 )
 
 
@@ -25,6 +26,9 @@ class Lbfgs(Ascent):
     gradient_tolerance: float = 1e-6
     max_steps: int = 5_000
     memory: int = 30
+
+    def __post_init__(self) -> None:
+        require_limits(self.gradient_tolerance, self.max_steps)
 
     def maximise(
         self, objective: Objective, start: FloatArray, observer: StepObserver

@@ -24,6 +24,7 @@ from serd_core.ascent.ascent import (
     Step,
     StepObserver,
     largest,
+    require_limits,
 )
 
 SHRINK, GROW, ACCEPT = 0.25, 2.0, 1e-4
@@ -42,6 +43,9 @@ class TrustRegion(Ascent):
     max_steps: int = 500
     initial_radius: float = 1.0
     largest_radius: float = 100.0
+
+    def __post_init__(self) -> None:
+        require_limits(self.gradient_tolerance, self.max_steps)
 
     def maximise(
         self, objective: Objective, start: FloatArray, observer: StepObserver

@@ -17,12 +17,16 @@ from serd_core.arrays import (
     FloatArray,
     IntArray,
     bool_array,
+    first_index,
     int_array,
     require_index,
     weighted_counts,
 )
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
+
+#: How far the sum of a row may be from 1: rounding, no more.
+SUM_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +52,16 @@ class OutcomeModels(TransitionModel):
         model_of = int_array("model_of", self.model_of, pairs)
         if not (np.isfinite(self.beta) and self.beta > 0):
             raise SerdError(f"beta must be finite and above 0, got {self.beta}; use 1.0")
+        if not successors.size:
+            raise SerdError(
+                f"successors must hold a state, an action and an outcome, got shape"
+                f" {successors.shape}; give each state an action"
+            )
+        if self.n_models < 1 or self.n_models != int(self.n_models):
+            raise SerdError(
+                f"n_models must be a whole number of at least 1, got {self.n_models};"
+                " count the rows of the outcome table"
+            )
         require_index(
             "successors", np.where(available[:, :, None], successors, 0), pairs[0], "a state"
         )
@@ -143,7 +157,7 @@ class OutcomeModels(TransitionModel):
     def parameters_of(self, initial: FloatArray) -> FloatArray:
         """(M*K,) energies of the given (M, K) positive probabilities, zero mean per model."""
         probabilities = np.asarray(initial, dtype=np.float64)
-        self._require_table(probabilities)
+        self.require_distributions(probabilities)
         if not np.all(probabilities > 0):
             model, outcome = np.argwhere(~(probabilities > 0))[0]
             raise SerdError(
@@ -152,6 +166,26 @@ class OutcomeModels(TransitionModel):
             )
         energies = np.log(probabilities) / self.beta
         return np.asarray(energies - energies.mean(axis=1, keepdims=True)).ravel()
+
+    def require_distributions(self, table: FloatArray) -> None:
+        """SerdError naming the first local model whose row of an (M, K) table is no distribution.
+
+        Rows are checked even where no state uses the model.
+        """
+        self._require_table(table)
+        bad = first_index(~(np.isfinite(table) & (np.asarray(table) >= 0)))
+        if bad is not None:
+            raise SerdError(
+                f"outcome probabilities[{bad[0]}, {bad[1]}] must be finite and not negative,"
+                f" got {table[bad]}; repair that row"
+            )
+        sums = np.sum(table, axis=1)
+        off = first_index(np.abs(sums - 1.0) > SUM_TOLERANCE)
+        if off is not None:
+            raise SerdError(
+                f"outcome probabilities[{off[0]}] must sum to 1, got {sums[off]};"
+                " normalise that row"
+            )
 
     def _require_table(self, table: FloatArray) -> None:
         expected = (self.n_models, self.n_outcomes)

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, int_array, require_index
+from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array, int_array, require_index
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 
@@ -35,6 +35,11 @@ class SparseModel(TransitionModel):
 
     def __post_init__(self) -> None:
         n_entries = len(np.atleast_1d(self.state))
+        if min(self.n_pairs) < 1:
+            raise SerdError(
+                f"n_pairs must be at least one state and one action, got {self.n_pairs};"
+                " pass (S, A)"
+            )
         for name, size in zip(("state", "action", "next_state"), self._sizes, strict=True):
             column = int_array(name, getattr(self, name), (n_entries,))
             require_index(name, column, size, f"a {name.replace('_', ' ')}")
@@ -105,6 +110,11 @@ class SparseModel(TransitionModel):
 
     def entries(self, local_probabilities: FloatArray) -> FloatArray:
         """(E,) entries row by row."""
+        if np.shape(local_probabilities) != self.state.shape:
+            raise SerdError(
+                f"probabilities must have shape {self.state.shape}, one per entry, got"
+                f" {np.shape(local_probabilities)}; pass them in the order of state and action"
+            )
         return np.asarray(local_probabilities[self._order])
 
     def gather(self, entry_gradient: FloatArray) -> FloatArray:
@@ -132,7 +142,7 @@ def fixed_transitions(
     probability: FloatArray,
 ) -> SparseModel:
     """A known sparse P without parameters; SerdError where a row is no distribution."""
-    known = np.array(probability, dtype=np.float64)
+    known = float_array("probability", probability, (len(np.atleast_1d(state)),))
     model = SparseModel(
         n_pairs=n_pairs,
         state=state,

@@ -69,6 +69,8 @@ def hoeffding_thresholds(
     """
     if not 0.0 < confidence < 1.0:
         raise SerdError(f"confidence must be between 0 and 1, got {confidence}; use 0.95")
+    if not n_episodes >= 1:
+        raise SerdError(f"n_episodes must be at least 1, got {n_episodes}; record an episode")
     observable = problem.features[problem.mdp.available]
     discount = problem.mdp.discount
     longest = (1.0 - discount**horizon) / (1.0 - discount)

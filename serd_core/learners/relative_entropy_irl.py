@@ -61,6 +61,8 @@ def fit_relative_entropy_irl(
     weights then stop at `largest_weight` and the fit says that it did not converge.
     """
     observe(problem.mdp, decisions)
+    observe(problem.mdp, samples, name="samples")
+    table = initial_dynamics_or_estimate(problem, decisions, dynamics)
     dual = SampledDual(
         wanted=feature_counts(problem, decisions).mean(axis=0),
         sampled=feature_counts(problem, samples),
@@ -78,7 +80,6 @@ def fit_relative_entropy_irl(
         callback=lambda intermediate_result: trace.append(-float(intermediate_result.fun)),
         options={"gtol": gradient_tolerance, "ftol": 0.0, "maxiter": max_steps, "maxls": 40},
     )
-    table = initial_dynamics_or_estimate(problem, decisions, dynamics)
     return _result(problem.feature_names, table, found, trace, gradient_tolerance, largest_weight)
 
 

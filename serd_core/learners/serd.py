@@ -16,6 +16,7 @@ from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.beliefs import Belief, TiedBelief
 from serd_core.curvature.posterior_hessian import posterior_hessian, vector_hessian
 from serd_core.demonstrations import Decisions
+from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.estimation import estimate_dynamics
 from serd_core.fit_result import FitResult
@@ -77,7 +78,10 @@ def initial_dynamics_or_estimate(
 ) -> FloatArray:
     """The given dynamics, or the M-estimate with a uniform prior (line 3 of Algorithm 1)."""
     if initial_dynamics is not None:
-        return np.asarray(initial_dynamics, dtype=np.float64)
+        table = np.asarray(initial_dynamics, dtype=np.float64)
+        if isinstance(model := problem.mdp.transitions, OutcomeModels):
+            model.require_distributions(table)
+        return table
     return estimate_dynamics(problem, decisions)
 
 
@@ -149,6 +153,9 @@ def _result(climb: _Climb, ascended: AscentResult) -> FitResult:
     parameters = climb.belief.unpack(ascended.vector, climb.start)
     final = climb.at(parameters)
     probabilities = model.local_probabilities(parameters.truth)
+    for theta in (parameters.belief, parameters.truth):
+        # A map of the user's own may leave the distributions on the way.
+        model.require_stochastic(model.entries(model.local_probabilities(theta)))
     shape = probabilities.shape if probabilities.size == parameters.truth.size else (-1,)
     return FitResult(
         feature_names=problem.feature_names,

@@ -36,13 +36,13 @@ class Observations:
         return int(self.state_action.sum())
 
 
-def observe(mdp: Mdp, decisions: Decisions) -> Observations:
+def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observations:
     """Count; SerdError naming the first decision the MDP rules out."""
     if not len(decisions):
-        raise SerdError("decisions must hold at least one decision, got none; record an episode")
+        raise SerdError(f"{name} must hold at least one decision, got none; record an episode")
     counts = state_action_counts(decisions, mdp.n_states, mdp.n_actions)
-    _require_available(mdp, decisions)
-    group_of_decision = _observed_groups(mdp, decisions)
+    _require_available(mdp, decisions, name)
+    group_of_decision = _observed_groups(mdp, decisions, name)
     group, count = np.unique(group_of_decision, return_counts=True)
     place = np.full(len(mdp.transitions.groups), -1, dtype=np.int64)
     place[group] = np.arange(len(group))
@@ -66,17 +66,17 @@ def explained(mdp: Mdp, decisions: Decisions) -> BoolArray:
     return np.asarray(inside & found)
 
 
-def _require_available(mdp: Mdp, decisions: Decisions) -> None:
+def _require_available(mdp: Mdp, decisions: Decisions, name: str) -> None:
     wrong = np.flatnonzero(~mdp.available[decisions.state, decisions.action])
     if wrong.size:
         first = int(wrong[0])
         raise SerdError(
-            f"decisions[{first}] takes action {decisions.action[first]} in state"
+            f"{name}[{first}] takes action {decisions.action[first]} in state"
             f" {decisions.state[first]}, where it is not available; drop that decision"
         )
 
 
-def _observed_groups(mdp: Mdp, decisions: Decisions) -> IntArray:
+def _observed_groups(mdp: Mdp, decisions: Decisions, name: str) -> IntArray:
     row = decisions.state * mdp.n_actions + decisions.action
     outside = np.flatnonzero(decisions.next_state >= mdp.n_states)
     found = mdp.transitions.groups.find(row, np.minimum(decisions.next_state, mdp.n_states - 1))
@@ -85,7 +85,7 @@ def _observed_groups(mdp: Mdp, decisions: Decisions) -> IntArray:
     if wrong.size:
         first = int(wrong[0])
         raise SerdError(
-            f"decisions[{first}] reaches state {decisions.next_state[first]} from state"
+            f"{name}[{first}] reaches state {decisions.next_state[first]} from state"
             f" {decisions.state[first]} by action {decisions.action[first]}, which no outcome"
             " explains; drop that decision or extend the model"
         )

@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, floored
+from serd_core.arrays import FloatArray, first_index, float_array, floored
 from serd_core.curvature.log_transitions import log_transition_hessian
 from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
 from serd_core.parameters import Block, Parameters
 from serd_core.priors.prior import LogPrior, Prior, require_weight
@@ -43,11 +44,9 @@ class KldPrior(Prior):
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
         """Value (4.91) and gradient."""
-        if self.reference is None:
-            raise SerdError("reference of KldPrior must be given here; pass local probabilities")
         theta = parameters.block(self.block)
         local = model.local_probabilities(theta)
-        reference = model.groups.probabilities(model.entries(self.reference))
+        reference = self._reference(model)
         weights = self.weight * group_weights(model, self.state_action_weights)
         present = floored(model.groups.probabilities(model.entries(local)))
         # 0 log 0 = 0: transitions that the reference rules out do not count.
@@ -59,15 +58,19 @@ class KldPrior(Prior):
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         """Only sum w Q log P depends on the parameters."""
-        if self.reference is None:
-            raise SerdError("reference of KldPrior must be given here; pass local probabilities")
-        reference = model.groups.probabilities(model.entries(self.reference))
+        reference = self._reference(model)
         weights = self.weight * group_weights(model, self.state_action_weights) * reference
         table = np.zeros((len(parameters.vector),) * 2)
         place = parameters.place(self.block)
         theta = parameters.block(self.block)
         table[place, place] = log_transition_hessian(model, theta, weights)
         return table
+
+    def _reference(self, model: TransitionModel) -> FloatArray:
+        """(G,) Q of each distinct transition; SerdError where a row of it is no distribution."""
+        if self.reference is None:
+            raise SerdError("reference of KldPrior must be given here; pass local probabilities")
+        return model.groups.probabilities(transitions_of(model, self.reference).entries)
 
 
 def dynamics_gradient(
@@ -83,6 +86,12 @@ def group_weights(model: TransitionModel, weights: FloatArray | None) -> FloatAr
     if weights is None:
         return np.ones(len(model.groups))
     checked = float_array("state_action_weights", weights, model.available.shape)
+    bad = first_index(checked < 0)
+    if bad is not None:
+        raise SerdError(
+            f"state_action_weights{list(bad)} must not be negative, got {checked[bad]}"
+            "; use 0 for none"
+        )
     return np.asarray(checked.ravel()[model.groups.row])
 
 

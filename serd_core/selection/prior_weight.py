@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array
+from serd_core.arrays import FloatArray, first_index, float_array
 from serd_core.demonstrations import Decisions
 from serd_core.errors import SerdError
 from serd_core.fit_result import FitResult
@@ -45,6 +45,12 @@ def select_weight(
         raise SerdError("weights must hold at least one candidate, got none")
     fits = tuple(fit(float(weight)) for weight in candidates)
     scores = np.array([score(one) for one in fits])
+    bad = first_index(np.isnan(scores))
+    if bad is not None:
+        raise SerdError(
+            f"score of weight {candidates[bad]} must be a number, got {scores[bad]};"
+            " score the fit on validation data"
+        )
     best = len(scores) - 1 - int(np.argmax(scores[::-1]))
     return WeightSelection(weights=candidates, scores=scores, fits=fits, best=best)
 

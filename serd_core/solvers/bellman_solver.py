@@ -7,6 +7,7 @@ import numpy as np
 from serd_core.arrays import FloatArray, float_array
 from serd_core.bellman.backup import Backup, BellmanProblem
 from serd_core.bellman.solution import BellmanSolution
+from serd_core.errors import SerdError
 from serd_core.mdp import Mdp
 
 #: Multiple of the rounding unit below which a residual cannot be expected to fall.
@@ -31,6 +32,14 @@ def residual_target(discount: float, accuracy: float, value: FloatArray) -> floa
     """
     scale = max(1.0, float(value.max()), -float(value.min()))
     return scale * max(accuracy * (1.0 - discount), SMALLEST_SHARE)
+
+
+def require_limits(accuracy: float, max_steps: int) -> None:
+    """SerdError unless a solver with these limits can do a step and end."""
+    if not accuracy >= 0:
+        raise SerdError(f"accuracy must not be negative or NaN, got {accuracy}; use 1e-10")
+    if not max_steps >= 1:
+        raise SerdError(f"the bound of steps must be at least 1, got {max_steps}; use 1000")
 
 
 def starting_value(mdp: Mdp, initial_value: FloatArray | None) -> FloatArray:

@@ -19,6 +19,7 @@ from serd_core.mdp import Mdp
 from serd_core.solvers.automatic import Automatic
 from serd_core.solvers.bellman_solver import (
     BellmanSolver,
+    require_limits,
     residual_target,
     solution_from,
     starting_value,
@@ -43,6 +44,9 @@ class Newton(BellmanSolver):
     accuracy: float = 1e-12
     max_steps: int = 1_000
     cold_sweeps: int = 2
+
+    def __post_init__(self) -> None:
+        require_limits(self.accuracy, self.max_steps)
 
     def solve(
         self, mdp: Mdp, problem: BellmanProblem, initial_value: FloatArray | None = None

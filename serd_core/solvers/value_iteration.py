@@ -8,6 +8,7 @@ from serd_core.bellman.solution import BellmanSolution
 from serd_core.mdp import Mdp
 from serd_core.solvers.bellman_solver import (
     BellmanSolver,
+    require_limits,
     residual_target,
     solution_from,
     starting_value,
@@ -23,6 +24,9 @@ class ValueIteration(BellmanSolver):
 
     accuracy: float = 1e-10
     max_sweeps: int = 1_000_000
+
+    def __post_init__(self) -> None:
+        require_limits(self.accuracy, self.max_sweeps)
 
     def solve(
         self, mdp: Mdp, problem: BellmanProblem, initial_value: FloatArray | None = None

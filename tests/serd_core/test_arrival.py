@@ -139,7 +139,7 @@ def test_wrong_arguments_are_refused_by_name():
     problem = corridor()
     good = always(problem, Action.NORTH)
     start = np.eye(6)[0]
-    with pytest.raises(SerdError, match="start_distribution must be non-negative and sum to 1"):
+    with pytest.raises(SerdError, match=r"start_distribution must sum to 1, got a sum of 2.0"):
         arrival_time_distribution(problem, good, outcomes(0.5), start * 2, 3)
     with pytest.raises(SerdError, match=r"policy\[5, 1\] must be a probability of an available"):
         arrival_time_distribution(problem, np.tile(np.eye(5)[1], (6, 1)), outcomes(1), start, 3)
@@ -153,3 +153,13 @@ def test_wrong_arguments_are_refused_by_name():
         empirical_arrival_cdf([], [], 10.0)
     with pytest.raises(SerdError, match="n_episodes must be at least 1"):
         sampling_band(np.array([0.5]), 0)
+    with pytest.raises(SerdError, match=r"cdf\[1\] must be a probability, got 2.0"):
+        sampling_band(np.array([0.5, 2.0]), 3)
+    with pytest.raises(SerdError, match=r"times_s must have one entry per episode \(1 as in timed"):
+        empirical_arrival_cdf([1.0, 2.0], [False], 10.0)
+    with pytest.raises(SerdError, match="horizon_s must not be negative or NaN, got nan"):
+        empirical_arrival_cdf([1.0], [False], np.nan)
+    with pytest.raises(SerdError, match=r"successes\[0\] must be from 0 to n_trials = 3, got 5.0"):
+        clopper_pearson([5], 3)
+    with pytest.raises(SerdError, match="n_trials must be at least 1, got 0"):
+        clopper_pearson([0], 0)

@@ -60,3 +60,14 @@ def test_the_policy_of_a_fit_follows_its_policy_model(gridworld):
 def test_visits_without_any_visit_are_refused():
     with pytest.raises(SerdError, match="visits must be non-negative with a positive sum"):
         policy_divergence(np.ones((2, 1)), np.ones((2, 1)), np.zeros(2))
+
+
+def test_divergences_refuse_what_is_no_distribution(gridworld):
+    problem, table = gridworld.problem, gridworld.probabilities.copy()
+    table[2] *= 2
+    with pytest.raises(SerdError, match=r"state 0, action 2 .* the row sums to 2.0"):
+        dynamics_divergence(problem, gridworld.probabilities, table, np.ones((25, 5)))
+    with pytest.raises(SerdError, match=r"estimate must have shape \(2, 1\), got \(3, 1\)"):
+        policy_divergence(np.ones((2, 1)), np.ones((3, 1)), np.ones(2))
+    with pytest.raises(SerdError, match=r"truth\[0, 0\] must be finite"):
+        policy_divergence(np.full((2, 1), np.nan), np.ones((2, 1)), np.ones(2))

@@ -98,3 +98,9 @@ def test_every_outcome_that_a_wall_turns_into_staying_explains_it():
 def test_wrong_arguments_are_refused_by_name(change, sentence):
     with pytest.raises(SerdError, match=sentence):
         corridor(**change)
+
+
+def test_decisions_of_another_grid_have_no_outcome_here():
+    beyond = Decisions([0], [0.0], [8], [int(N)], [0])
+    with pytest.raises(SerdError, match=r"state\[0\] must be a state from 0 to 7, got 8"):
+        outcome_of(corridor(), beyond)

@@ -55,3 +55,10 @@ def test_a_loop_that_chance_leaves_and_an_unlikely_arrival_are_told_apart() -> N
 def test_a_threshold_that_is_no_probability_is_refused() -> None:
     with pytest.raises(SerdError, match="threshold must be a probability, got 50"):
         find_traps(CORRIDOR, np.full(6, RIGHT), np.array([5]), np.ones(6), threshold=50)
+
+
+def test_an_arrival_probability_that_is_no_number_is_refused_with_its_place() -> None:
+    with pytest.raises(SerdError, match=r"arrival_probability\[1\] must be finite, got nan"):
+        find_traps(
+            np.array([[0], [1]]), np.zeros(2, int), np.array([0]), np.array([1.0, np.nan]), 0.5
+        )

@@ -15,7 +15,7 @@ SERD = str(Path(sys.executable).with_name("serd"))
 
 def serd(*arguments, env, **options):
     return subprocess.run(
-        [SERD, *arguments], env=env, capture_output=True, text=True, timeout=60, **options
+        [SERD, *arguments], env=env, capture_output=True, text=True, timeout=300, **options
     )
 
 

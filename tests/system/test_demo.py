@@ -29,11 +29,11 @@ class Demo:
                 [SERD, "demo", *arguments], cwd=folder, stdout=log, stderr=subprocess.STDOUT
             )
 
-    def wait(self, limit_s=150):
+    def wait(self, limit_s=600):
         code = self.process.wait(limit_s)
         return code, self._log.read_text()
 
-    def wait_for(self, condition, limit_s=60):
+    def wait_for(self, condition, limit_s=300):
         deadline = time.monotonic() + limit_s
         while not condition():
             assert self.process.poll() is None, self._log.read_text()
@@ -68,7 +68,7 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_can_be_continued_to_its_r
     assert len(nodes) >= 2
     assert shared_memory_of(nodes) == set()
     demo.process.send_signal(signal.SIGINT)
-    code, said = demo.wait(20)
+    code, said = demo.wait(60)
     assert code == 130
     assert f"serd demo --resume {run}" in said
     assert processes_of(tmp_path) == {}

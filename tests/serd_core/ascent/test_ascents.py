@@ -3,8 +3,10 @@ import pytest
 
 from serd_core.ascent.ascent import FunctionObjective
 from serd_core.ascent.gradient_ascent import GradientAscent
+from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.ascent.trust_region import TrustRegion, quadratic_step
+from serd_core.errors import SerdError
 
 CURVATURE = np.diag([1.0, 10.0])
 TOP = np.array([3.0, -2.0])
@@ -103,3 +105,11 @@ def test_a_step_is_never_longer_than_its_radius():
         radius = rng.uniform(0.01, 3.0)
         step = quadratic_step(rng.normal(size=4), curvatures, directions, radius)
         assert np.linalg.norm(step) <= radius * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("kind", [GradientAscent, KinkedAscent, Lbfgs, TrustRegion])
+def test_limits_that_no_ascent_can_meet_are_refused(kind):
+    with pytest.raises(SerdError, match="gradient_tolerance must not be negative or NaN, got nan"):
+        kind(gradient_tolerance=np.nan)
+    with pytest.raises(SerdError, match="max_steps must not be negative or NaN, got -1"):
+        kind(max_steps=-1)

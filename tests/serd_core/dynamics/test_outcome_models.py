@@ -98,3 +98,16 @@ def test_a_row_that_is_no_distribution_is_named():
 def test_a_probability_of_zero_has_no_energy():
     with pytest.raises(SerdError, match=r"probabilities\[1, 0\] must be above 0"):
         two_models().parameters_of(np.array([[0.5, 0.5], [0.0, 1.0]]))
+
+
+@pytest.mark.parametrize(
+    ("row", "sentence"),
+    [
+        ([0.5, 0.9], r"outcome probabilities\[1\] must sum to 1, got 1.4; normalise that row"),
+        ([1.5, -0.5], r"outcome probabilities\[1, 1\] must be finite and not negative, got -0.5"),
+        ([0.5, np.nan], r"outcome probabilities\[1, 1\] must be finite and not negative, got nan"),
+    ],
+)
+def test_energies_are_refused_for_what_is_no_distribution(row, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        two_models().parameters_of(np.array([[0.5, 0.5], row]))

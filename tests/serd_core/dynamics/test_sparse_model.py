@@ -35,3 +35,13 @@ def test_users_functions_of_the_wrong_length_are_refused():
         model.pull_back(np.zeros(2), np.ones(1))
     with pytest.raises(SerdError, match=r"must be its \(2,\) parameters"):
         model.parameters_of(np.ones((1, 5)))
+
+
+def test_probabilities_need_one_entry_per_transition():
+    with pytest.raises(SerdError, match=r"probability must have shape \(2\), got \(1,\)"):
+        fixed_transitions((2, 1), [0, 1], [0, 0], [0, 0], np.ones(1))
+    with pytest.raises(SerdError, match=r"n_pairs must be at least one state .* got \(0, 1\)"):
+        fixed_transitions((0, 1), [], [], [], np.ones(0))
+    model = fixed_transitions((2, 1), [0, 1], [0, 0], [0, 0], np.ones(2))
+    with pytest.raises(SerdError, match=r"probabilities must have shape \(2,\), .* got \(3,\)"):
+        model.entries(np.ones(3))

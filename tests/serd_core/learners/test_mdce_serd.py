@@ -258,3 +258,7 @@ def test_wrong_starts_are_refused_by_name(gridworld):
         fit_mdce_serd(
             problem, decisions, initial_weights=np.zeros(2), initial_dynamics=np.ones((2, 5)) / 5
         )
+    dynamics = gridworld.probabilities.copy()
+    dynamics[8] = 0.3
+    with pytest.raises(SerdError, match=r"outcome probabilities\[8\] must sum to 1, got 1.5"):
+        fit_mdce_serd(problem, decisions, initial_weights=np.zeros(2), initial_dynamics=dynamics)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -154,3 +156,22 @@ def test_wrong_arguments_are_refused_by_name(case):
         )
     with pytest.raises(SerdError, match="confidence must be between 0 and 1, got 1"):
         hoeffding_thresholds(case.problem, 10, confidence=1.0)
+    with pytest.raises(SerdError, match="n_episodes must be at least 1, got 0"):
+        hoeffding_thresholds(case.problem, 0)
+
+
+def test_samples_outside_the_mdp_are_refused_by_name(case):
+    samples, policy = uniform_samples(case, 5)
+    beyond = replace(samples, next_state=np.full(len(samples), 99))
+    for made, sentence in (
+        (beyond, r"samples\[0\] reaches state 99"),
+        (samples.select(np.zeros(len(samples), bool)), "samples must hold at least one decision"),
+    ):
+        with pytest.raises(SerdError, match=sentence):
+            fit_relative_entropy_irl(
+                case.problem,
+                case.decisions,
+                samples=made,
+                sampling_policy=policy,
+                initial_weights=np.zeros(2),
+            )

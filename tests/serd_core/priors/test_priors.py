@@ -142,3 +142,11 @@ def test_wrong_pair_weights_are_refused():
     prior = EntropyPrior(1.0, state_action_weights=np.ones(3))
     with pytest.raises(SerdError, match=r"state_action_weights must have shape \(2, 1\)"):
         prior.evaluate(MODEL, at())
+
+
+def test_a_reference_that_is_no_distribution_and_negative_pair_weights_are_refused():
+    at = blocks(np.zeros(9))
+    with pytest.raises(SerdError, match=r"state 0, action 0 .* the row sums to 1.5"):
+        KldPrior(1.0, np.array([[0.5, 0.5, 0.5]])).evaluate(MODEL, at)
+    with pytest.raises(SerdError, match=r"state_action_weights\[1, 0\] must not be negative"):
+        EntropyPrior(1.0, state_action_weights=np.array([[1.0], [-1.0]])).evaluate(MODEL, at)

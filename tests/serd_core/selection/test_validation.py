@@ -103,3 +103,5 @@ def test_wrong_settings_are_refused_by_name(gridworld):
         split_episodes(gridworld.decisions, 1.0, rng)
     with pytest.raises(SerdError, match="at least two episodes to be split, got 1"):
         split_episodes(gridworld.decisions.select_episodes([0]), 0.5, rng)
+    with pytest.raises(SerdError, match=r"score of weight 2.0 must be a number, got nan"):
+        select_weight(lambda weight: weight, lambda fit: 1.0 if fit < 2 else np.nan, [2.0, 1.0])

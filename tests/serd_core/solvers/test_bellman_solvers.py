@@ -137,3 +137,13 @@ def test_rewards_that_are_not_finite_are_refused_with_the_place(minimum_example)
     rewards = np.array([[0.0, np.nan, np.nan], [np.nan, np.nan, 1.0]])
     with pytest.raises(SerdError, match=r"rewards\[0, 1\] must be finite, got nan"):
         BellmanProblem(SoftBellman(), rewards, transitions, 0.9, minimum_example.mdp.available)
+
+
+def test_limits_that_no_solver_can_meet_are_refused():
+    for make in (Newton, ValueIteration):
+        with pytest.raises(SerdError, match="accuracy must not be negative or NaN, got nan"):
+            make(accuracy=np.nan)
+    with pytest.raises(SerdError, match="the bound of steps must be at least 1, got 0"):
+        Newton(max_steps=0)
+    with pytest.raises(SerdError, match="the bound of steps must be at least 1, got 0"):
+        ValueIteration(max_sweeps=0)

@@ -1,0 +1,39 @@
+"""Checks of probability tables that callers hand over: policies and distributions over states."""
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, first_index, float_array
+from serd_core.errors import SerdError
+from serd_core.mdp import Mdp
+
+#: How far a sum may be from 1; tables read from files are rounded.
+SUM_TOLERANCE = 1e-6
+
+
+def checked_policy(name: str, values: FloatArray, mdp: Mdp) -> FloatArray:
+    """(S, A) copy of a policy; SerdError naming the first state whose row is no distribution."""
+    policy = float_array(name, values, mdp.available.shape)
+    bad = first_index((policy < -1e-9) | (~mdp.available & (policy != 0.0)))
+    if bad is not None:
+        raise SerdError(
+            f"{name}[{bad[0]}, {bad[1]}] must be a probability of an available action,"
+            f" got {policy[bad]}; use 0 for actions that are not available"
+        )
+    sums = policy.sum(axis=1)
+    off = first_index(np.abs(sums - 1.0) > SUM_TOLERANCE)
+    if off is not None:
+        raise SerdError(f"{name}[{off[0]}] must sum to 1, got {sums[off]}; normalise over actions")
+    return policy
+
+
+def checked_distribution(name: str, values: FloatArray, size: int) -> FloatArray:
+    """(size,) copy of a distribution; SerdError where it is none."""
+    share = float_array(name, values, (size,))
+    negative = first_index(share < 0)
+    if negative is not None:
+        raise SerdError(
+            f"{name}[{negative[0]}] must not be negative, got {share[negative]}; use 0 for never"
+        )
+    if abs(float(share.sum()) - 1.0) > SUM_TOLERANCE:
+        raise SerdError(f"{name} must sum to 1, got a sum of {share.sum()}; normalise it")
+    return share
