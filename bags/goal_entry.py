@@ -34,7 +34,8 @@ def goal_entries_s(
     arrived = [span for span in episodes if span.outcome == "arrived"]
     entry_s = np.array([span.end_s - _last_decision_s(decisions, span) for span in arrived])
     known = (entry_s > _ROUNDING_S) & (entry_s <= decision_period_s + _ROUNDING_S)
-    return np.asarray(np.minimum(entry_s[known], decision_period_s))
+    # Stamps are whole nanoseconds; differences of seconds as doubles are not.
+    return np.asarray(np.minimum(entry_s[known], decision_period_s).round(9))
 
 
 def _last_decision_s(decisions: Decisions, span: EpisodeSpan) -> float:

@@ -37,7 +37,7 @@ def marked_bag(tmp_path, messages):
 def test_it_is_the_time_from_the_last_decision_to_the_arrival(marked_bag):
     decisions = decisions_at([10, 12, 14, 20, 22, 24, 30, 32, 34, 40])
     found = goal_entry_times_s(marked_bag, decisions, 2.0)
-    np.testing.assert_allclose(found, [1.1, 2.0])
+    assert found.tolist() == [1.1, 2.0]
 
 
 def test_without_decisions_there_is_none(marked_bag):
