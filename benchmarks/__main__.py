@@ -2,13 +2,23 @@
 
 import argparse
 
-from benchmarks import bags_throughput, closed_loop, crowd_peers, gradient, lockstep
+from benchmarks import (
+    bags_throughput,
+    closed_loop,
+    crowd_peers,
+    gradient,
+    growth,
+    learning_peers,
+    lockstep,
+)
 
 BENCHMARKS = {
     "bags_throughput": bags_throughput.run,
     "closed_loop": closed_loop.run,
     "crowd_peers": crowd_peers.run,
     "gradient": gradient.run,
+    "growth": growth.run,
+    "learning_peers": learning_peers.run,
     "lockstep": lockstep.run,
 }
 

@@ -16,14 +16,17 @@ RESULTS = Path(__file__).with_name("results")
 Row = Mapping[str, Any]
 
 
-def save(name: str, about: str, rows: Sequence[Row]) -> None:
-    """Write results/<name>.json and show its rows."""
+def save(
+    name: str, about: str, rows: Sequence[Row], details: Mapping[str, Any] | None = None
+) -> None:
+    """Write results/<name>.json, with further findings in `details`, and show its rows."""
     machine = {
         "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
         "python": platform.python_version(),
     }
     content = {"about": about, "machine": machine, "rows": [dict(row) for row in rows]}
+    content |= {"details": dict(details)} if details else {}
     atomic_write_text(RESULTS / f"{name}.json", json.dumps(content, indent=2) + "\n")
     table = Table(title=about, title_justify="left")
     for column in rows[0]:

@@ -55,7 +55,8 @@ def _minimum_example(
     progress: Progress,
 ) -> list[Row]:
     rows = minimum_example.run_minimum_example(config, folder / "repetitions", execution, progress)
-    summary = quartiles(rows, "log_likelihood", ["size", "learner", "mode"])
+    summary = quartiles(rows, "log_likelihood", ["learner", "mode", "size"])
+    summary.sort(key=lambda row: (row["learner"], row["mode"], row["size"]))
     write_table(folder / "estimates.csv", rows)
     write_table(folder / "log_likelihood.csv", summary)
     atomic_write_bytes(folder / "estimates.png", png_bytes(estimates_figure(rows)))

@@ -1,16 +1,20 @@
 """Figures 4.10 to 4.13: the environments, and the four measures over the demonstrations."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap, PowerNorm
 from matplotlib.figure import Figure
 
+from experiments.figures.learner_style import style_of
 from experiments.figures.ticks import tick_sizes
 from experiments.gridworld import Scene
 from experiments.repetitions import Row
 from experiments.summary import quartiles
 from report.canvas import new_figure
-from report.style import BLUE, GREEN, PURPLE, RED
+from report.style import HAIRLINE, INK, MUTED, RED, VISITS_MAP
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations import state_counts
 
@@ -18,36 +22,40 @@ MEASURES = {
     "log_likelihood": "log-likelihood per decision",
     "dynamics_divergence": "KLD of the dynamics",
     "policy_divergence": "KLD of the policy",
-    "transfer_log_likelihood": "transfer log-likelihood",
+    "transfer_log_likelihood": "log-likelihood in the transfer scene",
 }
-#: Medians of minus infinity (a choice ruled out) are drawn at the lower edge.
-LOWEST = -6.0
+#: Log-likelihoods below this, minus infinity (a choice ruled out) among them, are drawn here.
+LOWEST = -4.0
+#: Visits are drawn by their cube root, so that paths show beside places where people stay.
+VISITS_POWER = 1.0 / 3.0
+LAWN_AND_FOREST = ListedColormap(["#e8e4c9", "#5d8a54"])
 
 
 def measures_figure(rows: Sequence[Row]) -> Figure:
     """Figs. 4.12 and 4.13: median with quartiles by learner, of the measures there are."""
     present = {name: label for name, label in MEASURES.items() if name in rows[0]}
-    figure = new_figure(9.0, 6.4)
+    figure = new_figure(9.0, 6.8)
     learners = list(dict.fromkeys(row["learner"] for row in rows))
-    colours = dict(zip(learners, (BLUE, PURPLE, RED, GREEN), strict=False))
-    for axes, (measure, label) in zip(figure.subplots(2, 2).ravel(), present.items(), strict=False):
-        for row_learner in learners:
-            chosen = [row for row in rows if row["learner"] == row_learner]
-            table = quartiles(chosen, measure, ["size"])
-            sizes = [row["size"] for row in table]
-            low, middle, high = (
-                np.maximum([row[name] for row in table], LOWEST)
-                for name in ("lower", "median", "upper")
-            )
-            colour = colours[row_learner]
-            axes.plot(sizes, middle, "o-", color=colour, label=row_learner)
-            axes.fill_between(sizes, low, high, color=colour, alpha=0.2, linewidth=0)
+    panels = figure.subplots(2, 2).ravel()
+    for letter, axes, (measure, label) in zip("abcd", panels, present.items(), strict=False):
+        for number, learner in enumerate(learners):
+            chosen = [row for row in rows if row["learner"] == learner]
+            _median_and_quartiles(axes, quartiles(chosen, measure, ["size"]), learner, number)
         axes.set(xlabel="demonstrations", ylabel=label, xscale="log")
+        axes.set_title(f"({letter})", loc="left")
+        axes.grid(color=HAIRLINE, linewidth=0.6)
         if "divergence" in measure:
             axes.set_yscale("log")
+        elif min(axes.get_ylim()) < LOWEST + 0.5:
+            axes.axhline(LOWEST, color=MUTED, linewidth=0.8, linestyle=":")
+            where = (0.98, LOWEST)
+            axes.annotate(f"{LOWEST:.0f} or below", where, xycoords=("axes fraction", "data"),
+                          xytext=(0, 3), textcoords="offset points", ha="right", color=MUTED,
+                          fontsize="small")  # fmt: skip
         tick_sizes(axes, sorted({row["size"] for row in rows}))
-    figure.axes[0].legend()
-    for unused in figure.axes[len(present) :]:
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
+    for unused in panels[len(present) :]:
         unused.set_axis_off()
     return figure
 
@@ -56,16 +64,44 @@ def environment_figure(scene: Scene, weights: FloatArray, value: FloatArray) -> 
     """Figs. 4.10 and 4.11: brightness, terrain, reward, value and visits of new demonstrations."""
     problem = scene.world.problem
     side = int(np.sqrt(problem.mdp.n_states))
-    panels = {
-        "brightness": problem.features[:, 0, 0],
-        "forest": scene.world.forest.astype(np.float64),
-        "reward": problem.features[:, 0] @ weights,
-        "value": value,
-        "visits": state_counts(scene.test, problem.mdp.n_states),
+    visits = state_counts(scene.test, problem.mdp.n_states)
+    panels: dict[str, tuple[FloatArray, dict[str, Any]]] = {
+        "brightness": (problem.features[:, 0, 0], {"cmap": "gray"}),
+        "forest": (scene.world.forest.astype(np.float64), {"cmap": LAWN_AND_FOREST}),
+        "reward": (problem.features[:, 0] @ weights, {"cmap": "viridis"}),
+        "value": (value, {"cmap": "viridis"}),
+        "visits": (visits, {"cmap": VISITS_MAP, "norm": PowerNorm(VISITS_POWER)}),
     }
-    figure = new_figure(2.6 * len(panels), 2.8)
-    for axes, (title, values) in zip(figure.subplots(1, len(panels)), panels.items(), strict=True):
-        drawn = axes.imshow(values.reshape(side, side), origin="lower")
+    figure = new_figure(2.5 * len(panels), 2.5)
+    goal = np.unravel_index(scene.world.goal, (side, side))
+    for axes, (title, (values, look)) in zip(
+        figure.subplots(1, len(panels)), panels.items(), strict=True
+    ):
+        drawn = axes.imshow(values.reshape(side, side), origin="lower", **look)
+        axes.plot(goal[1], goal[0], "*", color=RED, markeredgecolor="white", markersize=9)
         axes.set(title=title, xticks=[], yticks=[])
-        figure.colorbar(drawn, ax=axes, shrink=0.7)
+        if title == "forest":
+            bar = figure.colorbar(drawn, ax=axes, shrink=0.8, ticks=[0.25, 0.75])
+            bar.ax.set_yticklabels(["open", "forest"], rotation=90, va="center")
+        else:
+            figure.colorbar(drawn, ax=axes, shrink=0.8)
     return figure
+
+
+def _median_and_quartiles(axes: Axes, table: Sequence[Row], learner: str, number: int) -> None:
+    style = style_of(learner, number)
+    sizes = [row["size"] for row in table]
+    low, middle, high = (
+        np.maximum([row[name] for row in table], LOWEST) for name in ("lower", "median", "upper")
+    )
+    axes.plot(
+        sizes,
+        middle,
+        marker=style.marker,
+        linestyle=style.line,
+        color=style.colour,
+        label=learner,
+        markeredgecolor=INK,
+        markeredgewidth=0.4,
+    )
+    axes.fill_between(sizes, low, high, color=style.colour, alpha=0.18, linewidth=0)

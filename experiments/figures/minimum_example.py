@@ -10,14 +10,16 @@ from experiments.figures.ticks import tick_sizes
 from experiments.repetitions import Row
 from experiments.summary import quartiles
 from report.canvas import new_figure
-from report.style import BLUE, CYAN, INK, MUTED, RED
+from report.style import BLUE, CYAN, HAIRLINE, INK, MUTED, RED
 
 COLOURS = {"MDCE SERD": BLUE, "MDCE IRL": RED}
+#: Weights beyond this either way are drawn in the outermost bins.
+WIDEST = 60.0
 
 
 def estimates_figure(rows: Sequence[Row]) -> Figure:
     """Fig. 4.8: estimated transition models, and densities of the learned weights."""
-    figure = new_figure(8.0, 3.8)
+    figure = new_figure(8.6, 4.0)
     dynamics, weights = figure.subplots(1, 2)
     for learner, colour in COLOURS.items():
         chosen = [row for row in rows if row["learner"] == learner]
@@ -26,10 +28,14 @@ def estimates_figure(rows: Sequence[Row]) -> Figure:
         dynamics.plot(across, upward, ".", color=colour, alpha=0.25, markersize=4, label=learner)
         _density(weights, [row["weight"] for row in chosen], colour, learner)
     dynamics.plot([0, 1], [0, 1], "--", color=MUTED, linewidth=1)
-    dynamics.set(xlabel="P(2 | 1, a)", ylabel="P(2 | 1, b)", xlim=(0, 1), ylim=(0, 1))
-    dynamics.set_aspect("equal")
-    weights.set(xlabel="reward weight", ylabel="density")
-    weights.legend()
+    dynamics.set(xlabel="P(2 | 1, a)", ylabel="P(2 | 1, b)", title="estimated dynamics")
+    dynamics.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), aspect="equal")
+    for text, height in (("mode A: state 2 is shunned", 0.82), ("mode B: state 2 is sought", 0.1)):
+        dynamics.text(0.5, height, text, color=INK, ha="center", fontsize="small")
+    dynamics.text(0.5, 0.53, "given to IRL", color=INK, ha="right", fontsize="small")
+    weights.set(xlabel=f"reward weight (beyond {WIDEST:.0f}: at the edge)", ylabel="density")
+    weights.set(title="estimated reward")
+    weights.legend(frameon=False)
     return figure
 
 
@@ -56,15 +62,15 @@ def likelihood_figure(rows: Sequence[Row]) -> Figure:
     axes.set(xlabel="demonstrations", ylabel="minus log-likelihood of the choice", xscale="log")
     axes.set_yscale("log")
     tick_sizes(axes, sorted({row["size"] for row in rows}))
-    axes.legend()
+    axes.grid(color=HAIRLINE, linewidth=0.6)
+    axes.legend(frameon=False)
     return figure
 
 
 def _density(axes: Axes, values: Sequence[float], colour: str, label: str) -> None:
-    finite = np.clip(values, -60.0, 60.0)
-    axes.hist(
-        finite, bins=60, range=(-60.0, 60.0), density=True, color=colour, alpha=0.5, label=label
-    )
+    inside = np.clip(values, -WIDEST, WIDEST)
+    limits = (-WIDEST, WIDEST)
+    axes.hist(inside, bins=60, range=limits, density=True, color=colour, alpha=0.55, label=label)
 
 
 def _quartile_band(axes: Axes, table: Sequence[Row], colour: str, label: str) -> None:

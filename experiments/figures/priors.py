@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from experiments.priors import Surface
 from experiments.repetitions import Row
@@ -13,7 +14,7 @@ from report.style import INK, RED
 
 def surfaces_figure(surfaces: dict[str, Surface], optima: Sequence[Row]) -> Figure:
     """One panel per prior; dots mark the maxima on the circle."""
-    figure = new_figure(2.8 * len(surfaces), 3.2)
+    figure = new_figure(2.8 * len(surfaces), 2.6)
     panels = np.atleast_1d(figure.subplots(1, len(surfaces)))
     angle = np.linspace(0.0, 2.0 * np.pi, 200)
     for axes, (name, surface) in zip(panels, surfaces.items(), strict=True):
@@ -22,6 +23,8 @@ def surfaces_figure(surfaces: dict[str, Surface], optima: Sequence[Row]) -> Figu
         found = [row for row in optima if row["prior"] == name and row["theta_1"] is not None]
         across, upward = ([row[f"theta_{i}"] for row in found] for i in (1, 2))
         axes.plot(across, upward, "o", color=RED)
-        axes.set(title=name, xlabel="theta 1", ylabel="theta 2", aspect="equal")
-        figure.colorbar(drawn, ax=axes, shrink=0.7)
+        axes.set(title=name, xlabel=r"$\theta_1$", ylabel=r"$\theta_2$", aspect="equal")
+        bar = figure.colorbar(drawn, ax=axes, shrink=0.75)
+        bar.locator = MaxNLocator(5)
+        bar.update_ticks()
     return figure

@@ -1,0 +1,38 @@
+"""Figures of the experiments show every learner and say where they cut."""
+
+import numpy as np
+
+from experiments.figures.gridworld import LOWEST, measures_figure
+from experiments.figures.learner_style import SPARE, STYLES, style_of
+
+
+def rows(values):
+    return [
+        {"size": size, "learner": learner, "log_likelihood": value, "policy_divergence": 0.1}
+        for learner, by_size in values.items()
+        for size, value in by_size.items()
+    ]
+
+
+def test_every_learner_has_a_line_and_an_entry_in_the_legend():
+    figure = measures_figure(rows({"MDCE SERD": {1: -1.0, 3: -0.5}, "REIRL": {1: -2.0, 3: -1.0}}))
+    likelihood = figure.axes[0]
+    lines = {line.get_label(): line for line in likelihood.get_lines()}
+    np.testing.assert_allclose(lines["MDCE SERD"].get_ydata(), [-1.0, -0.5])
+    assert lines["REIRL"].get_linestyle() == "--"
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["MDCE SERD", "REIRL"]
+    assert not likelihood.texts
+
+
+def test_what_lies_below_the_axis_is_drawn_at_its_edge_and_said():
+    figure = measures_figure(rows({"MDCE SERD": {1: -np.inf, 3: -0.5}}))
+    drawn = figure.axes[0].get_lines()[0].get_ydata()
+    assert drawn[0] == LOWEST
+    assert [text.get_text() for text in figure.axes[0].texts] == ["-4 or below"]
+
+
+def test_styles_differ_in_more_than_colour():
+    shown = [STYLES[name] for name in ("MDCE SERD", "MDCE IRL", "REIRL")]
+    assert len({style.marker for style in shown}) == 3
+    assert style_of("another") == SPARE[0]
+    assert style_of("REIRL").colour == STYLES["REIRL"].colour
