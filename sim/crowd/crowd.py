@@ -72,7 +72,7 @@ class Crowd:
         self._bodies = Bodies(
             heading_x=np.append(heading_x, 1.0),
             heading_y=np.append(heading_y, 0.0),
-            speed_mps=np.append(desired_speed_mps, 0.0),
+            speed_mps=np.zeros(count + 1),
             radius_m=np.append(np.full(count, model.body_radius_m), 0.0),
         )
         self._pairs = PairGeometry(count, count + 1, period_m)
@@ -149,6 +149,9 @@ class Crowd:
         bodies.heading_x[:count], bodies.heading_y[:count] = self._routes.headings(
             self.x_m, self.y_m
         )
+        # The stride of a person who is held up is short: with the wanted speed instead, people who
+        # stand would push others metres ahead of them, and a hallway jams for good.
+        np.hypot(self.velocity_x_mps, self.velocity_y_mps, out=bodies.speed_mps[:count])
         self._pairs.update(self._x, self._y)
         self._walls.update(self.x_m, self.y_m)
         people_x, people_y = self._model.people_force(self._pairs, bodies)

@@ -25,7 +25,7 @@ Force = tuple[FloatArray, FloatArray]
 class Bodies:
     """People and, after them, the other bodies that push them; (n_bodies,) arrays.
 
-    heading: unit vector of the wanted direction; speed: along it; radius: of the body.
+    heading: unit vector of the wanted direction; speed: the present one; radius: of the body.
     """
 
     heading_x: FloatArray
@@ -103,8 +103,8 @@ class HelbingMolnar1995:
     """The model as published in 1995, with its parameters.
 
     f_ij = -grad V0 exp(-b / sigma), with b the semi-minor axis of the ellipse
-    2b = sqrt((|r| + |r - v_j dt e_j|)^2 - (v_j dt)^2); full weight within the angle of sight,
-    `rear_weight` outside. Walls: U0 exp(-d / R).
+    2b = sqrt((|r| + |r - v_j dt e_j|)^2 - (v_j dt)^2), v_j the present speed of j; full weight
+    within the angle of sight, `rear_weight` outside. Walls: U0 exp(-d / R).
     """
 
     relaxation_time_s: float = 0.5

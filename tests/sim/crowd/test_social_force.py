@@ -97,10 +97,10 @@ def test_the_published_model_pushes_along_the_gradient_of_its_elliptic_potential
     """f = -grad V0 exp(-b / sigma) by finite differences of b (Helbing & Molnar 1995, Eq. 3-4)."""
     model = model_named("helbing_molnar_1995")
     crowd = crowd_at("helbing_molnar_1995", [[0.3, -0.9], [1.0, 0.2]], [[0.3, -50], [50, 0.2]])
-    crowd.velocity_x_mps[:], crowd.velocity_y_mps[:] = [0.0, 1.34], [-1.34, 0.0]
+    crowd.velocity_x_mps[:], crowd.velocity_y_mps[:] = [0.0, 0.8], [-1.34, 0.0]
 
     def potential(away):
-        stride = 1.34 * model.stride_s * np.array([1.0, 0.0])
+        stride = 0.8 * model.stride_s * np.array([1.0, 0.0])
         both = np.linalg.norm(away) + np.linalg.norm(away - stride)
         axis = 0.5 * np.sqrt(both**2 - stride[0] ** 2)
         return model.potential_m2ps2 * np.exp(-axis / model.decay_m)
