@@ -15,7 +15,8 @@ from serd_cli.terminal import progress_console
 
 _ROS_PREFIX = re.compile(r"^\[(\w+)\] \[[\d.]+\] \[[\w.]+\]: ")
 _ADDRESS = re.compile(r"the page is at (http://\S+)")
-_SHOWN_LEVELS = ("WARN", "ERROR", "FATAL")
+_SHOWN = (KEYBOARD, PAGE, "teleop_mux")
+_FATAL = "FATAL"
 
 
 class DriverLines:
@@ -25,6 +26,8 @@ class DriverLines:
         self._log_path = log
         self._log: TextIO | None = None
         self._shown = ""
+        # If it matters, the supervisor tells; a node stopped in the middle of a callback does not.
+        self._broken: set[str] = set()
 
     def __enter__(self) -> "DriverLines":
         self._log_path.parent.mkdir(parents=True, exist_ok=True)
@@ -46,9 +49,10 @@ class DriverLines:
             self._log.write(f"{node:>15} | {line}\n")
             self._log.flush()
         match = _ROS_PREFIX.match(line)
-        said = line[match.end() :] if match else line
-        if node in (KEYBOARD, PAGE) or (match and match[1] in _SHOWN_LEVELS):
-            self._show(said)
+        if match and match[1] == _FATAL:
+            self._broken.add(node)
+        if node in _SHOWN and node not in self._broken:
+            self._show(line[match.end() :] if match else line)
 
     def _show(self, said: str) -> None:
         """Print it once: page and keyboard both tell of every episode."""

@@ -98,12 +98,16 @@ def test_the_driver_sees_its_own_lines_once_and_everything_goes_into_the_log(tmp
         lines.hear("teleop_keyboard", "episode 1 arrived")
         lines.hear("hallway_sim", "[INFO] [1.0] [hallway_sim]: nothing of interest")
         lines.hear("teleop_mux", "[WARN] [1.0] [teleop_mux]: E-STOP engaged")
+        lines.hear("teleop_page", "[FATAL] [1.0] [teleop_page]: Exception in 'timers' callback")
+        lines.hear("teleop_page", "  File x.py, line 3")
     said = capsys.readouterr().err
     assert "drive at http://127.0.0.1:9/" in said
     assert said.count("episode 1 arrived") == 1
     assert "nothing of interest" not in said
     assert "E-STOP engaged" in said
-    assert len((tmp_path / "logs" / "nodes.log").read_text().splitlines()) == 5
+    assert "Exception" not in said
+    assert "x.py" not in said
+    assert len((tmp_path / "logs" / "nodes.log").read_text().splitlines()) == 7
 
 
 def test_the_terminal_is_put_back_even_when_a_killed_node_could_not():

@@ -2,13 +2,13 @@
 
 const ARROWS = { north: "↑", east: "→", south: "↓", west: "←", wait: "wait" };
 const HINTS = {
-  directions: "Arrow keys choose the next cell, held ones again and again. A full ring decides. Tab: velocity.",
+  directions: "Tap an arrow key for the next cell, hold it to go on; a full ring decides. Tab: velocity.",
   velocity: "Arrow keys drive and turn while held; up is forward. Tab: directions.",
 };
 const PHASES = {
   starting: "starting …", running: "", ended: "",
 };
-const SENTENCES_SHOWN = 4;
+const SENTENCES_SHOWN = 3;
 
 export class Panel {
   constructor() {
