@@ -142,6 +142,15 @@ class LearnerConfig(StrictModel):
     exit_when_done: bool
 
 
+class Nav2BridgeConfig(StrictModel):
+    """See nodes.yaml for what each parameter means."""
+
+    mode: Literal["to_pose", "through_poses"]
+    behavior_tree: str
+    waypoint_timeout_s: float = Field(gt=0)
+    publish_tf: bool
+
+
 CONFIGS: dict[str, type[StrictModel]] = {
     "hallway_sim": HallwaySimConfig,
     "local_planner": LocalPlannerConfig,
@@ -149,6 +158,7 @@ CONFIGS: dict[str, type[StrictModel]] = {
     "demo_recorder": DemoRecorderConfig,
     "learner": LearnerConfig,
     "strategy": StrategyConfig,
+    "nav2_bridge": Nav2BridgeConfig,
     "teleop_mux": TeleopMuxConfig,
     "teleop_joy": TeleopJoyConfig,
     "teleop_keyboard": TeleopKeyboardConfig,

@@ -1,0 +1,116 @@
+"""Waypoints as goals of Nav2's action servers: one goal at a time, a new one replaces the old.
+
+No node and no generated type in here: an action client and a function that makes goals come in, so
+that tests run it against a stand-in.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+SUCCEEDED = 4  # action_msgs/GoalStatus
+_SAME_M = 0.05
+
+Target = tuple[float, float]
+
+
+class ActionClient(Protocol):
+    """What is used of rclpy.action.ActionClient."""
+
+    def server_is_ready(self) -> bool:
+        """Whether a server listens."""
+        ...
+
+    def send_goal_async(self, goal: Any) -> Any:
+        """A future of the goal handle."""
+        ...
+
+
+class Nav2Goals:
+    """Keeps Nav2 on its way to the newest targets.
+
+    state: no goal, no server, sent, driving, arrived, rejected, or failed with Nav2's error code.
+    """
+
+    def __init__(
+        self,
+        client: ActionClient,
+        make_goal: Callable[[Sequence[Target], float], Any],
+        *,
+        timeout_s: float,
+    ) -> None:
+        self.state = "no goal"
+        self._client, self._make_goal, self._timeout_s = client, make_goal, timeout_s
+        self._targets: tuple[Target, ...] = ()
+        self._waiting: tuple[tuple[Target, ...], float] | None = None
+        self._sending = False
+        self._handle: Any = None
+        self._heard_wall_s = -math.inf
+
+    def take(self, targets: Sequence[Target], time_s: float, wall_s: float) -> None:
+        """Drive to the targets in turn (m, map); what Nav2 does already is not sent again."""
+        self._heard_wall_s = wall_s
+        wanted = tuple(targets)
+        if not wanted or _continues(wanted, self._targets):
+            return
+        if not self._client.server_is_ready():
+            self._targets, self.state = (), "no server"
+            return
+        if self._sending:
+            self._waiting = wanted, time_s
+            return
+        self._send(wanted, time_s)
+
+    def expire(self, wall_s: float) -> bool:
+        """Stop Nav2 when nobody has said for too long where to go; whether that was so."""
+        if not self._targets or wall_s - self._heard_wall_s <= self._timeout_s:
+            return False
+        self.cancel()
+        return True
+
+    def cancel(self) -> None:
+        """Let Nav2 stop where it is."""
+        self._targets, self._waiting, self.state = (), None, "no goal"
+        if self._handle is not None:
+            self._handle.cancel_goal_async()
+            self._handle = None
+
+    def _send(self, targets: tuple[Target, ...], time_s: float) -> None:
+        self._targets, self._sending, self.state = targets, True, "sent"
+        goal = self._make_goal(targets, time_s)
+        self._client.send_goal_async(goal).add_done_callback(self._on_answer)
+
+    def _on_answer(self, future: Any) -> None:
+        self._sending = False
+        handle = future.result()
+        if not handle.accepted:
+            self._targets, self.state = (), "rejected"
+        elif not self._targets:
+            handle.cancel_goal_async()  # called off before the server had answered
+        else:
+            self._handle, self.state = handle, "driving"
+            handle.get_result_async().add_done_callback(lambda done: self._on_end(handle, done))
+        waiting, self._waiting = self._waiting, None
+        if waiting is not None:
+            self._send(*waiting)
+
+    def _on_end(self, handle: Any, future: Any) -> None:
+        """Note how a goal ended; the end of one that was replaced tells nothing."""
+        if handle is not self._handle:
+            return
+        self._handle = None
+        answer = future.result()
+        if answer.status == SUCCEEDED:
+            self.state = "arrived"
+            return
+        # Forgotten, so that the next waypoint tries again.
+        code = getattr(answer.result, "error_code", answer.status)
+        self._targets, self.state = (), f"failed with code {code}"
+
+
+def _continues(wanted: tuple[Target, ...], sent: tuple[Target, ...]) -> bool:
+    """Whether the targets are those sent, or the rest of them."""
+    rest = sent[-len(wanted) :]
+    return len(rest) == len(wanted) and all(
+        math.dist(new, old) < _SAME_M for new, old in zip(wanted, rest, strict=True)
+    )

@@ -1,0 +1,119 @@
+"""nav2_bridge: Nav2 drives instead of our local planner; for full ROS installations.
+
+The strategy's `waypoint` becomes a goal of `navigate_to_pose`, or its `plan` one of
+`navigate_through_poses`; /tf, which Nav2 needs, is made from `robot_pose` and `odom`. nav2_msgs and
+tf2_msgs come with ROS, not as wheels, so this node asks for them when it starts.
+"""
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry, Path
+from rclpy.action import ActionClient
+
+from serd_ros import qos, topics
+from serd_ros.configs import Nav2BridgeConfig
+from serd_ros.convert.diagnostics import OK, WARN
+from serd_ros.convert.frames import Pose, odom_in_map, to_transform
+from serd_ros.convert.pose import from_pose, to_pose_stamped
+from serd_ros.convert.stamp import stamp_ns
+from serd_ros.errors import NodeError
+from serd_ros.nav2_goals import Nav2Goals, Target
+from serd_ros.run_node import run_node
+from serd_ros.serd_node import SerdNode
+
+_WATCH_S = 0.5
+
+
+class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
+    """`waypoint` or `plan` in, one Nav2 goal at a time out; silence stops Nav2."""
+
+    def __init__(self) -> None:
+        super().__init__("nav2_bridge", Nav2BridgeConfig)
+        through = self.config.mode == "through_poses"
+        kind = ros_type("nav2_msgs.action", "NavigateThroughPoses" if through else "NavigateToPose")
+        name = "navigate_through_poses" if through else "navigate_to_pose"
+        self._kind, self._odom_pose = kind, None
+        self._client = ActionClient(self, kind, name)
+        self._goals = Nav2Goals(
+            self._client, self._goal_message, timeout_s=self.config.waypoint_timeout_s
+        )
+        if through:
+            self.create_subscription(Path, topics.PLAN, self._on_plan, qos.COMMAND)
+        else:
+            self.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
+        if self.config.publish_tf:
+            self._tf_type = ros_type("tf2_msgs.msg", "TFMessage")
+            self._tf = self.create_publisher(self._tf_type, "/tf", qos.TF)
+            self.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
+            self.create_subscription(PoseStamped, topics.ROBOT_POSE, self._on_pose, qos.STATE)
+        self.create_timer(_WATCH_S, self._watch, clock=self.wall_clock)
+
+    _odom_pose: Pose | None
+
+    def close(self) -> None:
+        """Do not leave Nav2 driving."""
+        self._goals.cancel()
+
+    def _on_waypoint(self, message: PoseStamped) -> None:
+        self._take([message])
+
+    def _on_plan(self, message: Path) -> None:
+        self._take(message.poses)
+
+    def _take(self, poses: Sequence[PoseStamped]) -> None:
+        targets = [(each.pose.position.x, each.pose.position.y) for each in poses]
+        if targets:
+            time_s = stamp_ns(poses[0].header.stamp) * 1e-9
+            self._goals.take(targets, time_s, self.wall_s())
+
+    def _goal_message(self, targets: Sequence[Target], time_s: float) -> Any:
+        poses = [to_pose_stamped((*target, 0.0), time_s) for target in targets]
+        if self.config.mode == "through_poses":
+            return self._kind.Goal(poses=poses, behavior_tree=self.config.behavior_tree)
+        return self._kind.Goal(pose=poses[0], behavior_tree=self.config.behavior_tree)
+
+    def _watch(self) -> None:
+        if self._goals.expire(self.wall_s()):
+            self.get_logger().warning("no waypoint for too long: Nav2 was told to stop")
+        time_s = self.get_clock().now().nanoseconds * 1e-9
+        well = self._goals.state in ("no goal", "sent", "driving", "arrived")
+        self.report(time_s, {"goal": self._goals.state}, level=OK if well else WARN)
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self._odom_pose = from_pose(message.pose.pose)
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        if self._odom_pose is None:
+            return
+        time_s = stamp_ns(message.header.stamp) * 1e-9
+        odom = odom_in_map(from_pose(message.pose), self._odom_pose)
+        frames = [
+            to_transform(topics.MAP_FRAME, topics.ODOM_FRAME, odom, time_s),
+            to_transform(topics.ODOM_FRAME, topics.BASE_FRAME, self._odom_pose, time_s),
+        ]
+        self._tf.publish(self._tf_type(transforms=frames))
+
+
+def ros_type(module: str, name: str) -> Any:
+    """A generated type of a full ROS installation; NodeError with the fix where it is missing."""
+    try:
+        return getattr(import_module(module), name)
+    except ImportError:
+        package = module.split(".", 1)[0]
+        raise NodeError(
+            f"nav2_bridge needs the ROS package {package}, which is not installed; run 'apt-get "
+            f"install ros-jazzy-{package.replace('_', '-')}', or use the stack goto"
+        ) from None
+
+
+def main() -> int:
+    """Entry point of `ros2 run serd_ros nav2_bridge`."""
+    return run_node(Nav2BridgeNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
