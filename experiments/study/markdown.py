@@ -5,14 +5,21 @@ A page has blocks `<!-- table NAME -->` ... `<!-- end -->`; what stands between 
     python -m experiments.study.markdown docs/hallway_study.md
 """
 
-import csv
-import io
 import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
-from experiments.repetitions import Row
+from experiments.study.kept_tables import read_table
+from experiments.study.markdown_cells import (
+    around,
+    difference,
+    number,
+    p_value,
+    percent,
+    table_text,
+    with_range,
+)
 from experiments.study.run import KEPT
 from serd_core.errors import SerdError
 from storage.atomic import atomic_write_text
@@ -41,11 +48,11 @@ def filled(page: str, folder: Path) -> str:
 
 
 def _recordings(folder: Path) -> str:
-    rows = _read(folder, "demonstrations")
+    rows = read_table(folder, "demonstrations")
     header = ["expert", "set", "episodes", "decisions", "mean time", "with flow", "against"]
     header += ["across", "waiting"]
     models = ("with_flow", "against_flow", "across_flow", "waiting")
-    return _table(
+    return table_text(
         header,
         (
             [
@@ -54,7 +61,7 @@ def _recordings(folder: Path) -> str:
                 row["episodes"],
                 row["decisions"],
                 f"{float(row['mean_s']):.0f} s",
-                *(_percent(row[model]) for model in models),
+                *(percent(row[model]) for model in models),
             ]
             for row in rows
         ),
@@ -63,17 +70,17 @@ def _recordings(folder: Path) -> str:
 
 def _reference(folder: Path) -> str:
     outcomes = ("stay", "forward", "right", "back", "left")
-    return _table(
+    return table_text(
         ["move", "decisions", *outcomes],
         (
-            [row["model"].replace("_", " "), row["decisions"], *(_number(row[o]) for o in outcomes)]
-            for row in _read(folder, "reference_dynamics")
+            [row["model"].replace("_", " "), row["decisions"], *(number(row[o]) for o in outcomes)]
+            for row in read_table(folder, "reference_dynamics")
         ),
     )
 
 
 def _measures(folder: Path) -> str:
-    rows = _read(folder, "figure_5_9")
+    rows = read_table(folder, "figure_5_9")
     largest = max(int(row["size"]) for row in rows)
     methods = list(dict.fromkeys(row["method"] for row in rows))
     table = []
@@ -83,13 +90,13 @@ def _measures(folder: Path) -> str:
             for row in rows
             if row["method"] == method and int(row["size"]) == largest
         }
-        table.append([method, *(_with_range(found[measure], "median") for measure in _MEASURES)])
+        table.append([method, *(with_range(found[measure], "median") for measure in _MEASURES)])
     header = [f"{largest} demonstrations", "test", "transfer", "divergence of the dynamics"]
-    return _table(header, table)
+    return table_text(header, table)
 
 
 def _paired(folder: Path) -> str:
-    rows = _read(folder, "paired_tests")
+    rows = read_table(folder, "paired_tests")
     table = []
     for size in sorted({int(row["size"]) for row in rows}):
         for method in dict.fromkeys(row["second"] for row in rows):
@@ -99,32 +106,32 @@ def _paired(folder: Path) -> str:
                 if row["second"] == method and int(row["size"]) == size
             }
             cells = (
-                f"{_with_range(found[measure], 'mean_difference')}, p {_p(found[measure])}"
+                f"{with_range(found[measure], 'mean_difference')}, p {p_value(found[measure])}"
                 for measure in _MEASURES
             )
             table.append([str(size), method, *cells])
     header = ["demonstrations", "MDCE SERD minus", "test", "transfer", "divergence of the dynamics"]
-    return _table(header, table)
+    return table_text(header, table)
 
 
 def _arrival(folder: Path) -> str:
-    rows = [row for row in _read(folder, "arrival_distances") if row["expert"] == "people"]
+    rows = [row for row in read_table(folder, "arrival_distances") if row["expert"] == "people"]
     header = ["method", "arrived", "predicted", "mean time", "predicted", "KS", "p"]
     header += ["Wasserstein", "error of arrival", "CRPS"]
-    return _table(
+    return table_text(
         header,
         (
             [
                 row["method"],
-                _percent(row["measured_arrival"]),
-                _percent(row["predicted_arrival"]),
+                percent(row["measured_arrival"]),
+                percent(row["predicted_arrival"]),
                 f"{float(row['measured_mean_s']):.1f} s",
                 f"{float(row['predicted_mean_s']):.1f} s",
-                _around(row, "ks"),
-                _p({"p_holm": row["ks_p_value"]}),
-                f"{_around(row, 'wasserstein_s', 1)} s",
-                _around(row, "arrival_error"),
-                f"{_around(row, 'crps_s', 1)} s",
+                around(row, "ks"),
+                p_value({"p_holm": row["ks_p_value"]}),
+                f"{around(row, 'wasserstein_s', 1)} s",
+                around(row, "arrival_error"),
+                f"{around(row, 'crps_s', 1)} s",
             ]
             for row in rows
         ),
@@ -132,10 +139,10 @@ def _arrival(folder: Path) -> str:
 
 
 def _scores(folder: Path) -> str:
-    rows = [row for row in _read(folder, "arrival_scores") if row["expert"] == "people"]
-    return _table(
+    rows = [row for row in read_table(folder, "arrival_scores") if row["expert"] == "people"]
+    return table_text(
         ["MDCE SERD minus", "difference of the CRPS in s", "p"],
-        ([row["second"], _with_range(row, "crps_difference_s", 2), _p(row)] for row in rows),
+        ([row["second"], with_range(row, "crps_difference_s", 2), p_value(row)] for row in rows),
     )
 
 
@@ -148,7 +155,7 @@ def _traps(folder: Path) -> str:
         "policies without",
         "with one at a start",
     ]
-    return _table(
+    return table_text(
         header,
         (
             [
@@ -156,17 +163,19 @@ def _traps(folder: Path) -> str:
                 f"{float(row['median_traps']):g} of {row['states']}",
                 row["fewest_traps"],
                 row["most_traps"],
-                _percent(row["without_traps"]),
-                _percent(row["start_traps"]),
+                percent(row["without_traps"]),
+                percent(row["start_traps"]),
             ]
-            for row in _read(folder, "traps")
+            for row in read_table(folder, "traps")
         ),
     )
 
 
 def _beliefs(folder: Path) -> str:
-    rows = _read(folder, "beliefs")
-    arrivals = {(row["expert"], row["method"]): row for row in _read(folder, "arrival_distances")}
+    rows = read_table(folder, "beliefs")
+    arrivals = {
+        (row["expert"], row["method"]): row for row in read_table(folder, "arrival_distances")
+    }
     largest = max(int(row["size"]) for row in rows)
     table = []
     for expert in dict.fromkeys(row["expert"] for row in rows):
@@ -182,13 +191,13 @@ def _beliefs(folder: Path) -> str:
                 [
                     _EXPERTS[expert],
                     assumption,
-                    *(_difference(found[measure]) for measure in _MEASURES),
+                    *(difference(found[measure]) for measure in _MEASURES),
                     f"{float(arrival['measured_mean_s']):.1f} s",
                     f"{float(arrival['predicted_mean_s']):.1f} s",
                 ]
             )
     header = ["the expert", "the belief is", "test", "transfer", "divergence of the dynamics"]
-    return _table([*header, "mean time", "predicted"], table)
+    return table_text([*header, "mean time", "predicted"], table)
 
 
 TABLES: dict[str, Callable[[Path], str]] = {
@@ -201,48 +210,6 @@ TABLES: dict[str, Callable[[Path], str]] = {
     "traps": _traps,
     "beliefs": _beliefs,
 }
-
-
-def _read(folder: Path, name: str) -> list[Row]:
-    return list(csv.DictReader(io.StringIO(read_text(folder / f"{name}.csv"))))
-
-
-def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [list(header), ["---"] * len(header), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
-
-
-def _number(value: str, digits: int = 3) -> str:
-    return f"{float(value):.{digits}f}".replace("-", "−")
-
-
-def _with_range(row: Row, name: str, digits: int = 3) -> str:
-    """`middle (lower to upper)` of a row with those columns."""
-    low, high = _number(row["lower"], digits), _number(row["upper"], digits)
-    return f"{_number(row[name], digits)} ({low} to {high})"
-
-
-def _around(row: Row, name: str, digits: int = 3) -> str:
-    low, high = (_number(row[f"{name}_{end}"], digits) for end in ("lower", "upper"))
-    return f"{_number(row[name], digits)} ({low} to {high})"
-
-
-def _difference(row: Row) -> str:
-    """The mean; for all but the baseline the difference to it, bold where the test finds one."""
-    mean = _number(row["mean"])
-    if not row["p_holm"]:
-        return mean
-    difference = f"{float(row['difference']):+.3f}".replace("-", "−")
-    return f"**{difference}**" if float(row["p_holm"]) < 0.05 else difference
-
-
-def _percent(value: str) -> str:
-    return f"{100 * float(value):.1f} %"
-
-
-def _p(row: Row) -> str:
-    value = float(row["p_holm"])
-    return "< 0.001" if value < 0.001 else f"{value:.3f}"
 
 
 if __name__ == "__main__":

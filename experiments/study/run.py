@@ -5,14 +5,13 @@ OUTPUT/*.csv           tables; OUTPUT/figure_*.{csv,png,svg}: figures with what 
 OUTPUT/settings.yaml   the settings, from which all of it can be made again
 """
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.repetitions import Row, write_table
 from experiments.study.figures.catalogue import FIGURES, StudyFigure, figure_of
 from experiments.study.figures.context import FigureContext, context_of
+from experiments.study.kept_tables import read_table
 from experiments.study.products import OnWork, make_products
 from experiments.study.results import Results
 from experiments.study.settings import StudySettings
@@ -22,7 +21,6 @@ from report.canvas import png_bytes, svg_bytes
 from serd_core.errors import SerdError
 from sim.execution import Execution
 from storage.atomic import atomic_write_bytes, atomic_write_text
-from storage.text_file import read_text
 from storage.yaml_config import load_yaml_model, model_yaml
 
 SETTINGS_YAML = "settings.yaml"
@@ -62,8 +60,7 @@ def redraw(names: Sequence[str], source: Path, output: Path) -> list[Path]:
 
 def draw_figure(figure: StudyFigure, source: Path, output: Path, context: FigureContext) -> Path:
     """Draw the rows of a table as PNG and SVG; the PNG file."""
-    rows: list[Row] = list(csv.DictReader(io.StringIO(read_text(source / f"{figure.stem}.csv"))))
-    drawn = figure.draw(rows, context)
+    drawn = figure.draw(read_table(source, figure.stem), context)
     png = output / f"{figure.stem}.png"
     atomic_write_bytes(png, png_bytes(drawn))
     atomic_write_bytes(png.with_suffix(".svg"), svg_bytes(drawn))

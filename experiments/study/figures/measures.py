@@ -55,6 +55,7 @@ def draw(table: list[Row], context: FigureContext) -> Figure:
                 axes.legend([_SERD, "M-estimate: all others"], loc="upper right")
             else:
                 axes.set_ylim(*_shown(panel))
+                _name_hidden(axes, panel)
             axes.grid(axis="y")
             tick_sizes(axes, sorted({int(row["size"]) for row in panel}))
         figure.legend(
@@ -84,9 +85,21 @@ def _curve(axes: Axes, lines: list[Row], method: str, place: int) -> None:
 
 
 def _shown(panel: list[Row]) -> tuple[float, float]:
-    """Limits that show three quarters of all quartiles; the worst learners start below."""
-    lower = np.array([float(row["lower"]) for row in panel])
-    upper = np.array([float(row["upper"]) for row in panel])
-    low, high = float(np.quantile(lower, 0.25)), float(upper.max())
-    margin = 0.08 * (high - low)
+    """Limits that show the better half of all medians; the worst learners start below."""
+    low = float(np.quantile([float(row["median"]) for row in panel], 0.4))
+    high = max(float(row["upper"]) for row in panel)
+    margin = 0.1 * (high - low)
     return low - margin, high + margin
+
+
+def _name_hidden(axes: Axes, panel: list[Row]) -> None:
+    """Say which methods never come into view, with their best median."""
+    best: dict[str, float] = {}
+    for row in panel:
+        method = str(row["method"])
+        best[method] = max(best.get(method, -np.inf), float(row["median"]))
+    lowest = axes.get_ylim()[0]
+    hidden = [f"{method}: at best {value:.2f}" for method, value in best.items() if value < lowest]
+    if hidden:
+        text = "below: " + ", ".join(hidden).replace("-", "−")
+        axes.text(0.98, 0.02, text, transform=axes.transAxes, ha="right", fontsize=7.5)

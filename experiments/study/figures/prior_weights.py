@@ -58,7 +58,7 @@ def _panel(figure: Figure, axes: Axes, values: FloatArray, *, higher_is_better: 
     colours = style.VALUE_MAP if higher_is_better else style.VALUE_MAP.reversed()
     # Few demonstrations are far worse: off the scale, they leave room for what matters.
     finite = values[np.isfinite(values)]
-    low, high = np.quantile(finite, [0.2, 1.0] if higher_is_better else [0.0, 0.8])
+    low, high = np.quantile(finite, [0.25, 1.0] if higher_is_better else [0.0, 0.75])
     shown = np.clip(values, low, high)
     drawn = axes.imshow(shown, origin="lower", aspect="auto", cmap=colours, vmin=low, vmax=high)
     figure.colorbar(drawn, ax=axes, shrink=0.9, extend="min" if higher_is_better else "max")

@@ -20,23 +20,27 @@ scenario: {scenario}
 people: 3
 demonstrations: {{training: 2, test: 1, transfer: 1}}
 reference: {{experts: 1, against_flow: 1, exploring: 1, exploring_s: 20.0}}
-learning: {{repetitions: 2, sizes: [2], prior_weights: [1.0]}}
+learning: {{repetitions: 2, sizes: [2], prior_weights: [1.0], reirl_samples: 20}}
 beliefs: {{repetitions: 2, sizes: [2], episodes: 1}}
 arrival: {{episodes: 1, sampled: 20}}
 statistics: {{bootstrap: 20}}
 """
 SCENARIOS = Path(sim.__file__).parent / "scenarios"
-NEAR_START = "train: [[4, 12], [6, 12], [6, 14], [4, 14]]"
+NEAR_STARTS = {
+    "train: [[0, 0], [2, 0], [2, 3], [0, 3]]": "train: [[4, 14], [6, 14], [6, 16], [4, 16]]",
+    "transfer: [[4, 0], [6, 0], [6, 3], [4, 3]]": "transfer: [[2, 14], [4, 14], [4, 16], [2, 16]]",
+    "episode_timeout_s: 420.0": "episode_timeout_s: 24.0",
+    "warm_up_s: 10.0": "warm_up_s: 1.0",
+}
 
 
 @pytest.fixture
 def settings(tmp_path):
     """Near the goal and short of time, so that an episode takes a moment."""
-    hallway = (SCENARIOS / "hallway.yaml").read_text()
-    near = hallway.replace("train: [[0, 0], [2, 0], [2, 3], [0, 3]]", NEAR_START)
-    near = near.replace("episode_timeout_s: 420.0", "episode_timeout_s: 40.0")
-    assert NEAR_START in near
-    assert "420.0" not in near
+    near = (SCENARIOS / "hallway.yaml").read_text()
+    for usual, changed in NEAR_STARTS.items():
+        assert usual in near
+        near = near.replace(usual, changed)
     scenario, config = tmp_path / "near.yaml", tmp_path / "tiny.yaml"
     scenario.write_text(near)
     config.write_text(TINY.format(scenario=scenario))

@@ -1,0 +1,48 @@
+"""Cells and lines of the Markdown tables: numbers with their ranges, shares, p-values."""
+
+from collections.abc import Iterable, Sequence
+
+from experiments.repetitions import Row
+
+
+def table_text(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [list(header), ["---"] * len(header), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def number(value: str, digits: int = 3) -> str:
+    """A number with a proper minus."""
+    return f"{float(value):.{digits}f}".replace("-", "−")
+
+
+def with_range(row: Row, name: str, digits: int = 3) -> str:
+    """`middle (lower to upper)` of a row with those columns."""
+    low, high = number(row["lower"], digits), number(row["upper"], digits)
+    return f"{number(row[name], digits)} ({low} to {high})"
+
+
+def around(row: Row, name: str, digits: int = 3) -> str:
+    """`value (lower to upper)` of a number whose interval stands in columns of its name."""
+    low, high = (number(row[f"{name}_{end}"], digits) for end in ("lower", "upper"))
+    return f"{number(row[name], digits)} ({low} to {high})"
+
+
+def difference(row: Row) -> str:
+    """The mean; for all but the baseline the difference to it, bold where the test finds one."""
+    mean = number(row["mean"])
+    if not row["p_holm"]:
+        return mean
+    difference = f"{float(row['difference']):+.3f}".replace("-", "−")
+    return f"**{difference}**" if float(row["p_holm"]) < 0.05 else difference
+
+
+def percent(value: str) -> str:
+    """A share as a percentage."""
+    return f"{100 * float(value):.1f} %"
+
+
+def p_value(row: Row) -> str:
+    """The p-value after Holm's correction."""
+    value = float(row["p_holm"])
+    return "< 0.001" if value < 0.001 else f"{value:.3f}"

@@ -1,0 +1,43 @@
+"""`serd study hallway`: figures out of kept tables, and bad input."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from experiments.study.run import KEPT
+from serd_cli.main import make_app
+from serd_core.errors import SerdError
+from storage.errors import FileError
+
+
+def study(*words):
+    return CliRunner().invoke(make_app("study"), ["study", "hallway", *words])
+
+
+def test_a_figure_is_drawn_again_from_the_kept_tables(tmp_path):
+    result = study("--figure", "5.8", "--output", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    assert Path(result.output.strip()) == tmp_path / "figure_5_8.png"
+    assert (tmp_path / "figure_5_8.png").read_bytes() == (KEPT / "figure_5_8.png").read_bytes()
+    assert (tmp_path / "figure_5_8.svg").exists()
+
+
+def test_an_unknown_figure_is_refused_with_the_nearest_one(tmp_path):
+    result = study("--figure", "5.99", "--output", str(tmp_path))
+    assert isinstance(result.exception, SerdError)
+    assert "figure must be one of 5.5" in str(result.exception)
+    assert "did you mean '5.9'" in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [("people: 0\n", "people"), ("arival: {episodes: 3}\n", "did you mean 'arrival'")],
+)
+def test_settings_that_cannot_be_are_refused_before_anything_runs(tmp_path, text, fault):
+    config = tmp_path / "mine.yaml"
+    config.write_text(text)
+    result = study("--config", str(config), "--output", str(tmp_path / "out"))
+    assert isinstance(result.exception, FileError)
+    assert fault in str(result.exception)
+    assert not (tmp_path / "out").exists()
