@@ -20,6 +20,7 @@ COMMANDS = (
     "bag",
     "demos",
     "scenario",
+    "crowd",
     "episode",
     "batch",
     "study",

@@ -1,5 +1,6 @@
 """`serd scenario`: which places there are, and what one looks like."""
 
+import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,6 +15,7 @@ from sim.pictures.movie import save_png
 from sim.pictures.top_view import TopView
 from sim.scenario import Scenario, builtin_scenarios, load_scenario
 from sim.scenario_grid import grid_of
+from storage.atomic import atomic_write_text
 from storage.errors import disk_error
 
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON instead of a table")]
@@ -23,10 +25,13 @@ _PIXELS_PER_M = 40.0
 def register(app: typer.Typer) -> None:
     """Add the subcommands."""
     group = typer.Typer(
-        no_args_is_help=True, suggest_commands=True, help="List and draw the scenarios."
+        no_args_is_help=True,
+        suggest_commands=True,
+        help="List and draw scenarios, and write your own.",
     )
     group.command("list")(list_scenarios)
     group.command()(show)
+    group.command()(schema)
     app.add_typer(group, name="scenario")
 
 
@@ -73,6 +78,28 @@ def show(
         table.add_row(name.replace("_", " "), escape(_text(value)))
     console.print(table)
     print(f"picture: {path}")  # in one piece, however long
+
+
+def schema(
+    output: Annotated[
+        Path | None, typer.Option(help="file to write, e.g. scenario.schema.json; else printed")
+    ] = None,
+) -> None:
+    """Write the JSON schema of scenario files, for editors that check while you type.
+
+    serd scenario schema --output scenario.schema.json
+
+    With the YAML extension of VS Code, begin your file with
+    # yaml-language-server: $schema=scenario.schema.json
+    """
+    text = json.dumps(Scenario.model_json_schema(), indent=2, ensure_ascii=False) + "\n"
+    if output is None:
+        print(text, end="")
+        return
+    if output.suffix.lower() != ".json":
+        raise UsageError(f"--output must end in .json, got {output}; name a .json file")
+    atomic_write_text(output, text)
+    print(f"schema: {output.resolve()}")
 
 
 def save_plan(scenario: Scenario, path: Path) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from serd_core.arrays import FloatArray, IntArray
 from sim.crowd.ring_corridor import ring_corridor_crowd
 from sim.errors import SimError
+from storage.text_file import read_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +44,10 @@ class CorridorMeasures:
 
 def load_petrack(path: str | Path, frames_per_s: float = 25.0) -> RecordedPaths:
     """Recording in PeTrack's text format: rows `person frame x y z` in centimetres."""
-    rows = np.loadtxt(path)
+    try:
+        rows = np.loadtxt(read_text(path).splitlines())
+    except ValueError as error:
+        raise SimError(f"{path} must hold rows of numbers, but {error}; export it again") from None
     if rows.ndim != 2 or rows.shape[1] < 4:
         raise SimError(
             f"{path} must have rows of person, frame, x and y, got shape {rows.shape}"

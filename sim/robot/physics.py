@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
-from sim.pictures.camera import Camera, as_frame
+from sim.pictures.camera import Camera, as_frame, overview_camera
 from sim.robot.quiet_pybullet import pybullet
 from sim.scenario import Scenario
 from sim.settings import RobotSettings
@@ -46,14 +46,18 @@ class Physics:
             physicsClientId=self.client,
         )
         if gui:
-            pybullet.configureDebugVisualizer(
-                pybullet.COV_ENABLE_GUI, 0, physicsClientId=self.client
-            )
+            self._show(pybullet.COV_ENABLE_GUI, False)
+            self._show(pybullet.COV_ENABLE_SHADOWS, False)
+            # Drawn after each body that is added, the window takes minutes to open without a GPU.
+            self._show(pybullet.COV_ENABLE_RENDERING, False)
         self._robot = self._add_robot(scenario.robot)
         for start, end in scenario.wall_segments_m:
             self._add_wall(start, end)
         self._add_floor(scenario.bounds_m)
         self._people = self._add_people(scenario.pedestrians.count, person_radius_m)
+        if gui:
+            self._look_at(overview_camera(scenario))
+            self._show(pybullet.COV_ENABLE_RENDERING, True)
 
     def place_robot(self, x_m: float, y_m: float, half_turn: tuple[float, float]) -> None:
         """Put the robot somewhere, standing; half_turn: (z, w) of its orientation quaternion."""
@@ -116,6 +120,19 @@ class Physics:
         if self.client >= 0:
             pybullet.disconnect(self.client)
             self.client = -1
+
+    def _show(self, what: int, on: bool) -> None:
+        """Switch a part of the window on or off."""
+        pybullet.configureDebugVisualizer(what, int(on), physicsClientId=self.client)
+
+    def _look_at(self, camera: Camera) -> None:
+        pybullet.resetDebugVisualizerCamera(
+            camera.distance_m,
+            camera.yaw_deg,
+            camera.pitch_deg,
+            camera.target_m,
+            physicsClientId=self.client,
+        )
 
     def _add_floor(self, bounds_m: tuple[float, float, float, float]) -> None:
         """A plate to look at; nothing touches it and rays pass above it."""

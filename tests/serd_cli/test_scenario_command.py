@@ -5,7 +5,7 @@ import json
 import pytest
 from PIL import Image
 
-from sim.scenario import builtin_scenarios, load_scenario
+from sim.scenario import Scenario, builtin_scenarios, load_scenario
 from sim.scenario_grid import grid_of
 from storage.yaml_config import model_yaml
 
@@ -48,12 +48,32 @@ def test_a_scenario_file_is_shown_like_a_built_in_one(serd, tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_the_schema_names_every_key_of_a_scenario_file(serd, tmp_path):
+    printed = json.loads(serd("scenario", "schema").out)
+    assert set(printed["properties"]) == set(Scenario.model_fields)
+    assert "walkable_area_m" in printed["required"]
+    assert printed["additionalProperties"] is False
+    path = tmp_path / "new" / "scenario.schema.json"
+    assert serd("scenario", "schema", "--output", path).code == 0
+    assert json.loads(path.read_text()) == printed
+
+
+def test_a_typing_error_in_a_scenario_file_is_named_with_the_right_key(serd, tmp_path):
+    file = tmp_path / "mine.yaml"
+    text = model_yaml(load_scenario("corridor"))
+    file.write_text(text.replace("walkable_area_m", "walkable_aera_m"))
+    ended = serd("scenario", "show", file)
+    assert ended.code == 2
+    assert "walkable_aera_m is not a known key; did you mean 'walkable_area_m'?" in ended.err
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (("show", "halway"), "did you mean 'hallway'?"),
         (("show", "none.yaml"), "cannot read none.yaml: it does not exist"),
         (("show", "hallway", "--output", "plan.jpg"), "--output must end in .png, got plan.jpg"),
+        (("schema", "--output", "s.yaml"), "--output must end in .json, got s.yaml"),
         (("lst",), "Did you mean 'list'?"),
     ],
 )

@@ -178,6 +178,13 @@ def test_a_recording_without_places_is_refused(tmp_path):
         load_petrack(path)
 
 
+def test_a_recording_that_holds_words_is_refused(tmp_path):
+    path = tmp_path / "words.txt"
+    path.write_text("one two three four\n")
+    with pytest.raises(SerdError, match="must hold rows of numbers"):
+        load_petrack(path)
+
+
 def test_a_density_that_gives_nobody_is_refused_with_the_fix():
     with pytest.raises(SerdError, match="raise it or lengthen the ring"):
         ring_corridor_crowd(
