@@ -92,7 +92,9 @@ def run_together(
     for process in processes:
         command = "exec " + shlex.join(process.command)
         manager.add_process(process.name, command, env=environment)
-    before = {number: signal.getsignal(number) for number in SIGNALS}
+    before = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGHUP)}
+    # A window that is closed must not leave a robot running.
+    signal.signal(signal.SIGHUP, lambda *_: os.kill(os.getpid(), signal.SIGTERM))
     try:
         manager.loop()
     finally:

@@ -54,6 +54,18 @@ def test_an_interrupt_ends_all_and_gives_the_handler_back():
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_a_window_that_is_closed_ends_all_too():
+    before = signal.getsignal(signal.SIGHUP)
+    talker = python("talker", "import time; print('ready', flush=True); time.sleep(60)")
+    with pytest.raises(KeyboardInterrupt):
+        run_together(
+            [Process("sleeper", SLEEP), talker],
+            os.environ,
+            lambda *_: os.kill(os.getpid(), signal.SIGHUP),
+        )
+    assert signal.getsignal(signal.SIGHUP) is before
+
+
 def test_an_interrupt_before_all_have_started_ends_all_too(monkeypatch):
     start = supervisor.Manager._start
 

@@ -62,6 +62,14 @@ def test_a_stack_starts_the_nodes_and_parameters_of_the_graph(launch_file):
     assert {node.named["package"] for node in nodes} == {"serd_ros"}
 
 
+def test_a_topic_that_has_another_name_in_a_stack_is_remapped(launch_file):
+    context = dict.fromkeys(launch_file["parameter_names"](), "") | {"stack": "teleop"}
+    nodes = launch_file["nodes_of_stack"](context)
+    remapped = {node.named["executable"]: node.named["remappings"] for node in nodes}
+    assert remapped.pop("local_planner") == [("cmd_vel", "cmd_vel_planner")]
+    assert not any(remapped.values())
+
+
 def test_an_argument_that_no_node_of_the_stack_has_is_refused(launch_file):
     context = dict.fromkeys(launch_file["parameter_names"](), "")
     context |= {"stack": "live", "model": "model.yaml"}

@@ -13,6 +13,7 @@ import pytest
 
 from bags.recorded_drive import read_drive
 
+ENDING_S = 30.0
 SERD = str(Path(sys.executable).with_name("serd"))
 
 
@@ -92,8 +93,9 @@ class Session:
         return termios.tcgetattr(self._device) == self.before
 
     def close(self):
-        self.process.kill()
-        self.process.wait()
+        if self.process.poll() is None:
+            self.process.terminate()  # it ends its nodes; killed, it would leave them behind
+            self.process.wait(ENDING_S)
         os.close(self._person)
         os.close(self._device)
 

@@ -1,4 +1,6 @@
-// The hallway from above on a canvas: x east, y north, metres; as large as the window allows.
+// The hallway from above: floor, walls, people, robot, scan, and what is chosen next.
+
+import { Brush } from "./brush.js";
 
 const COLOURS = {
   floor: "#fbfaf7", wall: "#5c5a56", grid: "#e9e6df", goal: "#d6ecd6", goalLine: "#4f9d61",
@@ -6,15 +8,12 @@ const COLOURS = {
   trail: "rgb(38 92 180 / .35)", seen: "rgb(38 92 180 / .055)", scan: "#c2386b", next: "#7b5bc4",
   chosen: "rgb(38 92 180 / .13)", text: "#3f7d4e",
 };
-const MARGIN_PX = 22;
-const LARGEST_SCALE = 90;
 const TRAIL_STEP_M = 0.08;
 const STEPS = { north: [0, 1], east: [1, 0], south: [0, -1], west: [-1, 0] };
 
-export class View {
+export class View extends Brush {
   constructor(canvas) {
-    this.canvas = canvas;
-    this.context = canvas.getContext("2d");
+    super(canvas);
     this.trail = [];
     new ResizeObserver(() => this.fit()).observe(canvas);
   }
@@ -29,20 +28,8 @@ export class View {
   clearTrail() { this.trail = []; }
 
   fit() {
-    const { clientWidth, clientHeight } = this.canvas;
-    const density = devicePixelRatio || 1;
-    this.canvas.width = Math.round(clientWidth * density);
-    this.canvas.height = Math.round(clientHeight * density);
-    if (!this.scene || !clientWidth) return;
-    const [left, bottom, right, top] = this.scene.bounds_m;
-    const room = [clientWidth - 2 * MARGIN_PX, clientHeight - 2 * MARGIN_PX];
-    const fitting = Math.min(room[0] / (right - left), room[1] / (top - bottom));
-    this.scale = Math.min(LARGEST_SCALE, Math.max(1, fitting));
-    this.offset = [
-      (clientWidth - this.scale * (right - left)) / 2 - this.scale * left,
-      (clientHeight + this.scale * (top - bottom)) / 2 + this.scale * bottom,
-    ];
-    this.context.setTransform(density, 0, 0, density, 0, 0);
+    if (!this.scene || !this.canvas.clientWidth) return;
+    this.fitTo(this.scene.bounds_m);
     this.draw();
   }
 
@@ -64,8 +51,7 @@ export class View {
 
   draw() {
     if (!this.scene || !this.scale) return;
-    const { clientWidth, clientHeight } = this.canvas;
-    this.context.clearRect(0, 0, clientWidth, clientHeight);
+    this.clear();
     this.drawFloor();
     this.drawWalls();
     if (this.state?.world) this.drawWorld(this.state);
@@ -80,8 +66,8 @@ export class View {
     this.area(scene.goal_m, COLOURS.goal, COLOURS.goalLine);
     context.strokeStyle = COLOURS.grid;
     context.lineWidth = 1;
-    for (const cell of scene.cells_m) context.strokeRect(...this.square(cell));
-    this.label("goal", centre(scene.goal_m));
+    for (const cell of scene.cells_m) context.strokeRect(...this.square(cell, scene.cell_size_m));
+    this.label("goal", centre(scene.goal_m), COLOURS.text);
   }
 
   drawWorld(state) {
@@ -112,15 +98,15 @@ export class View {
   // The cell being driven to, filled, with its waypoint; the cell chosen next, dashed.
   drawChoice(state) {
     const { context } = this;
+    const size = this.scene.cell_size_m;
     if (state.waypoint && state.action !== "wait") {
       const cell = this.cells.get(this.cellKey(state.waypoint));
       context.fillStyle = COLOURS.chosen;
-      if (cell) context.fillRect(...this.square(cell));
+      if (cell) context.fillRect(...this.square(cell, size));
       this.ring(state.waypoint, 0.17, COLOURS.robot, 3);
     }
     const step = STEPS[state.choice];
     if (!step || state.mode !== "directions") return;
-    const size = this.scene.cell_size_m;
     const from = state.waypoint && state.action !== "wait" ? state.waypoint : state.world.robot;
     const next = this.cells.get(this.cellKey([from[0] + step[0] * size, from[1] + step[1] * size]));
     if (!next) return;
@@ -128,7 +114,7 @@ export class View {
     context.setLineDash([6, 4]);
     context.lineWidth = 2.5;
     context.strokeStyle = COLOURS.next;
-    context.strokeRect(...this.square(next, 0.06));
+    context.strokeRect(...this.square(next, size - 0.12));
     context.restore();
   }
 
@@ -175,56 +161,6 @@ export class View {
       if (index > 0) { context.fillStyle = COLOURS.wall; context.fill(); }
       context.stroke();
     });
-  }
-
-  area(corners, fill, line) {
-    this.path(corners);
-    this.context.fillStyle = fill;
-    this.context.fill();
-    if (!line) return;
-    this.context.strokeStyle = line;
-    this.context.lineWidth = 1.5;
-    this.context.stroke();
-  }
-
-  label(text, point) {
-    const { context } = this;
-    context.fillStyle = COLOURS.text;
-    context.font = `600 ${Math.min(20, Math.max(11, 0.42 * this.scale))}px system-ui, sans-serif`;
-    context.textAlign = "center";
-    context.textBaseline = "middle";
-    context.fillText(text, ...this.at(point));
-  }
-
-  path(points) {
-    this.context.beginPath();
-    for (const point of points) this.context.lineTo(...this.at(point));
-    this.context.closePath();
-  }
-
-  disc(point, radius, colour) {
-    this.context.beginPath();
-    this.context.arc(...this.at(point), radius * this.scale, 0, 2 * Math.PI);
-    this.context.fillStyle = colour;
-    this.context.fill();
-  }
-
-  ring(point, radius, colour, width) {
-    this.context.beginPath();
-    this.context.arc(...this.at(point), radius * this.scale, 0, 2 * Math.PI);
-    this.context.strokeStyle = colour;
-    this.context.lineWidth = width;
-    this.context.stroke();
-  }
-
-  square([x, y], inset = 0) {
-    const size = this.scene.cell_size_m;
-    const [left, top] = this.at([x - size / 2 + inset, y + size / 2 - inset]);
-    return [left, top, (size - 2 * inset) * this.scale, (size - 2 * inset) * this.scale];
-  }
-
-  at([x, y]) {
-    return [this.offset[0] + this.scale * x, this.offset[1] - this.scale * y];
   }
 
   cellKey([x, y]) {
