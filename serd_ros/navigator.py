@@ -21,7 +21,7 @@ from sim.observation import Observation
 from sim.policy_driver import PolicyDriver
 from sim.scenario import Scenario
 from sim.waypoint import Waypoint
-from storage.model_file import ModelFile
+from storage.model_file import ModelFile, load_model
 
 #: Marks of a prediction that people read: half and nine in ten have arrived.
 HALF, MOST = 0.5, 0.9
@@ -74,7 +74,7 @@ class Navigator:
 
     @property
     def model(self) -> str:
-        """Path of the model in force."""
+        """Path or name of the model in force."""
         return self._model
 
     def begin(self, episode: int) -> None:
@@ -124,8 +124,13 @@ class Navigator:
 
     def set_model(self, path: str) -> None:
         """Plan by another model file, or by the same one read again; FileError if unusable."""
-        self._replace(self._solved(path, self.strategy.scenario))
-        self._model = path
+        self.use_model(load_model(path), path)
+
+    def use_model(self, file: ModelFile, name: str) -> None:
+        """Plan by a model under a name for tables; an equal one changes nothing else."""
+        if file != self.strategy.file:
+            self._replace(self._solved(name, self.strategy.scenario, file))
+        self._model = name
 
     def way_m(self, observation: Observation) -> FloatArray:
         """(N, 2) the way the policy means to go from here."""

@@ -1,7 +1,8 @@
 """strategy: drives by the learned policy with waypoints and measures times of arrival.
 
 Goal (`goal_pose`, or the parameter `goal`) and model (the parameter `model`, or the file itself)
-may change at any time. A plan takes milliseconds, so callbacks make it where they are.
+may change at any time; a learner in the same graph changes the model too, by its topic `model`. A
+plan takes milliseconds, so callbacks make it where they are.
 """
 
 import sys
@@ -9,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
+from std_msgs.msg import String
 
 from serd_core.errors import SerdError
 from serd_core.grid import Action
@@ -27,8 +29,11 @@ from sim.driver import Driver
 from sim.observation import Observation
 from storage.episode_table import EpisodeResult
 from storage.file_watch import FileWatch
+from storage.model_file import ModelFile
+from storage.yaml_config import yaml_model
 
 _LOOK_AT_MODEL_S = 1.0
+_FROM_LEARNER = "model of the learner"
 
 
 class StrategyNode(EpisodeDriverNode[StrategyConfig]):
@@ -40,10 +45,12 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         super().__init__("strategy", StrategyConfig)
         self._records = ArrivalRecords(self.config.output)
         self._by_goal = GoalEpisodes(self.config.seed, wanted=bool(self.config.goal))
-        self._watch = FileWatch(self._navigator.model)
+        self._path = self.config.model
+        self._watch = FileWatch(self._path)
         self._waypoints = self.create_publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
         self._voice = StrategyVoice(self)
         self.create_subscription(PoseStamped, topics.GOAL_POSE, self._on_goal, qos.COMMAND)
+        self.create_subscription(String, topics.MODEL, self._on_model, qos.LATCHED)
         self.create_timer(_LOOK_AT_MODEL_S, self._look_at_model, clock=self.wall_clock)
         accept_changes(self, {"goal": self._change_goal, "model": self._change_model})
         self._voice.tell_plan(self._navigator.strategy, "start", self.wall_s())
@@ -108,15 +115,27 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
 
     def _change_model(self, value: Any) -> None:
         self._replan(lambda: self._navigator.set_model(str(value)), f"model {value}")
-        self._watch = FileWatch(self._navigator.model)
+        self._path, self._watch = str(value), FileWatch(str(value))
 
     def _look_at_model(self) -> None:
-        path = self._navigator.model
+        path = self._path
         if self._watch.changed():
-            try:
-                self._replan(lambda: self._navigator.set_model(path), f"{path} read again")
-            except SerdError as error:
-                self._voice.tell_refusal(error)
+            self._try(lambda: self._navigator.set_model(path), f"{path} read again")
+
+    def _on_model(self, message: String) -> None:
+        """What a learner in the same graph has just learned."""
+        self._try(
+            lambda: self._navigator.use_model(
+                yaml_model(message.data, ModelFile, name=_FROM_LEARNER), _FROM_LEARNER
+            ),
+            _FROM_LEARNER,
+        )
+
+    def _try(self, change: Callable[[], None], what: str) -> None:
+        try:
+            self._replan(change, what)
+        except SerdError as error:
+            self._voice.tell_refusal(error)
 
     def _replan(self, change: Callable[[], None], what: str) -> None:
         began_s = self.wall_s()

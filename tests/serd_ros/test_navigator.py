@@ -19,7 +19,7 @@ from sim.errors import SimError
 from sim.observation import make_observation
 from sim.scenario import load_scenario
 from storage.errors import FileError
-from storage.model_file import OutcomeModel
+from storage.model_file import OutcomeModel, load_model
 
 HALLWAY = load_scenario("hallway")
 
@@ -86,18 +86,27 @@ def test_another_model_changes_the_policy_and_a_broken_one_nothing(save_model_of
     assert (navigator.strategy, navigator.model) == (before, str(lazy))
 
 
-def test_the_random_numbers_of_an_episode_do_not_depend_on_a_change_to_the_same_model(
-    save_model_of,
-):
-    path = save_model_of()
+def test_the_random_numbers_of_an_episode_do_not_depend_on_a_change_of_the_model(save_model_of):
+    path, equal = save_model_of(), save_model_of(name="equal.yaml", method="learned again")
     kept, changed = (navigator_of(path, policy="soft") for _ in range(2))
     for each in (kept, changed):
         each.begin(5)
     for step in range(30):
         if step == 7:
-            changed.set_model(str(path))
+            before = changed.strategy
+            changed.set_model(str(equal))
+            assert changed.strategy is not before
         here = seen_at(3.5, 9.5, 2.0 * step)
         assert kept.decide(here) == changed.decide(here)
+
+
+def test_the_same_model_again_keeps_the_plan(save_model_of):
+    path = save_model_of()
+    navigator = navigator_of(path)
+    before = navigator.strategy
+    navigator.use_model(load_model(path), "model of the learner")
+    assert navigator.strategy is before
+    assert navigator.model == "model of the learner"
 
 
 def test_off_the_grid_it_waits_and_expects_nothing(save_model_of):

@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
 from serd_cli.navigate.in_process import drive_in_process
@@ -134,6 +134,15 @@ def test_goals_and_models_change_on_the_way_and_what_cannot_be_is_refused(
     assert len(watch.traps[-1].markers[0].points) > 100
     assert "cells are traps" in nodes.said("strategy")
     assert "read again: plan made" in nodes.said("strategy")
+
+    # A learner in the same graph tells of a model by which somebody does.
+    wise = save_model_of(name="wise.yaml")
+    models = watch.probe.node.create_publisher(String, "model", qos.LATCHED)
+    models.publish(String(data="format: serd-model"))
+    spin_until(lambda: watch.heard("refused: model of the learner: "))
+    models.publish(String(data=wise.read_text()))
+    watch.said.clear()
+    spin_until(lambda: any(row.model == "model of the learner" for row in arrivals(tmp_path)))
 
 
 def test_the_predicted_arrival_is_there_for_late_comers_and_comes_nearer(
