@@ -33,13 +33,17 @@ _STAMP_TOLERANCE_S = 1e-6
 
 @dataclass(frozen=True)
 class DiscretisationReport:
-    """n_decisions kept; of those, diagonal and far moves assigned to a neighbour; dropped: why."""
+    """n_decisions kept; of those, diagonal and far moves assigned to a neighbour; dropped: why.
+
+    n_bad_poses: poses that were left out because a number in them is not finite.
+    """
 
     n_decisions: int
     n_episodes: int
     n_diagonal: int
     n_far: int
     dropped: dict[str, int] = field(default_factory=dict)
+    n_bad_poses: int = 0
 
     @property
     def n_intents(self) -> int:
@@ -52,6 +56,7 @@ class DiscretisationReport:
         return (
             f"{self.n_decisions} decisions in {self.n_episodes} episodes; assigned to a neighbour: "
             f"{self.n_diagonal} diagonal and {self.n_far} far moves; dropped: {dropped or 'none'}"
+            + (f"; {self.n_bad_poses} poses not finite" if self.n_bad_poses else "")
         )
 
 
@@ -107,6 +112,7 @@ def decisions_from_drive(
         n_diagonal=moves[Move.DIAGONAL],
         n_far=moves[Move.FAR],
         dropped=dict(fates.dropped),
+        n_bad_poses=drive.n_bad_poses,
     )
 
 

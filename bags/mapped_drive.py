@@ -23,7 +23,13 @@ from bags.plain_messages import (
     vector3_stamped,
 )
 from bags.reader import BagReader, RawMessage, topic_named
-from bags.recorded_drive import EpisodeSpan, RecordedDrive, spans_of_marks
+from bags.recorded_drive import (
+    EpisodeSpan,
+    RecordedDrive,
+    finite_poses,
+    source_of,
+    spans_of_marks,
+)
 from bags.transforms import TransformTree
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.directions import action_of_direction
@@ -51,7 +57,7 @@ class _Collector:
 
     def __init__(self, reader: BagReader, mapping: BagMapping) -> None:
         self._mapping = mapping
-        self._source = f"bag {reader.path.name}"
+        self._source = source_of(reader.path)
         self._pose_topic = topic_named(reader.topics, mapping.pose_topic)
         self._action_topic = topic_named(reader.topics, mapping.action_topic)
         marks = mapping.episode_topic
@@ -68,18 +74,20 @@ class _Collector:
 
     def drive(self, period_s: float) -> RecordedDrive:
         """Everything together."""
-        rows = np.array(self._poses).reshape(-1, 5)
+        found = np.array(self._poses).reshape(-1, 5)
+        rows = finite_poses(found, self._source)
+        n_bad_poses = len(found) - len(rows)
         rows = rows[np.unique(rows[:, 1], return_index=True)[1]]
         if not len(rows):
             raise BagError(f"{self._source} has no pose on {self._pose_topic}; check the mapping")
-        if not np.isfinite(rows).all():
-            raise BagError(f"{self._source} has a pose that is not finite on {self._pose_topic}")
         log_s, time_s, poses = rows[:, 0], rows[:, 1], rows[:, 2:]
         if self._mapping.frame and self._mapping.frame.lstrip("/") != self._pose_frame:
             poses = self._tree.into(self._mapping.frame, self._pose_frame, poses, time_s)
         spans = self._spans(time_s)
         intent_s, actions = self._intents(log_s, time_s, poses, spans, period_s)
-        return RecordedDrive(time_s, poses[:, :2], intent_s, actions, spans, self._source)
+        return RecordedDrive(
+            time_s, poses[:, :2], intent_s, actions, spans, self._source, n_bad_poses
+        )
 
     def _take(self, message: RawMessage) -> None:
         log_s = message.log_time_ns / 1e9

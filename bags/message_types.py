@@ -8,6 +8,7 @@ in the .json file beside it. Types that are not installed come from the list ros
 import json
 import re
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from storage.nearest import hint
 
 ENCODING = "ros2msg"
 _SEPARATOR = "=" * 80
+_SAME_PACKAGE = 0.85
 _TYPE_NAME = re.compile(r"(\w+)/msg/(\w+)")
 _FIELD_TYPE = re.compile(r"^\s*([A-Za-z]\w*(?:/\w+)*)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]", re.M)
 _PRIMITIVE = re.compile(r"bool|byte|char|wchar|w?string|float(32|64)|u?int(8|16|32|64)")
@@ -94,8 +96,19 @@ def _carried() -> Typestore:
 def _carried_type(name: str) -> MessageType:
     store = _carried()
     if name not in store.fielddefs:
-        raise BagError(
-            f"message type {name!r} is not installed; install its package, or"
-            f" {hint(name, known_types())}"
-        )
+        raise BagError(f"message type {name!r} is not installed; {_fix(name)}")
     return MessageType(name, store.generate_msgdef(name, ros_version=2)[0], store.hash_rihs01(name))
+
+
+def _fix(name: str) -> str:
+    """The nearest type of a package of that name or nearly so; else the package is missing.
+
+    Names of all packages end much alike, so types of other packages would be no help.
+    """
+    package, _, _ = name.partition("/")
+    packages = {known.partition("/")[0] for known in known_types()}
+    close = get_close_matches(package, packages, n=1, cutoff=_SAME_PACKAGE)
+    if not close:
+        return f"install the package {package}"
+    types = [known for known in known_types() if known.startswith(f"{close[0]}/")]
+    return hint(f"{close[0]}/{name.partition('/')[2]}", types)

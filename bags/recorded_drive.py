@@ -31,7 +31,10 @@ class EpisodeSpan:
 
 @dataclass(frozen=True, eq=False)
 class RecordedDrive:
-    """pose_time_s (T,) increasing, position_m (T, 2); intent_time_s, intent_action (N,)."""
+    """pose_time_s (T,) increasing, position_m (T, 2); intent_time_s, intent_action (N,).
+
+    n_bad_poses: poses left out because a number in them is not finite.
+    """
 
     pose_time_s: FloatArray
     position_m: FloatArray
@@ -39,6 +42,7 @@ class RecordedDrive:
     intent_action: IntArray
     episodes: tuple[EpisodeSpan, ...]
     source: str = ""
+    n_bad_poses: int = 0
 
 
 class DriveBuilder:
@@ -74,11 +78,9 @@ class DriveBuilder:
                 self._marks.append((time_s, status.message, status.values))
 
     def drive(self) -> RecordedDrive:
-        """Everything so far; BagError names a pose that is not finite."""
-        pose = _unique(np.array(self._poses).reshape(-1, 3))
-        if not np.isfinite(pose).all():
-            where_s = pose[~np.isfinite(pose).all(axis=1)][0, 0]
-            raise BagError(f"{self._source} has a pose that is not finite at {where_s} s; drop it")
+        """Everything so far; BagError where there are poses and none is finite."""
+        rows = np.array(self._poses).reshape(-1, 3)
+        pose = _unique(finite_poses(rows, self._source))
         intent = _unique(np.array(self._intents).reshape(-1, 2))
         return RecordedDrive(
             pose_time_s=pose[:, 0],
@@ -87,16 +89,17 @@ class DriveBuilder:
             intent_action=intent[:, 1].astype(np.int64),
             episodes=spans_of_marks(self._marks, float(pose[-1, 0]) if len(pose) else 0.0),
             source=self._source,
+            n_bad_poses=len(rows) - int(np.isfinite(rows).all(axis=1).sum()),
         )
 
 
 def read_drive(directory: str | Path, *, tolerant: bool = False) -> RecordedDrive:
-    """Read a bag; BagError names a topic that is missing or a message that is not finite.
+    """Read a bag; BagError names a topic that is missing or an intent that is no direction.
 
     tolerant: read what a broken bag still holds.
     """
     reader = BagReader(directory, tolerant=tolerant)
-    builder = DriveBuilder(f"bag {Path(directory).name}")
+    builder = DriveBuilder(source_of(directory))
     takers = {
         topic_named(reader.topics, POSE): builder.add_pose,
         topic_named(reader.topics, INTENT): builder.add_intent,
@@ -105,6 +108,22 @@ def read_drive(directory: str | Path, *, tolerant: bool = False) -> RecordedDriv
     for message in reader.messages(takers):
         takers[message.topic](message.data, message.log_time_ns)
     return builder.drive()
+
+
+def source_of(bag: str | Path) -> str:
+    """What tables call a bag: its path as given, since many bags have one name."""
+    return f"bag {Path(bag)}"
+
+
+def finite_poses(rows: FloatArray, source: str) -> FloatArray:
+    """The (N, n) rows in which every number is finite; BagError where that is none of them."""
+    finite = np.isfinite(rows).all(axis=1)
+    if len(rows) and not finite.any():
+        raise BagError(
+            f"{source} must hold poses that are finite, none of its {len(rows)} is; look at what"
+            " published them"
+        )
+    return rows[finite]
 
 
 def is_end_mark(data: bytes) -> bool:

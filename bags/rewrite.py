@@ -1,4 +1,7 @@
-"""A bag written anew: `recover` keeps what a broken one still holds, `convert` any as MCAP."""
+"""A bag written anew: `recover` keeps what a broken one still holds, `convert` any as MCAP.
+
+The new bag stands under its name only once it is whole.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +11,7 @@ from bags.mcap_writer import Compression
 from bags.message_types import MessageType, message_type
 from bags.qos_text import qos_of_text
 from bags.reader import BagReader, TopicInfo
+from bags.whole_folder import whole_folder
 from bags.writer import BagWriter
 
 
@@ -51,7 +55,10 @@ def _rewrite(
     reader: BagReader, target: Path, compression: Compression, max_file_bytes: int | None
 ) -> RewriteReport:
     skipped: dict[str, str] = {}
-    with BagWriter(target, compression=compression, max_file_bytes=max_file_bytes) as writer:
+    with (
+        whole_folder(target) as folder,
+        BagWriter(folder, compression=compression, max_file_bytes=max_file_bytes) as writer,
+    ):
         for topic in reader.topics.values():
             why_not = _add(writer, topic)
             if why_not:
@@ -61,7 +68,7 @@ def _rewrite(
     lost = [each.lost_messages for each in reader.damage if each.lost_messages is not None]
     return RewriteReport(
         source=reader.path,
-        target=writer.directory,
+        target=target.resolve(),
         counts=dict(writer.counts),
         skipped=skipped,
         damage=tuple(each.sentence() for each in reader.damage),

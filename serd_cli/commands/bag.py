@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from shutil import rmtree
 from typing import Annotated, Literal
 
 import typer
@@ -131,20 +130,7 @@ def _rewrite(
 ) -> list[RewriteReport]:
     if output is not None and len(bags) > 1:
         raise UsageError(f"--output must be left out for several bags, got {output}; run each")
-    return [_whole(rewrite, bag, output or _beside(bag, ending)) for bag in bags]
-
-
-def _whole(
-    rewrite: Callable[[Path, Path], RewriteReport], source: Path, target: Path
-) -> RewriteReport:
-    """Rewrite, and leave no half of a new bag that would pass for the whole one."""
-    is_new = not target.exists()
-    try:
-        return rewrite(source, target)
-    except BaseException:
-        if is_new:
-            rmtree(target, ignore_errors=True)
-        raise
+    return [rewrite(bag, output or _beside(bag, ending)) for bag in bags]
 
 
 def _beside(bag: Path, ending: str) -> Path:

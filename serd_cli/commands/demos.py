@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bags.mapping import BagMapping
+from report.wording import counted
 from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
 from serd_cli.recorded_demonstrations import (
@@ -102,6 +103,9 @@ def _table(found: list[RecordedDemonstrations]) -> Table:
 
 
 def _reasons(found: list[RecordedDemonstrations]) -> Iterable[str]:
-    """Why intents were dropped, over all bags."""
+    """Why intents were dropped, and poses left out, over all bags."""
     reasons = sum((Counter(each.report.dropped) for each in found), Counter[str]())
-    return (f"dropped {count}: {reason}" for reason, count in reasons.most_common())
+    yield from (f"dropped {count}: {reason}" for reason, count in reasons.most_common())
+    n_bad_poses = sum(each.report.n_bad_poses for each in found)
+    if n_bad_poses:
+        yield f"left out {counted(n_bad_poses, 'pose')} with a number that is not finite"

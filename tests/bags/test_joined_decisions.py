@@ -20,7 +20,14 @@ def test_later_tables_number_on():
     joined = joined_decisions([table([0, 1], "a"), table([0, 2], "b"), table([9], "a")])
     assert joined.episode.tolist() == [0, 1, 2, 4, 9]
     assert joined.state.tolist() == [0, 1, 0, 2, 9]
-    assert joined.source == "a; b"
+    assert joined.source == "a, episodes 0 to 1; b, episodes 2 to 4; a, episodes 9 to 9"
+
+
+def test_one_source_stays_as_it_is_and_what_is_labelled_is_not_labelled_again():
+    assert joined_decisions([table([0]), table([1])]).source == "bag"
+    two = joined_decisions([table([0], "a"), table([0], "b")])
+    three = joined_decisions([two, table([0], "c")])
+    assert three.source == "a, episodes 0 to 0; b, episodes 1 to 1; c, episodes 2 to 2"
 
 
 @given(st.lists(st.lists(st.integers(0, 20), unique=True, max_size=5), min_size=1, max_size=5))

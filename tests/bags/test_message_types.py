@@ -60,5 +60,13 @@ def test_a_sourced_installation_comes_first(monkeypatch, tmp_path):
 def test_an_unknown_type_gets_the_nearest():
     with pytest.raises(BagError, match="did you mean 'geometry_msgs/msg/PoseStamped'"):
         message_type("geometry_msgs/msg/PoseStampd")
+    with pytest.raises(BagError, match="did you mean 'geometry_msgs/msg/Twist'"):
+        message_type("geomtry_msgs/msg/Twst")
     with pytest.raises(BagError, match="must be written package/msg/Type"):
         message_type("geometry_msgs/Pose")
+
+
+@pytest.mark.parametrize("name", ["neato2_interfaces/msg/Bump", "accel/msg/Accel"])
+def test_a_type_of_an_unknown_package_is_not_mistaken_for_one_of_another(name):
+    with pytest.raises(BagError, match=f"install the package {name.split('/')[0]}$"):
+        message_type(name)

@@ -1,5 +1,8 @@
 """Recovered and converted bags hold what can be held; check says what is wrong."""
 
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -51,6 +54,47 @@ def test_what_a_sound_end_tells_of_is_counted_as_lost(small_bag, tmp_path):
     assert report.n_lost == 69 - report.n_messages
     with pytest.raises(BagError, match="repair it with"):
         convert(folder, tmp_path / "converted")
+    assert {path.name for path in tmp_path.iterdir()} == {"small", "recovered"}
+
+
+def test_a_folder_that_holds_something_is_refused_and_kept(small_bag, tmp_path):
+    occupied = tmp_path / "mine"
+    occupied.mkdir()
+    (occupied / "notes.txt").write_text("keep")
+    with pytest.raises(BagError, match="must be new or empty"):
+        convert(small_bag(), occupied)
+    assert [path.name for path in occupied.iterdir()] == ["notes.txt"]
+
+
+def test_an_empty_folder_becomes_the_new_bag(small_bag, tmp_path):
+    source, target = small_bag(), tmp_path / "new"
+    target.mkdir()
+    report = convert(source, target)
+    assert report.target == target
+    assert messages_in(target) == messages_in(source)
+    assert (target / "new_0.mcap").is_file()
+
+
+_CONVERT = """
+import os, signal, sys
+from bags.reader import BagReader
+from bags.rewrite import convert
+messages = BagReader.messages
+def killed_midway(self, topics=None):
+    for number, message in enumerate(messages(self, topics)):
+        if number == 30:
+            os.kill(os.getpid(), signal.SIGKILL)
+        yield message
+BagReader.messages = killed_midway
+convert(sys.argv[1], sys.argv[2])
+"""
+
+
+def test_a_killed_conversion_leaves_no_half_bag_that_passes_for_a_whole_one(small_bag, tmp_path):
+    target = tmp_path / "new"
+    command = [sys.executable, "-c", _CONVERT, str(small_bag()), str(target)]
+    assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
+    assert not target.exists()
 
 
 KINDS = [
