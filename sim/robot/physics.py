@@ -127,7 +127,7 @@ class Physics:
 
     def _look_at(self, camera: Camera) -> None:
         pybullet.resetDebugVisualizerCamera(
-            camera.distance_m,
+            0.6 * camera.distance_m,  # the window sees more at a time than the pictures
             camera.yaw_deg,
             camera.pitch_deg,
             camera.target_m,
