@@ -12,4 +12,11 @@ class UsageError(SerdError):
 
 
 class RunError(SerdError):
-    """A process or a step failed; the sentence says which and why."""
+    """A process or a step failed; the sentence says which and why.
+
+    exit_code: FAILED, or BAD_INPUT where a process said that its input was bad.
+    """
+
+    def __init__(self, sentence: str, exit_code: int = FAILED) -> None:
+        super().__init__(sentence)
+        self.exit_code = exit_code

@@ -6,7 +6,7 @@ from importlib import import_module
 import typer
 from rich.markup import escape
 
-from serd_cli.errors import BAD_INPUT, FAILED, INTERRUPTED, RunError
+from serd_cli.errors import BAD_INPUT, INTERRUPTED, RunError
 from serd_cli.terminal import progress_console
 from serd_core.errors import SerdError
 
@@ -56,7 +56,7 @@ def main() -> int:
         return INTERRUPTED
     except RunError as error:
         progress_console.print(f"[red]serd:[/red] {escape(str(error))}", soft_wrap=True)
-        return FAILED
+        return error.exit_code
     except SerdError as error:
         progress_console.print(f"[red]serd:[/red] {escape(str(error))}", soft_wrap=True)
         return BAD_INPUT

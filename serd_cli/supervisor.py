@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from honcho.manager import SIGNALS, SYSTEM_PRINTER_NAME, Manager
 from honcho.printer import Message
 
-from serd_cli.errors import RunError
+from serd_cli.errors import BAD_INPUT, FAILED, RunError
 from serd_ros.starter import VARIABLE
 
 Line = Callable[[str, str], None]
@@ -103,7 +103,8 @@ def run_together(
     if manager.returncode in {entry["rc"] for entry in SIGNALS.values()}:
         raise KeyboardInterrupt
     if manager.returncode:
-        raise RunError(_what_failed(manager.exit_codes(), manager.returncode, tap.tails))
+        sentence = _what_failed(manager.exit_codes(), manager.returncode, tap.tails)
+        raise RunError(sentence, BAD_INPUT if manager.returncode == BAD_INPUT else FAILED)
 
 
 def _what_failed(codes: Mapping[str, int], code: int, tails: Mapping[str, deque[str]]) -> str:

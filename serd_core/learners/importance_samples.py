@@ -61,11 +61,15 @@ def importance_log_weights(
 
 
 def hoeffding_thresholds(
-    problem: Problem, n_episodes: int, confidence: float = 0.95, horizon: float = np.inf
+    problem: Problem,
+    n_episodes: int,
+    confidence: float = 0.95,
+    horizon: float = np.inf,
+    shortest: float | None = None,
 ) -> FloatArray:
     """(F,) half-widths within which the mean discounted features lie with that confidence.
 
-    horizon: most decisions of an episode.
+    horizon, shortest: most and fewest decisions of an episode; None where all have the most.
     """
     if not 0.0 < confidence < 1.0:
         raise SerdError(f"confidence must be between 0 and 1, got {confidence}; use 0.95")
@@ -73,8 +77,11 @@ def hoeffding_thresholds(
         raise SerdError(f"n_episodes must be at least 1, got {n_episodes}; record an episode")
     observable = problem.features[problem.mdp.available]
     discount = problem.mdp.discount
-    longest = (1.0 - discount**horizon) / (1.0 - discount)
-    spread = (observable.max(axis=0) - observable.min(axis=0)) * longest
+    lengths = np.array([horizon, horizon if shortest is None else shortest], dtype=np.float64)
+    series = (1.0 - discount**lengths) / (1.0 - discount)
+    # Counts grow or shrink with the length, so their extremes lie at one of the two.
+    spread = np.max(np.outer(series, observable.max(axis=0)), axis=0)
+    spread -= np.min(np.outer(series, observable.min(axis=0)), axis=0)
     return np.asarray(spread * np.sqrt(np.log(2.0 / (1.0 - confidence)) / (2.0 * n_episodes)))
 
 

@@ -11,8 +11,9 @@ the subgradient (3.44) an ordinary gradient under bounds.
 
 Thresholds: Hoeffding's bound for the mean of n counts within a range R_i, two-sided, gives
 epsilon_i = R_i sqrt(log(2 / (1 - confidence)) / (2 n)), R_i = (max f_i - min f_i) (1 - gamma^T) /
-(1 - gamma) for episodes of at most T decisions (T infinite where episodes are absorbed). They are
-wide: with few demonstrations they may allow every weight to be 0. Smaller ones fit more closely.
+(1 - gamma) for episodes of T decisions (T infinite where they are absorbed); where lengths differ,
+R_i reaches from the least count of any of them to the greatest. They are wide: with few
+demonstrations they may allow every weight to be 0. Smaller ones fit more closely.
 
     samples, policy = sample_from_estimates(problem, decisions, n_episodes=500, n_steps=40, rng=rng)
     fit = fit_relative_entropy_irl(
@@ -110,9 +111,10 @@ def _thresholds(
 ) -> FloatArray:
     if thresholds is None:
         episodes = trajectories_of(decisions)
-        absorbed = bool(np.any(problem.mdp.absorbing[episodes.end]))
-        horizon = np.inf if absorbed else float(episodes.length.max())
-        return hoeffding_thresholds(problem, len(episodes), confidence, horizon)
+        lengths = np.where(problem.mdp.absorbing[episodes.end], np.inf, episodes.length)
+        return hoeffding_thresholds(
+            problem, len(episodes), confidence, float(lengths.max()), float(lengths.min())
+        )
     checked = float_array("thresholds", thresholds, (len(problem.feature_names),))
     if np.any(checked < 0):
         raise SerdError(f"thresholds must not be negative, got {checked.min()}")

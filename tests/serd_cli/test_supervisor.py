@@ -8,7 +8,7 @@ import time
 import pytest
 
 from serd_cli import supervisor
-from serd_cli.errors import RunError
+from serd_cli.errors import BAD_INPUT, FAILED, RunError
 from serd_cli.supervisor import Process, run_together
 
 SLEEP = [sys.executable, "-S", "-c", "import time; time.sleep(60)"]
@@ -30,10 +30,14 @@ def test_when_one_ends_well_all_end_and_every_line_was_passed_on():
     assert time.monotonic() - began_s < 20
 
 
-def test_a_failing_process_is_named_with_what_it_said_last():
-    failing = python("bad", "import sys; print('the reason'); sys.exit(3)")
-    with pytest.raises(RunError, match=r"(?s)bad ended with exit code 3.*the reason"):
+@pytest.mark.parametrize(("code", "passed_on"), [(3, FAILED), (2, BAD_INPUT)])
+def test_a_failing_process_is_named_with_what_it_said_last(code, passed_on):
+    failing = python("bad", f"import sys; print('the reason'); sys.exit({code})")
+    with pytest.raises(
+        RunError, match=rf"(?s)bad ended with exit code {code}.*the reason"
+    ) as found:
         run_together([Process("sleeper", SLEEP), failing], os.environ, lambda *_: None)
+    assert found.value.exit_code == passed_on
 
 
 def test_a_killed_process_is_named_with_its_signal():

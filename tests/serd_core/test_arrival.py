@@ -163,3 +163,10 @@ def test_wrong_arguments_are_refused_by_name():
         clopper_pearson([5], 3)
     with pytest.raises(SerdError, match="n_trials must be at least 1, got 0"):
         clopper_pearson([0], 0)
+
+
+def test_what_starts_at_the_goal_has_arrived_once_and_for_all():
+    problem, policy = corridor(), always(corridor(), Action.NORTH)
+    half = np.array([0.5, 0, 0, 0, 0, 0.5])
+    arrival = arrival_time_distribution(problem, policy, outcomes(1.0), half, 6)
+    np.testing.assert_allclose(arrival.cdf, [0.5, 0.5, 0.5, 0.5, 0.5, 1.0, 1.0])

@@ -1,5 +1,7 @@
 """Remaining time from every state, against the forward chain, closed forms and brute force."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,8 +11,10 @@ from scipy.stats import nbinom
 from serd_core.arrival import arrival_time_distribution
 from serd_core.arrival_by_state import arrival_by_state
 from serd_core.arrival_law import law_in_seconds
+from serd_core.dynamics.sparse_model import fixed_transitions
 from serd_core.errors import SerdError
 from serd_core.grid import Action, Grid
+from serd_core.mdp import Mdp
 from serd_core.navigation import build_navigation_problem
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.simulation import sample_decisions
@@ -158,3 +162,13 @@ def test_wrong_arguments_are_refused_by_name():
         arrival_by_state(problem, policy, table, -1)
     with pytest.raises(SerdError, match="state must be a state from 0 to 2, got 3"):
         arrival_by_state(problem, policy, table, 3).from_state(3)
+
+
+def test_a_goal_that_can_be_left_counts_as_arrived_all_the_same():
+    """Two states, and the one action goes to the other."""
+    there_and_back = fixed_transitions((2, 1), [0, 1], [0, 0], [1, 0], np.ones(2))
+    problem = SimpleNamespace(mdp=Mdp(there_and_back, 0.9), goal_states=np.array([1]))
+    table = arrival_by_state(problem, np.ones((2, 1)), np.ones(2), 3)
+    np.testing.assert_array_equal(table.cdf, [[0, 1], [1, 1], [1, 1], [1, 1]])
+    forward = arrival_time_distribution(problem, np.ones((2, 1)), np.ones(2), np.eye(2)[0], 3)
+    np.testing.assert_array_equal(forward.cdf, table.cdf[:, 0])

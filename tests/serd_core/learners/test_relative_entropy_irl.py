@@ -3,8 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from serd_core.demonstrations import Decisions
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
+from serd_core.grid import Grid
 from serd_core.learners.importance_samples import (
     hoeffding_thresholds,
     importance_log_weights,
@@ -12,6 +14,7 @@ from serd_core.learners.importance_samples import (
 )
 from serd_core.learners.maxent_irl import TrajectoryModel
 from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
+from serd_core.navigation import build_navigation_problem
 from serd_core.simulation import sample_decisions
 from serd_core.trajectories import feature_counts
 
@@ -175,3 +178,38 @@ def test_samples_outside_the_mdp_are_refused_by_name(case):
                 sampling_policy=policy,
                 initial_weights=np.zeros(2),
             )
+
+
+def test_thresholds_cover_the_counts_of_episodes_of_any_of_their_lengths(case):
+    """With gamma 0.9 a feature of 1 counts 1, 1.9, 2.71, ... and 10 for ever."""
+    constant = replace(case.problem, features=np.ones_like(case.problem.features))
+    wide = np.sqrt(np.log(2.0 / 0.05) / 20.0)
+    assert hoeffding_thresholds(constant, 10, horizon=3.0) == pytest.approx(0.0)
+    assert hoeffding_thresholds(constant, 10, horizon=3.0, shortest=1.0) == pytest.approx(
+        1.71 * wide
+    )
+    assert hoeffding_thresholds(constant, 10, shortest=2.0) == pytest.approx(8.1 * wide)
+
+
+def test_a_fit_takes_its_thresholds_from_the_lengths_and_ends_of_its_episodes():
+    grid = Grid(origin_m=(0, 0), cell_size_m=1.0, walkable=np.ones((3, 1), bool))
+    problem = build_navigation_problem(
+        grid=grid, flow=np.ones(3, int), goal_states=[2], wall_distance_m=np.ones(3), discount=0.9
+    )
+    steps = np.array([0, 1, 0, 1])
+    absorbed = Decisions([0, 0, 1, 1], np.zeros(4), steps, np.ones(4, int), steps + 1)
+    policy = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
+    common = {"sampling_policy": policy, "initial_weights": np.ones(3), "max_steps": 3}
+    for decisions, horizon, shortest in (
+        (absorbed, np.inf, np.inf),
+        (absorbed.select([0, 1, 2]), np.inf, 1.0),
+        (absorbed.select([0, 2]), 1.0, 1.0),
+    ):
+        given = hoeffding_thresholds(problem, 2, 0.95, horizon, shortest)
+        fits = [
+            fit_relative_entropy_irl(
+                problem, decisions, samples=absorbed, thresholds=thresholds, **common
+            )
+            for thresholds in (None, given)
+        ]
+        assert fits[0].objective == fits[1].objective
