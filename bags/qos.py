@@ -43,3 +43,25 @@ def qos_yaml(profiles: tuple[QosProfile, ...]) -> str:
         return ""
     values = [profile.values() for profile in profiles]
     return yaml.safe_dump(values, sort_keys=False, default_flow_style=False).rstrip("\n")
+
+
+def qos_of_yaml(text: str) -> QosProfile:
+    """The first profile of such a text; ours for topics that carry none or one of another version.
+
+    Older rosbag2 writes reliability, durability and history as the numbers of rmw.
+    """
+    try:
+        profiles = yaml.safe_load(text)
+    except yaml.YAMLError:
+        return RELIABLE
+    if not (isinstance(profiles, list) and profiles and isinstance(profiles[0], dict)):
+        return RELIABLE
+    first = profiles[0]
+    best_effort = first.get("reliability") in ("best_effort", 2)
+    latched = first.get("durability") in ("transient_local", 1)
+    depth = first.get("depth")
+    return QosProfile(
+        reliability="best_effort" if best_effort else "reliable",
+        durability="transient_local" if latched else "volatile",
+        depth=depth if isinstance(depth, int) and depth > 0 else RELIABLE.depth,
+    )

@@ -25,15 +25,20 @@ def stack_processes(
     """One process per node of the stack, with its parameters."""
     layers = stack_parameters(stack, given)
     return [
-        Process(
-            node,
-            [
-                str(find_executable(PACKAGE, node, environment)),
-                *_arguments(parameters, stack.remappings.get(node, {})),
-            ],
-        )
+        Process(node, node_command(node, parameters, stack.remappings.get(node, {}), environment))
         for node, parameters in layers.items()
     ]
+
+
+def node_command(
+    node: str,
+    parameters: Mapping[str, Any],
+    remappings: Mapping[str, str],
+    environment: Mapping[str, str],
+) -> list[str]:
+    """Executable and arguments of one node of ours."""
+    executable = find_executable(PACKAGE, node, environment)
+    return [str(executable), *_arguments(parameters, remappings)]
 
 
 def _arguments(parameters: Mapping[str, Any], remappings: Mapping[str, str]) -> list[str]:

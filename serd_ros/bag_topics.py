@@ -1,8 +1,12 @@
-"""How a node's quality of service is written into a bag."""
+"""Quality of service of a topic as bags keep it, and as a replay offers it."""
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+import importlib
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from bags.qos import QosProfile
+from serd_ros.qos import STATE_DEPTH
 
 
 def bag_qos(profile: QoSProfile) -> QosProfile:
@@ -15,3 +19,24 @@ def bag_qos(profile: QoSProfile) -> QosProfile:
         history="keep_last",
         depth=int(profile.depth),
     )
+
+
+def replay_qos(recorded: QosProfile) -> QoSProfile:
+    """What a replay offers: as recorded, but deep enough for bursts of reliable messages."""
+    reliable = recorded.reliability == "reliable"
+    latched = recorded.durability == "transient_local"
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=recorded.depth if latched else max(recorded.depth, STATE_DEPTH),
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def message_class(type_name: str) -> Any | None:
+    """The class of package/msg/Type, None where its package is not installed."""
+    package, _, name = type_name.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name, None)
+    except ImportError:
+        return None

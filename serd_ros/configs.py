@@ -124,6 +124,23 @@ class TeleopJoyConfig(StrictModel):
     mapping: str
 
 
+class BagReplayConfig(StrictModel):
+    """See nodes.yaml for what each parameter means."""
+
+    bag: str = Field(min_length=1)
+    topics: tuple[str, ...]
+    rate: float = Field(gt=0)
+    start_s: float = Field(ge=0)
+    duration_s: float = Field(ge=0)
+    loop: bool
+    paused: bool
+    clock_hz: float = Field(ge=0, le=1000)
+    required_nodes: tuple[str, ...]
+    wait_s: float = Field(ge=0)
+    keys: bool
+    exit_when_done: bool
+
+
 class LearnerConfig(StrictModel):
     """See nodes.yaml for what each parameter means."""
 
@@ -156,6 +173,7 @@ CONFIGS: dict[str, type[StrictModel]] = {
     "local_planner": LocalPlannerConfig,
     "scripted_expert": ScriptedExpertConfig,
     "demo_recorder": DemoRecorderConfig,
+    "bag_replay": BagReplayConfig,
     "learner": LearnerConfig,
     "strategy": StrategyConfig,
     "nav2_bridge": Nav2BridgeConfig,

@@ -39,3 +39,10 @@ LATCHED = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
+#: For who must not miss a message: a reader that is full refuses more, and a sender that waits for
+#: acknowledgements, as bag_replay does, waits for it. (With KEEP_LAST it would drop the oldest.)
+LOSSLESS = QoSProfile(
+    history=HistoryPolicy.KEEP_ALL,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)

@@ -21,6 +21,7 @@ from serd_cli.bag_tables import (
     rewrite_values,
     verdict,
 )
+from serd_cli.commands.bag_play import play
 from serd_cli.errors import FAILED, UsageError
 from serd_cli.json_output import print_json
 from serd_cli.terminal import console, progress_console
@@ -37,9 +38,11 @@ Output = Annotated[
 def register(app: typer.Typer) -> None:
     """Add the subcommands."""
     group = typer.Typer(
-        no_args_is_help=True, suggest_commands=True, help="Inspect, check and repair recordings."
+        no_args_is_help=True,
+        suggest_commands=True,
+        help="Inspect, check, repair and play recordings.",
     )
-    for command in (info, check, recover, convert):
+    for command in (info, check, recover, convert, play):
         group.command()(command)
     app.add_typer(group, name="bag")
 

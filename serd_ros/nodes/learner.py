@@ -31,9 +31,8 @@ from storage.yaml_config import model_yaml
 
 _LOOK_PERIOD_S = 0.1
 _CHECKPOINT_PERIOD_S = 1.0
-#: Messages of an episode may come this much later (s) than the mark of its end, poses even more.
+#: Intents may come this much later (s) than the mark of the end of their episode.
 _SETTLING_S = 0.5
-_PATIENCE_S = 5.0
 _UNCONVERGED = 1
 
 
@@ -71,7 +70,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
                 kind.message,
                 topic,
                 lambda data, topic=topic: self._take(memory, topic, data),
-                kind.qos,
+                qos.LOSSLESS,
                 raw=True,
             )
         return memory
@@ -102,8 +101,8 @@ class LearnerNode(SerdNode[LearnerConfig]):
     def _settled(self) -> bool:
         if self._ended_s is None or self._memory is None:
             return False
-        waited_s = self.wall_s() - self._ended_s
-        return waited_s >= (_SETTLING_S if self._memory.drive.caught_up else _PATIENCE_S)
+        settled = self.wall_s() - self._ended_s >= _SETTLING_S
+        return settled and self._memory.drive.caught_up
 
     def _gather(self, *, unfinished: bool) -> None:
         assert self._memory is not None

@@ -1,0 +1,158 @@
+"""bag_replay: plays a bag into its topics, as a ROS 2 node.
+
+A learner, a recorder or a viewer takes it for the world that was recorded. Bag time is that of the
+log times, and goes out on /clock.
+"""
+
+import math
+import sys
+
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool
+
+from bags.excerpt import Excerpt, named_topics
+from bags.playback import Playback
+from bags.reader import BagReader, RawMessage
+from serd_ros import qos, topics
+from serd_ros.configs import BagReplayConfig
+from serd_ros.convert.stamp import to_stamp
+from serd_ros.graph_readiness import Readiness
+from serd_ros.replay_keys import RATE_FACTORS, ReplayKey, ReplayKeys
+from serd_ros.replay_publishers import ReplayPublishers
+from serd_ros.run_node import run_node
+from serd_ros.serd_node import SerdNode
+
+_TURN_S = 0.005
+_AT_ONCE = 200
+_REPORT_PERIOD_S = 0.5
+
+
+class BagReplayNode(SerdNode[BagReplayConfig]):
+    """Waits for its listeners, then publishes every message at its time."""
+
+    def __init__(self) -> None:
+        super().__init__("bag_replay", BagReplayConfig)
+        config = self.config
+        self._reader = BagReader(config.bag)
+        self._keys = ReplayKeys() if config.keys else None
+        wanted = named_topics(self._reader.topics, [name for name in config.topics if name])
+        if config.clock_hz > 0:
+            wanted -= {topics.CLOCK}
+        self._outlet = ReplayPublishers(self, [self._reader.topics[name] for name in wanted])
+        for topic, kind in self._outlet.skipped.items():
+            self.get_logger().warning(f"{topic} is not played: {kind} is not installed")
+        self._excerpt = Excerpt(
+            frozenset(self._outlet.topics), config.start_s, config.duration_s or math.inf
+        )
+        self._n_sent, self._told_end, self._rate = 0, False, config.rate
+        self._readiness = Readiness(self, config.required_nodes, self.wall_s())
+        self._waiting_until_s: float | None = self.wall_s() + config.wait_s
+        self._playback = self._from_the_beginning()
+        self.create_service(SetBool, topics.PAUSE, self._on_pause)
+        self._bag_clock = self.create_publisher(Clock, topics.CLOCK, qos.CLOCK)
+        self.create_timer(_TURN_S, self._turn, clock=self.wall_clock)
+        self.create_timer(_REPORT_PERIOD_S, self._tell, clock=self.wall_clock)
+        if config.clock_hz > 0:
+            self.create_timer(1.0 / config.clock_hz, self._send_clock, clock=self.wall_clock)
+
+    def close(self) -> None:
+        """Restore the terminal."""
+        if self._keys is not None:
+            self._keys.close()
+
+    def _from_the_beginning(self) -> Playback:
+        playback = Playback(self._excerpt.messages(self._reader), rate=self._rate)
+        if self.config.paused:
+            playback.pause(self.wall_s())
+        return playback
+
+    def _turn(self) -> None:
+        if self._waiting_until_s is not None and not self._listened_to():
+            return
+        if self._keys is not None:
+            self._obey(self._keys.typed())
+        self._publish(self._playback.due(self.wall_s(), at_most=_AT_ONCE))
+        if self._playback.finished:
+            self._end()
+
+    def _listened_to(self) -> bool:
+        """Whether all required nodes listen, or somebody does, or long enough was waited."""
+        assert self._waiting_until_s is not None
+        now_s = self.wall_s()
+        missing = self._readiness.missing(now_s)
+        required = any(self.config.required_nodes)
+        heard = not missing and (required or self._outlet.heard)
+        if heard or (not required and now_s >= self._waiting_until_s):
+            self._waiting_until_s = None
+            return True
+        waited_for = missing or "somebody who listens"
+        self.get_logger().info(f"waiting for {waited_for}", throttle_duration_sec=2.0)
+        return False
+
+    def _publish(self, messages: list[RawMessage]) -> None:
+        self._outlet.publish(messages)
+        self._n_sent += len(messages)
+
+    def _obey(self, keys: list[ReplayKey]) -> None:
+        now_s = self.wall_s()
+        for key in keys:
+            if key is ReplayKey.PAUSE:
+                self._pause(not self._playback.paused)
+            elif key is ReplayKey.STEP and self._playback.paused:
+                message = self._playback.step()
+                self._publish([] if message is None else [message])
+            elif key in RATE_FACTORS:
+                self._rate *= RATE_FACTORS[key]
+                self._playback.set_rate(now_s, self._rate)
+        if keys:
+            self._tell()
+
+    def _pause(self, paused: bool) -> None:
+        now_s = self.wall_s()
+        if paused:
+            self._playback.pause(now_s)
+        else:
+            self._playback.resume(now_s)
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._pause(bool(request.data))
+        response.success = True
+        response.message = "paused" if self._playback.paused else "playing"
+        return response
+
+    def _send_clock(self) -> None:
+        if self._waiting_until_s is None:
+            self._bag_clock.publish(Clock(clock=to_stamp(self._bag_time_s())))
+
+    def _bag_time_s(self) -> float:
+        return self._playback.bag_time_ns(self.wall_s()) * 1e-9
+
+    def _tell(self) -> None:
+        if self._waiting_until_s is not None:
+            return
+        playback = self._playback
+        word = "finished" if playback.finished else "paused" if playback.paused else "playing"
+        values = {"messages": self._n_sent, "rate": self._rate, "bag": self.config.bag}
+        self.report(self._bag_time_s(), values, message=word)
+        if self._keys is not None:
+            self._keys.show(f"{word} {self._bag_time_s():.1f} s, rate {self._rate:g}")
+
+    def _end(self) -> None:
+        if self.config.loop:
+            self._playback = self._from_the_beginning()
+        elif not self._told_end:
+            self._told_end = True
+            self._outlet.finish()
+            self._tell()
+            self.get_logger().info(f"played {self._n_sent} messages of {self.config.bag}")
+            if self.config.exit_when_done:
+                self.finish(0)
+
+
+def main() -> int:
+    """Entry point of `ros2 run serd_ros bag_replay`."""
+    return run_node(BagReplayNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

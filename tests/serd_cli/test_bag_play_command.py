@@ -1,0 +1,54 @@
+"""`serd bag play` becomes the node; it refuses what cannot be played before that."""
+
+import pytest
+
+from serd_cli.commands import bag_play
+
+
+@pytest.fixture
+def started(monkeypatch):
+    """Parameters and remappings of the node that would take the place of this process."""
+    seen = []
+
+    def command(node, parameters, remappings, _):
+        seen.append((node, parameters, remappings))
+        return ["/bin/true"]
+
+    monkeypatch.setattr(bag_play, "node_command", command)
+    monkeypatch.setattr(bag_play.os, "execve", lambda *_: None)
+    return seen
+
+
+def test_options_become_parameters_of_the_node(serd, drive_bag, started):
+    bag = drive_bag()
+    given = ["--rate", "10", "--start", "2", "--topic", "intent", "--wait-for", "learner"]
+    ended = serd("bag", "play", bag, *given, "--remap", "intent:=other", "--no-clock")
+    assert ended.code == 0, ended.err
+    ((node, parameters, remappings),) = started
+    assert (node, remappings) == ("bag_replay", {"intent": "other"})
+    assert parameters["bag"] == str(bag.resolve())
+    assert (parameters["rate"], parameters["start_s"], parameters["clock_hz"]) == (10.0, 2.0, 0.0)
+    assert (parameters["topics"], parameters["required_nodes"]) == (["intent"], ["learner"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--topic", "intnt"], "must hold the topic 'intnt'"),
+        (["--remap", "intent"], "--remap must be written FROM:=TO, got 'intent'"),
+        (["--rate", "0"], "0"),
+        (["--rat", "2"], "--rate"),
+    ],
+)
+def test_what_cannot_be_played_is_refused(serd, drive_bag, started, arguments, sentence):
+    ended = serd("bag", "play", drive_bag(), *arguments)
+    assert ended.code == 2
+    assert sentence in ended.err
+    assert not started
+
+
+def test_a_folder_without_a_bag_is_refused(serd, tmp_path, started):
+    ended = serd("bag", "play", tmp_path)
+    assert ended.code == 2
+    assert str(tmp_path) in ended.err
+    assert not started
