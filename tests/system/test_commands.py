@@ -71,7 +71,7 @@ def test_a_failing_node_ends_the_stack_with_its_error(ros_env, tmp_path):
     occupied.mkdir()
     (occupied / "old.mcap").write_text("not ours")
     done = serd("launch", "demonstrate", f"demo_recorder.output:={occupied}", env=ros_env)
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert "demo_recorder ended with exit code 2" in done.stderr
     assert "must be new or empty" in done.stderr
 
