@@ -190,6 +190,6 @@ def test_an_episode_is_the_same_when_run_alone(table):
 
 def test_drivers_are_known_by_name():
     scenario = load_scenario("corridor")
-    assert {"expert", "expert_with_flow", "expert_against_flow"} == set(driver_names())
+    assert {"expert", "expert_with_flow", "expert_against_flow"} <= set(driver_names())
     with pytest.raises(SerdError, match="did you mean 'expert'"):
         make_driver("experts", scenario, 1)
