@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
 from experiments.repetitions import Row
 
 
@@ -12,12 +14,15 @@ def table_text(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def number(value: str, digits: int = 3) -> str:
-    """A number with a proper minus."""
-    return f"{float(value):.{digits}f}".replace("-", "−")
+    """A number with a proper minus, and none before a zero."""
+    rounded = round(float(value), digits) + 0.0
+    return f"{rounded:.{digits}f}".replace("-", "−").replace("inf", "∞")
 
 
 def with_range(row: Row, name: str, digits: int = 3) -> str:
-    """`middle (lower to upper)` of a row with those columns."""
+    """`middle (lower to upper)` of a row with those columns; no range where that is infinite."""
+    if not np.isfinite(float(row[name])):
+        return number(row[name])
     low, high = number(row["lower"], digits), number(row["upper"], digits)
     return f"{number(row[name], digits)} ({low} to {high})"
 
@@ -33,8 +38,11 @@ def difference(row: Row) -> str:
     mean = number(row["mean"])
     if not row["p_holm"]:
         return mean
-    difference = f"{float(row['difference']):+.3f}".replace("-", "−")
-    return f"**{difference}**" if float(row["p_holm"]) < 0.05 else difference
+    value = number(row["difference"])
+    signed = value if value.startswith("−") or value.strip("0.") == "" else f"+{value}"
+    # What rounds to nothing may still be of one sign in every repetition.
+    found = float(row["p_holm"]) < 0.05 and value.strip("−0.") != ""
+    return f"**{signed}**" if found else signed
 
 
 def percent(value: str) -> str:
@@ -45,4 +53,6 @@ def percent(value: str) -> str:
 def p_value(row: Row) -> str:
     """The p-value after Holm's correction."""
     value = float(row["p_holm"])
+    if np.isnan(value):
+        return "–"
     return "< 0.001" if value < 0.001 else f"{value:.3f}"

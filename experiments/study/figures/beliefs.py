@@ -85,8 +85,10 @@ def _panel(axes: Axes, rows: list[Row]) -> None:
 
 
 def _limits(rows: list[Row]) -> tuple[float, float]:
-    """Limits that show all but the extreme tenth on either side."""
-    low = np.quantile([float(row["difference_lower"]) for row in rows], 0.06)
-    high = np.quantile([float(row["difference_upper"]) for row in rows], 0.94)
-    margin = 0.1 * float(high - low) + 1e-6
-    return float(low) - margin, float(high) + margin
+    """Limits that show the larger half of the sizes; with fewer demonstrations much is far off."""
+    sizes = sorted({int(row["size"]) for row in rows})
+    shown = [row for row in rows if int(row["size"]) >= sizes[len(sizes) // 2]]
+    low = min(float(row["difference_lower"]) for row in shown)
+    high = max(float(row["difference_upper"]) for row in shown)
+    margin = 0.08 * (high - low) + 1e-6
+    return low - margin, high + margin
