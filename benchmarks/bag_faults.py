@@ -1,0 +1,231 @@
+"""What each fault of a recording costs, measured: the table in docs/bags.md.
+
+A recorder of 20 topics at 50 Hz is killed at 20 moments; a finished recording of the same topics is
+cut and damaged at many places. Lost are messages that had been handed to the recorder before the
+fault, and the time they span. A result is wrong in silence where messages are missing or other than
+recorded and the reader says nothing.
+
+python -m benchmarks.bag_faults        # measures for a minute, writes docs/bags.md
+"""
+
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bags.mcap_format import CHUNK, MAGIC, RECORD_HEAD
+from bags.mcap_scan import McapScan
+from bags.writer import BagWriter
+from storage.atomic import atomic_write_text
+
+_DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "bags.md"
+_TYPE = "geometry_msgs/msg/PoseStamped"
+_N_TOPICS, _RATE_HZ, _DURATION_S = 20, 50, 6.0
+_FLUSH_PERIOD_S = 0.25
+_N_KILLS, _N_FLIPS = 20, 400
+_SEED = 5
+_RECORD = f"""
+import sys, time
+from bags.writer import BagWriter
+writer = BagWriter(sys.argv[1], flush_period_s={_FLUSH_PERIOD_S})
+for topic in range({_N_TOPICS}):
+    writer.add_topic(f"/topic_{{topic}}", "{_TYPE}")
+print("recording", flush=True)
+while True:
+    for topic in range({_N_TOPICS}):
+        writer.write(f"/topic_{{topic}}", bytes(96), time.time_ns())
+    writer.flush_if_due()
+    time.sleep({1 / _RATE_HZ})
+"""
+
+#: (topic, log time in ns, data)
+Message = tuple[str, int, bytes]
+
+
+@dataclass(frozen=True)
+class Loss:
+    """What one fault cost; lost_s: time the lost messages span."""
+
+    n_lost: int
+    lost_s: float
+    silent: bool
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A finished file; chunks: (first byte, messages up to its end) of each."""
+
+    content: bytes
+    messages: tuple[Message, ...]
+    chunks: tuple[tuple[int, int], ...]
+
+
+def main() -> None:
+    """Measure every fault and write the document."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        kills = _kills(folder)
+        whole = _recording(folder)
+        rows = [
+            ("SIGKILL while recording, random moments", kills),
+            ("cut at each record's beginning", _cuts(folder, whole, _starts(whole.content))),
+            ("cut in the middle of each record", _cuts(folder, whole, _middles(whole.content))),
+            ("one bit flipped, random places", _flips(folder, whole)),
+            ("first byte wrong", [_of(folder, whole, b"X" + whole.content[1:])]),
+            ("magic number zeroed", [_of(folder, whole, bytes(8) + whole.content[8:])]),
+            ("file emptied (0 bytes)", [_of(folder, whole, b"")]),
+            ("file overwritten with zeros", [_of(folder, whole, bytes(len(whole.content)))]),
+        ]
+    atomic_write_text(_DOCUMENT, _document(rows, len(whole.messages)))
+    print(f"wrote {_DOCUMENT}")
+
+
+def _kills(folder: Path) -> list[Loss]:
+    rng = np.random.default_rng(_SEED)
+    losses = []
+    for number in range(_N_KILLS):
+        path = folder / f"killed_{number}"
+        command = [sys.executable, "-c", _RECORD, str(path)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            process.stdout.readline()
+            time.sleep(rng.uniform(0.3, 1.3))
+            killed_ns = time.time_ns()
+            process.send_signal(signal.SIGKILL)
+        found, noticed = _read(path / f"{path.name}_0.mcap")
+        lost_s = (killed_ns - found[-1][1]) * 1e-9
+        losses.append(Loss(round(lost_s * _RATE_HZ) * _N_TOPICS, lost_s, not noticed))
+    return losses
+
+
+def _recording(folder: Path) -> Whole:
+    """A finished recording of made-up times, in chunks of one flush period."""
+    path = folder / "whole"
+    now_s = 0.0
+    rng = np.random.default_rng(_SEED)
+    with BagWriter(path, flush_period_s=_FLUSH_PERIOD_S, clock=lambda: now_s) as writer:
+        for topic in range(_N_TOPICS):
+            writer.add_topic(f"/topic_{topic}", _TYPE)
+        for tick in range(round(_DURATION_S * _RATE_HZ)):
+            now_s = tick / _RATE_HZ
+            for topic in range(_N_TOPICS):
+                writer.write(f"/topic_{topic}", rng.bytes(96), 1 + round(now_s * 1e9))
+    file = path / "whole_0.mcap"
+    messages, _ = _read(file)
+    content = file.read_bytes()
+    starts = [start for start in _starts(content) if content[start] == CHUNK]
+    ends = [*starts[1:], len(content)]
+    counts = [len(_read_part(folder, content[:end])) for end in ends]
+    return Whole(content, messages, tuple(zip(starts, counts, strict=True)))
+
+
+def _cuts(folder: Path, whole: Whole, places: Iterable[int]) -> list[Loss]:
+    """The file ends at each of the places; lost is what the chunk it ends in held."""
+    losses = []
+    for place in places:
+        taken = max((count for start, count in whole.chunks if start < place), default=0)
+        losses.append(_of(folder, whole, whole.content[:place], taken))
+    return losses
+
+
+def _flips(folder: Path, whole: Whole) -> list[Loss]:
+    rng = np.random.default_rng(_SEED)
+    losses = []
+    for place in rng.integers(len(whole.content), size=_N_FLIPS):
+        broken = bytearray(whole.content)
+        broken[place] ^= 1 << int(rng.integers(8))
+        losses.append(_of(folder, whole, bytes(broken)))
+    return losses
+
+
+def _of(folder: Path, whole: Whole, broken: bytes, n_taken: int | None = None) -> Loss:
+    """What is lost of the first n_taken messages, None for all."""
+    path = folder / "broken.mcap"
+    path.write_bytes(broken)
+    found, noticed = _read(path)
+    taken = whole.messages[:n_taken]
+    lost = sorted(set(taken) - set(found), key=lambda message: message[1])
+    lost_s = (lost[-1][1] - lost[0][1]) * 1e-9 + 1 / _RATE_HZ if lost else 0.0
+    invented = not set(found) <= set(whole.messages)
+    return Loss(len(lost), lost_s, invented or (found != whole.messages and not noticed))
+
+
+def _read(path: Path) -> tuple[tuple[Message, ...], bool]:
+    """(messages, whether damage was noticed)."""
+    scan = McapScan(path)
+    found = tuple((channel.topic, log, data) for channel, log, _, data in scan.messages())
+    return found, bool(scan.damage)
+
+
+def _read_part(folder: Path, content: bytes) -> tuple[Message, ...]:
+    path = folder / "part.mcap"
+    path.write_bytes(content)
+    return _read(path)[0]
+
+
+def _starts(content: bytes) -> list[int]:
+    """First byte of each record."""
+    offset, starts = len(MAGIC), []
+    while offset < len(content) - len(MAGIC):
+        starts.append(offset)
+        offset += RECORD_HEAD.size + RECORD_HEAD.unpack_from(content, offset)[1]
+    return starts
+
+
+def _middles(content: bytes) -> list[int]:
+    starts = _starts(content)
+    return [(a + b) // 2 for a, b in zip(starts, [*starts[1:], len(content)], strict=True)]
+
+
+def _document(rows: Sequence[tuple[str, Sequence[Loss]]], n_messages: int) -> str:
+    lines = [_line(name, losses) for name, losses in rows]
+    return _TEXT.format(
+        n_messages=n_messages,
+        topics=_N_TOPICS,
+        rate=_RATE_HZ,
+        duration=_DURATION_S,
+        flush=_FLUSH_PERIOD_S,
+        table="\n".join(lines),
+    )
+
+
+def _line(name: str, losses: Sequence[Loss]) -> str:
+    def of(value: Callable[[Loss], float]) -> list[float]:
+        return [value(loss) for loss in losses]
+
+    seconds = of(lambda loss: loss.lost_s)
+    most = int(max(of(lambda loss: loss.n_lost)))
+    silent = sum(loss.silent for loss in losses)
+    return (
+        f"| {name} | {len(losses)} | {np.mean(seconds):.2f} | {max(seconds):.2f} | {most} "
+        f"| {silent} |"
+    )
+
+
+_TEXT = """# What a damaged recording still gives
+
+Written by `python -m benchmarks.bag_faults`; a recorder of {topics} topics at {rate} Hz, put on the disk every
+{flush} s. The damaged file is a finished recording of {duration:g} s with {n_messages} messages. Lost is what had been
+handed to the recorder before the fault and cannot be read any more; of a cut file, what the chunk held in
+which it ends; of a killed recorder, the messages due in the time lost. "In silence" counts readings that miss messages, or show others than were recorded, without
+saying so.
+
+| fault | tries | mean lost [s] | most lost [s] | most messages lost | wrong in silence |
+| --- | ---: | ---: | ---: | ---: | ---: |
+{table}
+
+No try crashed or hung the reader. A file that is emptied or overwritten has nothing left to read; the reader says so.
+`serd bag recover BAG` writes what is left as a new, valid bag and says what was lost; `serd bag check BAG`
+says what is wrong. The same faults, with assertions, are in `tests/bags/test_broken_files.py` and
+`tests/bags/test_killed_recorder.py`.
+"""
+
+
+if __name__ == "__main__":
+    main()
