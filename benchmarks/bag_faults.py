@@ -210,20 +210,21 @@ def _line(name: str, losses: Sequence[Loss]) -> str:
 
 _TEXT = """# What a damaged recording still gives
 
-Written by `python -m benchmarks.bag_faults`; a recorder of {topics} topics at {rate} Hz, put on the disk every
-{flush} s. The damaged file is a finished recording of {duration:g} s with {n_messages} messages. Lost is what had been
-handed to the recorder before the fault and cannot be read any more; of a cut file, what the chunk held in
-which it ends; of a killed recorder, the messages due in the time lost. "In silence" counts readings that miss messages, or show others than were recorded, without
-saying so.
+Written by `python -m benchmarks.bag_faults`; a recorder of {topics} topics at {rate} Hz, put on the
+disk every {flush} s. The damaged file is a finished recording of {duration:g} s with {n_messages}
+messages. Lost is what had been handed to the recorder before the fault and cannot be read any more;
+of a cut file, what the chunk held in which it ends; of a killed recorder, the messages due in the
+time lost. "In silence" counts readings that miss messages, or show others than were recorded,
+without saying so.
 
 | fault | tries | mean lost [s] | most lost [s] | most messages lost | wrong in silence |
 | --- | ---: | ---: | ---: | ---: | ---: |
 {table}
 
-No try crashed or hung the reader. A file that is emptied or overwritten has nothing left to read; the reader says so.
-`serd bag recover BAG` writes what is left as a new, valid bag and says what was lost; `serd bag check BAG`
-says what is wrong. The same faults, with assertions, are in `tests/bags/test_broken_files.py` and
-`tests/bags/test_killed_recorder.py`.
+No try crashed or hung the reader. A file that is emptied or overwritten has nothing left to read;
+the reader says so. `serd bag recover BAG` writes what is left as a new, valid bag and says what was
+lost; `serd bag check BAG` says what is wrong. The same faults, with assertions, are in
+`tests/bags/test_broken_files.py` and `tests/bags/test_killed_recorder.py`.
 """
 
 
