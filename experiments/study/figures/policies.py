@@ -1,6 +1,6 @@
 """Fig. 5.11: greedy policies with the states from which they never arrive.
 
-Two examples of each method: repetition 0, and the repetition with the most trap states.
+Two examples of each method: repetition 0, and of the others the one with the most trap states.
 """
 
 import numpy as np
@@ -43,7 +43,7 @@ def rows(results: Results) -> list[Row]:
 
 
 def draw(table: list[Row], context: FigureContext) -> Figure:
-    """Upper row: repetition 0; lower row: the repetition with most traps.
+    """Upper row: repetition 0; lower row: of the others the one with the most traps.
 
     Shades tell in how many of all repetitions a state is a trap.
     """
@@ -56,7 +56,7 @@ def draw(table: list[Row], context: FigureContext) -> Figure:
             method = methods[place % len(methods)]
             greedy, trapped = found[method]
             counts = trapped.sum(axis=1)
-            number = 0 if place < len(methods) else int(counts.argmax())
+            number = 0 if place < len(methods) else 1 + int(counts[1:].argmax())
             cells = draw_cells(panel, grid, trapped.mean(axis=0), Normalize(0, 1), style.VALUE_MAP)
             _panel(panel, context, greedy[number], trapped[number])
             panel.set_title(
