@@ -1,8 +1,14 @@
-"""`make bench`: every benchmark, or those named."""
+"""`make bench`: every benchmark, or those named.
+
+Linear algebra gets one thread, so that processor times of ways with and without it compare.
+"""
 
 import argparse
+import os
 
-from benchmarks import (
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+from benchmarks import (  # the libraries read the variable when they load
     bags_throughput,
     closed_loop,
     crowd_peers,

@@ -5,12 +5,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bags.discretise import LONGEST_GAP_S, DiscretisationReport, decisions_from_drive
+from bags.fitted_grid import grid_around
 from bags.joined_decisions import joined_decisions
 from bags.mapped_drive import read_mapped_drive
 from bags.mapping import BagMapping
 from bags.recorded_drive import DISCARDED, RecordedDrive, read_drive
 from report.canvas import png_bytes
+from report.figures.fitted_visitation import draw_fitted_visitation
 from report.figures.visitation import draw_visitation
 from report.layout import layout_of
 from serd_core.arrays import FloatArray
@@ -37,17 +41,37 @@ class RecordedDemonstrations:
         return {"bag": str(self.bag), **counts, "n_intents": self.report.n_intents}
 
 
-def read_demonstrations(
-    bag: Path, grid: Grid, period_s: float, *, mapping: BagMapping | None, tolerant: bool
-) -> RecordedDemonstrations:
-    """Decisions of our own recording, or with a mapping of anybody's."""
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What one bag holds; longest_gap_s: between poses across which places are interpolated."""
+
+    bag: Path
+    drive: RecordedDrive
+    longest_gap_s: float
+
+
+def read_recording(
+    bag: Path, period_s: float, *, mapping: BagMapping | None, tolerant: bool
+) -> Recording:
+    """Our own recording, or with a mapping anybody's."""
     if mapping is None:
-        drive, longest_gap_s = read_drive(bag, tolerant=tolerant), LONGEST_GAP_S
-    else:
-        drive = read_mapped_drive(bag, mapping, period_s)
-        longest_gap_s = mapping.longest_gap_s
-    decisions, report = decisions_from_drive(drive, grid, period_s, longest_gap_s=longest_gap_s)
-    return RecordedDemonstrations(bag, decisions, report, tracks_of(drive))
+        return Recording(bag, read_drive(bag, tolerant=tolerant), LONGEST_GAP_S)
+    return Recording(bag, read_mapped_drive(bag, mapping, period_s), mapping.longest_gap_s)
+
+
+def demonstrations_of(recording: Recording, grid: Grid, period_s: float) -> RecordedDemonstrations:
+    """Its decisions on a grid."""
+    drive = recording.drive
+    decisions, report = decisions_from_drive(
+        drive, grid, period_s, longest_gap_s=recording.longest_gap_s
+    )
+    return RecordedDemonstrations(recording.bag, decisions, report, tracks_of(drive))
+
+
+def fitted_grid(recordings: Sequence[Recording], cell_size_m: float) -> Grid:
+    """Cells wherever one of the robots has been, and around."""
+    places = [recording.drive.position_m for recording in recordings]
+    return grid_around(np.concatenate(places), cell_size_m)
 
 
 def tracks_of(drive: RecordedDrive) -> tuple[FloatArray, ...]:
@@ -61,9 +85,12 @@ def tracks_of(drive: RecordedDrive) -> tuple[FloatArray, ...]:
 
 
 def save_demonstrations(
-    output: Path, scenario: Scenario, grid: Grid, found: Sequence[RecordedDemonstrations]
+    output: Path, scenario: Scenario | None, grid: Grid, found: Sequence[RecordedDemonstrations]
 ) -> dict[str, Path]:
-    """Write the table, the grid and the picture side by side; their paths by what they are."""
+    """Write the table, the grid and the picture side by side; their paths by what they are.
+
+    scenario: None where the grid was fitted.
+    """
     decisions = joined_decisions([each.decisions for each in found])
     files = {
         "decisions": output,
@@ -73,7 +100,10 @@ def save_demonstrations(
     tracks = [track for each in found for track in each.tracks_m]
     visits = state_counts(decisions, grid.n_states)
     save_decisions(files["decisions"], decisions)
-    save_grid(files["grid"], grid, scenario.name)
-    figure = draw_visitation(layout_of(scenario), grid, visits, tracks)
+    save_grid(files["grid"], grid, scenario.name if scenario else "")
+    if scenario is None:
+        figure = draw_fitted_visitation(grid, visits, tracks)
+    else:
+        figure = draw_visitation(layout_of(scenario), grid, visits, tracks)
     atomic_write_bytes(files["picture"], png_bytes(figure))
     return files

@@ -1,4 +1,4 @@
-"""Where many tasks run: processes of this machine (loky), or a Dask or Ray cluster, by joblib."""
+"""Where many tasks run: processes of this machine (joblib's loky), or a Dask or Ray cluster."""
 
 import os
 import threading
@@ -56,7 +56,10 @@ class Execution:
         if self.backend == "loky" and (self.n_jobs == 1 or len(tasks) <= 1):
             yield from map(function, tasks)
             return
-        with self._cluster():
+        if self.backend == "ray":
+            yield from self._ray_results(function, tasks)
+            return
+        with self._joblib():
             parallel = joblib.Parallel(return_as="generator_unordered")
             results = parallel(joblib.delayed(function)(task) for task in tasks)
             try:
@@ -70,16 +73,12 @@ class Execution:
                     results.close()
 
     @contextmanager
-    def _cluster(self) -> Iterator[None]:
+    def _joblib(self) -> Iterator[None]:
         """joblib set up to use the backend, with a local cluster where none was named."""
         with ExitStack() as stack:
-            settings: dict[str, Any] = {}
-            if self.backend == "loky":
-                settings = {"initializer": end_with_parent, "initargs": (os.getpid(),)}
-            elif self.backend == "dask":
+            settings: dict[str, Any] = {"initializer": end_with_parent, "initargs": (os.getpid(),)}
+            if self.backend == "dask":
                 settings = {"client": stack.enter_context(self._dask_client())}
-            else:
-                stack.enter_context(self._ray())
             stack.enter_context(
                 joblib.parallel_config(self.backend, n_jobs=self.n_jobs, **settings)
             )
@@ -94,20 +93,24 @@ class Execution:
             return Client(self.address)
         return Client(n_workers=self.n_processes, threads_per_worker=1, dashboard_address=None)
 
-    @contextmanager
-    def _ray(self) -> Iterator[None]:
+    def _ray_results(
+        self, function: Callable[[Task], Result], tasks: Sequence[Task]
+    ) -> Generator[Result, None, None]:
+        """By Ray itself: its backend for joblib gives no result before all are there."""
         try:
             import ray
-            from ray.util.joblib import register_ray
         except ImportError:
             raise _not_installed("ray", "ray") from None
         if self.address:
             ray.init(address=self.address)
         else:
             ray.init(num_cpus=self.n_processes, include_dashboard=False)
-        register_ray()
         try:
-            yield
+            remote = ray.remote(function)
+            pending = [remote.remote(task) for task in tasks]
+            while pending:
+                ready, pending = ray.wait(pending)
+                yield ray.get(ready[0])
         finally:
             ray.shutdown()
 

@@ -1,5 +1,6 @@
 """`serd demos`: recordings into the table of decisions that learning starts from."""
 
+import math
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,13 +16,17 @@ from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
 from serd_cli.recorded_demonstrations import (
     RecordedDemonstrations,
-    read_demonstrations,
+    demonstrations_of,
+    fitted_grid,
+    read_recording,
     save_demonstrations,
 )
 from serd_cli.terminal import console
 from sim.scenario import load_scenario
 from sim.scenario_grid import grid_of
 from storage.yaml_config import load_yaml_model
+
+_USUAL_PERIOD_S = 2.0
 
 
 def register(app: typer.Typer) -> None:
@@ -35,7 +40,14 @@ def demos(
     ],
     scenario: Annotated[
         str, typer.Option(help="built-in scenario or YAML file they were recorded in")
-    ],
+    ] = "",
+    cell_size_m: Annotated[
+        float | None,
+        typer.Option(help="without a scenario: fit a grid of such cells to where the robot was"),
+    ] = None,
+    period_s: Annotated[
+        float | None, typer.Option(help="without a scenario: decision period, 2 s unless given")
+    ] = None,
     output: Annotated[Path, typer.Option(help="table to write, ending in .csv")] = Path(
         "decisions.csv"
     ),
@@ -54,15 +66,17 @@ def demos(
 
     Beside it are written decisions.grid.yaml, whose cells are the states,
     and decisions.png, the tracks on it. All that is dropped is counted.
+
+    A place without a scenario: --cell-size-m 0.5 in place of --scenario.
     """
     _require_usable(output, mapping, tolerant)
-    place = load_scenario(scenario)
-    grid = grid_of(place)
+    _require_place(scenario, cell_size_m, period_s)
+    place = load_scenario(scenario) if scenario else None
+    period = place.decision_period_s if place else (period_s or _USUAL_PERIOD_S)
     chosen = load_yaml_model(mapping, BagMapping) if mapping else None
-    found = [
-        read_demonstrations(bag, grid, place.decision_period_s, mapping=chosen, tolerant=tolerant)
-        for bag in bags
-    ]
+    recordings = [read_recording(bag, period, mapping=chosen, tolerant=tolerant) for bag in bags]
+    grid = grid_of(place) if place else fitted_grid(recordings, cell_size_m or 0.0)
+    found = [demonstrations_of(recording, grid, period) for recording in recordings]
     if not any(len(each.decisions) for each in found):
         counts = "; ".join(f"{each.bag}: {each.report}" for each in found)
         raise UsageError(f"there is no decision to learn from in {counts}; is it this scenario?")
@@ -85,6 +99,21 @@ def _require_usable(output: Path, mapping: Path | None, tolerant: bool) -> None:
         raise UsageError(
             "--tolerant must be left out with --mapping; run 'serd bag recover' on the bag first"
         )
+
+
+def _require_place(scenario: str, cell_size_m: float | None, period_s: float | None) -> None:
+    if bool(scenario) == (cell_size_m is not None):
+        raise UsageError(
+            "either --scenario or --cell-size-m must be given, got"
+            f" {'both' if scenario else 'neither'}; give --scenario where there is one"
+        )
+    if scenario and period_s is not None:
+        raise UsageError(
+            f"--period-s must be left out with --scenario, got {period_s:g}; the scenario says it"
+        )
+    for name, value in (("--cell-size-m", cell_size_m), ("--period-s", period_s)):
+        if value is not None and not 0 < value < math.inf:
+            raise UsageError(f"{name} must be finite and above 0, got {value:g}; try 1")
 
 
 def _table(found: list[RecordedDemonstrations]) -> Table:

@@ -1,8 +1,9 @@
 """Several starts, and how many distinct explanations they found (section 4.1).
 
 Rewards and dynamics together can often explain the same demonstrations in more than one way. Fits
-that ended in the same place are one explanation; places are compared by reward weights and outcome
-probabilities, so the softmax gauge does not tell them apart.
+that ended in the same place are one explanation; places are compared by outcome probabilities and
+by reward weights per temperature, so neither the softmax gauge nor the scale that policy matching
+leaves open (`pm_serd`) tells them apart.
 """
 
 from collections.abc import Callable
@@ -75,7 +76,7 @@ def multi_start(
 
 def signature(fit: FitResult) -> FloatArray:
     """(n,) what fits are compared by; weights are squashed so that huge ones are alike."""
-    weights = np.arcsinh(fit.reward_weights)
+    weights = np.arcsinh(_weights(fit))
     belief, truth = fit.believed_outcome_probabilities, fit.outcome_probabilities
     return np.concatenate([weights, belief.ravel(), truth.ravel()])
 
@@ -114,7 +115,12 @@ def describe(found: MultiStart, largest: int = 3) -> str:
 
 def _plain(fit: FitResult) -> FloatArray:
     belief, truth = fit.believed_outcome_probabilities, fit.outcome_probabilities
-    return np.concatenate([fit.reward_weights, belief.ravel(), truth.ravel()])
+    return np.concatenate([_weights(fit), belief.ravel(), truth.ravel()])
+
+
+def _weights(fit: FitResult) -> FloatArray:
+    """(F,) reward weights per temperature: what the policy depends on."""
+    return fit.reward_weights / fit.temperature
 
 
 def _labels(signatures: FloatArray, tolerance: float) -> FloatArray:

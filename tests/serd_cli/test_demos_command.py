@@ -67,13 +67,28 @@ def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
     assert 0 < json.loads(used.out)["bags"][0]["n_decisions"] < 5
 
 
+def test_without_a_scenario_a_grid_is_fitted_to_all_recordings(serd, drive_bag, tmp_path):
+    bags, table = (drive_bag("one"), drive_bag("two", x_m=40.5)), tmp_path / "decisions.csv"
+    ended = serd("demos", *bags, "--cell-size-m", "1", "--output", table)
+    assert ended.code == 0
+    decisions, grid = load_decisions(table), load_grid(table.with_suffix(".grid.yaml"))
+    expected = [grid.state_at(x_m, 1.5 + row) for x_m in (4.5, 40.5) for row in range(5)]
+    assert decisions.state.tolist() == expected
+    assert grid.state_at(20.5, 3.5) == -1
+    assert table.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (("nowhere", "--scenario", "hallway"), "bag nowhere must be a folder"),
         (("nowhere", "--scenario", "halway"), "did you mean 'hallway'?"),
         (("nowhere", "--scenario", "none.yaml"), "cannot read none.yaml: it does not exist"),
-        (("nowhere",), "Missing option '--scenario'"),
+        (("nowhere",), "either --scenario or --cell-size-m must be given, got neither"),
+        (("a", "--scenario", "hallway", "--cell-size-m", "1"), "must be given, got both"),
+        (("a", "--scenario", "hallway", "--period-s", "1"), "--period-s must be left out"),
+        (("a", "--cell-size-m", "0"), "--cell-size-m must be finite and above 0, got 0"),
+        (("a", "--cell-size-m", "1", "--period-s", "nan"), "--period-s must be finite and above 0"),
         (("a", "--scenario", "hallway", "--output", "a.txt"), "--output must end in .csv"),
         (("a", "--scenario", "hallway", "--mapping", "m.yaml"), "cannot read m.yaml"),
         (

@@ -135,6 +135,13 @@ def test_a_dask_cluster_gives_the_same_rows(table, tmp_path):
         assert run_batch(TASKS, tmp_path / "four.csv", execution=dask) == rows
 
 
+@pytest.mark.slow
+def test_a_ray_cluster_gives_the_same_rows(table, tmp_path):
+    pytest.importorskip("ray", reason="Ray is not installed")
+    _, rows, _ = table
+    assert run_batch(TASKS, tmp_path / "five.csv", execution=Execution(1, "ray")) == rows
+
+
 def test_episodes_of_another_version_of_a_scenario_file_are_not_taken_for_this_one(tmp_path):
     file, path = tmp_path / "mine.yaml", tmp_path / "rows.csv"
     mine = load_scenario("crossing").with_pedestrian_count(0)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.errors import SerdError
 from serd_core.learners.policy_matching import (
     MeanLogLikelihood,
@@ -61,3 +62,35 @@ def test_the_weights_of_a_boltzmann_expert_are_recovered(objective, make_gridwor
 def test_a_wrong_inverse_temperature_is_refused(gridworld):
     with pytest.raises(SerdError, match="inverse_temperature must be finite and above 0"):
         fit_policy_matching(gridworld.problem, gridworld.decisions, inverse_temperature=0.0)
+
+
+def test_the_loss_weighs_states_by_how_often_they_were_visited():
+    """(3.8) by hand: pi_E is (1, 0) in a state visited thrice, and (0, 1) in one visited once."""
+    counts = np.array([[3.0, 0.0], [0.0, 1.0]])
+    policy = np.array([[0.6, 0.4], [0.5, 0.5]])
+    value, _ = SquaredLoss().evaluate(policy, counts)
+    assert value == pytest.approx(-0.5 * (0.75 * 2 * 0.4**2 + 0.25 * 2 * 0.5**2))
+
+
+@EACH_OBJECTIVE
+def test_the_gradient_by_the_weights_is_the_finite_difference_at_any_temperature(
+    objective, gridworld
+):
+    def started(weights):
+        return fit_policy_matching(
+            gridworld.problem,
+            gridworld.decisions,
+            inverse_temperature=0.5,
+            initial_weights=weights,
+            dynamics=gridworld.probabilities,
+            objective=objective,
+            ascent=Lbfgs(gradient_tolerance=np.inf),
+        )
+
+    start, step = np.array([1.0, 1.5]), 1e-5
+    numeric = [
+        (started(start + step * unit).objective - started(start - step * unit).objective)
+        / (2 * step)
+        for unit in np.eye(2)
+    ]
+    assert started(start).gradient_norm == pytest.approx(np.max(np.abs(numeric)), rel=1e-5)

@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from serd_core.demonstrations import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.pm_serd import fit_pm_serd
 from serd_core.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
@@ -67,3 +70,18 @@ def test_one_seed_gives_the_same_fits(minimum_example, always_a):
 def test_no_starts_are_refused():
     with pytest.raises(SerdError, match="n_starts must be at least 1, got 0"):
         multi_start(lambda _: None, 0, np.random.default_rng(0))
+
+
+def test_the_open_scale_of_policy_matching_makes_no_second_explanation(minimum_example, always_a):
+    """Rewards and temperature ten times as large choose alike."""
+    one = fit_pm_serd(minimum_example, always_a, initial_weights=np.ones(1))
+    large = replace(one, reward_weights=10 * one.reward_weights, temperature=10 * one.temperature)
+    other = replace(one, reward_weights=10 * one.reward_weights)
+    assert len(multi_start(iter_of(one, large), 2, np.random.default_rng(0)).explanations) == 1
+    assert len(multi_start(iter_of(one, other), 2, np.random.default_rng(0)).explanations) == 2
+
+
+def iter_of(*fits):
+    """A learner that hands out these fits one after the other."""
+    remaining = iter(fits)
+    return lambda _: next(remaining)

@@ -211,3 +211,13 @@ def test_a_point_that_is_no_maximum_is_refused(gridworld):
         standard_errors(gridworld.problem, information, -np.eye(47))
     with pytest.raises(SerdError, match="coverage must be between 0 and 1"):
         confidence_interval(np.zeros(1), np.ones(1), 2.0)
+
+
+def test_an_interval_reaches_as_many_standard_errors_as_its_coverage_says():
+    lower, upper = confidence_interval(np.array([1.0, 0.0]), np.array([2.0, np.inf]))
+    np.testing.assert_allclose(lower, [1.0 - 1.959964 * 2.0, -np.inf], atol=1e-5)
+    np.testing.assert_allclose(upper, [1.0 + 1.959964 * 2.0, np.inf], atol=1e-5)
+    narrow, _ = confidence_interval(np.zeros(1), np.ones(1), coverage=0.6826895)
+    np.testing.assert_allclose(narrow, [-1.0], atol=1e-6)
+    with pytest.raises(SerdError, match="coverage must be between 0 and 1, got 95"):
+        confidence_interval(np.zeros(1), np.ones(1), coverage=95)
