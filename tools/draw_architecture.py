@@ -1,13 +1,14 @@
-"""Draw docs/pictures/packages.svg and topics.svg with Graphviz from their single sources.
+"""Draw docs/pictures/packages.svg and topics_STACK.svg with Graphviz from their single sources.
 
 Packages: the layers of the import-linter contract in pyproject.toml, described by the first line of
-each package. Topics: serd_ros/graph.yaml. Run `make pictures` after changing either.
+each package. Topics: serd_ros/graph.yaml, a picture for each stack of STACKS, since one of all nodes
+cannot be read. Run `make pictures` after changing either.
 """
 
 import ast
 import subprocess
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +24,8 @@ except ModuleNotFoundError:  # Python 3.10
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
 GRAPH_FILE = ROOT / "serd_ros" / "graph.yaml"
+#: The stacks that together show every node of interest.
+STACKS = ("demonstrate_and_learn", "navigate", "teleop", "replay_and_learn", "nav2")
 
 _LOOK = """
   graph [bgcolor="white", fontname="DejaVu Sans", pad=0.25, nodesep=0.28, ranksep=0.5];
@@ -78,16 +81,14 @@ def packages_picture(root: Path = ROOT) -> Picture:
     return Picture("TB", nodes, edges, tuple(map(tuple, layers)), caption)
 
 
-def topics_picture(graph_file: Path = GRAPH_FILE) -> Picture:
-    """Nodes as boxes; topics, and services, with the same ends share one ellipse.
+def topics_picture(stack: str, graph_file: Path = GRAPH_FILE) -> Picture:
+    """Nodes of a stack as boxes; topics, and services, with the same ends share one ellipse.
 
-    Topics that touch every node are named in a note without arrows.
+    Topics that touch every node of the stack are named in a note without arrows.
     """
     described = yaml.safe_load(graph_file.read_text())
-    graph: dict[str, dict[str, list[str]]] = described["nodes"]
+    graph = _stack_graph(described, stack)
     topics = _ends(graph, "publishes", "subscribes")
-    for node, topic in _renamed(described.get("stacks", {})):
-        topics[topic][0].add(node)
     shared = [name for name, (talkers, hearers) in topics.items() if talkers | hearers == {*graph}]
     groups = _grouped({name: ends for name, ends in topics.items() if name not in shared})
     services = _grouped(_ends(graph, "calls", "serves"))
@@ -100,7 +101,14 @@ def topics_picture(graph_file: Path = GRAPH_FILE) -> Picture:
         for name, (talkers, hearers) in (groups | services).items()
         for edge in [*((end, name) for end in talkers), *((name, end) for end in hearers)]
     ]
-    return Picture("LR", nodes, tuple(edges), caption="ellipse: topic; dashed ellipse: service")
+    caption = f"{stack}: {described['stacks'][stack]['about']}\nellipse: topic; dashed: service"
+    return Picture("LR", nodes, tuple(edges), caption=caption)
+
+
+def pictures() -> dict[str, Picture]:
+    """Every picture by the name of its file."""
+    drawn = {f"topics_{stack}": topics_picture(stack) for stack in STACKS}
+    return {"packages": packages_picture(), **drawn}
 
 
 def draw(picture: Picture, path: Path) -> None:
@@ -133,11 +141,17 @@ def _ends(
     return dict(sorted(found.items()))
 
 
-def _renamed(stacks: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
-    """(node, topic) of everything that has another name in some stack."""
-    for stack in stacks.values():
-        for node, names in stack.get("remappings", {}).items():
-            yield from ((node, topic) for topic in names.values())
+def _stack_graph(described: Mapping[str, Any], stack: str) -> dict[str, dict[str, list[str]]]:
+    """The stack's nodes with the names that topics have there."""
+    chosen = described["stacks"][stack]
+    renamed = chosen.get("remappings", {})
+    return {
+        node: {
+            key: [renamed.get(node, {}).get(name, name) for name in names]
+            for key, names in described["nodes"][node].items()
+        }
+        for node in chosen["nodes"]
+    }
 
 
 def _grouped(
@@ -162,8 +176,8 @@ def _escaped(text: str) -> str:
 
 
 def main() -> None:
-    """Draw both pictures."""
-    for name, picture in (("packages", packages_picture()), ("topics", topics_picture())):
+    """Draw them all."""
+    for name, picture in pictures().items():
         draw(picture, PICTURES / f"{name}.svg")
         print(f"drawn: {PICTURES / name}.svg")
 
