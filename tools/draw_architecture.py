@@ -1,8 +1,8 @@
 """Draw docs/pictures/packages.svg and topics_STACK.svg with Graphviz from their single sources.
 
 Packages: the layers of the import-linter contract in pyproject.toml, described by the first line of
-each package. Topics: serd_ros/graph.yaml, a picture for each stack of STACKS, since one of all nodes
-cannot be read. Run `make pictures` after changing either.
+each package. Topics: serd_ros/graph.yaml, a picture for each stack of STACKS, since one of all
+nodes cannot be read. Run `make pictures` after changing either.
 """
 
 import ast

@@ -2,13 +2,15 @@
 
 Each repetition's models drive a share of the episodes, in worlds that are the same for every
 method. Predicted is by the absorbing chain of the greedy policy under the learned dynamics.
-Measured times are rounded up to whole decision periods, as the model knows of nothing finer.
+Measured times are rounded up to whole decision periods, as the model knows of nothing finer. How
+the world answered in the measured drives is kept beside them, for `hindsight`.
 """
 
 import json
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ from experiments.study.demonstrations import n_repetitions
 from experiments.study.drives import drive_episodes
 from experiments.study.experts import EXPERTS, PEOPLE
 from experiments.study.fitting import load_fits
+from experiments.study.moves import Move, counted_moves
 from experiments.study.products import Task
 from experiments.study.seeds import Purpose, world_seed
 from experiments.study.settings import StudySettings
@@ -52,7 +55,10 @@ def arrival_file(folder: Path, expert: str, repetition: int) -> Path:
 
 
 def load_arrivals(folder: Path, expert: str, repetition: int) -> dict[str, Any]:
-    """predicted: one record per method; measured: one row per method and episode."""
+    """predicted: one record per method; measured: one row per method and episode.
+
+    moves: of each method, what happened in its measured drives, counted.
+    """
     content: dict[str, Any] = json.loads(arrival_file(folder, expert, repetition).read_text())
     return content
 
@@ -79,14 +85,17 @@ def arrivals_of_repetition(
         name: predict(settings, scenario, problem, model, rng) for name, model in models.items()
     }
     measured: list[Row] = []
-    driven: dict[tuple[int, ...], list[Row]] = {}
+    moves: dict[str, list[Move]] = {}
+    driven: dict[tuple[int, ...], _Driven] = {}
     for name, model in models.items():
         greedy = tuple(model["greedy"])
         # Equal policies drive equally in equal worlds, so none drives twice.
         if greedy not in driven:
             driven[greedy] = _drive(settings, scenario, problem, expert, repetition, greedy)
-        measured += [{"method": name} | row for row in driven[greedy]]
-    atomic_write_text(file, json.dumps({"predicted": predicted, "measured": measured}))
+        measured += [{"method": name} | row for row in driven[greedy].rows]
+        moves[name] = driven[greedy].moves
+    content = {"predicted": predicted, "measured": measured, "moves": moves}
+    atomic_write_text(file, json.dumps(content))
 
 
 def predict(
@@ -143,6 +152,14 @@ def _cdf_of_periods(arrived: IntArray, periods: int, n_all: int) -> FloatArray:
     return np.asarray(np.cumsum(counts) / n_all)
 
 
+@dataclass(frozen=True)
+class _Driven:
+    """What came of the episodes of one policy."""
+
+    rows: list[Row]
+    moves: list[Move]
+
+
 def _drive(
     settings: StudySettings,
     scenario: Scenario,
@@ -150,7 +167,7 @@ def _drive(
     expert: str,
     repetition: int,
     greedy: tuple[int, ...],
-) -> list[Row]:
+) -> _Driven:
     seed = world_seed(settings.seed, expert, repetition, Purpose.MEASUREMENT)
     policy = np.eye(problem.mdp.n_actions)[np.array(greedy)]
     drives = drive_episodes(
@@ -162,7 +179,7 @@ def _drive(
         episodes=range(n_episodes(settings, expert)),
         start_area=TRAIN_AREA,
     )
-    return [
+    rows: list[Row] = [
         {
             "expert": expert,
             "repetition": repetition,
@@ -175,3 +192,4 @@ def _drive(
         }
         for record in drives.records
     ]
+    return _Driven(rows, counted_moves(drives.decisions))

@@ -1,0 +1,37 @@
+"""Decisions counted by what happened: how often action a led from s to s'.
+
+All that an estimate of the dynamics needs, in a few hundred numbers.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from serd_core.demonstrations import Decisions
+
+#: State, action, next state, how often.
+Move = tuple[int, int, int, int]
+
+
+def counted_moves(decisions: Decisions) -> list[Move]:
+    """Every distinct (s, a, s') with its count, sorted."""
+    table = np.stack([decisions.state, decisions.action, decisions.next_state], axis=1)
+    distinct, counts = np.unique(table, axis=0, return_counts=True)
+    return [
+        (int(state), int(action), int(following), int(count))
+        for (state, action, following), count in zip(distinct, counts, strict=True)
+    ]
+
+
+def decisions_of_moves(moves: Sequence[Sequence[int]], source: str = "") -> Decisions:
+    """As many decisions as were counted; of which episodes, and when, is forgotten."""
+    columns = np.array(moves, dtype=np.int64).reshape(-1, 4)
+    state, action, following = np.repeat(columns[:, :3], columns[:, 3], axis=0).T
+    return Decisions(
+        episode=np.zeros(len(state), dtype=np.int64),
+        time_s=np.zeros(len(state)),
+        state=state,
+        action=action,
+        next_state=following,
+        source=source,
+    )
