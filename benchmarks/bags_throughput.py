@@ -4,7 +4,6 @@ The long drive has poses, intents and people at the rates of the hallway; memory
 process of its own that reads a bag of two gigabytes, above that of one that reads a small bag.
 """
 
-import resource
 import subprocess
 import sys
 import tempfile
@@ -20,6 +19,7 @@ from bags.check import check_bag
 from bags.discretise import decisions_from_bag
 from bags.reader import BagReader
 from bags.writer import BagWriter
+from benchmarks.peak_memory import peak_memory_mb
 from benchmarks.report import Row, save
 from serd_core.grid import Grid
 
@@ -151,4 +151,4 @@ def _memory_row(folder: Path, n_blocks: int) -> Row:
 
 if __name__ == "__main__":
     _count(BagReader(Path(sys.argv[1])).messages())
-    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    print(peak_memory_mb())

@@ -14,7 +14,6 @@ processor times of one thread, so that other work on the machine does not count.
 import cProfile
 import json
 import pstats
-import resource
 import subprocess
 import sys
 import time
@@ -26,6 +25,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from benchmarks.gridworld_problems import DYNAMICS, WEIGHTS, demonstrations, landscape_problem
+from benchmarks.peak_memory import peak_memory_mb
 from benchmarks.processor_time import best_of
 from benchmarks.report import RESULTS, Row, save
 from report.canvas import new_figure, png_bytes
@@ -99,7 +99,7 @@ def growth_figure(rows: Sequence[Row], details: dict[str, Any]) -> Figure:
 
 def measure(side: int) -> dict[str, Any]:
     """One size: times, memory, the sweep's bandwidth, and where a cold gradient spends its time."""
-    base_mb = _peak_mb()
+    base_mb = peak_memory_mb()
     posterior, parameters, near = _case(side)
     cold_s, found = best_of(lambda: posterior.evaluate(parameters))
     before = posterior.evaluate(near).solution.value
@@ -107,7 +107,7 @@ def measure(side: int) -> dict[str, Any]:
     mdp = posterior.problem.mdp
     moved_bytes = 12 * len(mdp.transitions.successor) + 8 * mdp.n_states * (3 * mdp.n_actions + 2)
     sweep_s = _sweep_seconds(posterior, found.solution.value)
-    peak_mb = _peak_mb()
+    peak_mb = peak_memory_mb()
     return {
         "states": mdp.n_states,
         "cold (ms)": 1e3 * cold_s,
@@ -182,10 +182,6 @@ def _name(file: str, _: int, function: str) -> str:
         if package in parts:
             parts = parts[parts.index(package) :]
     return f"{'.'.join(parts[-3:])}.{function}"
-
-
-def _peak_mb() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 if __name__ == "__main__":

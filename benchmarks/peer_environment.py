@@ -10,6 +10,7 @@ import sys
 from collections import deque
 from collections.abc import Iterable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
@@ -45,11 +46,13 @@ def peer_python(name: str) -> Path:
 def run_peer(name: str, script: str, *arguments: str | Path) -> None:
     """Run `peers/<script>` in the environment `name`; its output goes to the terminal.
 
-    PeerError where it fails. The project is not importable there.
+    PeerError where it fails. The project is not importable there, and what the peer leaves in its
+    working folder is thrown away, so paths are best absolute.
     """
     command = [str(peer_python(name)), str(PEERS / script), *map(str, arguments)]
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-    code = subprocess.run(command, env=environment, check=False).returncode
+    with TemporaryDirectory() as folder:
+        code = subprocess.run(command, env=environment, cwd=folder, check=False).returncode
     if code != 0:
         raise PeerError(f"{script} must end with 0, got {code}; its messages above say why")
 
