@@ -16,6 +16,7 @@ from benchmarks import (  # the libraries read the variable when they load
     growth,
     learning_peers,
     lockstep,
+    speed_figure,
 )
 
 BENCHMARKS = {
@@ -26,6 +27,7 @@ BENCHMARKS = {
     "growth": growth.run,
     "learning_peers": learning_peers.run,
     "lockstep": lockstep.run,
+    "speed_figure": speed_figure.run,
 }
 
 

@@ -29,7 +29,7 @@ from benchmarks.peak_memory import peak_memory_mb
 from benchmarks.processor_time import best_of
 from benchmarks.report import RESULTS, Row, save
 from report.canvas import new_figure, png_bytes
-from report.style import BLUE, MUTED, RED
+from report.style import BLUE, MUTED, RED, report_style
 from serd_core.bellman.backup import BellmanProblem, backup
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.learners.serd import SerdSettings, starting_parameters
@@ -81,19 +81,22 @@ def copy_bandwidth() -> float:
 
 def growth_figure(rows: Sequence[Row], details: dict[str, Any]) -> Figure:
     """Time and memory over states, both axes logarithmic."""
-    figure = new_figure(9.0, 3.8)
-    times, memory = figure.subplots(1, 2)
-    states = [row["states"] for row in rows]
-    for name, colour in (("cold", RED), ("warm", BLUE)):
-        label = f"{name}: states^{details[f'exponent_{name}']:.2f}"
-        times.loglog(states, [row[f"{name} (ms)"] for row in rows], "o-", color=colour, label=label)
-    times.set(xlabel="states", ylabel="one gradient (ms)")
-    times.legend(title=f"fitted from {LARGE:,} states")
-    memory.loglog(states, [row["peak memory (MB)"] for row in rows], "o-", color=BLUE)
-    memory.axhline(8_000, color=MUTED, linestyle="--", linewidth=1)
-    memory.annotate("8 GB", (states[0], 8_000), xytext=(0, 3), textcoords="offset points")
-    memory.set(xlabel="states", ylabel="peak memory of the process (MB)", ylim=(100, 20_000))
-    memory.yaxis.set_minor_formatter(NullFormatter())
+    with report_style():
+        figure = new_figure(9.0, 3.8)
+        times, memory = figure.subplots(1, 2)
+        states = [row["states"] for row in rows]
+        for name, colour in (("cold", RED), ("warm", BLUE)):
+            label = f"{name}: ∝ states$^{{{details[f'exponent_{name}']:.2f}}}$"
+            times.loglog(
+                states, [row[f"{name} (ms)"] for row in rows], "o-", color=colour, label=label
+            )
+        times.set(xlabel="states", ylabel="one gradient (ms)")
+        times.legend(title=f"fitted from {LARGE:,} states")
+        memory.loglog(states, [row["peak memory (MB)"] for row in rows], "o-", color=BLUE)
+        memory.axhline(8_000, color=MUTED, linestyle="--", linewidth=1)
+        memory.annotate("8 GB", (states[0], 8_000), xytext=(0, 3), textcoords="offset points")
+        memory.set(xlabel="states", ylabel="peak memory of the process (MB)", ylim=(100, 20_000))
+        memory.yaxis.set_minor_formatter(NullFormatter())
     return figure
 
 
