@@ -33,6 +33,8 @@ class NodeEndpoints(StrictModel):
 class Stack(StrictModel):
     """Nodes that run together; `shared` goes to every node that has the parameter.
 
+    parameters: of one node each; only `node.parameter` changes them, so that a name which means
+    something else in another node (a bag played, a bag learned from) reaches the right one.
     remappings: for each node its topics that have another name in this stack.
     """
 
@@ -75,8 +77,8 @@ def find_stack(name: str) -> Stack:
 def stack_parameters(stack: Stack, given: Mapping[str, Any]) -> dict[str, Parameters]:
     """Parameters of each node of the stack: `shared`, the stack's own, then what was given.
 
-    given: keys are a parameter's name, for every node that has it, or `node.parameter`. Raises
-    NodeError for a name that no node of the stack has.
+    given: keys are a parameter's name, for every node that has it and to which the stack gives no
+    value of its own, or `node.parameter`. Raises NodeError for a name that reaches no node.
     """
     layers: dict[str, Parameters] = {
         node: {**_known(node, stack.shared), **stack.parameters.get(node, {})}
@@ -102,8 +104,12 @@ def _addressees(stack: Stack, key: str) -> list[tuple[str, str]]:
                 f"{node} has no parameter {name!r}; {hint(name, default_parameters()[node])}"
             )
         return [(node, name)]
-    found = [(each, key) for each in stack.nodes if key in default_parameters()[each]]
-    if not found:
+    having = [each for each in stack.nodes if key in default_parameters()[each]]
+    if not having:
         everything = {known for each in stack.nodes for known in default_parameters()[each]}
         raise NodeError(f"no node of this stack has a parameter {key!r}; {hint(key, everything)}")
+    found = [(each, key) for each in having if key not in stack.parameters.get(each, {})]
+    if not found:
+        names = " or ".join(f"{each}.{key}" for each in having)
+        raise NodeError(f"the stack itself sets {key!r} for each node; name the node: {names}")
     return found

@@ -51,6 +51,34 @@ def test_a_parameter_of_one_node_overrides_the_stack():
     assert layers["hallway_sim"]["scenario"] == "hallway"
 
 
+def test_a_name_does_not_reach_a_node_to_which_the_stack_gives_its_own_value():
+    replayed = stack_parameters(find_stack("replay_and_learn"), {"bag": "drive"})
+    assert (replayed["bag_replay"]["bag"], replayed["learner"]["bag"]) == ("drive", "")
+    live = stack_parameters(find_stack("demonstrate_and_learn"), {"output": "drive"})
+    assert live["demo_recorder"]["output"] == "drive"
+    assert live["learner"]["output"] == "model.yaml"
+    assert live["scripted_expert"]["output"] == ""
+    named = stack_parameters(find_stack("replay_and_learn"), {"learner.bag": "drive"})
+    assert named["learner"]["bag"] == "drive"
+
+
+def test_a_name_that_the_stack_sets_in_every_node_is_refused():
+    sentence = "name the node: hallway_sim.required_nodes or local_planner.required_nodes"
+    with pytest.raises(NodeError, match=sentence):
+        stack_parameters(find_stack("demonstrate"), {"required_nodes": ["probe"]})
+
+
+def test_no_name_means_different_things_in_the_nodes_it_reaches():
+    for name, stack in load_graph().stacks.items():
+        for own in {"bag", "output"}:
+            reached = [
+                node
+                for node in stack.nodes
+                if own in default_parameters()[node] and own not in stack.parameters.get(node, {})
+            ]
+            assert len(reached) <= 1, (name, own, reached)
+
+
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [

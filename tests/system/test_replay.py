@@ -41,9 +41,8 @@ def test_a_learner_hears_in_a_replay_what_the_file_holds(nodes, probe, bag, tmp_
     heard = tmp_path / "heard.csv"
     nodes.start_stack(
         "replay_and_learn",
-        bag_replay__bag=str(bag),
+        bag=str(bag),
         bag_replay__rate=500.0,
-        learner__bag="",
         learner__output=str(tmp_path / "model.yaml"),
         learner__decisions=str(heard),
     )
