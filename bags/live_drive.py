@@ -32,7 +32,8 @@ class _Session:
 class LiveDrive:
     """Collects robot_pose, intent and episode, raw; `gathered` says what they amount to.
 
-    earlier: what was known before. n_ended: end marks of episodes that came so far.
+    earlier: what was known before. n_ended: end marks of episodes that came so far. n_late: intents
+    that came after the end mark of their episode, so that what was gathered then lacks them.
     """
 
     source: str
@@ -41,6 +42,7 @@ class LiveDrive:
     earlier: Demonstrations | None = None
     report: DiscretisationReport | None = field(default=None, init=False)
     n_ended: int = field(default=0, init=False)
+    n_late: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         self._sessions = [_Session(DriveBuilder(self.source))]
@@ -59,6 +61,7 @@ class LiveDrive:
             session.newest_pose_ns = max(session.newest_pose_ns, stamp_ns)
         elif topic == INTENT:
             session.builder.add_intent(data, stamp_ns)
+            self.n_late += stamp_ns < session.newest_end_ns
         else:
             session.builder.add_mark(data, stamp_ns)
             if is_end_mark(data):

@@ -11,7 +11,6 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from bags.demonstrations import Demonstrations, demonstrations_of_bag
-from bags.recorded_drive import EPISODE
 from serd_core.errors import SerdError
 from serd_ros import qos, topics
 from serd_ros.configs import LearnerConfig
@@ -31,7 +30,7 @@ from storage.yaml_config import model_yaml
 
 _LOOK_PERIOD_S = 0.1
 _CHECKPOINT_PERIOD_S = 1.0
-#: Intents may come this much later (s) than the mark of the end of their episode.
+#: Intents may come this much later (s) than the end mark of their episode; later, it counts anew.
 _SETTLING_S = 0.5
 _UNCONVERGED = 1
 
@@ -76,12 +75,13 @@ class LearnerNode(SerdNode[LearnerConfig]):
         return memory
 
     def _take(self, memory: LearnerMemory, topic: str, data: bytes) -> None:
-        ended = memory.drive.n_ended
+        drive = memory.drive
+        before = (drive.n_ended, drive.n_late)
         try:
-            memory.drive.take(topic, data)
+            drive.take(topic, data)
         except SerdError as error:
             self.get_logger().warning(f"{topic} dropped: {error}", throttle_duration_sec=5.0)
-        if topic == EPISODE and memory.drive.n_ended > ended:
+        if (drive.n_ended, drive.n_late) != before:
             self._ended_s = self.wall_s()
 
     def _look(self) -> None:

@@ -89,6 +89,18 @@ def test_poses_that_lag_behind_the_end_of_an_episode_are_waited_for(messages):
     assert drive.caught_up
 
 
+def test_an_intent_later_than_the_end_of_its_episode_is_noticed(messages):
+    _, sent = messages
+    intents = [each for each in sent if each[0] == "intent"]
+    others = [each for each in sent if each[0] != "intent"]
+    assert live_drive(sent).n_late == 0
+    drive = live_drive(others)
+    for topic, data in intents:
+        drive.take(topic, data)
+    assert drive.n_late == len(intents)
+    assert same(drive.gathered(), live_drive(sent).gathered())
+
+
 def test_a_message_too_short_for_a_stamp_is_refused():
     with pytest.raises(BagError, match=r"must begin with a stamp \(12 bytes\), got 3 bytes"):
         LiveDrive("live", GRID, 2.0).take("intent", b"\x00\x01\x00")
