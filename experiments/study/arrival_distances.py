@@ -3,9 +3,11 @@
 Rows of both tables are CDFs by whole decision periods, one per repetition's model; their mean is
 what is predicted for, and measured over, all episodes together.
 
-    KS = max_n |F(n) - G(n)|,   W = D sum_n |F(n) - G(n)|   (Wasserstein up to the time limit, in s)
+    KS = max_n |F(n) - G(n)|
+    W = D sum_(n < N) |F(n) - G(n)|   (Wasserstein up to the time limit N D, in s)
     error of the arrival probability = F(N) - G(N)
-    CRPS = D sum_n (F_r(n) - 1[n >= N_arrived])^2   mean over repetitions r and their episodes
+    mean time = D sum_(n < N) (1 - G(n)), where who has not arrived counts with the time limit
+    CRPS = D sum_(n < N) (F_r(n) - 1[n >= N_arrived])^2   mean over repetitions r and their episodes
 
 Means may hide errors of single models that cancel out; the CRPS, a proper score, does not.
 """
@@ -18,6 +20,7 @@ from experiments.repetitions import Row
 from experiments.study.paired_statistics import bootstrap
 from experiments.study.settings import StatisticsSettings
 from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrival_bands import ROUNDING
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +35,15 @@ class ArrivalTables:
     @property
     def scores(self) -> FloatArray:
         """(R,) mean CRPS of the episodes of each repetition, in seconds."""
-        predicted, measured = self.predicted, self.measured
+        # The time limit ends the last whole period, so what stands at n = N lasts no time.
+        predicted, measured = self.predicted[:, :-1], self.measured[:, :-1]
         terms = predicted**2 - 2.0 * predicted * measured + measured
         return np.asarray(self.period_s * terms.sum(axis=1))
+
+    @property
+    def measured_means_s(self) -> FloatArray:
+        """(R,) mean measured time of each repetition, cut off at the time limit."""
+        return np.asarray(self.period_s * (1.0 - self.measured[:, :-1]).sum(axis=1))
 
 
 def distance_row(
@@ -43,14 +52,16 @@ def distance_row(
     """All distances with bootstrap intervals over repetitions, and the test of the prediction."""
     statistics = {
         "ks": lambda drawn: float(np.abs(_gap(tables, drawn)).max()),
-        "wasserstein_s": lambda drawn: tables.period_s * float(np.abs(_gap(tables, drawn)).sum()),
+        "wasserstein_s": lambda drawn: (
+            tables.period_s * float(np.abs(_gap(tables, drawn)[:-1]).sum())
+        ),
         "arrival_error": lambda drawn: float(_gap(tables, drawn)[-1]),
         "crps_s": lambda drawn: float(tables.scores[drawn].mean()),
+        "measured_arrival": lambda drawn: float(tables.measured[drawn, -1].mean()),
     }
     row: Row = {
         "n_episodes": tables.n_episodes * len(tables.measured),
         "predicted_arrival": float(tables.predicted[:, -1].mean()),
-        "measured_arrival": float(tables.measured[:, -1].mean()),
         "predicted_median_s": _median_s(tables.predicted, tables.period_s),
         "measured_median_s": _median_s(tables.measured, tables.period_s),
         "predicted_mean_s": _mean_s(tables.predicted, tables.period_s),
@@ -81,8 +92,9 @@ def ks_p_value(tables: ArrivalTables, n_drawn: int, rng: np.random.Generator) ->
 
 
 def _gap(tables: ArrivalTables, drawn: IntArray) -> FloatArray:
-    """(N + 1,) F - G over the repetitions drawn."""
-    return np.asarray((tables.predicted[drawn] - tables.measured[drawn]).mean(axis=0))
+    """(N + 1,) F - G over the repetitions drawn, without the rounding errors of sums."""
+    gap = (tables.predicted[drawn] - tables.measured[drawn]).mean(axis=0)
+    return np.asarray(np.where(np.abs(gap) < ROUNDING, 0.0, gap))
 
 
 def _median_s(cdfs: FloatArray, period_s: float) -> float | None:

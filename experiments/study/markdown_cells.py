@@ -6,6 +6,13 @@ import numpy as np
 
 from experiments.repetitions import Row
 
+EXPERT_NAMES = {
+    "people": "scripted people",
+    "knows": "knows the crowd",
+    "ignores_crowd": "ignores the crowd",
+    "fears_crowd": "fears the crowd",
+}
+
 
 def table_text(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A Markdown table."""
@@ -43,6 +50,11 @@ def difference(row: Row) -> str:
     # What rounds to nothing may still be of one sign in every repetition.
     found = float(row["p_holm"]) < 0.05 and value.strip("−0.") != ""
     return f"**{signed}**" if found else signed
+
+
+def seconds(value: str) -> str:
+    """A time with a tenth of a second."""
+    return f"{number(value, 1)} s"
 
 
 def percent(value: str) -> str:

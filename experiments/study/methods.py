@@ -196,6 +196,8 @@ ASSUMPTIONS: dict[str, Method] = {
     "free": serd_free,
     "told the truth (IRL)": irl_told_the_truth,
 }
+#: What every other method, and every other assumption, is compared with.
+OURS, BASELINE = "MDCE SERD", "fixed (IRL)"
 
 
 def _fit_serd(trial: Trial, decisions: Decisions, belief: Belief, prior: Prior) -> FitResult:

@@ -4,12 +4,13 @@ Repetitions are recorded independently of each other, so they are what is resamp
 all methods see the same demonstrations and worlds, so differences are taken within repetitions.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.stats
 
+from experiments.repetitions import Row
 from experiments.study.settings import StatisticsSettings
 from serd_core.arrays import IntArray
 
@@ -76,6 +77,29 @@ def paired_p_value(
         rng=rng,
     )
     return float(found.pvalue)
+
+
+def paired_family(
+    first: Sequence[float],
+    others: Mapping[str, Sequence[float]],
+    settings: StatisticsSettings,
+    rng: np.random.Generator,
+) -> list[Row]:
+    """First minus each other within repetitions, one row each; Holm over all of them."""
+    family: list[Row] = []
+    for name, values in others.items():
+        difference = mean_interval(np.subtract(first, values).tolist(), settings, rng)
+        family.append(
+            {
+                "second": name,
+                "mean_difference": difference.value,
+                "lower": difference.lower,
+                "upper": difference.upper,
+                "p_value": paired_p_value(first, values, rng),
+            }
+        )
+    adjusted = holm([row["p_value"] for row in family])
+    return [row | {"p_holm": p} for row, p in zip(family, adjusted, strict=True)]
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

@@ -1,5 +1,6 @@
 """What the stages left, put together into rows and tables over all repetitions."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -69,6 +70,11 @@ class Results:
         """The prediction of each repetition's model."""
         every = range(n_repetitions(self.settings, expert))
         return [self._arrivals[expert, number]["predicted"][method] for number in every]
+
+    def moves(self, expert: str, method: str) -> list[Sequence[int]]:
+        """What happened in the measured drives of all repetitions: rows of `Move`."""
+        every = range(n_repetitions(self.settings, expert))
+        return [row for number in every for row in self._arrivals[expert, number]["moves"][method]]
 
     def arrival_tables(self, expert: str, method: str) -> ArrivalTables:
         """Predicted and measured CDFs of each repetition's model."""

@@ -1,11 +1,13 @@
-"""Tables of numbers that are no figure: all measures, paired tests, distances of arrival times."""
+"""Tables of numbers that are no figure: all measures, paired tests, beliefs, traps; arrivals'."""
 
 import numpy as np
 
 from experiments.repetitions import Row
-from experiments.study.arrival_distances import distance_row
+from experiments.study.arrival_tables import arrival_distances, arrival_scores
 from experiments.study.experts import EXPERTS, PEOPLE
-from experiments.study.paired_statistics import holm, mean_interval, paired_p_value
+from experiments.study.hindsight import hindsight_table
+from experiments.study.methods import BASELINE, OURS
+from experiments.study.paired_statistics import mean_interval, paired_family
 from experiments.study.recordings_table import demonstrations_table, reference_table
 from experiments.study.results import Results
 from experiments.study.world import TRAIN_AREA
@@ -13,8 +15,6 @@ from serd_core.trap_states import trap_states
 from sim.scenario_grid import start_states_of
 
 MEASURES = ("test_log_likelihood", "transfer_log_likelihood", "dynamics_divergence")
-#: What every other method is compared with.
-OURS, BASELINE = "MDCE SERD", "fixed (IRL)"
 
 
 def all_tables(results: Results) -> dict[str, list[Row]]:
@@ -25,6 +25,7 @@ def all_tables(results: Results) -> dict[str, list[Row]]:
         "beliefs": beliefs(results),
         "arrival_distances": arrival_distances(results),
         "arrival_scores": arrival_scores(results),
+        "arrival_hindsight": hindsight_table(results),
         "measured_episodes": results.measured,
         "traps": traps(results),
         "reference_dynamics": reference_table(results),
@@ -51,30 +52,14 @@ def paired_tests(results: Results, expert: str, against: str) -> list[Row]:
     table: list[Row] = []
     for measure in MEASURES:
         for size in _sizes(results, expert):
-            ours = values_of(results, expert, against, size, measure)
-            family: list[Row] = []
-            for method in results.methods(expert):
-                if method == against:
-                    continue
-                theirs = values_of(results, expert, method, size, measure)
-                difference = mean_interval(
-                    np.subtract(ours, theirs).tolist(), results.settings.statistics, rng
-                )
-                family.append(
-                    {
-                        "expert": expert,
-                        "measure": measure,
-                        "size": size,
-                        "first": against,
-                        "second": method,
-                        "mean_difference": difference.value,
-                        "lower": difference.lower,
-                        "upper": difference.upper,
-                        "p_value": paired_p_value(ours, theirs, rng),
-                    }
-                )
-            adjusted = holm([row["p_value"] for row in family])
-            table += [row | {"p_holm": p} for row, p in zip(family, adjusted, strict=True)]
+            values = {
+                method: values_of(results, expert, method, size, measure)
+                for method in results.methods(expert)
+            }
+            ours = values.pop(against)
+            place: Row = {"expert": expert, "measure": measure, "size": size, "first": against}
+            family = paired_family(ours, values, results.settings.statistics, rng)
+            table += [place | row for row in family]
     return table
 
 
@@ -112,57 +97,6 @@ def beliefs(results: Results) -> list[Row]:
                             "p_holm": test["p_holm"] if test else None,
                         }
                     )
-    return table
-
-
-def arrival_distances(results: Results) -> list[Row]:
-    """Predicted against measured times of arrival of every expert and method."""
-    rng = np.random.default_rng([results.settings.seed, 3])
-    table: list[Row] = []
-    for expert in EXPERTS:
-        for method in results.methods(expert):
-            tables = results.arrival_tables(expert, method)
-            costs = results.predictions(expert, method)
-            row: Row = {"expert": expert, "method": method}
-            row |= distance_row(tables, results.settings.statistics, rng)
-            sampled = np.array([each["sampled_cdf"] for each in costs])
-            table.append(
-                row
-                | {
-                    "sampled_gap": float(np.abs(sampled - tables.predicted).max()),
-                    "chain_ms": float(np.median([each["chain_ms"] for each in costs])),
-                    "sampled_ms": float(np.median([each["sampled_ms"] for each in costs])),
-                }
-            )
-    return table
-
-
-def arrival_scores(results: Results) -> list[Row]:
-    """Are the predictions of one method better than another's? CRPS within repetitions."""
-    rng = np.random.default_rng([results.settings.seed, 4])
-    table: list[Row] = []
-    for expert in EXPERTS:
-        first = OURS if expert == PEOPLE else BASELINE
-        ours = results.arrival_tables(expert, first).scores
-        family: list[Row] = []
-        for method in results.methods(expert):
-            if method == first:
-                continue
-            theirs = results.arrival_tables(expert, method).scores
-            difference = mean_interval((ours - theirs).tolist(), results.settings.statistics, rng)
-            family.append(
-                {
-                    "expert": expert,
-                    "first": first,
-                    "second": method,
-                    "crps_difference_s": difference.value,
-                    "lower": difference.lower,
-                    "upper": difference.upper,
-                    "p_value": paired_p_value(ours.tolist(), theirs.tolist(), rng),
-                }
-            )
-        adjusted = holm([row["p_value"] for row in family])
-        table += [row | {"p_holm": p} for row, p in zip(family, adjusted, strict=True)]
     return table
 
 

@@ -11,8 +11,9 @@ from experiments.figures.ticks import tick_sizes
 from experiments.repetitions import Row
 from experiments.study.figures.context import FigureContext
 from experiments.study.figures.looks import ASSUMPTION_LOOKS, EXPERT_TITLES
+from experiments.study.methods import BASELINE
 from experiments.study.results import Results
-from experiments.study.tables import BASELINE, beliefs
+from experiments.study.tables import beliefs
 from report import style
 from report.canvas import new_figure
 

@@ -43,12 +43,45 @@ def test_errors_that_cancel_out_are_seen_by_the_score_alone(settings):
     assert row["crps_s"] == 4 * PERIOD_S
 
 
+def test_wasserstein_up_to_the_limit_is_the_difference_of_means_where_all_is_late(settings):
+    rng = np.random.default_rng(2)
+    measured = np.sort(rng.random((3, 21)))
+    measured[:, -1] = 0.8
+    late = tables(0.5 * measured, measured)
+    row = distance_row(late, settings.statistics, rng)
+    # Who never arrives counts with the limit, 20 periods, in both means.
+    assert row["wasserstein_s"] == pytest.approx(row["predicted_mean_s"] - row["measured_mean_s"])
+    assert row["arrival_error"] == pytest.approx(-0.4)
+    assert late.measured_means_s.mean() == pytest.approx(row["measured_mean_s"])
+
+
+def test_a_mean_time_counts_who_never_arrives_with_the_limit():
+    half = 0.5 * step_at(10)
+    assert tables([half], [half]).measured_means_s == pytest.approx([0.5 * 20.0 + 0.5 * 40.0])
+
+
+def test_arrivals_that_are_certain_have_no_error_by_rounding(settings):
+    nearly = tables([step_at(10) - 1e-15] * 3, [step_at(10)] * 3)
+    row = distance_row(nearly, settings.statistics, np.random.default_rng(0))
+    assert row["arrival_error"] == row["arrival_error_lower"] == row["arrival_error_upper"] == 0.0
+
+
+def test_models_that_always_or_never_arrive_leave_their_share_uncertain(settings):
+    never = np.zeros(21)
+    mixed = [step_at(10), never] * 3
+    row = distance_row(tables(mixed, mixed, 1000), settings.statistics, np.random.default_rng(0))
+    assert row["measured_arrival"] == 0.5
+    assert row["measured_arrival_lower"] <= 0.2
+    assert row["measured_arrival_upper"] >= 0.8
+
+
 def test_the_score_is_that_of_its_definition_episode_by_episode():
     rng = np.random.default_rng(5)
     predicted = np.sort(rng.random(21))
     arrived = rng.integers(1, 30, size=6)
     measured = np.mean([step_at(each) for each in arrived], axis=0)
-    expected = np.mean([PERIOD_S * ((predicted - step_at(each)) ** 2).sum() for each in arrived])
+    gaps = [(predicted - step_at(each))[:-1] for each in arrived]
+    expected = np.mean([PERIOD_S * (gap**2).sum() for gap in gaps])
     assert tables([predicted], [measured], 6).scores[0] == pytest.approx(expected)
 
 

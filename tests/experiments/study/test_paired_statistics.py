@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from experiments.study.paired_statistics import holm, mean_interval, paired_p_value
+from experiments.study.paired_statistics import holm, mean_interval, paired_family, paired_p_value
 
 
 def test_holm_multiplies_the_smallest_by_all_the_next_by_one_less():
@@ -34,3 +34,16 @@ def test_an_interval_holds_the_mean_and_narrows_with_more_repetitions(settings):
     assert narrow.upper - narrow.lower < wide.upper - wide.lower
     # The normal interval of 200 values with known deviation.
     assert narrow.upper - narrow.lower == pytest.approx(2 * 1.96 / np.sqrt(200), rel=0.15)
+
+
+def test_a_family_is_first_minus_each_other_with_holm_over_all(settings):
+    first = [3.0, 4.0, 5.0, 6.0, 7.0]
+    others = {"one less": [2.0, 3.0, 4.0, 5.0, 6.0], "two more": [5.0, 6.0, 7.0, 8.0, 9.0]}
+    rows = paired_family(first, others, settings.statistics, np.random.default_rng(0))
+    assert [(row["second"], row["mean_difference"]) for row in rows] == [
+        ("one less", 1.0),
+        ("two more", -2.0),
+    ]
+    assert [row["lower"] for row in rows] == [1.0, -2.0]
+    assert [row["p_value"] for row in rows] == pytest.approx([2 / 2**5] * 2)
+    assert [row["p_holm"] for row in rows] == pytest.approx([4 / 2**5] * 2)

@@ -2,13 +2,16 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import sim
 from experiments.study.experts import EXPERTS, PEOPLE
 from experiments.study.figures.catalogue import FIGURES
 from experiments.study.headline import headline
+from experiments.study.hindsight import dynamics_of_drives, hindsight_tables
 from experiments.study.methods import METHODS
+from experiments.study.results import Results
 from experiments.study.run import redraw, run_study
 from experiments.study.settings import study_settings
 from experiments.study.stages import stages_of
@@ -62,6 +65,9 @@ def test_every_stage_leaves_its_products_from_which_tables_and_figures_are_made(
     assert [row["method"] for row in headline(tables)] == list(METHODS)
     assert {row["expert"] for row in tables["measures"]} == set(EXPERTS)
     assert_every_method_drove_the_same_episodes(tables["measured_episodes"])
+    assert_hindsight_differs_from_the_prediction_by_its_dynamics_alone(
+        Results(settings, folder / "work")
+    )
     for figure in FIGURES:
         for ending in (".csv", ".png", ".svg"):
             assert (folder / f"{figure.stem}{ending}").stat().st_size > 100
@@ -77,6 +83,23 @@ def assert_every_method_drove_the_same_episodes(rows):
             by_method.setdefault(row["method"], []).append((row["seed"], row["episode"]))
     assert set(by_method) == set(METHODS)
     assert len({tuple(each) for each in by_method.values()}) == 1
+
+
+def assert_hindsight_differs_from_the_prediction_by_its_dynamics_alone(results):
+    learned = results.model(PEOPLE, 1, "cloning")["truth"]
+    same = hindsight_tables(results, PEOPLE, "cloning", np.array(learned))
+    predicted = results.arrival_tables(PEOPLE, "cloning").predicted
+    np.testing.assert_allclose(same.predicted[1], predicted[1], atol=1e-12)
+
+    own = dynamics_of_drives(results, PEOPLE, "cloning")
+    np.testing.assert_allclose(own.sum(axis=1), 1.0)
+    periods = sum(row["time_s"] for row in results.measured if is_cloned(row)) / 2.0
+    counted = sum(count for *_, count in results.moves(PEOPLE, "cloning"))
+    assert 0.8 * periods < counted <= np.ceil(periods) + 2
+
+
+def is_cloned(row):
+    return (row["expert"], row["method"]) == (PEOPLE, "cloning")
 
 
 def test_a_folder_without_a_study_is_refused(tmp_path):
