@@ -96,7 +96,9 @@ def _belief_arrival(folder: Path) -> str:
             ]
         )
     header = ["the expert", "the belief is", "mean time", "predicted", "KS"]
-    return table_text([*header, "CRPS in s, minus IRL's", "p", "mean time, minus IRL's", "p"], table)
+    return table_text(
+        [*header, "CRPS in s, minus IRL's", "p", "mean time, minus IRL's", "p"], table
+    )
 
 
 def _scored(found: dict[tuple[str, str], Row], method: str) -> Sequence[str]:

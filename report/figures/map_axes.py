@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PatchCollection
+from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
@@ -15,8 +15,8 @@ from matplotlib.ticker import MultipleLocator
 from report import style
 from report.canvas import new_figure
 from report.layout import HallwayLayout
-from serd_core.arrays import FloatArray
-from serd_core.grid import Grid
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.grid import DIRECTION_VECTORS, Action, Grid
 
 _MARGIN_M = 0.5
 _GAP_IN, _SIDE_IN, _FOOT_IN = 0.3, 0.85, 1.0
@@ -135,31 +135,38 @@ def colour_bar(
     label: str,
     extend: str = "neither",
 ) -> None:
-    """A slim horizontal colour bar under the map."""
+    """A slim horizontal colour bar under the map, or under several."""
+    aspect = 35 if isinstance(axes, Axes) else 35 * min(len(axes), 3)
     bar = figure.colorbar(
-        cells, ax=axes, location="bottom", shrink=0.85, pad=0.02, aspect=35, extend=extend
+        cells, ax=axes, location="bottom", shrink=0.85, pad=0.02, aspect=aspect, extend=extend
     )
     bar.set_label(label)
     bar.outline.set_visible(False)
 
 
 def outline_cells(axes: Axes, grid: Grid, states: Sequence[int], colour: str, gid: str) -> None:
-    """A dashed frame around each of the given states."""
-    side = grid.cell_size_m
-    for x, y in grid.centers_m[list(states)]:
-        axes.add_patch(
-            Rectangle(
-                (x - 0.46 * side, y - 0.46 * side),
-                0.92 * side,
-                0.92 * side,
-                fill=False,
-                edgecolor=colour,
-                linewidth=1.3,
-                linestyle=(0, (2, 1)),
-                zorder=5,
-                gid=gid,
-            )
+    """A dashed line around the given states, one for all that lie side by side."""
+    borders = _borders(grid, np.asarray(states, dtype=np.int64))
+    dashes = (0, (2, 1))
+    axes.add_collection(
+        LineCollection(
+            borders, colors=colour, linewidths=1.3, linestyles=[dashes], zorder=5, gid=gid
         )
+    )
+
+
+def _borders(grid: Grid, states: IntArray) -> FloatArray:
+    """(N, 2, 2) both ends of every side, a little inside, beyond which lies none of the states."""
+    half = 0.46 * grid.cell_size_m
+    sides = []
+    for action in (Action.NORTH, Action.EAST, Action.SOUTH, Action.WEST):
+        beyond = grid.neighbours[states, action]
+        at_border = states[(beyond == states) | ~np.isin(beyond, states)]
+        across = DIRECTION_VECTORS[action]
+        along = 0.5 * grid.cell_size_m * np.array([-across[1], across[0]])
+        middle = grid.centers_m[at_border] + half * across
+        sides.append(np.stack([middle - along, middle + along], axis=1))
+    return np.concatenate(sides)
 
 
 def _frame(axes: Axes, layout: HallwayLayout) -> None:
@@ -195,7 +202,7 @@ def _label_area(axes: Axes, name: str, polygon: FloatArray, colour: str) -> None
         fontweight="bold",
         ha="center",
         va="center",
-        zorder=7,
+        zorder=10,
         parse_math=False,
         bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.0},
     )

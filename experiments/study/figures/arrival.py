@@ -13,9 +13,11 @@ from experiments.study.figures.looks import METHOD_LOOKS
 from experiments.study.results import Results
 from report import style
 from report.canvas import new_figure
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival_bands import clopper_pearson, sampling_band
 
 #: Times of arrival span a decade: a logarithmic axis shows the bulk and the stragglers alike.
+_MARKS = 36
 _FROM_S, _TICKS_S = 35.0, (40, 50, 60, 80, 100, 150, 200, 300, 420)
 
 
@@ -104,14 +106,23 @@ def _compare(axes: Axes, curve: dict[str, np.ndarray]) -> None:
         axes.step(
             curve["time_s"], curve[kind], where="post", color=colour, linestyle=line, label=kind
         )
+    shown = _spread(curve["time_s"])
     axes.plot(
-        curve["time_s"][::2],
-        curve["sampled"][::2],
-        ".",
-        color=style.INK,
-        markersize=2.5,
+        curve["time_s"][shown],
+        curve["sampled"][shown],
+        "o",
+        markerfacecolor="none",
+        markeredgecolor=style.INK,
+        markeredgewidth=0.7,
+        markersize=3.5,
         label="sampled trajectories",
     )
+
+
+def _spread(times_s: FloatArray) -> IntArray:
+    """Indices of times that lie evenly on the axis, as far as there are any."""
+    wanted_s = np.geomspace(_FROM_S, times_s[-1], _MARKS)
+    return np.unique(np.searchsorted(times_s, wanted_s - 1e-9).clip(max=len(times_s) - 1))
 
 
 def _columns(table: list[Row], method: str) -> dict[str, np.ndarray]:

@@ -99,7 +99,10 @@ def _name_hidden(axes: Axes, panel: list[Row]) -> None:
         method = str(row["method"])
         best[method] = max(best.get(method, -np.inf), float(row["median"]))
     lowest = axes.get_ylim()[0]
-    hidden = [f"{method}: at best {value:.2f}" for method, value in best.items() if value < lowest]
+    hidden = [f"{method} (at best {value:.2f})" for method, value in best.items() if value < lowest]
     if hidden:
         text = "below: " + ", ".join(hidden).replace("-", "−")
-        axes.text(0.98, 0.02, text, transform=axes.transAxes, ha="right", fontsize=7.5)
+        box = {"facecolor": style.PAPER, "edgecolor": "none", "pad": 1.5}
+        axes.text(
+            0.98, 0.02, text, transform=axes.transAxes, ha="right", fontsize=7.5, bbox=box, zorder=6
+        )

@@ -5,7 +5,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 from matplotlib import image as mpl_image
-from matplotlib.collections import PatchCollection
+from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 from matplotlib.quiver import Quiver
@@ -106,8 +106,15 @@ def test_policy_arrows_follow_the_greedy_actions_and_traps_are_framed(
     assert set(np.round(arrows.U[1:], 6)) == {0.62}
     (waits,) = [c for c in figure.axes[0].collections if c.get_gid() == "greedy waits"]
     np.testing.assert_allclose(waits.get_offsets(), problem.grid.centers_m[:1])
-    frames = [patch for patch in figure.axes[0].patches if patch.get_gid() == "trap"]
-    assert len(frames) == 2
+    (frame,) = artists(figure, LineCollection, "trap")
+    assert problem.grid.neighbours[0, Action.EAST] == 1
+    # Two cells side by side have eight sides, of which the two between them are not drawn.
+    assert len(frame.get_segments()) == 6
+    ends_m = np.concatenate(frame.get_segments())
+    around_m = np.abs(ends_m - problem.grid.centers_m[:2].mean(axis=0)).max(axis=0)
+    side_m = problem.grid.cell_size_m
+    assert np.all(around_m <= [side_m, 0.5 * side_m])
+    assert np.all(around_m >= [0.9 * side_m, 0.4 * side_m])
     assert "2 trap states" in figure.axes[0].get_title()
 
 
