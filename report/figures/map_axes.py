@@ -146,7 +146,7 @@ def colour_bar(
 
 def outline_cells(axes: Axes, grid: Grid, states: Sequence[int], colour: str, gid: str) -> None:
     """A dashed line around the given states, one for all that lie side by side."""
-    borders = _borders(grid, np.asarray(states, dtype=np.int64))
+    borders = list(_borders(grid, np.asarray(states, dtype=np.int64)))
     dashes = (0, (2, 1))
     axes.add_collection(
         LineCollection(
