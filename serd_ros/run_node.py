@@ -1,24 +1,34 @@
 """Start a node, spin it until it is done or told to stop, and end with an exit code."""
 
+import signal
 import sys
 from collections.abc import Callable
+from types import FrameType
 from typing import Any
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
 
 from serd_core.errors import SerdError
 from serd_ros.serd_node import BAD_INPUT, SerdNode
 from serd_ros.starter import Starter
 
+_STOPPING = (signal.SIGINT, signal.SIGTERM)
+#: How long (s) a signal may wait for an idle node.
+_TURN_S = 0.2
+
 
 def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
     """Exit code: the node's own, 0 when told to stop, 2 when it cannot start or go on."""
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    for number in _STOPPING:
+        signal.signal(number, signal.default_int_handler)
     node: SerdNode[Any] | None = None
     try:
         node = make_node()
+        _finish_when_told(node)
         return _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
@@ -40,17 +50,32 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
             rclpy.try_shutdown()
 
 
+def _finish_when_told(node: SerdNode[Any]) -> None:
+    """End between two callbacks at SIGINT or SIGTERM; at a second one wherever it is.
+
+    rclpy's own handlers close the context at once, and a callback that is about to publish fails.
+    """
+
+    def finish(_: int, __: FrameType | None) -> None:
+        for number in _STOPPING:
+            signal.signal(number, signal.default_int_handler)
+        node.finish()
+
+    for number in _STOPPING:
+        signal.signal(number, finish)
+
+
 def _spin(node: SerdNode[Any]) -> int:
     """Spin with the events executor, the fastest here.
 
-    Its `spin` keeps a core busy in these wheels; waiting for a future, second by second, does not.
+    Its `spin` keeps a core busy in these wheels; waiting for a future, turn by turn, does not.
     """
     executor = EventsExecutor()
     executor.add_node(node)
     starter = Starter()
     try:
         while rclpy.ok() and not node.finished.done():
-            executor.spin_until_future_complete(node.finished, timeout_sec=1.0)
+            executor.spin_until_future_complete(node.finished, timeout_sec=_TURN_S)
             if starter.gone:
                 node.fail("the command that started it was killed; start it again")
     finally:

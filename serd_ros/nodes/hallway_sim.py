@@ -39,6 +39,10 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         self.create_subscription(PolygonStamped, topics.GOAL_AREA, self._on_goal, qos.LATCHED)
         if not self.config.lockstep:
             self._begin_episode()
+            self.get_logger().info(
+                f"{scenario.name} with {scenario.pedestrians.count} people, seed "
+                f"{self.config.seed}: the robot listens to {topics.CMD_VEL}"
+            )
 
     def close(self) -> None:
         """Give PyBullet's world back."""

@@ -66,6 +66,21 @@ def test_serd_run_becomes_the_node_and_passes_signals_and_exit_code_on(ros_env, 
 
 
 @pytest.mark.ros
+def test_a_stack_told_to_stop_in_full_lock_step_ends_without_a_complaint(ros_env, tmp_path):
+    output = f"output:={tmp_path / 'bag'}"
+    command = [SERD, "launch", "demonstrate", output]
+    with subprocess.Popen(command, env=ros_env, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        said = [process.stderr.readline()]
+        process.send_signal(signal.SIGINT)
+        said += process.stderr.readlines()
+    assert process.returncode == 130
+    assert "episode 1 of 20: arrived" in said[0]
+    assert "messages in" in said[-1]
+    assert not [line for line in said if "Traceback" in line or "[FATAL]" in line or "File" in line]
+
+
+@pytest.mark.ros
 def test_a_failing_node_ends_the_stack_with_its_error(ros_env, tmp_path):
     occupied = tmp_path / "bag"
     occupied.mkdir()
