@@ -5,6 +5,7 @@ fewer than a number of people were seen, or where they do not walk in one direct
 |sum v| / sum |v| is 1 when all walk the same way and 0 when they cancel.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,14 +13,16 @@ import numpy as np
 
 from bags.errors import BagError
 from bags.point_cloud import point_cloud
-from bags.reader import BagReader, topic_named
+from bags.reader import BagReader, topic_named, topics_named
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.directions import action_of_direction
 from serd_core.grid import Grid
 from serd_core.navigation import NO_FLOW
 
 PEDESTRIANS = "pedestrians"
-_FIELDS = ("x", "y", "vx", "vy")
+_CLOUD = "sensor_msgs/msg/PointCloud2"
+_PAIRS = (("x", "y"), ("vx", "vy"))
+_FIELDS = _PAIRS[0] + _PAIRS[1]
 
 
 @dataclass(frozen=True)
@@ -71,20 +74,42 @@ class FlowEstimator:
         return FlowField(flow, mean, order, self._count.copy())
 
 
-def flow_from_bag(
-    path: str | Path, grid: Grid, *, topic: str = PEDESTRIANS, rule: FlowRule | None = None
-) -> FlowField:
-    """The flow of the people on a PointCloud2 topic with the fields x, y, vx, vy."""
-    reader = BagReader(path)
+def flow_from_bags(
+    paths: Sequence[str | Path],
+    grid: Grid,
+    *,
+    topic: str = PEDESTRIANS,
+    rule: FlowRule | None = None,
+    tolerant: bool = False,
+) -> FlowField | None:
+    """The flow of the people in all bags that hold the topic; None where none of them does.
+
+    topic: a PointCloud2 with the fields x, y, vx, vy in the frame of the grid. tolerant: use what
+    broken bags still hold.
+    """
     estimator = FlowEstimator(grid)
-    n_clouds = 0
-    for message in reader.messages([topic_named(reader.topics, topic)]):
-        fields = point_cloud(message.data, _FIELDS).fields
-        estimator.add(
-            np.stack([fields["x"], fields["y"]], axis=1),
-            np.stack([fields["vx"], fields["vy"]], axis=1),
+    n_clouds = sum(_add_bag(estimator, path, topic, tolerant) for path in paths)
+    return estimator.field(rule) if n_clouds else None
+
+
+def _add_bag(estimator: FlowEstimator, path: str | Path, topic: str, tolerant: bool) -> int:
+    """How many clouds there were."""
+    reader = BagReader(path, tolerant=tolerant)
+    named = topics_named(reader.topics, topic)
+    if not named:
+        return 0
+    name = topic_named(reader.topics, topic)
+    if reader.topics[name].type_name != _CLOUD:
+        raise BagError(
+            f"bag {path}: people on {name} must be of type {_CLOUD}, got"
+            f" {reader.topics[name].type_name}; name the topic of people in the mapping"
         )
+    n_clouds = 0
+    for message in reader.messages([name]):
+        fields = point_cloud(message.data, _FIELDS).fields
+        position_m, velocity_mps = (
+            np.stack([fields[each] for each in pair], axis=1) for pair in _PAIRS
+        )
+        estimator.add(position_m, velocity_mps)
         n_clouds += 1
-    if not n_clouds:
-        raise BagError(f"bag {path} must hold people on {topic}, got no message; record it too")
-    return estimator.field(rule)
+    return n_clouds

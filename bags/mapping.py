@@ -14,6 +14,7 @@ class BagMapping(StrictModel):
     action_from, action_topic: `intent` (Vector3Stamped), `velocity` (Twist or TwistStamped) or
     `waypoint` (PoseStamped).
     episode_topic: marks as our recorder writes them; empty: every stretch without a gap is one.
+    people_topic: PointCloud2 with x, y, vx, vy in the frame of the grid, where there is one.
     """
 
     pose_topic: str = "robot_pose"
@@ -21,6 +22,7 @@ class BagMapping(StrictModel):
     action_from: Literal["intent", "velocity", "waypoint"] = "intent"
     action_topic: str = "intent"
     episode_topic: str = ""
+    people_topic: str = "pedestrians"
     hold_s: float = Field(default=0.5, gt=0)
     minimum_speed_mps: float = Field(default=0.05, ge=0)
     waypoint_reached_m: float = Field(default=0.25, ge=0)

@@ -100,15 +100,20 @@ class BagReader:
 
 def topic_named(topics: Collection[str], name: str) -> str:
     """The topic of that name in any namespace; BagError where there is none or more than one."""
-    if name in topics:
-        return name
-    found = [topic for topic in topics if topic.rsplit("/", 1)[-1] == name.lstrip("/")]
+    found = topics_named(topics, name)
     if len(found) == 1:
         return found[0]
     known = ", ".join(sorted(found or topics)) or "nothing"
     if found:
         raise BagError(f"topic {name!r} must be one topic, the bag holds {known}; name it in full")
     raise BagError(f"bag must hold the topic {name!r}, it holds {known}; record it too")
+
+
+def topics_named(topics: Collection[str], name: str) -> list[str]:
+    """The topic itself where it is there, else all of that name in some namespace."""
+    if name in topics:
+        return [name]
+    return [topic for topic in topics if topic.rsplit("/", 1)[-1] == name.lstrip("/")]
 
 
 def _definitions(file: Path) -> Definitions:

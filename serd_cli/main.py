@@ -19,6 +19,7 @@ COMMANDS = (
     "experiment",
     "bag",
     "demos",
+    "learn",
     "scenario",
     "crowd",
     "episode",

@@ -9,36 +9,65 @@ import numpy as np
 
 from bags.discretise import LONGEST_GAP_S, DiscretisationReport, decisions_from_drive
 from bags.fitted_grid import grid_around
+from bags.flow_field import FlowField
+from bags.goal_entry import goal_entries_s
 from bags.joined_decisions import joined_decisions
 from bags.mapped_drive import read_mapped_drive
 from bags.mapping import BagMapping
 from bags.recorded_drive import DISCARDED, RecordedDrive, read_drive
 from report.canvas import png_bytes
 from report.figures.fitted_visitation import draw_fitted_visitation
+from report.figures.flow_map import draw_flow_map
 from report.figures.visitation import draw_visitation
 from report.layout import layout_of
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations import Decisions, state_counts
 from serd_core.grid import Grid
 from sim.scenario import Scenario
+from sim.scenario_grid import flow_of
 from storage.atomic import atomic_write_bytes
 from storage.decision_table import save_decisions
+from storage.demonstration_record import BagRecord, DemonstrationRecord, save_record
+from storage.flow_table import save_flow
 from storage.grid_file import save_grid
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedDemonstrations:
-    """What one bag gives; tracks_m: (T, 2) robot positions of each episode that counts."""
+    """What one bag gives; tracks_m: (T, 2) robot positions of each episode that counts.
+
+    goal_entry_s: see `storage.model_file.ModelFile`.
+    """
 
     bag: Path
     decisions: Decisions
     report: DiscretisationReport
     tracks_m: tuple[FloatArray, ...]
+    goal_entry_s: tuple[float, ...]
 
     def values(self) -> dict[str, Any]:
         """The counts, as plain values."""
         counts = asdict(self.report)
         return {"bag": str(self.bag), **counts, "n_intents": self.report.n_intents}
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """The grid decisions are cut on; scenario: None where it was fitted."""
+
+    grid: Grid
+    period_s: float
+    scenario: Scenario | None = None
+
+    @property
+    def name(self) -> str:
+        """Of the scenario, empty where there is none."""
+        return self.scenario.name if self.scenario else ""
+
+    @property
+    def flow(self) -> IntArray | None:
+        """(S,) the scenario's own."""
+        return flow_of(self.scenario, self.grid) if self.scenario else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +94,10 @@ def demonstrations_of(recording: Recording, grid: Grid, period_s: float) -> Reco
     decisions, report = decisions_from_drive(
         drive, grid, period_s, longest_gap_s=recording.longest_gap_s
     )
-    return RecordedDemonstrations(recording.bag, decisions, report, tracks_of(drive))
+    entry_s = goal_entries_s(drive.episodes, decisions, period_s)
+    return RecordedDemonstrations(
+        recording.bag, decisions, report, tracks_of(drive), tuple(entry_s.tolist())
+    )
 
 
 def fitted_grid(recordings: Sequence[Recording], cell_size_m: float) -> Grid:
@@ -85,25 +117,68 @@ def tracks_of(drive: RecordedDrive) -> tuple[FloatArray, ...]:
 
 
 def save_demonstrations(
-    output: Path, scenario: Scenario | None, grid: Grid, found: Sequence[RecordedDemonstrations]
+    output: Path,
+    place: Place,
+    found: Sequence[RecordedDemonstrations],
+    flow: FlowField | None,
 ) -> dict[str, Path]:
-    """Write the table, the grid and the picture side by side; their paths by what they are.
-
-    scenario: None where the grid was fitted.
-    """
+    """Write table, grid, record and pictures side by side; their paths by what they are."""
     decisions = joined_decisions([each.decisions for each in found])
-    files = {
-        "decisions": output,
-        "grid": output.with_suffix(".grid.yaml"),
-        "picture": output.with_suffix(".png"),
-    }
+    files = files_beside(output)
     tracks = [track for each in found for track in each.tracks_m]
-    visits = state_counts(decisions, grid.n_states)
+    visits = state_counts(decisions, place.grid.n_states)
     save_decisions(files["decisions"], decisions)
-    save_grid(files["grid"], grid, scenario.name if scenario else "")
-    if scenario is None:
-        figure = draw_fitted_visitation(grid, visits, tracks)
+    save_grid(files["grid"], place.grid, place.name)
+    save_record(files["record"], _record(place, found))
+    if place.scenario is None:
+        figure = draw_fitted_visitation(place.grid, visits, tracks)
     else:
-        figure = draw_visitation(layout_of(scenario), grid, visits, tracks)
+        figure = draw_visitation(layout_of(place.scenario), place.grid, visits, tracks)
     atomic_write_bytes(files["picture"], png_bytes(figure))
+    if flow is None:  # that of other recordings must not stay beside this table
+        for name in ("flow", "flow picture"):
+            files.pop(name).unlink(missing_ok=True)
+    else:
+        _save_flow(files, place, flow)
     return files
+
+
+def files_beside(table: Path) -> dict[str, Path]:
+    """Where everything is that belongs to a table of decisions, by what it is."""
+    return {
+        "decisions": table,
+        "grid": table.with_suffix(".grid.yaml"),
+        "record": table.with_suffix(".yaml"),
+        "picture": table.with_suffix(".png"),
+        "flow": table.with_suffix(".flow.csv"),
+        "flow picture": table.with_suffix(".flow.png"),
+    }
+
+
+def _record(place: Place, found: Sequence[RecordedDemonstrations]) -> DemonstrationRecord:
+    return DemonstrationRecord(
+        scenario=place.name,
+        grid_fingerprint=place.grid.fingerprint(),
+        decision_period_s=place.period_s,
+        goal_entry_s=tuple(entry_s for each in found for entry_s in each.goal_entry_s),
+        bags=tuple(BagRecord(bag=str(each.bag), **asdict(each.report)) for each in found),
+    )
+
+
+def _save_flow(files: dict[str, Path], place: Place, found: FlowField) -> None:
+    save_flow(
+        files["flow"],
+        place.grid,
+        flow=found.flow,
+        order=found.order,
+        count=found.count,
+        mean_velocity_mps=found.mean_velocity_mps,
+    )
+    figure = draw_flow_map(
+        place.grid,
+        found.flow,
+        found.order,
+        layout=layout_of(place.scenario) if place.scenario else None,
+        scenario_flow=place.flow,
+    )
+    atomic_write_bytes(files["flow picture"], png_bytes(figure))

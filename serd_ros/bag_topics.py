@@ -21,6 +21,16 @@ def bag_qos(profile: QoSProfile) -> QosProfile:
     )
 
 
+def recording_qos(profile: QoSProfile) -> QoSProfile:
+    """What a recorder asks for: as offered, but deep enough to lag behind for a while."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=max(profile.depth, STATE_DEPTH),
+        reliability=profile.reliability,
+        durability=profile.durability,
+    )
+
+
 def replay_qos(recorded: QosProfile) -> QoSProfile:
     """What a replay offers: as recorded, but deep enough for bursts of reliable messages."""
     reliable = recorded.reliability == "reliable"

@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from serd_ros.lesson_settings import LessonSettings
 from storage.yaml_config import StrictModel
 from teleop.mode import Mode
 
@@ -141,7 +142,7 @@ class BagReplayConfig(StrictModel):
     exit_when_done: bool
 
 
-class LearnerConfig(StrictModel):
+class LearnerConfig(LessonSettings):
     """See nodes.yaml for what each parameter means."""
 
     scenario: str = Field(min_length=1)
@@ -150,12 +151,7 @@ class LearnerConfig(StrictModel):
     state: str
     output: str = Field(min_length=1)
     decisions: str
-    minimum_decisions: int = Field(ge=1)
-    seed: int = Field(ge=0)
-    discount: float = Field(ge=0, lt=1)
-    prior_weight: float = Field(ge=0)
-    pseudo_count: float = Field(gt=0)
-    starts: int = Field(ge=1)
+    flow: str
     exit_when_done: bool
 
 

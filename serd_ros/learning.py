@@ -14,10 +14,11 @@ from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.serd import initial_weights_or_sample
 from serd_core.navigation import NavigationProblem
 from serd_core.priors.divergence import KldPrior
-from serd_ros.configs import LearnerConfig
 from serd_ros.errors import NodeError
+from serd_ros.lesson_settings import LessonSettings
 from sim.scenario import Scenario
-from sim.scenario_grid import navigation_problem_of
+from sim.scenario_grid import grid_of, navigation_problem_of
+from storage.flow_table import load_flow
 from storage.model_file import ModelFile, model_of_fit
 
 Told = Callable[[int, Step], None]
@@ -37,69 +38,94 @@ class Lesson:
         return "step,objective\n" + "".join(f"{step},{value!r}\n" for step, value in rows)
 
 
+@dataclass(frozen=True)
+class LearningTask:
+    """Where demonstrations were made; scenario: its name, empty where the grid was fitted.
+
+    own_flow: whether the flow of people is another than the scenario's.
+    """
+
+    problem: NavigationProblem
+    scenario: str
+    decision_period_s: float
+    own_flow: bool = False
+
+
+def task_in(scenario: Scenario, discount: float, flow_table: str = "") -> LearningTask:
+    """Learning in a scenario; flow_table: file of a recorded flow, empty for the scenario's own."""
+    flow = load_flow(flow_table, grid_of(scenario)) if flow_table else None
+    return LearningTask(
+        problem=navigation_problem_of(scenario, discount, flow=flow),
+        scenario=scenario.name,
+        decision_period_s=scenario.decision_period_s,
+        own_flow=flow is not None,
+    )
+
+
 def learn(
-    scenario: Scenario,
+    task: LearningTask,
     demonstrations: Demonstrations,
-    config: LearnerConfig,
+    settings: LessonSettings,
     on_step: Told,
     warm_weights: FloatArray | None = None,
 ) -> Lesson:
     """Fit MDCE SERD with tied belief and keep the likeliest of all starts.
 
     on_step: called with the start's number (from 0) and the step just taken. warm_weights: (F,)
-    the one start there is, in place of `config.starts` random ones. SerdError where there are
-    too few decisions or they cannot be of this scenario.
+    the one start there is, in place of `settings.starts` random ones. SerdError where there are
+    too few decisions or they cannot be of this place.
     """
-    decisions = demonstrations.decisions
-    if len(decisions) < config.minimum_decisions:
+    decisions, problem = demonstrations.decisions, task.problem
+    if len(decisions) < settings.minimum_decisions:
         raise NodeError(
-            f"at least minimum_decisions = {config.minimum_decisions} decisions are needed to "
+            f"at least minimum_decisions = {settings.minimum_decisions} decisions are needed to "
             f"learn, got {len(decisions)}; demonstrate more"
         )
-    problem = navigation_problem_of(scenario, config.discount)
-    initial = estimate_dynamics(problem, decisions, pseudo_count=config.pseudo_count)
+    initial = estimate_dynamics(problem, decisions, pseudo_count=settings.pseudo_count)
     fits = [
         fit_mdce_serd(
             problem,
             decisions,
             initial_weights=weights,
             initial_dynamics=initial,
-            prior=KldPrior(weight=config.prior_weight),
+            prior=prior_of(settings),
             on_step=lambda step, start=start: on_step(start, step),  # type: ignore[misc]
         )
-        for start, weights in enumerate(_starts(problem, config, warm_weights))
+        for start, weights in enumerate(_starts(problem, settings, warm_weights))
     ]
     best = max(fits, key=lambda fit: fit.objective)
     return Lesson(
         fit=best,
-        model=_model(scenario, problem, demonstrations, config, best),
+        model=_model(task, demonstrations, settings, best),
         objectives=tuple(fit.objective for fit in fits),
     )
 
 
 def _starts(
-    problem: NavigationProblem, config: LearnerConfig, warm_weights: FloatArray | None
+    problem: NavigationProblem, settings: LessonSettings, warm_weights: FloatArray | None
 ) -> list[FloatArray]:
     if warm_weights is not None:
         return [warm_weights]
-    generators = np.random.default_rng(config.seed).spawn(config.starts)
+    generators = np.random.default_rng(settings.seed).spawn(settings.starts)
     return [initial_weights_or_sample(problem, None, rng) for rng in generators]
 
 
+def prior_of(settings: LessonSettings) -> KldPrior:
+    """The divergence to the M-estimate (4.91)."""
+    return KldPrior(weight=settings.prior_weight)
+
+
 def _model(
-    scenario: Scenario,
-    problem: NavigationProblem,
-    demonstrations: Demonstrations,
-    config: LearnerConfig,
-    fit: FitResult,
+    task: LearningTask, demonstrations: Demonstrations, settings: LessonSettings, fit: FitResult
 ) -> ModelFile:
     return model_of_fit(
         fit,
-        problem,
-        scenario=scenario.name,
+        task.problem,
+        scenario=task.scenario,
         method="MDCE SERD, belief and truth tied",
-        prior=f"KLD to the M-estimate, weight {config.prior_weight:g}",
-        decision_period_s=scenario.decision_period_s,
+        prior=f"KLD to the M-estimate, weight {settings.prior_weight:g}",
+        decision_period_s=task.decision_period_s,
         n_episodes=len(demonstrations.decisions.episodes),
         goal_entry_s=demonstrations.goal_entry_s,
+        own_flow=task.own_flow,
     )

@@ -2,16 +2,14 @@
 
 from pathlib import Path
 
-from serd_ros.learning import Lesson
-from sim.scenario import Scenario
-from sim.scenario_grid import grid_of
+from serd_ros.learning import LearningTask, Lesson
 from storage.atomic import atomic_write_text
 from storage.grid_file import save_grid
 from storage.model_file import save_model
 
 
-def save_lesson(output: Path, lesson: Lesson, scenario: Scenario) -> None:
+def save_lesson(output: Path, lesson: Lesson, task: LearningTask) -> None:
     """Write the model to `output`, `grid.yaml` and `learning.csv` beside it."""
-    save_grid(output.with_name("grid.yaml"), grid_of(scenario), scenario.name)
+    save_grid(output.with_name("grid.yaml"), task.problem.grid, task.scenario)
     atomic_write_text(output.with_name("learning.csv"), lesson.trace_table())
     save_model(output, lesson.model)

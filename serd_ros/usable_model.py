@@ -40,12 +40,14 @@ def usable_model(
     when it was read before; it is read now when None.
     """
     model = load_model(path) if model is None else model
-    transferred = model.grid.fingerprint != grid_of(scenario).fingerprint()
+    grid = grid_of(scenario)
+    transferred = model.grid.fingerprint != grid.fingerprint()
     if transferred and not transfer:
-        require_grid(path, model, grid_of(scenario))
+        require_grid(path, model, grid)
     _require_same_scale(path, model, scenario)
+    flow = None if transferred else model.flow_on(path, grid)
     try:
-        problem = navigation_problem_of(scenario, model.discount, model.feature_names)
+        problem = navigation_problem_of(scenario, model.discount, model.feature_names, flow)
     except SerdError as error:
         raise FileError(f"{path}: {error}; learn the model again") from None
     return UsableModel(model, problem, _probabilities(path, model, problem), transferred)

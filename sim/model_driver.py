@@ -12,8 +12,10 @@ MODEL_SUFFIXES = (".yaml", ".yml")
 
 def model_driver(path: str, scenario: Scenario, seed: int) -> PolicyDriver:
     """Drives by the optimal policy of a model; FileError where it is for another grid."""
-    model = load_model(path, expected_grid=grid_of(scenario))
-    problem = navigation_problem_of(scenario, model.discount, model.feature_names)
+    grid = grid_of(scenario)
+    model = load_model(path, expected_grid=grid)
+    flow = model.flow_on(path, grid)
+    problem = navigation_problem_of(scenario, model.discount, model.feature_names, flow)
     names = tuple(each.name for each in model.outcome_models)
     if names != tuple(problem.model_names):
         raise SimError(

@@ -49,13 +49,19 @@ def wall_distance_of(scenario: Scenario, grid: Grid) -> FloatArray:
 
 
 def navigation_problem_of(
-    scenario: Scenario, discount: float, features: Sequence[str] = FEATURE_NAMES
+    scenario: Scenario,
+    discount: float,
+    features: Sequence[str] = FEATURE_NAMES,
+    flow: IntArray | None = None,
 ) -> NavigationProblem:
-    """The decision problem of section 5.1 on this scenario's grid."""
+    """The decision problem of section 5.1 on this scenario's grid.
+
+    flow: (S,) as recorded, in place of the one that the scenario's loops make.
+    """
     grid = grid_of(scenario)
     return build_navigation_problem(
         grid=grid,
-        flow=flow_of(scenario, grid),
+        flow=flow_of(scenario, grid) if flow is None else flow,
         goal_states=goal_states_of(scenario, grid),
         wall_distance_m=wall_distance_of(scenario, grid),
         discount=discount,

@@ -10,12 +10,13 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.fit_result import FitResult
 from serd_core.grid import Grid, Outcome
 from serd_core.navigation import NavigationProblem
 from storage.atomic import atomic_write_text
 from storage.errors import FileError
+from storage.flow_picture import flow_of_picture, flow_picture
 from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
 
 _SUM_TOLERANCE = 1e-6
@@ -74,6 +75,8 @@ class FitRecord(StrictModel):
 class ModelFile(StrictModel):
     """Everything the strategy needs from a fit, and everything a person wants to know of it.
 
+    flow: picture of the direction people walk in per cell, as `storage.flow_picture` has it; none
+    where it is that of the scenario.
     goal_entry_s: how long after the beginning of its last decision period each demonstration was in
     the goal area; none where that was not recorded.
     """
@@ -91,6 +94,7 @@ class ModelFile(StrictModel):
     outcome_names: tuple[str, ...]
     outcome_models: tuple[OutcomeModel, ...] = Field(min_length=1)
     grid: GridSummary
+    flow: tuple[str, ...] = ()
     goal_entry_s: tuple[Annotated[float, Field(gt=0)], ...] = ()
     fit: FitRecord
 
@@ -100,6 +104,18 @@ class ModelFile(StrictModel):
             for kind in ("learned", "believed", "initial"):
                 _require_distribution(f"{model.name}.{kind}", getattr(model, kind), self)
         return self
+
+    def flow_on(self, path: str | Path, grid: Grid) -> IntArray | None:
+        """(S,) its own flow on the grid it is for; None where that is the scenario's."""
+        if not self.flow:
+            return None
+        flow = flow_of_picture(self.flow, grid)
+        if flow is None:
+            raise FileError(
+                f"{path}: flow must be a picture of its grid in ^ > v < . and #, got"
+                f" {self.flow[0]!r} as the northernmost row; learn the model again"
+            )
+        return flow
 
     @property
     def feature_names(self) -> tuple[str, ...]:
@@ -137,8 +153,12 @@ def model_of_fit(
     decision_period_s: float,
     n_episodes: int,
     goal_entry_s: Sequence[float] = (),
+    own_flow: bool = False,
 ) -> ModelFile:
-    """The fit of a navigation problem as the record that is kept."""
+    """The fit of a navigation problem as the record that is kept.
+
+    own_flow: whether the problem's flow is kept as well, because it is not the scenario's.
+    """
     tables = (
         fit.outcome_probabilities,
         fit.believed_outcome_probabilities,
@@ -161,6 +181,7 @@ def model_of_fit(
             for name, learned, believed, initial in rows
         ),
         grid=GridSummary.of(problem.grid),
+        flow=flow_picture(problem.grid, problem.flow) if own_flow else (),
         goal_entry_s=tuple(float(entry_s) for entry_s in goal_entry_s),
         fit=FitRecord(n_episodes=n_episodes, **values),
     )

@@ -10,11 +10,14 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from bags.flow_field import PEDESTRIANS, flow_from_bags
 from bags.mapping import BagMapping
 from report.wording import counted
 from serd_cli.errors import UsageError
+from serd_cli.flow_words import flow_in_words, flow_values
 from serd_cli.json_output import print_json
 from serd_cli.recorded_demonstrations import (
+    Place,
     RecordedDemonstrations,
     demonstrations_of,
     fitted_grid,
@@ -67,27 +70,35 @@ def demos(
     Beside it are written decisions.grid.yaml, whose cells are the states,
     and decisions.png, the tracks on it. All that is dropped is counted.
 
+    Where people were recorded, decisions.flow.csv and .flow.png say which
+    way they walk in each cell. 'serd learn decisions.csv' learns from it.
+
     A place without a scenario: --cell-size-m 0.5 in place of --scenario.
     """
     _require_usable(output, mapping, tolerant)
     _require_place(scenario, cell_size_m, period_s)
-    place = load_scenario(scenario) if scenario else None
-    period = place.decision_period_s if place else (period_s or _USUAL_PERIOD_S)
+    known = load_scenario(scenario) if scenario else None
+    period = known.decision_period_s if known else (period_s or _USUAL_PERIOD_S)
     chosen = load_yaml_model(mapping, BagMapping) if mapping else None
     recordings = [read_recording(bag, period, mapping=chosen, tolerant=tolerant) for bag in bags]
-    grid = grid_of(place) if place else fitted_grid(recordings, cell_size_m or 0.0)
+    grid = grid_of(known) if known else fitted_grid(recordings, cell_size_m or 0.0)
     found = [demonstrations_of(recording, grid, period) for recording in recordings]
     if not any(len(each.decisions) for each in found):
         counts = "; ".join(f"{each.bag}: {each.report}" for each in found)
         raise UsageError(f"there is no decision to learn from in {counts}; is it this scenario?")
-    files = save_demonstrations(output, place, grid, found)
+    people = chosen.people_topic if chosen else PEDESTRIANS
+    flow = flow_from_bags(bags, grid, topic=people, tolerant=tolerant)
+    place = Place(grid, period, known)
+    files = save_demonstrations(output, place, found, flow)
     if as_json:
         written = {name: str(path.resolve()) for name, path in files.items()}
-        print_json({"bags": [each.values() for each in found], "files": written})
+        bags_found = [each.values() for each in found]
+        print_json({"bags": bags_found, "flow": flow_values(flow, place.flow), "files": written})
         return
     console.print(_table(found))
     for line in _reasons(found):
         console.print(line, style="yellow", soft_wrap=True)
+    console.print(flow_in_words(flow, place.flow), soft_wrap=True)
     for name, path in files.items():
         console.print(f"{name}: {path.resolve()}", markup=False, soft_wrap=True)
 

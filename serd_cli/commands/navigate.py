@@ -9,6 +9,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from report.canvas import png_bytes
+from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
 from serd_cli.navigate.comparison import compare, comparison_figure, comparison_table, remarks
 from serd_cli.navigate.in_process import drive_in_process
@@ -107,6 +108,11 @@ def navigate(
 
 def _scenario_of(given: str, model: Path) -> str:
     name = given or load_model(model).scenario
+    if not name:
+        raise UsageError(
+            f"--scenario must be given, {model} was learned on a fitted grid; with --transfer it"
+            " drives where cells and decision periods are of the same size"
+        )
     return str(Path(name).resolve()) if Path(name).is_file() else name
 
 

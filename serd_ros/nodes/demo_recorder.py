@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 from bags.recorder import BagRecorder, RecorderSettings
 from bags.stamp import message_stamp_ns
 from serd_ros import topics
-from serd_ros.bag_topics import bag_qos
+from serd_ros.bag_topics import bag_qos, recording_qos
 from serd_ros.configs import DemoRecorderConfig
 from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.run_node import run_node
@@ -55,7 +55,11 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         name = self.resolve_topic_name(topic)
         self._kinds[name] = kind
         self.create_subscription(
-            kind.message, topic, lambda data: self._take(name, kind, data), kind.qos, raw=True
+            kind.message,
+            topic,
+            lambda data: self._take(name, kind, data),
+            recording_qos(kind.qos),
+            raw=True,
         )
 
     def _take(self, name: str, kind: TopicType, data: bytes) -> None:

@@ -16,14 +16,14 @@ from serd_ros import qos, topics
 from serd_ros.configs import LearnerConfig
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.learner_memory import LearnerMemory
-from serd_ros.learning import Lesson, learn
+from serd_ros.learning import Lesson, learn, task_in
 from serd_ros.lesson_files import save_lesson
 from serd_ros.lesson_words import lesson_in_words, lesson_values
 from serd_ros.lesson_worker import LessonWorker, Progress
 from serd_ros.run_node import run_node
 from serd_ros.serd_node import SerdNode
 from serd_ros.topic_types import topic_type
-from sim.scenario import Scenario, load_scenario
+from sim.scenario import load_scenario
 from sim.scenario_grid import grid_of
 from storage.decision_table import save_decisions
 from storage.yaml_config import model_yaml
@@ -41,6 +41,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
     def __init__(self) -> None:
         super().__init__("learner", LearnerConfig)
         self._scenario = load_scenario(self.config.scenario)
+        self._task = task_in(self._scenario, self.config.discount, self.config.flow)
         self._worker, self._memory = LessonWorker(), None if self.config.bag else self._listen()
         self._again = self._begin_anew = False
         self._begun_s = 0.0
@@ -130,17 +131,15 @@ class LearnerNode(SerdNode[LearnerConfig]):
         self._begun_s = self.wall_s()
         memory = self._memory
         if memory is None:
-            self._worker.begin(lambda told: learn(*self._read(), told))
+            self._worker.begin(lambda told: learn(self._task, self._read(), self.config, told))
             return
         demonstrations, warm = memory.demonstrations, None if anew else memory.warm_weights
         if demonstrations is None:
             self._refuse("no episode has ended yet; demonstrate, then call again")
             return
-        self._worker.begin(
-            lambda told: learn(self._scenario, demonstrations, self.config, told, warm)
-        )
+        self._worker.begin(lambda told: learn(self._task, demonstrations, self.config, told, warm))
 
-    def _read(self) -> tuple[Scenario, Demonstrations, LearnerConfig]:
+    def _read(self) -> Demonstrations:
         demonstrations, report = demonstrations_of_bag(
             self.config.bag, grid_of(self._scenario), self._scenario.decision_period_s
         )
@@ -148,7 +147,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
         self.get_logger().info(f"{len(decisions)} decisions from {self.config.bag}: {report}")
         if self.config.decisions:
             save_decisions(self.config.decisions, decisions)
-        return self._scenario, demonstrations, self.config
+        return demonstrations
 
     def _show(self, progress: Progress) -> None:
         step = progress.step
@@ -170,7 +169,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
         )
 
     def _conclude(self, lesson: Lesson) -> None:
-        save_lesson(Path(self.config.output), lesson, self._scenario)
+        save_lesson(Path(self.config.output), lesson, self._task)
         self._models.publish(String(data=model_yaml(lesson.model)))
         if self._memory is not None:
             self._memory.note_learned(lesson.fit.reward_weights, lesson.fit.n_decisions)

@@ -48,7 +48,7 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         self._ready = False
         self._stamped = self.config.stamped_cmd_vel or self.config.lockstep
         kind = TwistStamped if self._stamped else Twist
-        self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.COMMAND)
+        self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.STATE)
         subscribe_observations(self, self._scenario.control_period_s, self._on_observation)
         self.create_subscription(Vector3Stamped, topics.INTENT, self._on_intent, qos.COMMAND)
         self.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)

@@ -43,7 +43,7 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
         self.create_subscription(Bool, topics.E_STOP, self._on_e_stop, qos.COMMAND)
         self.create_service(SetBool, topics.SET_E_STOP, self._on_set_e_stop)
         kind = TwistStamped if config.stamped_cmd_vel else Twist
-        self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.COMMAND)
+        self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.STATE)
         self.create_timer(1.0 / config.rate_hz, self._step, clock=self.wall_clock)
 
     def _take(self, name: str, message: Twist | TwistStamped) -> None:

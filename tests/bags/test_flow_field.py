@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bags.errors import BagError
-from bags.flow_field import FlowEstimator, FlowRule, flow_from_bag
+from bags.flow_field import FlowEstimator, FlowRule, flow_from_bags
 from bags.point_cloud import point_cloud
 from bags.writer import BagWriter
 from serd_core.grid import Action, Grid
@@ -75,13 +75,33 @@ def test_strays_and_strange_numbers_are_left_out():
     assert estimator.field().count.sum() == 0
 
 
-def test_the_flow_is_read_from_a_bag(tmp_path, messages):
+@pytest.fixture
+def people_bag(tmp_path, messages):
+    """Makes a bag of two people who walk on the spot, seen 15 times."""
+
+    def make(name, topic="/pedestrians"):
+        with BagWriter(tmp_path / name) as writer:
+            writer.add_topic(topic, CLOUD)
+            for number in range(15):
+                rows = [[0.5, 0.5, 0, -1, 0], [3.5, 0.5, 0, 0, 1]]
+                writer.write(topic, cloud(messages, rows), number)
+        return tmp_path / name
+
+    return make
+
+
+def test_the_flow_is_added_up_over_all_bags_that_hold_people(people_bag):
+    one, two, other = people_bag("one"), people_bag("two"), people_bag("other", "/crowd")
+    assert flow_from_bags([one], GRID).flow.tolist() == [-1] * 4  # too few sightings
+    found = flow_from_bags([one, other, two], GRID)
+    assert found.flow.tolist() == [Action.WEST, -1, -1, Action.NORTH]
+    assert found.count.tolist() == [30, 0, 0, 30]
+    assert flow_from_bags([other], GRID) is None
+    assert flow_from_bags([other], GRID, topic="crowd").count.sum() == 30
+
+
+def test_people_of_another_message_type_are_refused(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic("/pedestrians", CLOUD)
-        for number in range(30):
-            rows = [[0.5, 0.5, 0, -1, 0], [3.5, 0.5, 0, 0, 1]]
-            writer.write("/pedestrians", cloud(messages, rows), number)
-    flow = flow_from_bag(tmp_path / "bag", GRID).flow
-    assert flow.tolist() == [Action.WEST, -1, -1, Action.NORTH]
-    with pytest.raises(BagError, match="must hold the topic 'people'"):
-        flow_from_bag(tmp_path / "bag", GRID, topic="people")
+        writer.add_topic("/pedestrians", "geometry_msgs/msg/Twist")
+    with pytest.raises(BagError, match="must be of type sensor_msgs/msg/PointCloud2, got geometry"):
+        flow_from_bags([tmp_path / "bag"], GRID)

@@ -5,14 +5,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
+from bags.reader import BagReader
 from bags.writer import BagWriter
 from serd_cli.main import main
 
 POSE = "geometry_msgs/msg/PoseStamped"
 VECTOR = "geometry_msgs/msg/Vector3Stamped"
+CLOUD = "sensor_msgs/msg/PointCloud2"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _STORE = get_typestore(Stores.ROS2_JAZZY)
 _START_S = 100.0
@@ -68,6 +71,36 @@ def drive_bag(tmp_path) -> Callable[..., Path]:
         return tmp_path / name
 
     return make
+
+
+@pytest.fixture
+def people_bag(drive_bag, tmp_path) -> Callable[[], Path]:
+    """A drive during which one person walks north and another across the hallway to the east."""
+
+    def make() -> Path:
+        drive = drive_bag("before")
+        with BagWriter(tmp_path / "people") as writer:
+            writer.add_topic("/pedestrians", CLOUD)
+            for topic in BagReader(drive).topics.values():
+                writer.add_topic(topic.name, topic.type_name)
+            for message in BagReader(drive).messages():
+                writer.write(message.topic, message.data, message.log_time_ns)
+            for step in range(30):
+                time_s = _START_S + _STEP_S * step
+                writer.write("/pedestrians", _people(time_s), _ns(time_s))
+                writer.flush()
+        return tmp_path / "people"
+
+    return make
+
+
+def _people(time_s: float) -> bytes:
+    rows = np.array([[4.5, 8.5, 0.0, 1.0], [1.5, 8.5, 1.0, 0.0]], dtype="<f4")
+    field = _STORE.types["sensor_msgs/msg/PointField"]
+    names = ("x", "y", "vx", "vy")
+    fields = [field(name, 4 * index, 7, 1) for index, name in enumerate(names)]
+    data = np.frombuffer(rows.tobytes(), dtype=np.uint8)
+    return _encoded(CLOUD, _header(time_s), 1, 2, fields, False, 16, 32, data, True)
 
 
 def _ns(time_s: float) -> int:

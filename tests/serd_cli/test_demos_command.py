@@ -1,6 +1,7 @@
 """`serd demos`: recordings become decisions, a grid and a picture, and nothing is lost unsaid."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -8,6 +9,8 @@ from serd_core.grid import Action
 from sim.scenario import load_scenario
 from sim.scenario_grid import grid_of
 from storage.decision_table import load_decisions
+from storage.demonstration_record import load_record
+from storage.flow_table import load_flow
 from storage.grid_file import load_grid
 
 
@@ -22,6 +25,40 @@ def test_a_recording_becomes_a_table_beside_its_grid_and_picture(serd, drive_bag
     assert set(decisions.action.tolist()) == {Action.NORTH}
     assert table.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     assert f"decisions: {table}" in ended.out
+
+
+def test_beside_the_table_is_what_learning_reads(serd, drive_bag, tmp_path):
+    table = tmp_path / "decisions.csv"
+    table.with_suffix(".flow.csv").write_text("of another recording")
+    values = json.loads(
+        serd("demos", drive_bag(), "--scenario", "hallway", "--output", table, "--json").out
+    )
+    record = load_record(table.with_suffix(".yaml"))
+    assert (record.scenario, record.decision_period_s) == ("hallway", 2.0)
+    assert record.grid_fingerprint == load_grid(table.with_suffix(".grid.yaml")).fingerprint()
+    assert record.goal_entry_s == (2.0,)
+    assert [each.n_decisions for each in record.bags] == [5]
+    assert values["flow"] is None
+    assert not table.with_suffix(".flow.csv").exists()
+
+
+def test_where_people_were_recorded_their_flow_is_told(serd, drive_bag, people_bag, tmp_path):
+    table = tmp_path / "decisions.csv"
+    words = ("demos", drive_bag(), people_bag(), "--output", table, "--scenario", "hallway")
+    ended = serd(*words, "--json")
+    assert ended.code == 0, ended.err
+    values = json.loads(ended.out)
+    grid = load_grid(table.with_suffix(".grid.yaml"))
+    flow = load_flow(values["files"]["flow"], grid)
+    assert flow[grid.state_at(4.5, 8.5)] == Action.NORTH
+    assert flow[grid.state_at(1.5, 8.5)] == Action.EAST
+    assert (flow >= 0).sum() == 2
+    assert values["flow"] == {
+        "n_cells": 176, "n_known": 2, "n_sightings": 60, "n_compared": 2,
+        "n_as_scenario": 1, "n_opposite": 0,
+    }  # fmt: skip
+    assert Path(values["files"]["flow picture"]).read_bytes().startswith(b"\x89PNG")
+    assert "1 of 2 as in the scenario, 0 opposite" in serd(*words).out
 
 
 def test_episodes_of_several_bags_stay_apart(serd, drive_bag):

@@ -9,11 +9,12 @@ from serd_core.policies.solved_policy import soft_policy
 from serd_core.simulation import sample_decisions
 from serd_ros.configs import LearnerConfig
 from serd_ros.defaults import default_parameters
-from serd_ros.learning import learn
+from serd_ros.learning import learn, task_in
 from serd_ros.strategy import load_strategy, start_distribution
 from sim.scenario import load_scenario
-from sim.scenario_grid import navigation_problem_of
+from sim.scenario_grid import grid_of, navigation_problem_of
 from storage.errors import FileError
+from storage.flow_table import save_flow
 from storage.model_file import load_model, save_model
 
 HALLWAY = load_scenario("hallway")
@@ -42,9 +43,8 @@ def lesson():
         rng=np.random.default_rng(4),
     )
     told = []
-    return learn(
-        HALLWAY, Demonstrations(decisions), CONFIG, lambda start, _: told.append(start)
-    ), told
+    task = task_in(HALLWAY, CONFIG.discount)
+    return learn(task, Demonstrations(decisions), CONFIG, lambda start, _: told.append(start)), told
 
 
 def test_every_start_is_told_of_and_the_likeliest_is_kept(lesson):
@@ -90,3 +90,14 @@ def test_a_model_of_another_grid_is_refused_with_the_difference(lesson, tmp_path
     save_model(path, lesson[0].model)
     with pytest.raises(FileError, match="was made for another grid of the scenario 'hallway'"):
         load_strategy(str(path), load_scenario("corridor"), "optimal")
+
+
+def test_a_task_takes_the_flow_of_a_table_in_place_of_the_scenario_s(tmp_path):
+    grid, own = grid_of(HALLWAY), task_in(HALLWAY, CONFIG.discount)
+    turned = np.roll(own.problem.flow, 1)
+    zeros = np.zeros((grid.n_states, 2))
+    columns = {"order": zeros[:, 0], "count": zeros[:, 0], "mean_velocity_mps": zeros}
+    save_flow(tmp_path / "flow.csv", grid, flow=turned, **columns)
+    found = task_in(HALLWAY, CONFIG.discount, str(tmp_path / "flow.csv"))
+    assert (found.own_flow, own.own_flow) == (True, False)
+    assert found.problem.flow.tolist() == turned.tolist()

@@ -12,6 +12,7 @@ from matplotlib.quiver import Quiver
 
 from report.canvas import png_bytes, svg_bytes
 from report.figures.features import draw_features
+from report.figures.flow_map import draw_flow_map
 from report.figures.hallway import draw_hallway
 from report.figures.policy_map import draw_policy_map
 from report.figures.visitation import draw_visitation
@@ -156,3 +157,27 @@ def test_the_title_is_inside_the_picture_at_the_first_saving(snapshot: CrowdSnap
     layout = layout_of(load_scenario("t_junction"))
     picture = mpl_image.imread(BytesIO(png_bytes(draw_hallway(layout, snapshot))))
     assert (picture[:3, :, :3] == 1.0).all()
+
+
+@pytest.mark.parametrize("with_plan", [True, False])
+def test_flow_arrows_point_where_people_walk_and_are_red_where_the_scenario_differs(
+    problem: NavigationProblem, layout: HallwayLayout, with_plan: bool
+) -> None:
+    own = np.arange(problem.grid.n_states) % 4 + 1
+    flow = own.copy()
+    flow[:2], flow[2] = -1, own[2] % 4 + 1
+    figure = draw_flow_map(
+        problem.grid,
+        flow,
+        np.linspace(0, 1, len(flow)),
+        layout=layout if with_plan else None,
+        scenario_flow=own,
+    )
+    (arrows,) = artists(figure, Quiver, "greedy moves")
+    wanted = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]])[flow[2:] - 1]
+    np.testing.assert_allclose(np.sign(np.stack([arrows.U, arrows.V], axis=1).round(9)), wanted)
+    colours = [tuple(colour) for colour in arrows.get_facecolor()]
+    assert [colour != colours[-1] for colour in colours] == [True] + [False] * (len(flow) - 3)
+    title = figure.axes[0].get_title()
+    assert f"known in {len(flow) - 2} of {len(flow)} cells" in title
+    assert "1 not the scenario's" in title

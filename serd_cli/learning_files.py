@@ -1,0 +1,140 @@
+"""What `serd learn` starts from: a table of decisions and what `serd demos` wrote beside it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from bags.demonstrations import Demonstrations
+from bags.until_goal import last_states, until_goal
+from serd_cli.errors import UsageError
+from serd_cli.recorded_demonstrations import files_beside
+from serd_core.arrays import IntArray
+from serd_core.demonstrations import Decisions
+from serd_core.grid import Grid
+from serd_core.navigation import NO_FLOW, build_navigation_problem
+from serd_core.wall_distance import grid_wall_distance_m
+from serd_ros.learning import LearningTask
+from sim.scenario import Scenario, load_scenario
+from sim.scenario_grid import flow_of, goal_states_of, grid_of, wall_distance_of
+from storage.decision_table import load_decisions
+from storage.demonstration_record import DemonstrationRecord, load_record
+from storage.errors import FileError
+from storage.flow_table import load_flow
+from storage.grid_file import load_grid
+
+FlowSource = Literal["auto", "scenario", "recorded", "none"]
+
+
+@dataclass(frozen=True, eq=False)
+class LearningFiles:
+    """task: where it was; flow_from: scenario, recorded or none; n_after_goal: decisions left out.
+
+    goals_m: centres (x, y) of the goal cells.
+    """
+
+    task: LearningTask
+    demonstrations: Demonstrations
+    flow_from: str
+    goals_m: tuple[tuple[float, float], ...]
+    n_after_goal: int
+
+
+def read_learning_files(
+    table: Path,
+    *,
+    discount: float,
+    scenario: str = "",
+    flow: FlowSource = "auto",
+    goals_m: tuple[tuple[float, float], ...] = (),
+) -> LearningFiles:
+    """Everything learning needs; FileError and UsageError say what does not fit together.
+
+    scenario: in place of the one the record names. goals_m: places of the goal, by default the
+    scenario's goal area, or without a scenario the cells in which the episodes end.
+    """
+    files = files_beside(table)
+    decisions, grid = load_decisions(table), load_grid(files["grid"])
+    record = load_record(files["record"])
+    known = load_scenario(scenario or record.scenario) if scenario or record.scenario else None
+    _require_one_place(files, record, grid, known)
+    _require_states(table, decisions, grid)
+    goals = _goal_states(grid, known, decisions, goals_m)
+    chosen, source = _flow(files["flow"], grid, known, flow)
+    kept = until_goal(decisions, goals)
+    problem = build_navigation_problem(
+        grid=grid,
+        flow=chosen,
+        goal_states=goals,
+        wall_distance_m=wall_distance_of(known, grid) if known else grid_wall_distance_m(grid),
+        discount=discount,
+    )
+    name = known.name if known else ""
+    own_flow = source != "scenario"
+    return LearningFiles(
+        task=LearningTask(problem, name, record.decision_period_s, own_flow=own_flow),
+        demonstrations=Demonstrations(kept, record.goal_entry_s),
+        flow_from=source,
+        goals_m=tuple((float(x), float(y)) for x, y in grid.centers_m[goals]),
+        n_after_goal=len(decisions) - len(kept),
+    )
+
+
+def _require_one_place(
+    files: dict[str, Path], record: DemonstrationRecord, grid: Grid, scenario: Scenario | None
+) -> None:
+    if record.grid_fingerprint != grid.fingerprint():
+        raise FileError(
+            f"{files['grid']} must be the grid {files['record']} tells of, but it is another;"
+            " run 'serd demos' again"
+        )
+    if scenario is not None and grid_of(scenario).fingerprint() != grid.fingerprint():
+        raise FileError(
+            f"{files['grid']} must be the grid of the scenario {scenario.name!r}, but it is"
+            " another; run 'serd demos' with this scenario"
+        )
+    if scenario is not None and scenario.decision_period_s != record.decision_period_s:
+        raise FileError(
+            f"{files['record']}: decision_period_s must be {scenario.decision_period_s:g} as in"
+            f" the scenario, got {record.decision_period_s:g}; run 'serd demos' again"
+        )
+
+
+def _require_states(table: Path, decisions: Decisions, grid: Grid) -> None:
+    if not len(decisions):
+        raise FileError(f"{table} must have at least one decision, got none; record more")
+    highest = int(max(decisions.state.max(), decisions.next_state.max()))
+    if highest >= grid.n_states:
+        raise FileError(
+            f"{table}: states must be below {grid.n_states}, the number of cells of the grid"
+            f" beside it, got {highest}; run 'serd demos' again"
+        )
+
+
+def _goal_states(
+    grid: Grid,
+    scenario: Scenario | None,
+    decisions: Decisions,
+    goals_m: tuple[tuple[float, float], ...],
+) -> IntArray:
+    if goals_m:
+        states = grid.states_at(np.array(goals_m))
+        if (states < 0).any():
+            x_m, y_m = goals_m[int(np.argmax(states < 0))]
+            raise UsageError(f"--goal must lie in a walkable cell of the grid, got {x_m:g},{y_m:g}")
+        return np.unique(states)
+    return last_states(decisions) if scenario is None else goal_states_of(scenario, grid)
+
+
+def _flow(
+    table: Path, grid: Grid, scenario: Scenario | None, wanted: FlowSource
+) -> tuple[IntArray, str]:
+    """(S,) and where it is from; auto: of the scenario, else recorded, else none."""
+    if wanted == "scenario" and scenario is None:
+        raise UsageError("--flow scenario needs a scenario, got none; use --flow recorded or none")
+    if scenario is not None and wanted in ("auto", "scenario"):
+        return flow_of(scenario, grid), "scenario"
+    if wanted == "recorded" or (wanted == "auto" and table.exists()):
+        return load_flow(table, grid), "recorded"
+    return np.full(grid.n_states, NO_FLOW, dtype=np.int64), "none"

@@ -1,0 +1,34 @@
+"""What is left of episodes that go on after the goal."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from bags.until_goal import last_states, until_goal
+from serd_core.demonstrations import Decisions
+
+
+def table(*episodes):
+    """One decision per neighbouring pair of each episode's states."""
+    rows = [(e, a, b) for e, states in enumerate(episodes) for a, b in pairwise(states)]
+    episode, state, following = np.array(rows).T
+    return Decisions(episode, np.arange(len(rows)), state, np.ones(len(rows), int), following)
+
+
+def test_episodes_end_where_they_first_enter_the_goal():
+    kept = until_goal(table([0, 1, 2, 3, 2, 1], [4, 3, 3], [0, 1]), np.array([3]))
+    assert list(zip(kept.episode, kept.state, kept.next_state, strict=True)) == [
+        (0, 0, 1),
+        (0, 1, 2),
+        (0, 2, 3),
+        (1, 4, 3),
+        (2, 0, 1),
+    ]
+
+
+def test_an_episode_that_starts_in_the_goal_gives_nothing():
+    assert len(until_goal(table([3, 2, 1]), np.array([3]))) == 0
+
+
+def test_the_last_state_of_every_episode_counts_once():
+    assert last_states(table([0, 1, 2], [5, 4], [3, 2])).tolist() == [2, 4]

@@ -1,0 +1,161 @@
+"""`serd learn`: a table of decisions becomes a model, with and without a scenario."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from serd_core.policies.solved_policy import soft_policy
+from serd_core.simulation import sample_decisions
+from serd_ros.usable_model import usable_model
+from sim.scenario import load_scenario
+from sim.scenario_grid import flow_of, grid_of, navigation_problem_of, start_states_of
+from storage.decision_table import save_decisions
+from storage.demonstration_record import BagRecord, DemonstrationRecord, save_record
+from storage.flow_table import save_flow
+from storage.grid_file import save_grid
+from storage.model_file import load_model
+from tests.conftest import OUTCOMES
+
+HALLWAY = load_scenario("hallway")
+GRID = grid_of(HALLWAY)
+WEIGHTS = np.array([5.0, 1.0, 0.2])
+TRUTH = np.array(list(OUTCOMES.values()))
+
+
+@pytest.fixture
+def demonstrations(tmp_path):
+    """Writes what `serd demos` writes: a soft expert's decisions under a flow of people."""
+
+    def make(scenario: str = "hallway", flow=None, n_episodes: int = 30, **changes) -> Path:
+        problem = navigation_problem_of(HALLWAY, 0.99, flow=flow)
+        start = np.zeros(GRID.n_states)
+        start[start_states_of(HALLWAY, GRID, "train")] = 1.0
+        decisions = sample_decisions(
+            problem.mdp,
+            soft_policy(problem, WEIGHTS, TRUTH).probabilities,
+            TRUTH,
+            start / start.sum(),
+            n_episodes=n_episodes,
+            n_steps=60,
+            rng=np.random.default_rng(1),
+        )
+        table = tmp_path / "decisions.csv"
+        save_decisions(table, decisions)
+        save_grid(tmp_path / "decisions.grid.yaml", GRID, scenario)
+        bag = BagRecord(
+            bag="b", n_decisions=1, n_episodes=1, n_diagonal=0, n_far=0, dropped={}, n_bad_poses=0
+        )
+        values = {
+            "scenario": scenario,
+            "grid_fingerprint": GRID.fingerprint(),
+            "decision_period_s": 2.0,
+            "goal_entry_s": (0.5, 1.5),
+            "bags": (bag,),
+        }
+        save_record(tmp_path / "decisions.yaml", DemonstrationRecord(**(values | changes)))
+        if flow is not None:
+            zeros = np.zeros((GRID.n_states, 2))
+            file = tmp_path / "decisions.flow.csv"
+            save_flow(
+                file, GRID, flow=flow, order=zeros[:, 0], count=zeros[:, 0], mean_velocity_mps=zeros
+            )
+        return table
+
+    return make
+
+
+def learned(ended, *, code: int = 0):
+    assert ended.code == code, ended.err
+    return json.loads(ended.out)
+
+
+def test_the_expert_s_weights_lie_within_their_standard_errors(serd, demonstrations):
+    found = learned(serd("learn", demonstrations(), "--json"))
+    assert found["converged"]
+    weights = [found[f"weight.{name}"] for name in ("goal", "social_norm", "inverse_wall_distance")]
+    errors = np.array(found["standard_errors"])
+    assert (errors < 1.0).all()
+    assert (np.abs(weights - WEIGHTS) < 3 * errors).all()
+    assert (found["scenario"], found["flow"], found["n_episodes"]) == ("hallway", "scenario", 30)
+    model = load_model(found["model"], expected_grid=GRID)
+    assert (model.goal_entry_s, model.flow, model.decision_period_s) == ((0.5, 1.5), (), 2.0)
+    assert [f"{weight:.6f}" for weight in model.weights] == [f"{weight:.6f}" for weight in weights]
+
+
+def test_a_recorded_flow_is_learned_with_and_kept_in_the_model(serd, demonstrations):
+    flow = flow_of(HALLWAY, GRID)
+    turned = np.where(flow > 0, (flow + 1) % 4 + 1, flow)
+    table = demonstrations(flow=turned)
+    by_recorded = learned(serd("learn", table, "--flow", "recorded", "--json"))
+    by_scenario = learned(serd("learn", table, "--output", "other.yaml", "--json"))
+    assert (by_recorded["flow"], by_scenario["flow"]) == ("recorded", "scenario")
+    assert abs(by_recorded["weight.social_norm"] - 1.0) < 0.5
+    assert by_scenario["weight.social_norm"] < 0.5  # people walk the other way than the plan says
+    model = load_model(by_recorded["model"])
+    assert model.flow_on("model", GRID).tolist() == turned.tolist()
+    used = usable_model(by_recorded["model"], HALLWAY, transfer=False)
+    assert used.problem.flow.tolist() == turned.tolist()
+
+
+def test_without_a_scenario_the_goal_is_where_the_episodes_end(serd, demonstrations):
+    table = demonstrations(scenario="", flow=flow_of(HALLWAY, GRID))
+    found = learned(serd("learn", table, "--json"))
+    assert (found["scenario"], found["flow"]) == ("", "recorded")
+    goal = navigation_problem_of(HALLWAY, 0.99).goal_states
+    ends = GRID.states_at(found["goals_m"])
+    assert set(ends.tolist()) <= set(goal.tolist())
+    refused = serd("navigate", found["model"])
+    assert refused.code == 2
+    assert "--scenario must be given" in refused.err
+
+
+def test_a_goal_given_cuts_the_episodes_there(serd, demonstrations):
+    found = learned(serd("learn", demonstrations(), "--goal", "4.5,10.5", "--json"))
+    assert found["goals_m"] == [[4.5, 10.5]]
+    assert found["n_after_goal"] > 0
+
+
+def test_what_nobody_did_is_said_to_be_open(serd, demonstrations):
+    nowhere = np.full(GRID.n_states, -1)
+    ended = serd("learn", demonstrations(flow=nowhere), "--flow", "none")
+    assert ended.code == 0
+    assert "against flow (stay, forward, right, back, left)" in ended.err + ended.out
+    assert "20.0±open" in ended.out
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--output", "model.txt"), "--output must end in .yaml, got model.txt"),
+        (("--goal", "0.5"), "goal must be two numbers 'x, y' (m), got '0.5'"),
+        (("--goal", "99,0"), "--goal must lie in a walkable cell of the grid, got 99,0"),
+        (("--goal", "nan,0"), "--goal must lie in a walkable cell of the grid, got nan,0"),
+        (("--flow", "recorded"), "decisions.flow.csv: it does not exist"),
+        (("--scenario", "corridor"), "must be the grid of the scenario 'corridor'"),
+        (("--minimum-decisions", "100000"), "at least minimum_decisions = 100000"),
+        (("--discount", "1"), "discount must be"),
+        (("--pseudo-count", "0"), "pseudo_count must be"),
+    ],
+)
+def test_bad_input_gets_a_sentence_and_exit_code_2(serd, demonstrations, words, sentence):
+    ended = serd("learn", demonstrations(), *words)
+    assert ended.code == 2
+    assert sentence in ended.err
+    assert not Path("model.yaml").exists()
+
+
+def test_files_that_do_not_belong_together_are_refused(serd, demonstrations):
+    another_period = serd("learn", demonstrations(decision_period_s=1.0))
+    assert "decision_period_s must be 2 as in the scenario, got 1" in another_period.err
+    another_grid = serd("learn", demonstrations(grid_fingerprint="0"))
+    assert "but it is another; run 'serd demos' again" in another_grid.err
+    no_plan = serd("learn", demonstrations(scenario=""), "--flow", "scenario")
+    assert "--flow scenario needs a scenario" in no_plan.err
+    table = demonstrations()
+    table.write_text(table.read_text() + "0,99.0,100000,1,3,\n")
+    assert "states must be below 176" in serd("learn", table).err
+    table.with_suffix(".yaml").unlink()
+    assert "cannot read" in serd("learn", table).err
+    assert another_period.code == another_grid.code == no_plan.code == 2
