@@ -13,6 +13,7 @@ from rich.table import Table
 
 from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
+from serd_cli.kept import kept_in
 from serd_cli.terminal import console, progress_console
 from sim.batch import EpisodeTask, run_batch
 from sim.batch_summary import ConditionSummary, summarise
@@ -121,13 +122,15 @@ def _run(tasks: list[EpisodeTask], output: Path, execution: Execution) -> list[d
         TimeRemainingColumn(),
         console=progress_console,
     )
-    with bar:
-        line = bar.add_task("", total=len(tasks))
+    with kept_in(output), bar:
+        line = bar.add_task("", total=len(tasks), visible=False)
         return run_batch(
             tasks,
             output,
             execution=execution,
-            on_progress=lambda done, total: bar.update(line, completed=done, total=total),
+            on_progress=lambda done, total: bar.update(
+                line, completed=done, total=total, visible=True
+            ),
         )
 
 

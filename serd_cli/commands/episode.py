@@ -47,8 +47,8 @@ def register(app: typer.Typer) -> None:
 
 
 def render(
-    scenario: Annotated[str, typer.Argument(help="built-in scenario or YAML file")],
     output: Annotated[Path, typer.Option(help="file to write: .mp4, .gif or .png")],
+    scenario: Annotated[str, typer.Argument(help="built-in scenario or YAML file")] = "hallway",
     policy: Annotated[
         str, typer.Option(help=f"{', '.join(driver_names())} or a learned model's file")
     ] = "expert",
@@ -67,7 +67,7 @@ def render(
 ) -> None:
     """Drive an episode and write it as a movie, or its end as a picture.
 
-    serd episode render hallway --output episode.mp4
+    serd episode render crossing --output episode.mp4
 
     The same seed, episode and policy give the same drive as in serd batch.
     """

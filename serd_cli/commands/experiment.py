@@ -15,6 +15,7 @@ from experiments.catalogue import EXPERIMENTS, Experiment
 from experiments.provenance import recorded
 from experiments.repetitions import Execution, Row
 from experiments.settings import file_settings, is_required, make_config, settings_of
+from serd_cli.kept import kept_in
 from serd_cli.terminal import console, progress_console
 
 _OWN = {
@@ -100,7 +101,7 @@ def _run(experiment: Experiment, config: Any, output: Path, execution: Execution
         TimeRemainingColumn(),
         console=progress_console,
     )
-    with bar:
+    with kept_in(output), bar:
         task = bar.add_task("", total=None)
         return experiment.run(
             config,

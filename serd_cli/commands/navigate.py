@@ -11,6 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from report.canvas import png_bytes
 from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
+from serd_cli.kept import kept_in
 from serd_cli.navigate.comparison import compare, comparison_figure, comparison_table, remarks
 from serd_cli.navigate.in_process import drive_in_process
 from serd_cli.navigate.settings import NavigateSettings, claim_folder
@@ -148,7 +149,7 @@ def _drive_here(settings: NavigateSettings, output: Path | None) -> list[Episode
         TextColumn("[dim]{task.fields[said]}"),
         console=progress_console,
     )
-    with bar:
+    with kept_in(table), bar:
         task = bar.add_task("navigate", total=settings.episodes, completed=len(done), said="")
 
         def tell(row: EpisodeResult) -> None:

@@ -15,6 +15,7 @@ from experiments.study.headline import headline
 from experiments.study.run import KEPT, SETTINGS_YAML, redraw, run_study
 from experiments.study.settings import StudySettings, study_settings
 from serd_cli.json_output import print_json
+from serd_cli.kept import kept_in
 from serd_cli.terminal import console, progress_console
 from sim.execution import BACKENDS, Execution
 
@@ -83,20 +84,16 @@ def _run(settings: StudySettings, folder: Path, execution: Execution) -> dict[st
         TimeRemainingColumn(),
         console=progress_console,
     )
-    with bar:
+    with kept_in(folder), bar:
         task = bar.add_task("", total=None)
-        try:
-            return run_study(
-                settings,
-                folder,
-                execution,
-                lambda done, total, stage: bar.update(
-                    task, completed=done, total=total or 1.0, description=stage
-                ),
-            )
-        except KeyboardInterrupt:
-            progress_console.print(f"kept in {folder}; the same command goes on", soft_wrap=True)
-            raise
+        return run_study(
+            settings,
+            folder,
+            execution,
+            lambda done, total, stage: bar.update(
+                task, completed=done, total=total or 1.0, description=stage
+            ),
+        )
 
 
 def _words(folder: Path, *, quick: bool, config: Path | None, bags: Sequence[Path]) -> str:

@@ -52,6 +52,7 @@ def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence, tmp_pa
     assert ended.code == 2
     assert sentence in ended.err
     assert ended.out == ""
+    assert "episodes" not in ended.err, "no bar before everything is found to be in order"
     assert not list((tmp_path / "here").iterdir())
 
 
@@ -68,4 +69,5 @@ def test_an_interrupted_batch_keeps_its_rows_and_ends_with_130(tmp_path):
         _, said = process.communicate(timeout=120.0)
     assert process.returncode == 130
     assert "Traceback" not in said
+    assert f"kept in {output}; the same command goes on" in said
     assert 1 < len(output.read_text().splitlines()) < 2001
