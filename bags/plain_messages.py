@@ -136,11 +136,6 @@ def twist(data: bytes) -> tuple[float, float]:
     return x, y
 
 
-def twist_stamped(data: bytes) -> PlanarVector:
-    """geometry_msgs/TwistStamped: linear velocity in the robot's frame, m/s."""
-    return vector3_stamped(data)
-
-
 def transforms(data: bytes) -> tuple[PlanarTransform, ...]:
     """tf2_msgs/TFMessage."""
     cursor = CdrCursor(data)

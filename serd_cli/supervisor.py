@@ -35,7 +35,6 @@ class _Tap:
 
     def __init__(self, on_line: Line) -> None:
         self.tails: dict[str, deque[str]] = {}
-        self.first_to_fail: str | None = None
         self._on_line = on_line
 
     def write(self, message: Message) -> None:

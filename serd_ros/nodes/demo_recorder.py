@@ -124,6 +124,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
                 "recording": status.recording,
                 "messages": status.n_messages,
                 "episodes": status.episodes_ended,
+                "bag_mb": status.size_bytes / 1e6,
                 "free_mb": status.free_bytes / 1e6,
             },
             level=OK if status.recording else ERROR,
