@@ -9,7 +9,7 @@ from serd_cli.terminal import progress_console
 
 @contextmanager
 def kept_in(place: Path | None) -> Iterator[None]:
-    """Say at Ctrl-C that the folder or table keeps what is done; nothing where it does not exist."""
+    """Say at Ctrl-C that the folder or table keeps what is done; nothing without it."""
     try:
         yield
     except KeyboardInterrupt:
