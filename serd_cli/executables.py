@@ -1,31 +1,43 @@
-"""From package and executable names to a path, by the ament index, as `ros2 run` finds it."""
+"""From package and executable names to a command, by the ament index, as `ros2 run` finds it.
+
+Installed by pip alone there is no workspace that holds the executables of our own nodes; then their
+modules are run by this Python, which is the same.
+"""
 
 import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
 from serd_cli.errors import UsageError
+from serd_ros.graph import PACKAGE, load_graph
 from storage.nearest import hint
 
 _MARKERS = "share/ament_index/resource_index/packages"
 
 
-def find_executable(package: str, executable: str, environment: Mapping[str, str]) -> Path:
-    """lib/<package>/<executable> of the first prefix that has the package.
+def find_command(package: str, executable: str, environment: Mapping[str, str]) -> list[str]:
+    """The words that start lib/<package>/<executable> of the first prefix that has the package.
 
     Raises UsageError with the nearest right name.
     """
     prefixes = _prefixes(environment)
     prefix = next((each for each in prefixes if (each / _MARKERS / package).exists()), None)
+    if prefix is None and package == PACKAGE:
+        _require_known(package, executable, sorted(load_graph().nodes))
+        return [sys.executable, "-m", f"{PACKAGE}.nodes.{executable}"]
     if prefix is None:
-        raise UsageError(f"package {package!r} is not installed; {hint(package, _all(prefixes))}")
-    path = prefix / "lib" / package / executable
-    if not (path.is_file() and os.access(path, os.X_OK)):
+        packages = sorted({PACKAGE, *_all(prefixes)})
+        raise UsageError(f"package {package!r} is not installed; {hint(package, packages)}")
+    _require_known(package, executable, executables_of(prefix, package))
+    return [str(prefix / "lib" / package / executable)]
+
+
+def _require_known(package: str, executable: str, known: list[str]) -> None:
+    if executable not in known:
         raise UsageError(
-            f"package {package!r} has no executable {executable!r}; "
-            f"{hint(executable, executables_of(prefix, package))}"
+            f"package {package!r} has no executable {executable!r}; {hint(executable, known)}"
         )
-    return path
 
 
 def executables_of(prefix: Path, package: str) -> list[str]:

@@ -6,7 +6,7 @@ from typing import Any
 import yaml
 
 from serd_cli.errors import UsageError
-from serd_cli.executables import find_executable
+from serd_cli.executables import find_command
 from serd_cli.supervisor import Process
 from serd_ros.graph import PACKAGE, Stack, stack_parameters
 
@@ -37,8 +37,7 @@ def node_command(
     environment: Mapping[str, str],
 ) -> list[str]:
     """Executable and arguments of one node of ours."""
-    executable = find_executable(PACKAGE, node, environment)
-    return [str(executable), *_arguments(parameters, remappings)]
+    return [*find_command(PACKAGE, node, environment), *_arguments(parameters, remappings)]
 
 
 def _arguments(parameters: Mapping[str, Any], remappings: Mapping[str, str]) -> list[str]:

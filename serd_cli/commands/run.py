@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from serd_cli.executables import find_executable
+from serd_cli.executables import find_command
 from serd_cli.workspace import ros_environment
 
 
@@ -25,5 +25,5 @@ def run(
     The process becomes the node, so exit code and signals are the node's own.
     """
     environment = ros_environment(os.environ)
-    path = find_executable(package, executable, environment)
-    os.execve(path, [str(path), *context.args], environment)
+    command = find_command(package, executable, environment)
+    os.execve(command[0], [*command, *context.args], environment)

@@ -1,9 +1,11 @@
 """What sourcing a workspace would set, read from colcon's own description of it."""
 
+import sys
+
 import pytest
 
 from serd_cli.errors import UsageError
-from serd_cli.executables import find_executable
+from serd_cli.executables import find_command
 from serd_cli.workspace import LOOPBACK_PROFILE, ros_environment
 
 MARKERS = "share/ament_index/resource_index/packages"
@@ -44,7 +46,14 @@ def test_dds_stays_on_loopback_unless_the_user_says_otherwise(workspace):
 
 
 def test_an_executable_is_found_by_the_ament_index(workspace):
-    assert find_executable("toy", "talker", ros_environment({})) == workspace / "lib/toy/talker"
+    found = find_command("toy", "talker", ros_environment({}))
+    assert found == [str(workspace / "lib/toy/talker")]
+
+
+def test_without_a_workspace_our_own_nodes_are_run_as_modules(workspace):
+    assert workspace.exists()
+    found = find_command("serd_ros", "hallway_sim", ros_environment({}))
+    assert found == [sys.executable, "-m", "serd_ros.nodes.hallway_sim"]
 
 
 @pytest.mark.parametrize(
@@ -52,10 +61,12 @@ def test_an_executable_is_found_by_the_ament_index(workspace):
     [
         ("toi", "talker", "package 'toi' is not installed; did you mean 'toy'"),
         ("toy", "talkr", "has no executable 'talkr'; did you mean 'talker'"),
+        ("serd_rso", "hallway_sim", "package 'serd_rso' is not installed; did you mean 'serd_ros'"),
+        ("serd_ros", "halway_sim", "has no executable 'halway_sim'; did you mean 'hallway_sim'"),
         ("toy", "notes.txt", "has no executable 'notes.txt'; choose from talker"),
     ],
 )
 def test_a_wrong_name_gets_the_nearest_right_one(workspace, package, executable, sentence):
     assert workspace.exists()
     with pytest.raises(UsageError, match=sentence):
-        find_executable(package, executable, ros_environment({}))
+        find_command(package, executable, ros_environment({}))
