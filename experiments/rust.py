@@ -11,7 +11,7 @@ replace falls in the last month before the odometer passes the replacement readi
 month is dropped; after a replacement the increment is the new bin counted from one.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +53,9 @@ GROUPS = {
 class RustConfig:
     """data: folder of the original files; groups of buses; n_bins; discount per month."""
 
-    data: Path
+    data: Path = field(
+        metadata={"about": "the folder of Rust's odometer files (a530875.asc for group 4)"}
+    )
     groups: tuple[int, ...] = (4,)
     n_bins: int = 90
     discount: float = 0.9999

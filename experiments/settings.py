@@ -57,7 +57,9 @@ def make_config(experiment: Experiment, given: dict[str, Any]) -> Any:
     values = {**default_settings(experiment.name), **given}
     for name, (field, _) in settings.items():
         if is_required(field) and name not in values:
-            raise SerdError(f"--{name.replace('_', '-')} must be given for {experiment.name}")
+            option = f"--{name.replace('_', '-')}"
+            about = field.metadata["about"]
+            raise SerdError(f"{option} must be given for {experiment.name}: {about}")
     typed = {name: _typed(name, value, settings[name][1]) for name, value in values.items()}
     return experiment.config(**typed)
 

@@ -134,7 +134,7 @@ def _flags(name: str) -> list[str]:
 
 def _help(field: Field[Any]) -> str:
     if is_required(field):
-        return "required"
+        return f"required: {field.metadata['about']}"
     default = field.default
     text = ",".join(map(str, default)) if isinstance(default, tuple) else str(default)
     return f"default {text}"

@@ -14,6 +14,7 @@ from experiments.study.figures.catalogue import FIGURES
 from experiments.study.headline import headline
 from experiments.study.run import KEPT, SETTINGS_YAML, redraw, run_study
 from experiments.study.settings import StudySettings, study_settings
+from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
 from serd_cli.kept import kept_in
 from serd_cli.terminal import console, progress_console
@@ -105,6 +106,10 @@ def _words(folder: Path, *, quick: bool, config: Path | None, bags: Sequence[Pat
 
 def _redraw(names: list[str], folder: Path) -> None:
     source = folder if (folder / SETTINGS_YAML).exists() else KEPT
+    if not (source / SETTINGS_YAML).exists():
+        raise UsageError(
+            f"{folder} must hold the tables of a study; run it first, without --figure"
+        )
     for picture in redraw(names, source, folder):
         print(picture.resolve())
 

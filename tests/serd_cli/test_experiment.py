@@ -36,7 +36,7 @@ def test_an_experiment_notes_its_command_beside_its_results(tmp_path):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("rust",), "--data must be given for rust"),
+        (("rust",), "--data must be given for rust: the folder of Rust's odometer files"),
         (("rust", "--data", ".", "--bins", "many"), "--n-bins many: Input should be a valid int"),
         (("priors", "--extent", "wide"), "--extent wide: Input should be a valid number"),
     ],
