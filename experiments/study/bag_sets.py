@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bags.discretise import decisions_from_bag
+from bags.discretise import OFF_GRID, DiscretisationReport, decisions_from_bag
 from bags.joined_decisions import joined_decisions
 from experiments.study.demonstration_sets import DemonstrationSets
 from experiments.study.settings import StudySettings
-from experiments.study.world import TRANSFER_AREA
+from experiments.study.world import TRANSFER_AREA, problem_of, scenario_of
 from serd_core.demonstrations import Decisions
 from serd_core.errors import SerdError
 from serd_core.likelihood.observations import explained
@@ -20,6 +20,9 @@ from serd_core.navigation import NavigationProblem
 from serd_core.trajectories import trajectories_of
 from sim.scenario import Scenario
 from sim.scenario_grid import start_states_of
+
+#: Share of decisions outside the cells above which a bag is taken for that of another place.
+_MOST_OUTSIDE = 0.5
 
 
 def sets_from_bags(
@@ -42,15 +45,32 @@ def sets_from_bags(
     )
 
 
+def check_bags(settings: StudySettings) -> None:
+    """Read the bags, if any, before hours are spent; SerdError where they cannot make the sets."""
+    if settings.demonstrations.bags:
+        sets_from_bags(settings, scenario_of(settings), problem_of(settings), 0)
+
+
 def _decisions(
     settings: StudySettings, scenario: Scenario, problem: NavigationProblem
 ) -> Decisions:
-    tables = [
-        decisions_from_bag(Path(bag), problem.grid, scenario.decision_period_s)[0]
-        for bag in settings.demonstrations.bags
-    ]
+    tables = []
+    for bag in settings.demonstrations.bags:
+        decisions, report = decisions_from_bag(Path(bag), problem.grid, scenario.decision_period_s)
+        _require_same_place(bag, report, scenario.name)
+        tables.append(decisions)
     every = joined_decisions(tables)
     return every.select(explained(problem.mdp, every))
+
+
+def _require_same_place(bag: str, report: DiscretisationReport, scenario: str) -> None:
+    outside = report.dropped.get(OFF_GRID, 0)
+    if outside > _MOST_OUTSIDE * report.n_intents:
+        raise SerdError(
+            f"bag {bag} must be recorded in the scenario {scenario!r}, but {outside} of"
+            f" {report.n_intents} decisions lie outside its cells; name the place it was recorded"
+            " in as scenario in a --config file"
+        )
 
 
 def _require(name: str, found: int, wanted: int) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.repetitions import Row, write_table
+from experiments.study.bag_sets import check_bags
 from experiments.study.figures.catalogue import FIGURES, StudyFigure, figure_of
 from experiments.study.figures.context import FigureContext, context_of
 from experiments.study.kept_tables import read_table
@@ -33,6 +34,7 @@ def run_study(
 ) -> dict[str, list[Row]]:
     """Run every stage, then write all tables and figures; returns the tables by name."""
     work = output / "work"
+    check_bags(settings)
     make_products(stages_of(settings, work), execution, on_work)
     results = Results(settings, work)
     atomic_write_text(output / SETTINGS_YAML, model_yaml(settings))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import sim
+from experiments.study.bag_sets import check_bags
 from experiments.study.experts import EXPERTS, PEOPLE
 from experiments.study.figures.catalogue import FIGURES
 from experiments.study.headline import headline
@@ -100,6 +101,32 @@ def assert_hindsight_differs_from_the_prediction_by_its_dynamics_alone(results):
 
 def is_cloned(row):
     return (row["expert"], row["method"]) == (PEOPLE, "cloning")
+
+
+@pytest.mark.parametrize(
+    ("bags", "refusal"),
+    [
+        (("nowhere",), r"nowhere"),
+        (("training",), r"must hold 30 episodes for training and test, got 20"),
+        (("training", "test"), r"must hold 10 episodes for transfer, got 0"),
+    ],
+)
+def test_bags_that_do_not_do_are_refused_before_a_folder_is_claimed(
+    bags, refusal, bags_folder, tmp_path
+):
+    settings = study_settings(bags=[bags_folder / bag for bag in bags])
+    with pytest.raises(SerdError, match=refusal):
+        run_study(settings, tmp_path / "study", Execution(n_jobs=1), lambda *_: None)
+    assert not (tmp_path / "study").exists()
+
+
+def test_bags_of_another_place_are_refused(bags_folder, tmp_path):
+    config = tmp_path / "corridor.yaml"
+    config.write_text("scenario: corridor\n")
+    settings = study_settings(quick=True, config=config, bags=[bags_folder / "training"])
+    sentence = r"must be recorded in the scenario 'corridor', but 428 of 584 decisions lie outside"
+    with pytest.raises(SerdError, match=sentence):
+        check_bags(settings)
 
 
 def test_a_folder_without_a_study_is_refused(tmp_path):
