@@ -3,6 +3,8 @@ from pathlib import Path
 import pytest
 
 from bags.discretise import decisions_from_bag
+from experiments.study.bag_sets import sets_from_bags
+from experiments.study.demonstration_sets import ROLES
 from experiments.study.settings import study_settings
 from experiments.study.world import problem_of, scenario_of
 
@@ -28,6 +30,12 @@ def problem():
 @pytest.fixture(scope="session")
 def shipped_training(scenario, problem):
     return decisions_from_bag(BAGS / "training", problem.grid, scenario.decision_period_s)[0]
+
+
+@pytest.fixture(scope="session")
+def shipped_sets(scenario, problem):
+    with_bags = study_settings(bags=[BAGS / role for role in ROLES])
+    return sets_from_bags(with_bags, scenario, problem, repetition=0)
 
 
 @pytest.fixture(scope="session")

@@ -92,6 +92,9 @@ def assert_hindsight_differs_from_the_prediction_by_its_dynamics_alone(results):
     predicted = results.arrival_tables(PEOPLE, "cloning").predicted
     np.testing.assert_allclose(same.predicted[1], predicted[1], atol=1e-12)
 
+    nobody_moves = np.tile([1.0, 0.0, 0.0, 0.0, 0.0], (len(learned), 1))
+    assert not hindsight_tables(results, PEOPLE, "cloning", nobody_moves).predicted.any()
+
     own = dynamics_of_drives(results, PEOPLE, "cloning")
     np.testing.assert_allclose(own.sum(axis=1), 1.0)
     periods = sum(row["time_s"] for row in results.measured if is_cloned(row)) / 2.0
