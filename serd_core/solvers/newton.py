@@ -26,8 +26,8 @@ from serd_core.solvers.bellman_solver import (
 )
 from serd_core.solvers.linear_solver import LinearSolver, LinearSystem
 
-#: Relative residual an iterative solver may leave in a correction; the next step removes it. A third
-#: fewer products with the matrix than with 1e-3 at 100,000 states.
+#: Relative residual an iterative solver may leave in a correction; the next step removes it. A
+#: third fewer products with the matrix than with 1e-3 at 100,000 states.
 FORCING = 3e-2
 #: Share of the residual by which values may fall in a step that counts as rising.
 FALL = 1e-2
