@@ -6,7 +6,6 @@ Directory `name` holds name_0.mcap, name_1.mcap, ... and, once closed, metadata.
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import TracebackType
 
 from bags.errors import BagError
 from bags.mcap_writer import Compression, McapWriter
@@ -154,12 +153,7 @@ class BagWriter:
     def __enter__(self) -> "BagWriter":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _next_file(self) -> McapWriter:

@@ -6,7 +6,6 @@ by which anyone who sees the observations can tell it from the last.
 """
 
 import math
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -188,12 +187,7 @@ class HallwayWorld:
     def __enter__(self) -> "HallwayWorld":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _running(self) -> Crowd:

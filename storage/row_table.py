@@ -9,7 +9,6 @@ import io
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from storage.atomic import atomic_write_bytes, atomic_write_text
@@ -69,12 +68,7 @@ class RowTable:
     def __enter__(self) -> "RowTable":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _key(self, row: Row) -> Key:

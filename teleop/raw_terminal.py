@@ -6,7 +6,6 @@ Ctrl-C still ends the program. Ctrl-Z is switched off: a driver that sleeps cann
 import os
 import select
 import termios
-from types import TracebackType
 
 from teleop.errors import TeleopError
 
@@ -56,12 +55,7 @@ class RawTerminal:
     def __enter__(self) -> "RawTerminal":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _make_raw(self) -> None:

@@ -1,7 +1,6 @@
 """Pictures of the world in three dimensions, by PyBullet's software renderer: ten a second."""
 
 import math
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,12 +45,7 @@ class SceneView:
     def __enter__(self) -> "SceneView":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _camera(self, robot_pose: tuple[float, float, float]) -> Camera:
