@@ -21,12 +21,15 @@ from serd_core.arrays import FloatArray
 _SECOND_NS = 1_000_000_000
 #: A gap is this many times the usual distance of a topic's messages, and at least this long.
 _GAP_FACTOR, _SHORTEST_GAP_S = 5.0, 0.5
+#: Messages closer together came in one burst, or got one log time for want of stamps of their own.
+_BURST_S = 1e-3
 
 
 @dataclass(frozen=True)
 class TopicCheck:
-    """rate_hz: from the usual distance; longest_gap_s: between log times; n_gaps: unusual ones.
+    """rate_hz: from the usual distance of bursts and their usual size.
 
+    longest_gap_s: between log times; n_gaps: unusual ones.
     n_log_steps_back, n_stamp_steps_back: times the clock went backwards.
     stamp_delay_s: log time minus stamp, (least, greatest); None where there are no stamps.
     """
@@ -89,7 +92,7 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
 def _topic(topic: TopicInfo, log_ns: "array[int]", stamp_ns: "array[int]") -> TopicCheck:
     log_s = np.array(log_ns, dtype=np.int64) / _SECOND_NS
     steps_s: FloatArray = np.diff(np.array(log_ns, dtype=np.int64)).astype(np.float64) / _SECOND_NS
-    usual_s = float(np.median(steps_s)) if len(steps_s) else 0.0
+    usual_s, rate_hz = _usual(steps_s)
     gap_s = max(_GAP_FACTOR * usual_s, _SHORTEST_GAP_S)
     stamps = np.array(stamp_ns, dtype=np.int64)
     sent = stamps > 0
@@ -100,7 +103,7 @@ def _topic(topic: TopicInfo, log_ns: "array[int]", stamp_ns: "array[int]") -> To
         n_messages=len(log_ns),
         first_s=float(log_s.min(initial=np.inf)) if len(log_s) else 0.0,
         last_s=float(log_s.max(initial=0.0)),
-        rate_hz=1.0 / usual_s if usual_s > 0 else 0.0,
+        rate_hz=rate_hz,
         longest_gap_s=float(steps_s.max(initial=0.0)),
         n_gaps=int(np.count_nonzero(steps_s > gap_s)),
         n_log_steps_back=int(np.count_nonzero(steps_s < 0)),
@@ -109,20 +112,35 @@ def _topic(topic: TopicInfo, log_ns: "array[int]", stamp_ns: "array[int]") -> To
     )
 
 
+def _usual(steps_s: FloatArray) -> tuple[float, float]:
+    """Distance (s) between messages, or bursts of them, and messages per second; 0 if unknown."""
+    apart = steps_s[steps_s > _BURST_S]
+    if not len(apart) and steps_s.sum() <= _BURST_S:
+        return 0.0, 0.0
+    if not len(apart):
+        usual_s = float(np.median(steps_s))
+        return usual_s, 1.0 / usual_s if usual_s > 0 else 0.0
+    usual_s = float(np.median(apart))
+    return usual_s, int((steps_s >= 0).sum()) / len(apart) / usual_s
+
+
 def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
     remarks = []
     for topic in topics:
         if not topic.n_messages:
             remarks.append(f"{topic.name}: no message")
         if topic.n_gaps:
-            remarks.append(
-                f"{topic.name}: {topic.n_gaps} gaps, the longest {topic.longest_gap_s:.2f} s"
-            )
+            gaps = "1 gap" if topic.n_gaps == 1 else f"{topic.n_gaps} gaps"
+            remarks.append(f"{topic.name}: {gaps}, the longest {topic.longest_gap_s:.2f} s")
         if topic.n_log_steps_back:
-            remarks.append(f"{topic.name}: log time steps back {topic.n_log_steps_back} times")
+            remarks.append(f"{topic.name}: log time steps back {_times(topic.n_log_steps_back)}")
         if topic.n_stamp_steps_back:
-            remarks.append(f"{topic.name}: stamps step back {topic.n_stamp_steps_back} times")
+            remarks.append(f"{topic.name}: stamps step back {_times(topic.n_stamp_steps_back)}")
     return remarks
+
+
+def _times(number: int) -> str:
+    return "once" if number == 1 else f"{number} times"
 
 
 def _has_header(topic: TopicInfo) -> bool:

@@ -16,6 +16,7 @@ from bags.reader import BagReader, RawMessage
 from serd_ros import qos, topics
 from serd_ros.configs import BagReplayConfig
 from serd_ros.convert.stamp import to_stamp
+from serd_ros.errors import NodeError
 from serd_ros.graph_readiness import Readiness
 from serd_ros.replay_keys import RATE_FACTORS, ReplayKey, ReplayKeys
 from serd_ros.replay_publishers import ReplayPublishers
@@ -34,7 +35,6 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         super().__init__("bag_replay", BagReplayConfig)
         config = self.config
         self._reader = BagReader(config.bag)
-        self._keys = ReplayKeys() if config.keys else None
         wanted = named_topics(self._reader.topics, [name for name in config.topics if name])
         if config.clock_hz > 0:
             wanted -= {topics.CLOCK}
@@ -48,6 +48,8 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._readiness = Readiness(self, config.required_nodes, self.wall_s())
         self._waiting_until_s: float | None = self.wall_s() + config.wait_s
         self._playback = self._from_the_beginning()
+        # Nothing may fail from here on: the terminal would stay as it is.
+        self._keys = ReplayKeys() if config.keys else None
         self.create_service(SetBool, topics.PAUSE, self._on_pause)
         self._bag_clock = self.create_publisher(Clock, topics.CLOCK, qos.CLOCK)
         self.create_timer(_TURN_S, self._turn, clock=self.wall_clock)
@@ -62,6 +64,11 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
 
     def _from_the_beginning(self) -> Playback:
         playback = Playback(self._excerpt.messages(self._reader), rate=self._rate)
+        if playback.finished:
+            raise NodeError(
+                f"bag {self.config.bag} must hold a message to play, got none from"
+                f" {self.config.start_s:g} s on; begin earlier, play longer or other topics"
+            )
         if self.config.paused:
             playback.pause(self.wall_s())
         return playback

@@ -1,17 +1,21 @@
 """demo_recorder: writes topics as they come into a rosbag2 MCAP bag, as a ROS 2 node.
 
 The log time of a message is its own stamp, so that a bag of a world that ran many times faster than
-real time plays back in the time of that world; a message without a stamp gets the newest one.
+real time plays back in the time of that world; a message without a stamp gets that of /clock, or
+where there is none the newest one.
 """
 
 import sys
+import time
 from itertools import count
 from pathlib import Path
 
+from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from bags.recorder import BagRecorder, RecorderSettings
 from bags.stamp import message_stamp_ns
+from serd_core.errors import SerdError
 from serd_ros import topics
 from serd_ros.bag_topics import bag_qos, recording_qos
 from serd_ros.configs import DemoRecorderConfig
@@ -19,9 +23,12 @@ from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.run_node import run_node
 from serd_ros.serd_node import SerdNode
 from serd_ros.topic_types import TopicType, topic_type
+from serd_ros.waiting_messages import waiting_messages
 
 _POLL_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 1.0
+#: Told to stop, it looks until nothing more comes, but no longer than their product.
+_LAST_LOOKS, _LOOK_AGAIN_S = 20, 0.05
 
 
 class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
@@ -30,8 +37,10 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
     def __init__(self) -> None:
         super().__init__("demo_recorder", DemoRecorderConfig)
         self._recorder: BagRecorder | None = None
-        self._newest_ns = 0
+        self._now_ns = 0
+        self._n_bags = 0
         self._kinds: dict[str, TopicType] = {}
+        self._subscribed: dict[str, Subscription] = {}
         for topic in self.config.topics:
             self._listen(topic)
         self.create_service(Trigger, topics.START_RECORDING, self._on_start)
@@ -42,7 +51,25 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
             self._start()
 
     def close(self) -> None:
-        """Finish the bag."""
+        """Finish the bag, with all that has come in."""
+        for _ in range(_LAST_LOOKS):
+            if not self._record_what_waits():
+                break
+            time.sleep(_LOOK_AGAIN_S)
+        self._finish_bag()
+
+    def _record_what_waits(self) -> bool:
+        """Whether anything did; in the order of time, as it would have been recorded."""
+        waiting = [
+            (self._log_time_ns(name, self._kinds[name], data), name, data)
+            for name, subscription in self._subscribed.items()
+            for data in waiting_messages(subscription)
+        ]
+        for time_ns, name, data in sorted(waiting, key=lambda each: each[0]):
+            self._record(name, data, time_ns)
+        return bool(waiting)
+
+    def _finish_bag(self) -> None:
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
             status = recorder.close()
@@ -54,7 +81,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         kind = topic_type(topic, stamped_cmd_vel=self.config.stamped_cmd_vel)
         name = self.resolve_topic_name(topic)
         self._kinds[name] = kind
-        self.create_subscription(
+        self._subscribed[name] = self.create_subscription(
             kind.message,
             topic,
             lambda data: self._take(name, kind, data),
@@ -63,12 +90,19 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         )
 
     def _take(self, name: str, kind: TopicType, data: bytes) -> None:
-        if self._recorder is None:
-            return
-        stamp_ns = message_stamp_ns(data) if kind.stamped else self._newest_ns
-        self._newest_ns = max(self._newest_ns, stamp_ns)
-        if not self._recorder.record(name, data, stamp_ns):
+        self._record(name, data, self._log_time_ns(name, kind, data))
+
+    def _record(self, name: str, data: bytes, time_ns: int) -> None:
+        if self._recorder is not None and not self._recorder.record(name, data, time_ns):
             self._end_with_the_problem(self._recorder)
+
+    def _log_time_ns(self, name: str, kind: TopicType, data: bytes) -> int:
+        """Follows /clock also where it falls back, because the world was started again."""
+        stamp_ns = message_stamp_ns(data) if kind.stamped else 0
+        if stamp_ns <= 0:
+            return self._now_ns
+        self._now_ns = stamp_ns if name == topics.CLOCK else max(self._now_ns, stamp_ns)
+        return stamp_ns
 
     def _poll(self) -> None:
         if self._recorder is not None:
@@ -79,7 +113,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
     def _end_with_the_problem(self, recorder: BagRecorder) -> None:
         """The bag is kept and closed; the process ends, and with it the stack and the drive."""
         self._report()
-        self.close()
+        self._finish_bag()
         self.fail(recorder.status.problem)
 
     def _start(self) -> None:
@@ -89,6 +123,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
             compression=self.config.compression,
         )
         self._recorder = BagRecorder(self._free_folder(), settings=settings)
+        self._n_bags += 1
         for name, kind in self._kinds.items():
             self._recorder.add_topic(name, kind.name, (bag_qos(kind.qos),))
 
@@ -96,14 +131,18 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         """`output`, or `output-2`, ... for later recordings of this process."""
         output = Path(self.config.output)
         names = (output.with_name(f"{output.name}-{number}") for number in count(2))
-        if not output.exists() or self._newest_ns == 0:
+        if not output.exists() or not self._n_bags:
             return output
         return next(name for name in names if not name.exists())
 
     def _on_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._recorder is None
-        if self._recorder is None:
-            self._start()
+        try:
+            if self._recorder is None:
+                self._start()
+        except SerdError as error:
+            response.success, response.message = False, str(error)
+            return response
         assert self._recorder is not None
         response.message = f"recording into {self._recorder.directory}"
         return response
@@ -111,7 +150,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._recorder is not None
         response.message = "stopped" if self._recorder is not None else "nothing is being recorded"
-        self.close()
+        self._finish_bag()
         return response
 
     def _report(self) -> None:
@@ -119,7 +158,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
             return
         status = self._recorder.status
         self.report(
-            self._newest_ns * 1e-9,
+            self._now_ns * 1e-9,
             {
                 "recording": status.recording,
                 "messages": status.n_messages,

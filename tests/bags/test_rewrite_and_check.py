@@ -161,11 +161,33 @@ def test_check_tells_of_gaps_jumps_and_missing_topics(tmp_path, messages):
     assert check.faults == ("topic intent has no message",)
     assert check.remarks == (
         "/empty: no message",
-        "/robot_pose: 1 gaps, the longest 2.00 s",
-        "/robot_pose: log time steps back 1 times",
-        "/robot_pose: stamps step back 1 times",
+        "/robot_pose: 1 gap, the longest 2.00 s",
+        "/robot_pose: log time steps back once",
+        "/robot_pose: stamps step back once",
     )
     assert check.topics[1].stamp_delay_s == pytest.approx((0.25, 0.25))
+
+
+@pytest.mark.parametrize(
+    ("times_s", "rate_hz", "n_gaps"),
+    [
+        ([0.05 * (step // 3) for step in range(300)], 60.0, 0),  # three at a time
+        ([0.0, 0.1, 0.2, 5.2, 5.3, 5.4], 10.0, 1),
+        ([0.00025 * step for step in range(100)], 4000.0, 0),
+        ([1.0, 1.00002], 0.0, 0),
+        ([1.0], 0.0, 0),
+    ],
+)
+def test_the_usual_rate_is_that_of_bursts_times_their_size(
+    tmp_path, messages, times_s, rate_hz, n_gaps
+):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/robot_pose", POSE)
+        for time_s in times_s:
+            writer.write("/robot_pose", messages.pose(1.0, 0.0, 0.0), round(time_s * 1e9))
+    (topic,) = check_bag(tmp_path / "bag").topics
+    assert topic.rate_hz == pytest.approx(rate_hz, rel=0.02)
+    assert topic.n_gaps == n_gaps
 
 
 def test_check_reports_damage(small_bag):

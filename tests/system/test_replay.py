@@ -1,5 +1,6 @@
 """A bag played into topics: nothing is lost, nothing is changed, and it stops when asked."""
 
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -100,3 +101,10 @@ def test_a_damaged_bag_ends_the_replay_with_the_way_to_repair_it(
     probe.spin_until(lambda: ended.poll() is not None)
     assert ended.returncode == 2
     assert "serd bag recover" in nodes.said("bag_replay")
+
+
+def test_a_part_of_a_bag_that_holds_nothing_is_refused_at_once(ros_env, bag):
+    command = node_command("bag_replay", {"bag": str(bag), "start_s": 99999.0}, {}, ros_env)
+    ended = subprocess.run(command, env=ros_env, capture_output=True, text=True, timeout=30)
+    assert ended.returncode == 2
+    assert "must hold a message to play, got none from 99999 s on" in ended.stderr
