@@ -1,5 +1,6 @@
 """Closed loop: how the planners drive among people, over scenarios, densities and directions.
 
+Each planner drives twice: told of people as they are, and from the lidar's scans alone.
 Every condition is driven with the same 20 seeds. Episodes are kept under .cache until the code of
 the simulator changes, so an interrupted run goes on where it stopped.
 """
@@ -84,6 +85,7 @@ def _row(summary: ConditionSummary) -> Row:
     direction = summary.driver.removeprefix("expert_").replace("_flow", "")
     count = summary.n_episodes
     return {
+        "people_from": summary.people_from,
         "planner": summary.planner,
         "scenario": summary.scenario,
         "people": summary.n_people,

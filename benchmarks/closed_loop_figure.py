@@ -1,6 +1,7 @@
 """The closed-loop benchmark as one figure: a column per scenario, a row per measure."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,67 +11,89 @@ from report import style
 from report.canvas import new_figure
 from sim.batch_summary import ConditionSummary
 
-_PLANNERS = {"dwa": (style.BLUE, "o", -0.12), "mppi": (style.RED, "s", 0.12)}
 _Measure = Callable[[ConditionSummary], float]
+_MEASURES: tuple[_Measure, ...] = (
+    lambda each: 100 * each.arrival_rate,
+    lambda each: each.mean_time_of_arrival_s,
+    lambda each: 100 * each.personal_share,
+    lambda each: 100 * each.intimate_share,
+    lambda each: each.person_on_robot,
+    lambda each: round(each.robot_on_person * each.n_episodes),
+)
+
+
+@dataclass(frozen=True)
+class _Look:
+    """How one series is drawn. shift: beside the middle of its condition."""
+
+    label: str
+    colour: str
+    marker: str
+    filled: bool
+    shift: float
+
+
+#: By planner and where it knows people from.
+_LOOKS = {
+    ("dwa", "given"): _Look("DWA", style.BLUE, "o", True, -0.27),
+    ("dwa", "scan"): _Look("DWA, people from scans alone", style.BLUE, "o", False, -0.09),
+    ("mppi", "given"): _Look("MPPI", style.RED, "s", True, 0.09),
+    ("mppi", "scan"): _Look("MPPI, people from scans alone", style.RED, "s", False, 0.27),
+}
 
 
 def closed_loop_figure(summaries: Sequence[ConditionSummary]) -> Figure:
-    """Dots of both planners over the four conditions of each scenario."""
+    """Both planners, each with both sources of people, over the conditions of each scenario."""
     scenarios = list(dict.fromkeys(each.scenario for each in summaries))
     with style.report_style():
-        figure = new_figure(2.5 * len(scenarios) + 0.7, 8.2)
-        panels = figure.subplots(5, len(scenarios), sharex=True, sharey="row", squeeze=False)
+        figure = new_figure(2.5 * len(scenarios) + 0.7, 9.4)
+        panels = figure.subplots(
+            len(_MEASURES), len(scenarios), sharex=True, sharey="row", squeeze=False
+        )
         for column, scenario in enumerate(scenarios):
             here = [each for each in summaries if each.scenario == scenario]
             _draw_scenario(panels[:, column], here)
             panels[0, column].set_title(scenario.replace("_", " "))
         _label(panels)
         handles, labels = panels[1, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=2)
+        figure.legend(handles, labels, loc="outside lower center", ncols=4)
     return figure
 
 
 def _draw_scenario(panels: Sequence[Axes], here: list[ConditionSummary]) -> None:
     conditions = list(dict.fromkeys((each.n_people, each.driver) for each in here))
-    measures: tuple[_Measure, ...] = (
-        lambda each: 100 * each.arrival_rate,
-        lambda each: each.mean_time_of_arrival_s,
-        lambda each: 100 * each.personal_share,
-        lambda each: 100 * each.intimate_share,
-        lambda each: each.person_on_robot,
-    )
-    for planner, (colour, marker, shift) in _PLANNERS.items():
-        mine = {(each.n_people, each.driver): each for each in here if each.planner == planner}
-        place = np.arange(len(conditions)) + shift
-        for axes, measure in zip(panels, measures, strict=True):
-            values = [measure(mine[each]) for each in conditions]
-            axes.plot(
-                place,
-                values,
-                marker,
-                color=colour,
-                label=planner.upper(),
-                markersize=5,
-                clip_on=False,
-            )
-            axes.grid(axis="y")
-        for each, x in zip(conditions, place, strict=True):
-            summary = mine[each]
-            interval = (100 * summary.arrival_low, 100 * summary.arrival_high)
-            panels[0].plot((x, x), interval, color=colour, linewidth=1.5)
-            struck = round(summary.robot_on_person * summary.n_episodes)
-            if struck:
-                panels[4].annotate(
-                    f"{struck} by\nthe robot",
-                    (x, summary.person_on_robot),
-                    xytext=(0, 6),
-                    textcoords="offset points",
-                    ha="center",
-                    color=colour,
-                    fontsize=7,
-                )
+    for (planner, people_from), look in _LOOKS.items():
+        mine = {
+            (each.n_people, each.driver): each
+            for each in here
+            if (each.planner, each.people_from) == (planner, people_from)
+        }
+        place = np.arange(len(conditions)) + look.shift
+        _draw_series(panels, place, [mine[each] for each in conditions], look)
+    for axes in panels:
+        axes.grid(axis="y")
     panels[0].set_xlim(-0.5, len(conditions) - 0.5)
     panels[-1].set_xticks(range(len(conditions)), [_words(*each) for each in conditions])
+
+
+def _draw_series(
+    panels: Sequence[Axes], place: np.ndarray, series: list[ConditionSummary], look: _Look
+) -> None:
+    """One planner with one source of people: a dot in every panel, an interval in the first."""
+    for axes, measure in zip(panels, _MEASURES, strict=True):
+        axes.plot(
+            place,
+            [measure(each) for each in series],
+            look.marker,
+            color=look.colour,
+            markerfacecolor=look.colour if look.filled else "white",
+            label=look.label,
+            markersize=4.5,
+            clip_on=False,
+        )
+    for each, x in zip(series, place, strict=True):
+        interval = (100 * each.arrival_low, 100 * each.arrival_high)
+        panels[0].plot((x, x), interval, color=look.colour, linewidth=1.2, zorder=1)
 
 
 def _words(n_people: int | None, driver: str) -> str:
@@ -84,6 +107,7 @@ def _label(panels: np.ndarray) -> None:
         "% of time nearer\nthan 1.2 m",
         "% of time nearer\nthan 0.45 m",
         "people who walked\ninto the robot,\nper episode",
+        "people the robot\ndrove into, in\n20 episodes",
     )
     for axes, name in zip(panels[:, 0], names, strict=True):
         axes.set_ylabel(name)

@@ -31,6 +31,7 @@ class LocalPlannerConfig(StrictModel):
 
     scenario: str = Field(min_length=1)
     planner: str
+    people_from: Literal["given", "scan"]
     lockstep: bool
     stamped_cmd_vel: bool
     input_timeout_s: float = Field(gt=0, le=0.5)

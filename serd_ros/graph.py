@@ -22,10 +22,14 @@ Parameters = dict[str, Any]
 
 
 class NodeEndpoints(StrictModel):
-    """Names of the topics and services of one node."""
+    """Names of the topics and services of one node.
+
+    may_subscribe: topics it listens to when a parameter says so, for which nobody waits.
+    """
 
     publishes: tuple[str, ...] = ()
     subscribes: tuple[str, ...] = ()
+    may_subscribe: tuple[str, ...] = ()
     serves: tuple[str, ...] = ()
     calls: tuple[str, ...] = ()
 

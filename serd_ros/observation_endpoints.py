@@ -8,6 +8,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
 from serd_ros import qos, topics
+from serd_ros.convert.frames import Pose
 from serd_ros.convert.odometry import to_odometry
 from serd_ros.convert.people import People, to_people_message
 from serd_ros.convert.pose import to_pose_stamped
@@ -23,21 +24,28 @@ class ObservationPublisher:
         self._odometry = node.create_publisher(Odometry, topics.ODOM, qos.STATE)
         self._pose = node.create_publisher(PoseStamped, topics.ROBOT_POSE, qos.STATE)
 
-    def publish(self, observation: Observation) -> None:
+    def publish(self, observation: Observation, odometry_pose: Pose) -> None:
         """Send the three messages; the pose last, since it is what people wait for."""
         people = People(
             observation.people_position_m, observation.people_velocity_mps, observation.people_id
         )
         self._people.publish(to_people_message(people, observation.time_s))
-        self._odometry.publish(to_odometry(observation))
+        self._odometry.publish(to_odometry(observation, odometry_pose))
         self._pose.publish(to_pose_stamped(observation.pose, observation.time_s))
 
 
 def subscribe_observations(
-    node: Node, control_period_s: float, callback: Callable[[Observation], None]
+    node: Node,
+    control_period_s: float,
+    callback: Callable[[Observation], None],
+    *,
+    needs_people: bool = True,
 ) -> ObservationInbox:
-    """Call back with every observation whose three parts have arrived; the inbox is returned."""
-    inbox = ObservationInbox(control_period_s)
+    """Call back with every observation whose parts have arrived; the inbox is returned.
+
+    needs_people: False for who finds people without `pedestrians`, which nobody need publish then.
+    """
+    inbox = ObservationInbox(control_period_s, needs_people=needs_people)
 
     def pass_on(observation: Observation | None) -> None:
         if observation is not None:

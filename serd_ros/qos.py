@@ -27,6 +27,13 @@ CLOCK = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT,
     durability=DurabilityPolicy.VOLATILE,
 )
+#: What lidars publish with; hears reliable publishers too.
+SENSOR = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=COMMAND_DEPTH,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)
 TF = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=100,

@@ -26,21 +26,17 @@ class WorldPublisher:
         self._scan: Publisher = node.create_publisher(LaserScan, topics.SCAN, qos.STATE)
         self._map = node.create_publisher(OccupancyGrid, topics.MAP, qos.LATCHED)
         self._map.publish(to_occupancy_grid(world.map_raster(), 0.0))
-        scenario = world.scenario
-        self._ticks_per_scan = max(
-            1, round(1.0 / (scenario.lidar.rate_hz * scenario.control_period_s))
-        )
 
     def publish(self) -> None:
         """Send the world as it is now."""
         observation = self._world.observation
         self._clock.publish(Clock(clock=to_stamp(observation.time_s)))
-        if observation.tick % self._ticks_per_scan == 0 and self._scan.get_subscription_count():
+        if self._world.is_scan_tick and self._scan.get_subscription_count():
             ranges_m = self._world.scan(observation)
             self._scan.publish(to_scan(ranges_m, self._world.scenario.lidar, observation.time_s))
         if is_decision_tick(observation, self._world.scenario) or self._world.in_goal:
             self.report()
-        self._observation.publish(observation)
+        self._observation.publish(observation, self._world.odometry_pose)
 
     def report(self) -> None:
         """Send contacts and distances of the running episode on `diagnostics`."""

@@ -17,7 +17,7 @@ from sim.episode_metrics import MetricsObserver
 from sim.errors import SimError
 from sim.execution import Execution
 from sim.model_driver import MODEL_SUFFIXES
-from sim.planners import make_planner
+from sim.planners import make_planner, planner_in_world, require_people_source
 from sim.scenario import Scenario, load_scenario
 from sim.scenario_grid import grid_of, start_states_of
 from sim.world import HallwayWorld
@@ -33,7 +33,8 @@ INPUTS = "inputs"
 class EpisodeTask:
     """What defines one episode. n_people: the scenario's own number when None.
 
-    driver: a name of `sim.drivers` or the file of a learned model.
+    driver: a name of `sim.drivers` or the file of a learned model. people_from: a name of
+    `sim.planners.PEOPLE_SOURCES`.
     """
 
     scenario: str
@@ -43,6 +44,7 @@ class EpisodeTask:
     start_area: str = "train"
     planner: str = "dwa"
     driver: str = "expert_with_flow"
+    people_from: str = "given"
 
     @property
     def key(self) -> Key:
@@ -58,9 +60,10 @@ def run_task(task: EpisodeTask) -> Row:
     scenario = scenario_of(task.scenario, task.n_people)
     observer = MetricsObserver(scenario)
     with HallwayWorld(scenario, seed=task.seed) as world:
+        planner = planner_in_world(task.planner, world, task.people_from)
         record = run_episode(
             world,
-            make_planner(task.planner, scenario),
+            planner,
             make_driver(task.driver, scenario, task.seed),
             episode=task.episode,
             start_area=task.start_area,
@@ -76,6 +79,8 @@ def run_task(task: EpisodeTask) -> Row:
         "n_decisions": len(record.decisions),
         "minimum_person_distance_m": record.minimum_person_distance_m,
         **asdict(record.contacts),
+        "planner_status": planner.status.name,
+        "n_recoveries": planner.n_recoveries,
         **asdict(observer.metrics),
     }
 
@@ -129,6 +134,7 @@ def require_runnable(tasks: Iterable[EpisodeTask]) -> None:
         place = scenario_of(alike.scenario, alike.n_people)
         start_states_of(place, grid_of(place), alike.start_area)
         make_planner(alike.planner, place)
+        require_people_source(alike.people_from)
         make_driver(alike.driver, place, 0)
 
 

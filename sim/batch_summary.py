@@ -9,7 +9,7 @@ from scipy.stats import binomtest
 
 from storage.row_table import Row
 
-_CONDITION = ("planner", "scenario", "n_people", "start_area", "driver")
+_CONDITION = ("planner", "scenario", "n_people", "start_area", "driver", "people_from")
 _AVERAGED = (
     "intimate_share",
     "personal_share",
@@ -34,6 +34,7 @@ class ConditionSummary:
     n_people: int | None
     start_area: str
     driver: str
+    people_from: str
     n_episodes: int
     n_arrived: int
     arrival_low: float

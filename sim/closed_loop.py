@@ -1,4 +1,6 @@
-"""The closed-loop benchmark's plan: scenarios x densities x with or against the flow x seeds."""
+"""The closed-loop benchmark's plan: scenarios x densities x directions x planners x seeds,
+with people as given and from the lidar's scans alone.
+"""
 
 from dataclasses import dataclass
 from itertools import product
@@ -15,6 +17,7 @@ class ClosedLoopPlan:
     n_people: tuple[int, ...] = (30, 60)
     drivers: tuple[str, ...] = ("expert_with_flow", "expert_against_flow")
     planners: tuple[str, ...] = ("dwa", "mppi")
+    people_from: tuple[str, ...] = ("given", "scan")
     n_seeds: int = 20
 
     def __post_init__(self) -> None:
@@ -26,9 +29,15 @@ class ClosedLoopPlan:
         """One task per episode, seeds 1 to n_seeds."""
         return tuple(
             EpisodeTask(
-                scenario=scenario, seed=seed, n_people=people, planner=planner, driver=driver
+                scenario=scenario,
+                seed=seed,
+                n_people=people,
+                planner=planner,
+                driver=driver,
+                people_from=source,
             )
-            for planner, scenario, people, driver, seed in product(
+            for source, planner, scenario, people, driver, seed in product(
+                self.people_from,
                 self.planners,
                 self.scenarios,
                 self.n_people,

@@ -6,9 +6,9 @@ import numpy as np
 
 from serd_core.grid import Grid
 from sim.errors import SimError
+from sim.polygon import Point
 from sim.scenario import Scenario
 from sim.scenario_grid import grid_of
-from sim.settings import Point
 
 Area = tuple[Point, ...]
 

@@ -1,6 +1,6 @@
 """What every local planner is: a thing that turns what is seen and a waypoint into a command."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 from sim.command import Command
 from sim.observation import Observation
@@ -17,6 +17,14 @@ class LocalPlanner(Protocol):
 
     def reset(self) -> None:
         """Forget the past, at the start of an episode."""
+        ...
+
+    def snapshot(self) -> Any:
+        """Everything that changes, as a value of the planner's own kind."""
+        ...
+
+    def restore(self, state: Any) -> None:
+        """Go back to a snapshot of a planner of this kind; what follows repeats exactly."""
         ...
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:

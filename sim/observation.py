@@ -4,6 +4,7 @@ Yaw and the people's positions and velocities are rounded to single precision, a
 carry them are, so that a planner behind ROS sees bit for bit what a planner in process sees.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,11 @@ class Observation:
     people_position_m: FloatArray
     people_velocity_mps: FloatArray
     people_id: IntArray
+
+    @property
+    def tells_place(self) -> bool:
+        """Whether pose and motion of the robot are finite numbers."""
+        return all(map(math.isfinite, (*self.pose, self.speed_mps, self.yaw_rate_radps)))
 
     @property
     def x_m(self) -> float:

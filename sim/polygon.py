@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike
 
 from serd_core.arrays import BoolArray, FloatArray
 
+Point = tuple[float, float]
+_SMALLEST_AREA_M2 = 1e-9
+
 
 def edges_of(polygon_m: ArrayLike) -> FloatArray:
     """(n, 2, 2) edges of a polygon, each from a corner to the next."""
@@ -62,18 +65,44 @@ def distance_to_segments_m(points_m: ArrayLike, segments_m: FloatArray) -> Float
 def self_intersection(polygon_m: ArrayLike) -> tuple[int, int] | None:
     """Two edges of the polygon that properly cross each other, or None when it is simple."""
     edges = edges_of(polygon_m)
-    for first in range(len(edges)):
-        for second in range(first + 2, len(edges)):
-            if _cross(edges[first], edges[second]):
-                return first, second
-    return None
+    return first_crossing(edges, edges)
 
 
-def _cross(first: FloatArray, second: FloatArray) -> bool:
-    def side(line: FloatArray, point: FloatArray) -> float:
-        along, towards = line[1] - line[0], point - line[0]
-        return float(np.sign(along[0] * towards[1] - along[1] * towards[0]))
+def require_simple(corners: tuple[Point, ...]) -> tuple[Point, ...]:
+    """The corners; ValueError where their outline crosses itself or has no area."""
+    crossing = self_intersection(corners)
+    if crossing is not None:
+        raise ValueError(
+            f"must not cross itself, but edges {crossing[0]} and {crossing[1]} do"
+            "; list the corners in order around the area"
+        )
+    for start, end in zip(corners, (*corners[1:], corners[0]), strict=True):
+        if start == end:
+            raise ValueError(f"must not have a corner twice in a row, got {list(start)} again")
+    if abs(signed_area_m2(corners)) < _SMALLEST_AREA_M2:
+        raise ValueError("must bound an area, but the corners are in one line; move one of them")
+    return corners
 
-    separated_by_first = side(first, second[0]) * side(first, second[1]) < 0
-    separated_by_second = side(second, first[0]) * side(second, first[1]) < 0
-    return separated_by_first and separated_by_second
+
+def first_crossing(segments_m: FloatArray, others_m: FloatArray) -> tuple[int, int] | None:
+    """Numbers of a segment (N, 2, 2) and of another (M, 2, 2) that properly cross, else None."""
+    crossing = _separated(segments_m, others_m) & _separated(others_m, segments_m).T
+    pairs = np.argwhere(crossing)
+    return (int(pairs[0, 0]), int(pairs[0, 1])) if len(pairs) else None
+
+
+def overlap(first_m: ArrayLike, second_m: ArrayLike) -> bool:
+    """Whether two polygons have a point in common: a corner in the other one, or crossing edges."""
+    corner_inside = contains(first_m, second_m).any() or contains(second_m, first_m).any()
+    return bool(corner_inside or first_crossing(edges_of(first_m), edges_of(second_m)) is not None)
+
+
+def _separated(lines_m: FloatArray, segments_m: FloatArray) -> BoolArray:
+    """(N, M) whether line n has the two ends of segment m on different sides."""
+    start, along = lines_m[:, 0], lines_m[:, 1] - lines_m[:, 0]
+    towards = segments_m[None] - start[:, None, None]
+    side = np.sign(
+        along[:, None, None, 0] * towards[..., 1] - along[:, None, None, 1] * towards[..., 0]
+    )
+    apart: BoolArray = side[..., 0] * side[..., 1] < 0
+    return apart

@@ -4,23 +4,24 @@ The walkable area is one simple polygon; its edges and those of the obstacles ar
 are written as right-hand traffic walks them; `flow_convention: left_hand` walks them backwards.
 """
 
+import hashlib
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from serd_core.arrays import FloatArray
+from sim import scenario_rules as rules
 from sim.errors import SimError
-from sim.polygon import contains, edges_of, self_intersection, signed_area_m2
+from sim.polygon import edges_of, signed_area_m2
 from sim.settings import (
     LidarSettings,
     Loop,
     OdometrySettings,
+    Outline,
     PedestrianSettings,
-    Point,
-    Polygon,
     RobotSettings,
 )
 from sim.walkable_cells import WalkableCells, walkable_cells
@@ -34,7 +35,7 @@ class Obstacle(StrictModel):
     """Something solid inside the walkable area."""
 
     name: str
-    outline_m: Polygon
+    outline_m: Outline
 
 
 class Scenario(StrictModel):
@@ -46,40 +47,42 @@ class Scenario(StrictModel):
     decision_period_s: float = Field(default=2.0, gt=0)
     control_period_s: float = Field(default=0.05, gt=0)
     episode_timeout_s: float = Field(default=420.0, gt=0)
-    walkable_area_m: Polygon
+    walkable_area_m: Outline
     obstacles: tuple[Obstacle, ...] = ()
-    goal_area_m: Polygon
-    start_areas_m: dict[str, Polygon]
+    goal_area_m: Outline
+    start_areas_m: dict[str, Outline]
     flow_convention: Literal["right_hand", "left_hand"] = "right_hand"
     pedestrians: PedestrianSettings = PedestrianSettings()
     robot: RobotSettings = RobotSettings()
     lidar: LidarSettings = LidarSettings()
     odometry: OdometrySettings = OdometrySettings()
 
-    @field_validator("walkable_area_m", "goal_area_m")
-    @classmethod
-    def _simple(cls, polygon: tuple[Point, ...]) -> tuple[Point, ...]:
-        crossing = self_intersection(polygon)
-        if crossing is not None:
-            raise ValueError(
-                f"must not cross itself, but edges {crossing[0]} and {crossing[1]} do"
-                "; list the corners in order around the area"
-            )
-        return polygon
-
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
-        _require_multiple(self.decision_period_s, self.control_period_s)
+        rules.require_whole_periods(
+            "decision_period_s", self.decision_period_s, self.control_period_s
+        )
+        rules.require_lidar(self.lidar, self.control_period_s)
         if "train" not in self.start_areas_m:
             raise ValueError(f"start_areas_m must have 'train', got {sorted(self.start_areas_m)}")
+        solids = [obstacle.outline_m for obstacle in self.obstacles]
+        rules.require_in_place(self.walkable_area_m, solids)
+        self._require_usable_areas()
         if self.pedestrians.count and not self.pedestrians.loops:
             raise ValueError("pedestrians.loops must not be empty when pedestrians.count is not 0")
-        _require_cell(self, "goal_area_m", self.goal_area_m)
-        for name, area in self.start_areas_m.items():
-            _require_cell(self, f"start_areas_m.{name}", area)
-        for loop in self.pedestrians.loops:
-            _require_inside(self, f"waypoints_m of the loop {loop.name!r}", loop.waypoints_m)
+        for number, loop in enumerate(self.pedestrians.loops):
+            name = f"pedestrians.loops[{number}]"
+            rules.require_lane(name, loop, self.walkable_area_m, solids, self.wall_segments_m)
         return self
+
+    def _require_usable_areas(self) -> None:
+        cells, radius_m = self.cells, self.robot.radius_m
+        rules.require_cells("goal_area_m", self.goal_area_m, cells)
+        for key, area in self.start_areas_m.items():
+            name = f"start_areas_m.{key}"
+            rules.require_cells(name, area, cells)
+            rules.require_room(name, area, cells, self.wall_segments_m, radius_m)
+            rules.require_way(name, area, self.goal_area_m, cells)
 
     @property
     def ticks_per_decision(self) -> int:
@@ -145,6 +148,11 @@ def builtin_scenarios() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _BUILTIN_FOLDER.glob("*.yaml")))
 
 
+def scenario_digest(scenario: Scenario) -> str:
+    """Digest of all that a scenario says."""
+    return hashlib.sha256(scenario.model_dump_json().encode()).hexdigest()[:12]
+
+
 def load_scenario(name_or_path: str | Path) -> Scenario:
     """Scenario by the name of a built-in one or by the path of a YAML file."""
     path = Path(name_or_path)
@@ -156,29 +164,3 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     meant = nearest_name(name, builtin_scenarios())
     hint = f"did you mean {meant!r}?" if meant else f"built in are {', '.join(builtin_scenarios())}"
     raise SimError(f"scenario must be a built-in name or a .yaml file, got {name!r}; {hint}")
-
-
-def _require_multiple(decision_period_s: float, control_period_s: float) -> None:
-    ratio = decision_period_s / control_period_s
-    if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-9 * ratio:
-        raise ValueError(
-            f"decision_period_s must be a whole number of control_period_s ({control_period_s})"
-            f", got {decision_period_s}"
-        )
-
-
-def _require_cell(scenario: Scenario, what: str, area: tuple[Point, ...]) -> None:
-    if not contains(area, scenario.cells.centers_m).any():
-        raise ValueError(
-            f"{what} must hold the centre of at least one walkable cell of {scenario.cell_size_m} m"
-            f", got {[list(point) for point in area]}; enlarge or move it"
-        )
-
-
-def _require_inside(scenario: Scenario, what: str, points: tuple[Point, ...]) -> None:
-    walkable = contains(scenario.walkable_area_m, points)
-    for obstacle in scenario.obstacles:
-        walkable &= ~contains(obstacle.outline_m, points)
-    if not walkable.all():
-        outside = points[int(np.argmin(walkable))]
-        raise ValueError(f"{what} must be in the walkable area, got {list(outside)}; move it")

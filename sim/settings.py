@@ -3,13 +3,15 @@
 import math
 from typing import Annotated
 
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field, field_validator
 
 from sim.crowd.social_force import model_named
+from sim.polygon import Point, require_simple
 from storage.yaml_config import StrictModel
 
-Point = tuple[float, float]
 Polygon = Annotated[tuple[Point, ...], Field(min_length=3)]
+#: A polygon that bounds an area: it must not cross itself, nor shrink to a line.
+Outline = Annotated[Polygon, AfterValidator(require_simple)]
 
 
 class RobotSettings(StrictModel):

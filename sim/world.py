@@ -26,12 +26,11 @@ from sim.robot.lidar import Lidar
 from sim.robot.odometry import Odometry
 from sim.robot.physics import Physics
 from sim.robot.robot import Robot, RobotState, standing_at
-from sim.scenario import Scenario
+from sim.scenario import Scenario, scenario_digest
 from sim.scenario_grid import grid_of, start_states_of
+from sim.scenario_rules import START_SPREAD, has_room
 from sim.seeds import CROWD, LIDAR, ODOMETRY, START, episode_rng
 from sim.world_state import WorldState
-
-_START_SPREAD = 0.2
 
 
 class HallwayWorld:
@@ -153,11 +152,13 @@ class HallwayWorld:
     def snapshot(self) -> WorldState:
         """Everything that changes, as a value."""
         return WorldState(
+            scenario_digest=scenario_digest(self.scenario),
             seed=self.seed,
             episode=self._episode,
             tick=self.tick,
             first_tick=self._first_tick,
             n_rejected_commands=self.n_rejected_commands,
+            goal_area_m=self.goal_area_m,
             robot=self._robot.state,
             crowd=self._running().snapshot(),
             contacts=self._contacts.snapshot(),
@@ -166,6 +167,11 @@ class HallwayWorld:
 
     def restore(self, state: WorldState) -> Observation:
         """Go back to a snapshot of a world of this scenario and seed; also in another process."""
+        if state.scenario_digest != scenario_digest(self.scenario):
+            raise SimError(
+                f"state must be of this world's scenario {self.scenario.name!r} as it is, got "
+                "one of another scenario or version of it; make the world with that one"
+            )
         if state.seed != self.seed:
             raise SimError(
                 f"state must be of this world's seed {self.seed}, got seed {state.seed}"
@@ -176,7 +182,7 @@ class HallwayWorld:
         self._contacts.restore(state.contacts)
         self._odometry.restore(state.odometry)
         self.tick, self._first_tick = state.tick, state.first_tick
-        self.n_rejected_commands = state.n_rejected_commands
+        self.n_rejected_commands, self.goal_area_m = state.n_rejected_commands, state.goal_area_m
         self._observation = self._observe()
         return self._observation
 
@@ -212,8 +218,11 @@ class HallwayWorld:
         self._contacts = ContactCounter(len(self._crowd))
 
     def _draw_start(self, rng: np.random.Generator, area: str) -> tuple[float, float, float]:
-        state = rng.choice(start_states_of(self.scenario, self.grid, area))
-        spread = _START_SPREAD * self.grid.cell_size_m
+        states = start_states_of(self.scenario, self.grid, area)
+        walls_m, size_m = self.scenario.wall_segments_m, self.grid.cell_size_m
+        roomy = has_room(self.grid.centers_m[states], size_m, walls_m, self.scenario.robot.radius_m)
+        state = rng.choice(states[roomy])
+        spread = START_SPREAD * size_m
         x_m, y_m = self.grid.centers_m[state] + rng.uniform(-spread, spread, 2)
         return float(x_m), float(y_m), float(rng.uniform(-math.pi, math.pi))
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from sim.crowd.crowd import CrowdState
+from sim.goal import Area
 from sim.robot.contacts import ContactState
 from sim.robot.odometry import OdometryState
 from sim.robot.robot import RobotState
@@ -12,11 +13,13 @@ from sim.robot.robot import RobotState
 class WorldState:
     """A snapshot of a world of one scenario and seed; restoring repeats what followed exactly."""
 
+    scenario_digest: str
     seed: int
     episode: int
     tick: int
     first_tick: int
     n_rejected_commands: int
+    goal_area_m: Area
     robot: RobotState
     crowd: CrowdState
     contacts: ContactState

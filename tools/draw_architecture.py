@@ -88,7 +88,7 @@ def topics_picture(stack: str, graph_file: Path = GRAPH_FILE) -> Picture:
     """
     described = yaml.safe_load(graph_file.read_text())
     graph = _stack_graph(described, stack)
-    topics = _ends(graph, "publishes", "subscribes")
+    topics = _ends(_with_all_subscriptions(graph), "publishes", "subscribes")
     shared = [name for name, (talkers, hearers) in topics.items() if talkers | hearers == {*graph}]
     groups = _grouped({name: ends for name, ends in topics.items() if name not in shared})
     services = _grouped(_ends(graph, "calls", "serves"))
@@ -151,6 +151,16 @@ def _stack_graph(described: Mapping[str, Any], stack: str) -> dict[str, dict[str
             for key, names in described["nodes"][node].items()
         }
         for node in chosen["nodes"]
+    }
+
+
+def _with_all_subscriptions(
+    graph: Mapping[str, Mapping[str, list[str]]],
+) -> dict[str, dict[str, list[str]]]:
+    """The graph with the topics that a parameter asks for among those subscribed to."""
+    return {
+        node: {**ends, "subscribes": [*ends.get("subscribes", []), *ends.get("may_subscribe", [])]}
+        for node, ends in graph.items()
     }
 
 

@@ -43,6 +43,10 @@ def batch(
     start_area: Annotated[
         list[str] | None, typer.Option(help="where the robot starts, default train; repeat")
     ] = None,
+    people_from: Annotated[
+        list[str] | None,
+        typer.Option(help="given: people as they are; scan: from the lidar alone; repeat"),
+    ] = None,
     seeds: Annotated[int, typer.Option(help="episodes of each, seeds first-seed and up")] = 20,
     first_seed: Annotated[int, typer.Option(help="seed of the first episode")] = 1,
     jobs: Annotated[int, typer.Option(help="processes at a time, -1 for all cores")] = -1,
@@ -65,13 +69,20 @@ def batch(
     counts: list[int | None] = [*people] if people else [None]
     tasks = [
         EpisodeTask(
-            scenario=place, seed=seed, n_people=count, start_area=area, planner=local, driver=driver
+            scenario=place,
+            seed=seed,
+            n_people=count,
+            start_area=area,
+            planner=local,
+            driver=driver,
+            people_from=source,
         )
-        for place, count, area, local, driver, seed in product(
+        for place, count, area, local, source, driver, seed in product(
             scenario,
             counts,
             start_area or ["train"],
             planner or ["dwa"],
+            people_from or ["given"],
             policy or ["expert"],
             range(first_seed, first_seed + seeds),
         )
@@ -108,9 +119,10 @@ def summary_table(summaries: list[ConditionSummary]) -> Table:
 
 def _condition(summary: ConditionSummary) -> str:
     people = "" if summary.n_people is None else f", {summary.n_people} people"
+    seen = ", from scans" if summary.people_from == "scan" else ""
     return (
         f"{summary.scenario}{people}, from {summary.start_area}: "
-        f"{summary.driver} by {summary.planner}"
+        f"{summary.driver} by {summary.planner}{seen}"
     )
 
 

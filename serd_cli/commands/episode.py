@@ -21,7 +21,7 @@ from sim.pictures.scene_view import SceneView
 from sim.pictures.top_view import TopView
 from sim.pictures.trajectory import Trajectory, TrajectoryRecorder
 from sim.pictures.view import EpisodeView, Frame
-from sim.planners import make_planner, planner_names
+from sim.planners import planner_in_world, planner_names
 from sim.scenario import Scenario
 from sim.world import HallwayWorld
 
@@ -53,6 +53,9 @@ def render(
         str, typer.Option(help=f"{', '.join(driver_names())} or a learned model's file")
     ] = "expert",
     planner: Annotated[str, typer.Option(help=" or ".join(planner_names()))] = "dwa",
+    people_from: Annotated[
+        str, typer.Option(help="given: people as they are; scan: from the lidar alone")
+    ] = "given",
     seed: Annotated[int, typer.Option(min=0, help="seed of people, start and driver")] = 1,
     episode: Annotated[int, typer.Option(min=0, help="number of the episode")] = 0,
     people: Annotated[int | None, typer.Option(help="number of people, else its own")] = None,
@@ -72,7 +75,7 @@ def render(
     The same seed, episode and policy give the same drive as in serd batch.
     """
     _require_usable(output, speed, frames_per_s, pixels_per_m)
-    task = EpisodeTask(scenario, seed, episode, people, start_area, planner, policy)
+    task = EpisodeTask(scenario, seed, episode, people, start_area, planner, policy, people_from)
     place = scenario_of(scenario, people)
     record, trajectory = _drive(task, place)
     with ExitStack() as stack:
@@ -90,9 +93,9 @@ def render(
 
 def _drive(task: EpisodeTask, scenario: Scenario) -> tuple[EpisodeRecord, Trajectory]:
     recorder = TrajectoryRecorder()
-    planner = make_planner(task.planner, scenario)
     driver = make_driver(task.driver, scenario, task.seed)
     with HallwayWorld(scenario, seed=task.seed) as world:
+        planner = planner_in_world(task.planner, world, task.people_from)
         record = run_episode(
             world,
             planner,

@@ -28,6 +28,9 @@ class People:
     identity: NDArray[np.int64]
 
 
+NOBODY = People(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=np.int64))
+
+
 def to_people_message(people: People, time_s: float) -> PointCloud2:
     """The people as a cloud in the map."""
     rows = np.zeros(len(people.identity), dtype=_ROW)

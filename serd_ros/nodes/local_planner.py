@@ -8,23 +8,27 @@ and stale ones stop the robot.
 import sys
 
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, Vector3Stamped
+from sensor_msgs.msg import LaserScan
 
 from serd_core.grid import Action
 from serd_ros import qos, topics
 from serd_ros.configs import LocalPlannerConfig
 from serd_ros.convert.command import to_twist, to_twist_stamped
-from serd_ros.convert.diagnostics import WARN
+from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.intent import from_intent
 from serd_ros.convert.pose import from_waypoint_message
+from serd_ros.convert.scan import ranges_of
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.graph_readiness import Readiness
 from serd_ros.observation_endpoints import subscribe_observations
 from serd_ros.run_node import run_node
+from serd_ros.scan_matcher import ScanMatcher
 from serd_ros.serd_node import SerdNode
 from sim.command import STOP, Command
 from sim.decision import is_decision_tick, waypoint_of_intent
 from sim.observation import Observation
 from sim.planners import make_planner
+from sim.planning.planner_status import PlannerStatus
 from sim.scenario import load_scenario
 from sim.scenario_grid import grid_of
 from sim.waypoint import Waypoint
@@ -37,7 +41,10 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         super().__init__("local_planner", LocalPlannerConfig)
         self._scenario = load_scenario(self.config.scenario)
         self._grid = grid_of(self._scenario)
-        self._planner = make_planner(self.config.planner, self._scenario)
+        self._scans = self._matcher()
+        planner = make_planner(self.config.planner, self._scenario)
+        self._planner = self._scans.planner_on(planner) if self._scans else planner
+        self._status = self._planner.status
         self._observation: Observation | None = None
         self._directive: tuple[int, Action | Waypoint] | None = None
         self._is_new = False
@@ -49,12 +56,31 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         self._stamped = self.config.stamped_cmd_vel or self.config.lockstep
         kind = TwistStamped if self._stamped else Twist
         self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.STATE)
-        subscribe_observations(self, self._scenario.control_period_s, self._on_observation)
+        subscribe_observations(
+            self,
+            self._scenario.control_period_s,
+            self._on_observation,
+            needs_people=self._scans is None,
+        )
         self.create_subscription(Vector3Stamped, topics.INTENT, self._on_intent, qos.COMMAND)
         self.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
         if not self.config.lockstep:
             period_s = self._scenario.control_period_s
             self.create_timer(period_s, self._plan_live, clock=self.wall_clock)
+
+    def _matcher(self) -> ScanMatcher | None:
+        """What finds people in scans, where the parameters say so."""
+        if self.config.people_from == "given":
+            return None
+        profile = qos.STATE if self.config.lockstep else qos.SENSOR
+        self.create_subscription(LaserScan, topics.SCAN, self._on_scan, profile)
+        return ScanMatcher(self._scenario)
+
+    def _on_scan(self, message: LaserScan) -> None:
+        assert self._scans is not None
+        self._scans.take_scan(stamp_ns(message.header.stamp), ranges_of(message))
+        if self.config.lockstep:
+            self._answer_tick()
 
     def _on_intent(self, message: Vector3Stamped) -> None:
         self._take_directive(stamp_ns(message.header.stamp), from_intent(message))
@@ -74,6 +100,8 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         if last is None or self._is_another_episode(last, observation):
             self._planner.reset()
             self._waypoint = None
+        if self._scans:
+            self._scans.take_observation(observation)
         if self.config.lockstep:
             self._answer_tick()
 
@@ -87,12 +115,14 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         if observation is None or not self._listened_to():
             return
         time_ns = stamp_ns(to_stamp(observation.time_s))
+        if self._scans and not self._scans.is_complete(observation):
+            return
         if self._answer is None or self._answer[0] != time_ns:
             if is_decision_tick(observation, self._scenario):
                 if self._directive is None or self._directive[0] != time_ns:
                     return
                 self._waypoint = self._towards(observation, self._directive[1])
-            self._answer = time_ns, self._planner.step(observation, self._waypoint)
+            self._answer = time_ns, self._plan(observation)
         self._send(self._answer[1], observation.time_s)
 
     def _listened_to(self) -> bool:
@@ -116,7 +146,17 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
             self.report(observation.time_s, {"silent_s": silent_s}, level=WARN, message="stale")
             self._send(STOP, observation.time_s)
             return
-        self._send(self._planner.step(observation, self._waypoint), observation.time_s)
+        self._send(self._plan(observation), observation.time_s)
+
+    def _plan(self, observation: Observation) -> Command:
+        """The planner's command; how it fares is told when that changes."""
+        command = self._planner.step(observation, self._waypoint)
+        if self._planner.status != self._status:
+            self._status = self._planner.status
+            level = OK if self._status is PlannerStatus.NONE else WARN
+            values = {"status": int(self._status), "recoveries": self._planner.n_recoveries}
+            self.report(observation.time_s, values, level=level, message=self._status.name)
+        return command
 
     def _towards(self, observation: Observation, directive: Action | Waypoint) -> Waypoint:
         if isinstance(directive, Waypoint):

@@ -139,9 +139,10 @@ class Crowd:
         speed = float(np.hypot(robot.velocity_x_mps, robot.velocity_y_mps))
         bodies = self._bodies
         bodies.speed_mps[-1], bodies.radius_m[-1] = speed, robot.radius_m
-        if speed > 1e-6:
-            bodies.heading_x[-1] = robot.velocity_x_mps / speed
-            bodies.heading_y[-1] = robot.velocity_y_mps / speed
+        # Nothing is remembered of where a robot that stands was heading: no state to snapshot.
+        moves = speed > 1e-6
+        bodies.heading_x[-1] = robot.velocity_x_mps / speed if moves else 0.0
+        bodies.heading_y[-1] = robot.velocity_y_mps / speed if moves else 0.0
 
     def _forces(self) -> tuple[FloatArray, FloatArray]:
         """(N,) x and y of dv/dt: relaxation, people, walls, fluctuation."""

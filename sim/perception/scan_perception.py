@@ -5,15 +5,16 @@ from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
 from sim.crowd.social_force import model_named
+from sim.errors import SimError
 from sim.observation import Observation, make_observation
 from sim.occupancy import wall_distance_raster
-from sim.perception.people_tracker import PeopleTracker
+from sim.perception.people_tracker import PeopleTracker, TrackerState
 from sim.perception.scan_people import people_in_scan
 from sim.scenario import Scenario
 
 
 class ScanPerception:
-    """Replaces the people of observations by those tracked in the scans seen so far."""
+    """Replaces the people of observations by those tracked in the scans taken so far."""
 
     def __init__(self, scenario: Scenario) -> None:
         lidar = scenario.lidar
@@ -28,15 +29,21 @@ class ScanPerception:
         """Forget everybody, at the start of an episode."""
         self.tracker.reset()
 
-    def see(self, observation: Observation, ranges_m: NDArray[np.float32] | None) -> Observation:
-        """The observation with tracked people; None between scans."""
-        if ranges_m is None:
-            self.tracker.predict(observation.time_s)
-        else:
-            found = people_in_scan(
-                ranges_m, self._angles_rad, observation.pose, self._walls, self._person_radius_m
+    def take(self, observation: Observation, ranges_m: NDArray[np.float32]) -> None:
+        """Take the scan (n_rays,) that was made at an observation's time and pose."""
+        if ranges_m.shape != self._angles_rad.shape:
+            raise SimError(
+                f"ranges_m must have {len(self._angles_rad)} rays as lidar.n_rays of the scenario"
+                f", got {ranges_m.shape}; set lidar.n_rays to those of the sensor"
             )
-            self.tracker.update(found, observation.time_s)
+        found = people_in_scan(
+            ranges_m, self._angles_rad, observation.pose, self._walls, self._person_radius_m
+        )
+        self.tracker.update(found, observation.time_s)
+
+    def see(self, observation: Observation) -> Observation:
+        """The observation with the people tracked, moved on to its time, for the given ones."""
+        self.tracker.predict(observation.time_s)
         return make_observation(
             time_s=observation.time_s,
             tick=observation.tick,
@@ -47,3 +54,11 @@ class ScanPerception:
             people_velocity_mps=self.tracker.velocity_mps,
             people_id=self.tracker.identity,
         )
+
+    def snapshot(self) -> TrackerState:
+        """Copy of all that changes."""
+        return self.tracker.snapshot()
+
+    def restore(self, state: TrackerState) -> None:
+        """Go back to a snapshot."""
+        self.tracker.restore(state)

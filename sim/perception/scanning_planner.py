@@ -1,26 +1,56 @@
 """A planner that knows of people only what the lidar tells."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.command import Command
-from sim.local_planner import LocalPlanner
 from sim.observation import Observation
+from sim.perception.people_tracker import TrackerState
 from sim.perception.scan_perception import ScanPerception
+from sim.planning.planner_status import PlannerStatus
+from sim.planning.recovery import RecoveringPlanner
+from sim.scenario import Scenario
 from sim.waypoint import Waypoint
-from sim.world import HallwayWorld
 
 #: Gives the scan taken at an observation, None when there is no new one.
 ScanSource = Callable[[Observation], NDArray[np.float32] | None]
 
 
+class Scanner(Protocol):
+    """A world with a lidar."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """The place."""
+        ...
+
+    @property
+    def is_scan_tick(self) -> bool:
+        """Whether the lidar has a new scan now."""
+        ...
+
+    def scan(self, observation: Observation | None = None) -> NDArray[np.float32]:
+        """(n_rays,) ranges from an observed pose."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class ScanningState:
+    """What a snapshot keeps of the planner and of the people tracked."""
+
+    planner: Any
+    tracker: TrackerState
+
+
 class ScanningPlanner:
-    """Wraps any planner: people as given are replaced by people as tracked in scans."""
+    """Wraps a planner and its recoveries: people as given are replaced by those in the scans."""
 
     def __init__(
-        self, planner: LocalPlanner, perception: ScanPerception, scan_of: ScanSource
+        self, planner: RecoveringPlanner, perception: ScanPerception, scan_of: ScanSource
     ) -> None:
         self.planner = planner
         self.perception = perception
@@ -31,6 +61,16 @@ class ScanningPlanner:
         """Whether every way to move was forbidden when it was asked last."""
         return self.planner.is_blocked
 
+    @property
+    def status(self) -> PlannerStatus:
+        """How the planner fares, in Nav2's words."""
+        return self.planner.status
+
+    @property
+    def n_recoveries(self) -> int:
+        """Recoveries begun so far."""
+        return self.planner.n_recoveries
+
     def reset(self) -> None:
         """Forget the past, at the start of an episode."""
         self.planner.reset()
@@ -38,10 +78,25 @@ class ScanningPlanner:
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """The planner's command for the people the scans have shown."""
-        seen = self.perception.see(observation, self._scan_of(observation))
-        return self.planner.step(seen, waypoint)
+        ranges_m = self._scan_of(observation)
+        if ranges_m is not None:
+            self.perception.take(observation, ranges_m)
+        return self.planner.step(self.perception.see(observation), waypoint)
+
+    def snapshot(self) -> ScanningState:
+        """Copy of all that changes."""
+        return ScanningState(self.planner.snapshot(), self.perception.snapshot())
+
+    def restore(self, state: ScanningState) -> None:
+        """Go back to a snapshot."""
+        self.planner.restore(state.planner)
+        self.perception.restore(state.tracker)
 
 
-def scans_of(world: HallwayWorld) -> ScanSource:
+def scans_of(world: Scanner) -> ScanSource:
     """The lidar of a world in process, at its own rate."""
     return lambda observation: world.scan(observation) if world.is_scan_tick else None
+
+
+def no_scans(_: Observation) -> None:
+    """For who hands the scans to the perception as they come."""

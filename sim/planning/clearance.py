@@ -20,13 +20,19 @@ def gap_to_people_m(
 
     people_x_m, people_y_m: (K, T), or (K, 1) for people who stand.
     """
-    nearest = np.full(x_m.shape, np.inf)
-    for person_x, person_y in zip(people_x_m, people_y_m, strict=True):
-        away_x, away_y = x_m - person_x, y_m - person_y
-        away_x *= away_x
-        away_y *= away_y
-        away_x += away_y
-        np.minimum(nearest, away_x, out=nearest)
+    if x_m.size == x_m.shape[-1]:  # of one rollout, all people at once
+        squared = np.square(x_m.ravel() - people_x_m) + np.square(y_m.ravel() - people_y_m)
+        nearest = squared.min(axis=0, initial=np.inf).reshape(x_m.shape)
+    else:  # of many, person by person: what is at hand then stays in the processor's cache
+        nearest = np.full(x_m.shape, np.inf)
+        away_x, away_y = np.empty(x_m.shape), np.empty(x_m.shape)
+        for person_x, person_y in zip(people_x_m, people_y_m, strict=True):
+            np.subtract(x_m, person_x, out=away_x)
+            np.subtract(y_m, person_y, out=away_y)
+            away_x *= away_x
+            away_y *= away_y
+            away_x += away_y
+            np.minimum(nearest, away_x, out=nearest)
     gap: FloatArray = np.sqrt(nearest, out=nearest)
     gap -= reach_m
     return gap
@@ -48,3 +54,9 @@ def cannot_stop_before(
     stopping_s = np.abs(speed_mps) / deceleration_mps2 + reaction_s
     within: BoolArray = time_s <= stopping_s[..., None]
     return within
+
+
+def up_to_last(soon: BoolArray) -> BoolArray:
+    """(N, n) of (N, T): the columns up to the last one that holds anything."""
+    columns = np.flatnonzero(soon.any(axis=0))
+    return soon[:, : columns[-1] + 1 if len(columns) else 0]

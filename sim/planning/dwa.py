@@ -18,9 +18,9 @@ import numpy as np
 from serd_core.arrays import BoolArray, FloatArray
 from sim.command import STOP, Command
 from sim.observation import Observation
-from sim.planning.clearance import cannot_stop_before
+from sim.planning.clearance import cannot_stop_before, up_to_last
 from sim.planning.dwa_settings import DwaSettings, reachable_window
-from sim.planning.rollout_costs import RolloutCosts
+from sim.planning.rollout_costs import PeopleAround, RolloutCosts
 from sim.planning.rollouts import Rollouts, roll_out
 from sim.scenario import Scenario
 from sim.waypoint import Waypoint
@@ -53,6 +53,14 @@ class DwaPlanner:
         """Nothing is remembered but whether the robot was blocked."""
         self._is_blocked = False
 
+    def snapshot(self) -> bool:
+        """All that changes: whether the robot was blocked."""
+        return self._is_blocked
+
+    def restore(self, state: bool) -> None:
+        """Go back to a snapshot."""
+        self._is_blocked = state
+
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """Command for the next control period; without a waypoint, stand still."""
         self._is_blocked = False
@@ -62,11 +70,12 @@ class DwaPlanner:
         if distance_m < self.settings.xy_goal_tolerance_m:
             return STOP
         speeds, turns = self._samples(observation, distance_m)
-        cost = self._cost(observation, waypoint, speeds, turns)
+        around = self._costs.look(observation)
+        cost = self._cost(observation, around, waypoint, speeds, turns)
         moving = speeds > _SLOWEST_MPS
         self._is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
         if self._is_blocked and abs(observation.speed_mps) < _STANDS_MPS:
-            return self._turn_to_leave(observation, waypoint)
+            return self._turn_to_leave(observation, around, waypoint)
         best_v, best_w = np.unravel_index(int(np.argmin(cost)), cost.shape)
         return Command(float(speeds[best_v]), float(turns[best_w]))
 
@@ -86,18 +95,21 @@ class DwaPlanner:
         middle = 0.5 * (window.leftmost_radps + window.rightmost_radps)
         return speeds, middle + half * self._turn_shares
 
-    def _turn_to_leave(self, observation: Observation, waypoint: Waypoint) -> Command:
+    def _turn_to_leave(
+        self, observation: Observation, around: PeopleAround, waypoint: Waypoint
+    ) -> Command:
         """Turn on the spot towards the best way out; stay as it is where there is none."""
         settings, robot = self.settings, self._robot
         speeds = np.append(np.linspace(0.25, 1.0, 3) * robot.max_vel_x_mps, 0.0)
         turns = robot.max_vel_theta_radps * self._turn_shares
-        cost = self._cost(observation, waypoint, speeds, turns, settings.leaving_turn_s)
+        cost = self._cost(observation, around, waypoint, speeds, turns, settings.leaving_turn_s)
         best_v, best_w = np.unravel_index(int(np.argmin(cost)), cost.shape)
         return Command(0.0, float(turns[best_w]) if speeds[best_v] > 0.0 else 0.0)
 
     def _cost(
         self,
         observation: Observation,
+        around: PeopleAround,
         waypoint: Waypoint,
         speeds: FloatArray,
         turns: FloatArray,
@@ -117,9 +129,10 @@ class DwaPlanner:
             turn_first_s,
         )
         x_m, y_m = rollouts.x_m, rollouts.y_m
-        wall_cost, at_wall = self._costs.walls(x_m, y_m)
-        people_cost, at_person = self._costs.people(x_m, y_m, observation)
-        hits = self._hits(rollouts, at_wall | at_person, _REACTION_S + turn_first_s)
+        soon = self._soon(rollouts, _REACTION_S + turn_first_s)
+        wall_cost, at_wall = self._costs.walls(x_m, y_m, soon.shape[1])
+        people_cost, at_person = self._costs.people(x_m, y_m, around, soon.shape[1])
+        hits = ((at_wall | at_person) & soon[:, None, :]).any(axis=2)
         cost = self._costs.progress(x_m, y_m, waypoint) + wall_cost + people_cost
         if turn_first_s == 0.0:
             cost += self._turning_cost(observation, waypoint, rollouts, turns)
@@ -139,10 +152,9 @@ class DwaPlanner:
         cost: FloatArray = facing + self.settings.turning_weight * np.abs(turns)
         return cost[None, :]
 
-    def _hits(self, rollouts: Rollouts, too_close: BoolArray, soon_s: float) -> BoolArray:
-        """(V, W) rollouts that come too close before they could stop and end up moving."""
+    def _soon(self, rollouts: Rollouts, soon_s: float) -> BoolArray:
+        """(V, n_soon) times before which a rollout that ends up moving cannot stop."""
         final_speed = rollouts.speed_mps[:, -1]
         soon = cannot_stop_before(final_speed, self._robot.acc_lim_x_mps2, self._time_s, soon_s)
-        moving = np.abs(final_speed) > _SLOWEST_MPS
-        found: BoolArray = (too_close & soon[:, None, :]).any(axis=2) & moving[:, None]
-        return found
+        soon &= (np.abs(final_speed) > _SLOWEST_MPS)[:, None]
+        return up_to_last(soon)

@@ -11,21 +11,33 @@ weight; when the average is such a plan, the best sample is driven instead, or t
 """
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
 from sim.command import STOP, Command
 from sim.observation import Observation
-from sim.planning.clearance import cannot_stop_before
+from sim.planning.clearance import cannot_stop_before, up_to_last
 from sim.planning.mppi_settings import MppiSettings
-from sim.planning.rollout_costs import RolloutCosts
+from sim.planning.rollout_costs import PeopleAround, RolloutCosts
 from sim.scenario import Scenario
 from sim.waypoint import Waypoint
 
 _FORBIDDEN = 1e4
 _SLOWEST_MPS = 0.02
 _REACTION_S = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class MppiState:
+    """What a snapshot keeps of the planner. plan: (2, T) accelerations."""
+
+    is_blocked: bool
+    plan: FloatArray
+    generator_state: Mapping[str, Any]
 
 
 class MppiPlanner:
@@ -50,6 +62,15 @@ class MppiPlanner:
         self._rng = np.random.default_rng(self.settings.seed)
         self._plan: FloatArray = np.zeros((2, self.settings.time_steps))
 
+    def snapshot(self) -> MppiState:
+        """Copy of all that changes."""
+        return MppiState(self._is_blocked, self._plan.copy(), self._rng.bit_generator.state)
+
+    def restore(self, state: MppiState) -> None:
+        """Go back to a snapshot."""
+        self._is_blocked, self._plan = state.is_blocked, state.plan.copy()
+        self._rng.bit_generator.state = state.generator_state
+
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """Command for the next control period; without a waypoint, stand still."""
         self._is_blocked = False
@@ -58,14 +79,15 @@ class MppiPlanner:
             return STOP
         plans = self._sampled_plans()
         speed, turning = self._limited(observation, plans, waypoint)
-        cost = self._cost(observation, waypoint, speed, turning)
+        around = self._costs.look(observation)
+        cost = self._cost(observation, around, waypoint, speed, turning)
         moving = speed[:, 0] > _SLOWEST_MPS
         self._is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
         weight = np.exp(-(cost - cost.min()) / self.settings.temperature)
         weight /= weight.sum()
         # einsum, not BLAS: the sum's order must not depend on the number of threads.
         mean_speed, mean_turning = np.einsum("n,knt->kt", weight, np.stack([speed, turning]))
-        mean_cost = self._cost(observation, waypoint, mean_speed[None], mean_turning[None])
+        mean_cost = self._cost(observation, around, waypoint, mean_speed[None], mean_turning[None])
         if mean_cost[0] >= _FORBIDDEN:
             best = int(np.argmin(cost))
             mean_speed, mean_turning = speed[best], turning[best]
@@ -115,6 +137,7 @@ class MppiPlanner:
     def _cost(
         self,
         observation: Observation,
+        around: PeopleAround,
         waypoint: Waypoint,
         speed: FloatArray,
         turning: FloatArray,
@@ -127,19 +150,20 @@ class MppiPlanner:
         y_m = observation.y_m + step_s * np.cumsum(speed * np.sin(middle_yaw), axis=1)
         to_x, to_y = waypoint.x_m - x_m[:, -1], waypoint.y_m - y_m[:, -1]
         heading_error = np.arctan2(to_y, to_x) - yaw[:, -1]
-        wall_cost, at_wall = self._costs.walls(x_m, y_m)
-        people_cost, at_person = self._costs.people(x_m, y_m, observation)
+        soon = self._soon(speed[:, 0])
+        wall_cost, at_wall = self._costs.walls(x_m, y_m, soon.shape[1])
+        people_cost, at_person = self._costs.people(x_m, y_m, around, soon.shape[1])
         cost = self._costs.progress(x_m, y_m, waypoint) + wall_cost + people_cost
         cost += self._costs.heading(heading_error, np.hypot(to_x, to_y))
-        return cost + _FORBIDDEN * self._hits(speed[:, 0], at_wall | at_person)
+        return cost + _FORBIDDEN * ((at_wall | at_person) & soon).any(axis=1)
 
-    def _hits(self, first_speed: FloatArray, too_close: BoolArray) -> BoolArray:
-        """(N,) rollouts that come too close before they could stop from their first speed."""
+    def _soon(self, first_speed: FloatArray) -> BoolArray:
+        """(N, n_soon) times before which a moving rollout cannot stop from its first speed."""
         soon = cannot_stop_before(
             first_speed, self._robot.acc_lim_x_mps2, self._time_s, _REACTION_S
         )
-        found: BoolArray = (too_close & soon).any(axis=1) & (first_speed > _SLOWEST_MPS)
-        return found
+        soon &= (first_speed > _SLOWEST_MPS)[:, None]
+        return up_to_last(soon)
 
     def _keep_plan(self, observation: Observation, speed: FloatArray, turning: FloatArray) -> None:
         """Turn the driven speeds back into accelerations, moved on by one control period."""

@@ -1,9 +1,19 @@
 """Whether the robot gets anywhere, as Nav2's SimpleProgressChecker asks it."""
 
 import math
+from dataclasses import dataclass
 
 from sim.errors import SimError
 from sim.observation import Observation
+
+
+@dataclass(frozen=True)
+class ProgressState:
+    """What a snapshot keeps: moves counted, where and when the last one ended."""
+
+    n_moves: int
+    place: tuple[float, float] | None
+    since_s: float
 
 
 class ProgressChecker:
@@ -26,6 +36,14 @@ class ProgressChecker:
     def reset(self) -> None:
         """Begin anew with the next observation."""
         self._place = None
+
+    def snapshot(self) -> ProgressState:
+        """Copy of all that changes."""
+        return ProgressState(self.n_moves, self._place, self._since_s)
+
+    def restore(self, state: ProgressState) -> None:
+        """Go back to a snapshot."""
+        self.n_moves, self._place, self._since_s = state.n_moves, state.place, state.since_s
 
     def allow_more_time(self, observation: Observation) -> None:
         """Grant another allowance from now on, without counting it as a move."""

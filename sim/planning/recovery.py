@@ -7,7 +7,7 @@ not helped either. The robot keeps trying all the same.
 
 import math
 from dataclasses import dataclass
-from itertools import cycle
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from sim.local_planner import LocalPlanner
 from sim.observation import Observation
 from sim.occupancy import wall_distance_raster
 from sim.planning.planner_status import PlannerStatus
-from sim.planning.progress_checker import ProgressChecker
+from sim.planning.progress_checker import ProgressChecker, ProgressState
 from sim.scenario import Scenario
 from sim.waypoint import Waypoint
 
@@ -25,11 +25,13 @@ _PERSON_RADIUS_M = 0.25
 
 @dataclass(frozen=True)
 class RecoverySettings:
-    """failure_tolerance_s: how long no way may be free before PATIENCE_EXCEEDED is told.
+    """xy_goal_tolerance_m: nearer than this to its waypoint, a robot that stands is not stuck.
 
+    failure_tolerance_s: how long no way may be free before PATIENCE_EXCEEDED is told.
     patient_recoveries: how many are tried before FAILED_TO_MAKE_PROGRESS is told.
     """
 
+    xy_goal_tolerance_m: float = 0.25
     required_movement_radius_m: float = 0.5
     movement_time_allowance_s: float = 10.0
     failure_tolerance_s: float = 5.0
@@ -50,8 +52,27 @@ class Behaviour:
     duration_s: float
 
 
+@dataclass(frozen=True, eq=False)
+class RecoveryState:
+    """What a snapshot keeps of the planner, its progress and the recoveries tried."""
+
+    planner: Any
+    progress: ProgressState
+    status: PlannerStatus
+    n_recoveries: int
+    next_behaviour: int
+    running: Behaviour | None
+    until_s: float
+    tries: int
+    moves_before: int
+    blocked_since_s: float | None
+
+
 class RecoveringPlanner:
     """A planner that does not stay stuck; `status` tells how it fares."""
+
+    _running: Behaviour | None
+    _blocked_since_s: float | None
 
     def __init__(
         self, planner: LocalPlanner, scenario: Scenario, settings: RecoverySettings | None = None
@@ -63,6 +84,11 @@ class RecoveringPlanner:
         self._walls = wall_distance_raster(scenario)
         self._progress = ProgressChecker(
             self.settings.required_movement_radius_m, self.settings.movement_time_allowance_s
+        )
+        self._behaviours = (
+            Behaviour(Command(-self.settings.backup_speed_mps, 0.0), self.settings.backup_s),
+            Behaviour(Command(0.0, self.settings.spin_radps), self.settings.spin_s),
+            Behaviour(STOP, self.settings.wait_s),
         )
         self.reset()
 
@@ -76,10 +102,37 @@ class RecoveringPlanner:
         self.planner.reset()
         self._begin_anew()
 
+    def snapshot(self) -> RecoveryState:
+        """Copy of all that changes."""
+        return RecoveryState(
+            planner=self.planner.snapshot(),
+            progress=self._progress.snapshot(),
+            status=self.status,
+            n_recoveries=self.n_recoveries,
+            next_behaviour=self._next_behaviour,
+            running=self._running,
+            until_s=self._until_s,
+            tries=self._tries,
+            moves_before=self._moves_before,
+            blocked_since_s=self._blocked_since_s,
+        )
+
+    def restore(self, state: RecoveryState) -> None:
+        """Go back to a snapshot."""
+        self.planner.restore(state.planner)
+        self._progress.restore(state.progress)
+        self.status, self.n_recoveries = state.status, state.n_recoveries
+        self._next_behaviour, self._running = state.next_behaviour, state.running
+        self._until_s, self._tries = state.until_s, state.tries
+        self._moves_before, self._blocked_since_s = state.moves_before, state.blocked_since_s
+
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """The planner's command, or that of the recovery that runs."""
+        if not observation.tells_place:
+            self.status = PlannerStatus.NO_VALID_CONTROL
+            return STOP
         command = self.planner.step(observation, waypoint)
-        if waypoint is None or (command == STOP and not self.planner.is_blocked):
+        if waypoint is None or self._is_at(observation, waypoint):
             self._begin_anew()
             return command
         recovery = self._running_command(observation)
@@ -88,22 +141,20 @@ class RecoveringPlanner:
         self._update_status(observation)
         return command if recovery is None else recovery
 
+    def _is_at(self, observation: Observation, waypoint: Waypoint) -> bool:
+        """Whether the robot may stand where it is: it has come to its waypoint."""
+        away_m = math.hypot(waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m)
+        return away_m < self.settings.xy_goal_tolerance_m
+
     def _begin_anew(self) -> None:
-        settings = self.settings
         self.status = PlannerStatus.NONE
         self._progress.reset()
-        self._behaviours = cycle(
-            [
-                Behaviour(Command(-settings.backup_speed_mps, 0.0), settings.backup_s),
-                Behaviour(Command(0.0, settings.spin_radps), settings.spin_s),
-                Behaviour(STOP, settings.wait_s),
-            ]
-        )
-        self._running: Behaviour | None = None
+        self._next_behaviour = 0
+        self._running = None
         self._until_s = 0.0
         self._tries = 0
         self._moves_before = self._progress.n_moves
-        self._blocked_since_s: float | None = None
+        self._blocked_since_s = None
 
     def _running_command(self, observation: Observation) -> Command | None:
         if self._running is None:
@@ -121,7 +172,8 @@ class RecoveringPlanner:
             self._moves_before, self._tries = self._progress.n_moves, 0
         self._tries += 1
         self.n_recoveries += 1
-        self._running = next(self._behaviours)
+        self._running = self._behaviours[self._next_behaviour]
+        self._next_behaviour = (self._next_behaviour + 1) % len(self._behaviours)
         self._until_s = observation.time_s + self._running.duration_s
         return self._running_command(observation)
 

@@ -15,7 +15,7 @@ from sim.errors import SimError
 from sim.observation import Observation
 from sim.occupancy import wall_distance_raster
 from sim.planning.clearance import gap_to_people_m, gap_to_walls_m
-from sim.planning.nearby_people import predict_nearby
+from sim.planning.nearby_people import PredictedPeople, predict_nearby
 from sim.scenario import Scenario
 from sim.waypoint import Waypoint
 
@@ -51,6 +51,19 @@ class CostSettings:
                 raise SimError(f"{name} must be above 0, got {getattr(self, name)}; raise it")
 
 
+@dataclass(frozen=True, eq=False)
+class PeopleAround:
+    """Who is near, and how near a rollout may bring the robot.
+
+    nearest_m: (T,) smallest gap allowed to the predicted people; nearest_now_m: (1,) to where they
+    are now. Below zero where somebody leans on the robot.
+    """
+
+    people: PredictedPeople
+    nearest_m: FloatArray
+    nearest_now_m: FloatArray
+
+
 class RolloutCosts:
     """Costs of rollouts in one scenario, at the times (T,) of their points."""
 
@@ -58,6 +71,7 @@ class RolloutCosts:
         self.settings = settings
         self._time_s = time_s
         self._robot_radius_m = scenario.robot.radius_m
+        self._reach_m = self._robot_radius_m + settings.person_radius_m
         self._walls = wall_distance_raster(scenario)
         self._foresight: FloatArray = np.exp(-time_s / settings.foresight_s)
 
@@ -82,40 +96,65 @@ class RolloutCosts:
         cost: FloatArray = self.settings.heading_weight * error * np.minimum(1.0, 2.0 * distance_m)
         return cost
 
-    def walls(self, x_m: FloatArray, y_m: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Nearness of walls (...), and where (..., T) one would be touched."""
+    def walls(self, x_m: FloatArray, y_m: FloatArray, n_soon: int) -> tuple[FloatArray, BoolArray]:
+        """Nearness of walls (...), and where (..., n_soon) one would be touched."""
         settings = self.settings
         reach_m = self._robot_radius_m + settings.wall_margin_m
         gap = gap_to_walls_m(x_m, y_m, self._walls, reach_m)
         nearness = np.exp(-np.maximum(gap.min(axis=-1), 0.0) / settings.wall_decay_m)
-        return settings.wall_weight * nearness, gap < 0.0
+        return settings.wall_weight * nearness, gap[..., :n_soon] < 0.0
 
-    def people(
-        self, x_m: FloatArray, y_m: FloatArray, observation: Observation
-    ) -> tuple[FloatArray, BoolArray]:
-        """Nearness of people (...), sooner counting more, and where (..., T) one is too close."""
+    def look(self, observation: Observation) -> PeopleAround:
+        """What all rollouts from here have in common: who is near, and how near standing still."""
         settings = self.settings
         people = predict_nearby(
             observation, settings.people_range_m, settings.max_people, self._time_s
         )
-        if not len(people):
-            return np.zeros(x_m.shape[:-1]), np.zeros(x_m.shape, dtype=np.bool_)
-        gap = self._gap(x_m, y_m, people.x_m, people.y_m)
-        gap_to_now = self._gap(x_m, y_m, people.now_x_m, people.now_y_m)
         here_x = np.full_like(self._time_s, observation.x_m)
         here_y = np.full_like(self._time_s, observation.y_m)
         standing = self._gap(here_x, here_y, people.x_m, people.y_m)
-        standing_now = self._gap(here_x, here_y, people.now_x_m, people.now_y_m)
-        too_close = gap < np.minimum(settings.person_margin_m, standing - _NO_NEARER_M)
-        too_close |= gap_to_now < np.minimum(settings.stopped_margin_m, standing_now - _NO_NEARER_M)
-        np.maximum(gap, -settings.people_decay_m, out=gap)
-        gap /= -settings.people_decay_m
+        standing_now = self._gap(here_x[:1], here_y[:1], people.now_x_m, people.now_y_m)
+        return PeopleAround(
+            people,
+            np.minimum(settings.person_margin_m, standing - _NO_NEARER_M),
+            np.minimum(settings.stopped_margin_m, standing_now - _NO_NEARER_M),
+        )
+
+    def people(
+        self, x_m: FloatArray, y_m: FloatArray, around: PeopleAround, n_soon: int
+    ) -> tuple[FloatArray, BoolArray]:
+        """Nearness of people (...), sooner counting more, and where (..., n_soon) one is too close.
+
+        n_soon: how many of the first times a robot cannot stop before; later ones forbid nothing.
+        """
+        if not len(around.people):
+            shape = x_m.shape[:-1]
+            return np.zeros(shape), np.zeros((*shape, n_soon), dtype=np.bool_)
+        gap = self._gap(x_m, y_m, around.people.x_m, around.people.y_m)
+        too_close = gap[..., :n_soon] < around.nearest_m[:n_soon]
+        if n_soon:
+            too_close |= self._too_close_to_now(x_m[..., :n_soon], y_m[..., :n_soon], around)
+        decay_m = self.settings.people_decay_m
+        np.maximum(gap, -decay_m, out=gap)
+        gap /= -decay_m
         nearness = np.exp(gap, out=gap)
         nearness *= self._foresight
-        return settings.people_weight * nearness.max(axis=-1), too_close
+        return self.settings.people_weight * nearness.max(axis=-1), too_close
+
+    def _too_close_to_now(
+        self, x_m: FloatArray, y_m: FloatArray, around: PeopleAround
+    ) -> BoolArray:
+        """(..., n_soon) where the robot would be too near to where somebody is now."""
+        people = around.people
+        reached_m = np.array([x_m.min(), x_m.max(), y_m.min(), y_m.max()])
+        near = people.is_near(reached_m, self._reach_m + self.settings.stopped_margin_m)
+        if not near.any():
+            return np.zeros(x_m.shape, dtype=np.bool_)
+        gap = self._gap(x_m, y_m, people.now_x_m[near], people.now_y_m[near])
+        found: BoolArray = gap < around.nearest_now_m
+        return found
 
     def _gap(
         self, x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
     ) -> FloatArray:
-        reach_m = self._robot_radius_m + self.settings.person_radius_m
-        return gap_to_people_m(x_m, y_m, people_x_m, people_y_m, reach_m)
+        return gap_to_people_m(x_m, y_m, people_x_m, people_y_m, self._reach_m)

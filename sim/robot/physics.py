@@ -60,12 +60,11 @@ class Physics:
             self._show(pybullet.COV_ENABLE_RENDERING, True)
 
     def place_robot(self, x_m: float, y_m: float, half_turn: tuple[float, float]) -> None:
-        """Put the robot somewhere, standing; half_turn: (z, w) of its orientation quaternion."""
+        """Put the robot somewhere; half_turn: (z, w) of its orientation quaternion."""
         place = (x_m, y_m, 0.5 * self._robot_height_m)
         pybullet.resetBasePositionAndOrientation(
             self._robot, place, (0.0, 0.0, *half_turn), self.client
         )
-        pybullet.resetBaseVelocity(self._robot, (0, 0, 0), (0, 0, 0), self.client)
 
     def move_robot(self, velocity_mps: tuple[float, float], yaw_rate_radps: float) -> None:
         """Advance by one control period with the given velocity of the robot."""

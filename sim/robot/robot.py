@@ -68,6 +68,9 @@ class Robot:
             command, before.speed_mps, before.yaw_rate_radps, self._settings, self._step_s
         )
         chord = chord_velocity(before.pose[2], speed, yaw_rate, self._step_s)
+        # From the state, not from where Bullet has the robot: its matrix differs from what the
+        # quaternion tells in the last bit, and a restored world must go on exactly the same.
+        self._physics.place_robot(before.x_m, before.y_m, before.half_turn)
         self._physics.move_robot(chord, yaw_rate)
         self.state = RobotState(*self._physics.robot_place(), speed, yaw_rate)
         self.wall_distance_m = self._distance_to_walls_m()

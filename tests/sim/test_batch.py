@@ -13,7 +13,7 @@ from serd_core.errors import SerdError
 from sim.batch import TASK_COLUMNS, EpisodeTask, run_batch, run_task
 from sim.drivers import driver_names, make_driver
 from sim.execution import Execution
-from sim.scenario import load_scenario
+from sim.scenario import Scenario, load_scenario
 from storage.parquet import read_parquet
 from storage.row_table import RowTable, waiting_lines
 from storage.yaml_config import model_yaml
@@ -160,6 +160,7 @@ def test_episodes_of_another_version_of_a_scenario_file_are_not_taken_for_this_o
         (EpisodeTask("crossing", 1, driver="expart"), "did you mean 'expert'"),
         (EpisodeTask("crossing", 1, start_area="trian"), "did you mean 'train'"),
         (EpisodeTask("crossing", 1, driver="none.yaml"), "none.yaml"),
+        (EpisodeTask("crossing", 1, people_from="scans"), "did you mean 'scan'"),
     ],
 )
 def test_a_bad_name_is_said_before_anything_runs(tmp_path, task, sentence):
@@ -200,3 +201,39 @@ def test_drivers_are_known_by_name():
     assert {"expert", "expert_with_flow", "expert_against_flow"} <= set(driver_names())
     with pytest.raises(SerdError, match="did you mean 'expert'"):
         make_driver("experts", scenario, 1)
+
+
+def test_a_row_says_where_people_were_known_from_and_how_the_planner_fared():
+    row = run_task(EpisodeTask("crossing", 1, n_people=6, people_from="scan"))
+    assert (row["people_from"], row["outcome"]) == ("scan", "arrived")
+    assert (row["planner_status"], row["n_recoveries"]) == ("NONE", 0)
+    given = run_task(EpisodeTask("crossing", 1, n_people=6))
+    assert row["distance_m"] != given["distance_m"]
+
+
+def test_a_row_gives_the_reason_of_a_failure_in_nav2s_words(tmp_path):
+    """A thin bar leaves a gap too narrow for the robot, and no cell's centre is inside it."""
+    file = tmp_path / "blocked.yaml"
+    file.write_text(
+        model_yaml(
+            Scenario(
+                name="blocked",
+                episode_timeout_s=60.0,
+                walkable_area_m=[(0, 0), (8, 0), (8, 2), (0, 2)],
+                obstacles=[
+                    {
+                        "name": "bar",
+                        "outline_m": [(4.0, -0.1), (4.05, -0.1), (4.05, 1.8), (4.0, 1.8)],
+                    }
+                ],
+                goal_area_m=[(6, 0), (8, 0), (8, 2), (6, 2)],
+                start_areas_m={"train": [(0, 0), (2, 0), (2, 2), (0, 2)]},
+                pedestrians={"count": 0},
+            )
+        )
+    )
+    row = run_task(EpisodeTask(str(file), 1))
+    assert row["outcome"] == "timeout"
+    assert row["planner_status"] == "FAILED_TO_MAKE_PROGRESS"
+    assert row["n_recoveries"] > 3
+    assert row["robot_on_wall"] == 0

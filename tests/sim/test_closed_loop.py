@@ -16,6 +16,7 @@ def row(seed, outcome, time_s, **values):
         "n_people": 30,
         "start_area": "train",
         "driver": "expert_with_flow",
+        "people_from": "given",
         "seed": seed,
         "outcome": outcome,
         "time_of_arrival_s": time_s,
@@ -34,7 +35,7 @@ def row(seed, outcome, time_s, **values):
 
 def test_the_plan_has_every_combination_once():
     plan = ClosedLoopPlan(n_seeds=3)
-    assert len(set(plan.tasks)) == len(plan.tasks) == 2 * 4 * 2 * 2 * 3
+    assert len(set(plan.tasks)) == len(plan.tasks) == 2 * 2 * 4 * 2 * 2 * 3
 
 
 def test_a_summary_averages_over_the_episodes_of_a_condition():

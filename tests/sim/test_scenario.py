@@ -10,6 +10,7 @@ import yaml
 import sim.scenario
 from serd_core.errors import SerdError
 from sim.scenario import Scenario, builtin_scenarios, load_scenario
+from sim.world import HallwayWorld
 
 HALLWAY = Path(sim.scenario.__file__).parent / "scenarios" / "hallway.yaml"
 
@@ -67,7 +68,9 @@ def test_a_wrong_pedestrian_model_is_refused_with_the_nearest_right_one(tmp_path
 def test_a_loop_that_leaves_the_walkable_area_is_refused(tmp_path):
     loop = {"name": "astray", "waypoints_m": [[1, 1], [9, 1], [1, 9]]}
     path = changed(tmp_path, pedestrians__loops=[loop])
-    with pytest.raises(SerdError, match=r"'astray' must be in the walkable area, got \[9\.0, 1\.0"):
+    with pytest.raises(
+        SerdError, match=r"loops\[0\]\.waypoints_m must be in the walkable area, got \[9\.0, 1\.0"
+    ):
         load_scenario(path)
 
 
@@ -135,3 +138,98 @@ def test_the_json_schema_names_every_key_with_its_unit():
     schema = Scenario.model_json_schema()
     assert {"walkable_area_m", "decision_period_s", "pedestrians"} <= set(schema["properties"])
     assert schema["additionalProperties"] is False
+
+
+ROOM = [[0, 0], [10, 0], [10, 10], [0, 10]]
+SQUARE = [[2, 2], [8, 2], [8, 8], [2, 8]]
+
+
+def room(tmp_path, **values):
+    """A room of 10 m with a loop, with some top-level values changed."""
+    content = {
+        "name": "room",
+        "walkable_area_m": ROOM,
+        "goal_area_m": [[7, 7], [9, 7], [9, 9], [7, 9]],
+        "start_areas_m": {"train": [[0, 0], [2, 0], [2, 2], [0, 2]]},
+        "pedestrians": {"count": 3, "loops": [{"name": "round", "waypoints_m": SQUARE}]},
+    }
+    path = tmp_path / "room.yaml"
+    path.write_text(yaml.safe_dump(content | values))
+    return path
+
+
+def one_loop(waypoints_m, **values):
+    return {"count": 3, "loops": [{"name": "round", "waypoints_m": waypoints_m, **values}]}
+
+
+def one_obstacle(*corners):
+    return [{"name": "block", "outline_m": list(corners)}]
+
+
+def test_a_room_of_ones_own_is_a_scenario(tmp_path):
+    assert load_scenario(room(tmp_path)).cells.walkable.sum() == 100
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        (
+            {"pedestrians": one_loop([[2, 2], [8, 2], [8, 2], [2, 8]])},
+            r"loops\[0\]\.waypoints_m: waypoints_m must differ .*; remove the repeated waypoint",
+        ),
+        (
+            {"pedestrians": one_loop([[2, 2], [8, 2], [5, 2]])},
+            r"loops\[0\]\.waypoints_m: a loop must not turn back on itself",
+        ),
+        (
+            {"pedestrians": one_loop(SQUARE, lane_half_width_m=5.0)},
+            r"edge of the lane of pedestrians\.loops\[0\] must be in the walkable area, got "
+            r"\[-3\.0, -3\.0\]; lower lane_half_width_m \(5\)",
+        ),
+        (
+            {"obstacles": one_obstacle([4, 1], [6, 1], [6, 3], [4, 3])},
+            r"loops\[0\]\.waypoints_m must cross no wall, but the leg from \[2\.0, 2\.0\]",
+        ),
+        (
+            {"obstacles": one_obstacle([14, 14], [16, 14], [16, 16])},
+            r"obstacles\[0\]\.outline_m must lie in the walkable area",
+        ),
+        (
+            {"obstacles": one_obstacle([4, 4], [6, 4], [5, 4])},
+            r"obstacles\[0\]\.outline_m must bound an area",
+        ),
+        (
+            {
+                "obstacles": one_obstacle([-1, 4], [11, 4], [11, 6], [-1, 6]),
+                "pedestrians": {"count": 0},
+            },
+            r"goal_area_m must be reachable from start_areas_m\.train",
+        ),
+        (
+            {"walkable_area_m": [[0, 0], [10, 0], [10, 0], [10, 10], [0, 10]]},
+            "a corner twice in a row",
+        ),
+        (
+            {"start_areas_m": {"train": [[0, 0], [2, 2], [2, 0], [0, 2]]}},
+            r"start_areas_m\.train must not cross itself",
+        ),
+        ({"robot": {"radius_m": 6.0}}, r"whose robot\.radius_m is 6, got"),
+        (
+            {"lidar": {"range_min_m": 5.0, "range_max_m": 2.0}},
+            r"lidar\.range_min_m must be below lidar\.range_max_m \(2\), got 5",
+        ),
+        ({"lidar": {"rate_hz": 3.0}}, r"the period of lidar\.rate_hz must be a whole number"),
+    ],
+)
+def test_a_place_where_nobody_could_walk_or_drive_is_refused_by_key(tmp_path, values, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        load_scenario(room(tmp_path, **values))
+
+
+def test_a_robot_starts_only_in_cells_where_it_touches_no_wall(tmp_path):
+    """Cells of half a metre beside a wall are too near for a robot of 0.25 m."""
+    scenario = load_scenario(room(tmp_path, cell_size_m=0.5, pedestrians={"count": 0}))
+    with HallwayWorld(scenario, seed=1) as world:
+        for episode in range(40):
+            start = world.reset(episode)
+            assert min(start.x_m, start.y_m) >= scenario.robot.radius_m

@@ -191,6 +191,40 @@ def test_a_snapshot_of_another_seed_is_refused_with_the_fix():
             other.restore(world.snapshot())
 
 
+def test_a_snapshot_of_another_scenario_is_refused_with_the_fix():
+    with HallwayWorld(EMPTY, seed=1) as world, HallwayWorld(HALLWAY, seed=1) as other:
+        world.reset(0)
+        with pytest.raises(SerdError, match="must be of this world's scenario 'hallway' as it is"):
+            other.restore(world.snapshot())
+
+
+def test_a_snapshot_holds_the_goal_too():
+    here = ((0.0, 0.0), (6.0, 0.0), (6.0, 24.0), (0.0, 24.0))
+    with HallwayWorld(EMPTY, seed=1) as world:
+        world.reset(0)
+        state = world.snapshot()
+        world.aim(here)
+        assert world.in_goal
+        world.restore(state)
+        assert not world.in_goal
+
+
+def test_the_true_yaw_repeats_to_the_last_bit_after_a_restore():
+    """Observations round the yaw; odometry that does not drift shows all of it."""
+    with HallwayWorld(EMPTY, seed=1) as world:
+        world.reset(3)
+        path = []
+        states = []
+        for _ in range(40):
+            states.append(world.snapshot())
+            world.step(Command(0.3, 1.1))
+            path.append(world.odometry_pose)
+        for state, expected in zip(states, path, strict=True):
+            world.restore(state)
+            world.step(Command(0.3, 1.1))
+            assert world.odometry_pose == expected
+
+
 def test_a_window_without_a_display_is_refused_with_the_fix(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     with pytest.raises(SerdError, match="run with gui:=false or under xvfb-run"):

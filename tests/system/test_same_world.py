@@ -7,10 +7,11 @@ from rosbags.highlevel import AnyReader
 from serd_cli.demo.recorded import read_recording
 from sim.episode import run_episode
 from sim.expert import ScriptedExpert
-from sim.planners import make_planner
+from sim.planners import make_planner, planner_in_world
 from sim.scenario import load_scenario
 from sim.world import HallwayWorld
 from storage.episode_table import load_episodes
+from storage.yaml_config import model_yaml
 
 SEED, EPISODES = 11, 2
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -61,6 +62,62 @@ def test_a_seed_gives_the_same_trajectory_in_process_and_through_ros(nodes, tmp_
         assert np.array_equal(recorded[:, :2], expected[:, :2])
         assert np.array_equal(recorded[:, 2].astype(np.float32), expected[:, 2].astype(np.float32))
     assert_nothing_was_lost(bag, sum(len(poses) for poses in expected_poses))
+
+
+def noisy_hallway(folder):
+    """The hallway with a noisy lidar and wheels that slip, as a file."""
+    hallway = load_scenario("hallway")
+    lidar = hallway.lidar.model_copy(update={"noise_deviation_m": 0.02})
+    slip = hallway.odometry.model_copy(
+        update={"distance_scale_deviation": 0.05, "distance_noise_m": 0.02}
+    )
+    path = folder / "noisy.yaml"
+    path.write_text(model_yaml(hallway.model_copy(update={"lidar": lidar, "odometry": slip})))
+    return path
+
+
+def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(nodes, tmp_path):
+    """The planner node hears no people; /odom is where the wheels believe the robot to be."""
+    path, bag = noisy_hallway(tmp_path), tmp_path / "bag"
+    processes = nodes.start_stack(
+        "demonstrate",
+        scenario=str(path),
+        seed=SEED,
+        episodes=1,
+        local_planner__people_from="scan",
+        demo_recorder__output=str(bag),
+    )
+    scenario = load_scenario(path)
+    with HallwayWorld(scenario, seed=SEED) as world:
+        planner, expert = planner_in_world("dwa", world, "scan"), ScriptedExpert(scenario, SEED)
+        poses, odometry = [], []
+
+        def look(observation, *_):
+            poses.append(observation.pose)
+            odometry.append(world.odometry_pose)
+
+        run_episode(world, planner, expert, episode=0, observer=look)
+    assert processes["scripted_expert"].wait(120) == 0, nodes.said("scripted_expert")
+    nodes.end_all()
+
+    recorded = places_in(bag, "/robot_pose", lambda message: message.pose.position)
+    assert np.array_equal(recorded[: len(poses)], np.array(poses)[:, :2])
+    wheels = places_in(bag, "/odom", lambda message: message.pose.pose.position)
+    assert np.array_equal(wheels[: len(poses)], np.array(odometry)[:, :2])
+    assert np.hypot(*(wheels[len(poses) - 1] - recorded[len(poses) - 1])) > 0.1
+
+
+def places_in(bag, topic, position_of):
+    """(N, 2) x and y, one for each stamp."""
+    places = {}
+    with AnyReader([bag]) as reader:
+        wanted = [each for each in reader.connections if each.topic == topic]
+        for connection, _, raw in reader.messages(wanted):
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = message.header.stamp
+            place = position_of(message)
+            places[stamp.sec, stamp.nanosec] = (place.x, place.y)
+    return np.array([places[stamp] for stamp in sorted(places)])
 
 
 def assert_nothing_was_lost(bag, n_ticks):

@@ -120,7 +120,7 @@ def test_an_observation_survives_the_three_topics_bit_for_bit(x, y, yaw, v, w, t
     inbox = ObservationInbox(0.05)
     people = People(sent.people_position_m, sent.people_velocity_mps, sent.people_id)
     assert inbox.take_people(to_people_message(people, sent.time_s)) is None
-    odometry = to_odometry(sent)
+    odometry = to_odometry(sent, sent.pose)
     assert speeds_of(odometry) == (v, w)
     assert inbox.take_odometry(odometry) is None
     got = inbox.take_pose(to_waypoint_message(Waypoint(x, y), sent.time_s))
@@ -148,8 +148,45 @@ def test_parts_of_different_ticks_make_no_observation():
         people_velocity_mps=[],
         people_id=[],
     )
-    assert inbox.take_odometry(to_odometry(observation)) is None
+    assert inbox.take_odometry(to_odometry(observation, observation.pose)) is None
     assert inbox.latest() is not None
+
+
+def test_who_finds_people_in_scans_needs_pose_and_odometry_only():
+    inbox = ObservationInbox(0.05, needs_people=False)
+    observation = make_observation(
+        time_s=1.0,
+        tick=20,
+        pose=(1.0, 2.0, 0.5),
+        speed_mps=0.4,
+        yaw_rate_radps=0.0,
+        people_position_m=[],
+        people_velocity_mps=[],
+        people_id=[],
+    )
+    assert inbox.take_odometry(to_odometry(observation, (5.0, 6.0, 0.7))) is None
+    message = to_waypoint_message(Waypoint(1.0, 2.0), 1.0)
+    message.pose = to_pose(observation.pose)
+    got = inbox.take_pose(message)
+    assert (got.pose, got.speed_mps, len(got.people_id)) == (observation.pose, 0.4, 0)
+    people = People(np.ones((1, 2)), np.ones((1, 2)), np.ones(1))
+    assert inbox.take_people(to_people_message(people, 1.0)) is None
+
+
+def test_odometry_carries_the_pose_of_the_wheels_not_the_true_one():
+    observation = make_observation(
+        time_s=1.0,
+        tick=20,
+        pose=(1.0, 2.0, 0.5),
+        speed_mps=0.4,
+        yaw_rate_radps=0.1,
+        people_position_m=[],
+        people_velocity_mps=[],
+        people_id=[],
+    )
+    message = to_odometry(observation, (5.0, 6.0, 0.7))
+    assert from_pose(message.pose.pose) == pytest.approx((5.0, 6.0, 0.7))
+    assert speeds_of(message) == (0.4, 0.1)
 
 
 def test_a_scan_keeps_its_ranges_and_its_geometry():

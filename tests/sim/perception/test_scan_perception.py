@@ -1,22 +1,38 @@
 """People as the lidar alone tells."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from serd_core.errors import SerdError
 from sim.episode import run_episode
 from sim.expert import ScriptedExpert
+from sim.observation import make_observation
 from sim.occupancy import wall_distance_raster
 from sim.perception.people_tracker import PeopleTracker
 from sim.perception.scan_people import people_in_scan
 from sim.perception.scan_perception import ScanPerception
-from sim.perception.scanning_planner import ScanningPlanner, scans_of
-from sim.planners import make_planner
+from sim.perception.scanning_planner import ScanningPlanner
+from sim.planners import make_planner, planner_in_world, planner_names
 from sim.robot.lidar import Lidar
 from sim.scenario import load_scenario
 from sim.settings import LidarSettings
+from sim.waypoint import Waypoint
 from sim.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway")
+NOBODY = np.zeros((0, 2))
+HALLWAY_SEEN = make_observation(
+    time_s=0.0,
+    tick=0,
+    pose=(3.0, 8.0, 1.5),
+    speed_mps=0.0,
+    yaw_rate_radps=0.0,
+    people_position_m=[[2.0, 9.0]],
+    people_velocity_mps=[[0.0, -1.0]],
+    people_id=[0],
+)
 WALLS = wall_distance_raster(HALLWAY)
 
 
@@ -64,13 +80,12 @@ def test_somebody_unseen_is_remembered_for_half_a_second_and_then_forgotten():
     assert len(tracker.identity) == 0
 
 
-def test_the_robot_arrives_without_driving_into_anybody_by_the_scan_alone():
-    lidar = HALLWAY.lidar.model_copy(update={"noise_deviation_m": 0.01})
+@pytest.mark.parametrize("name", planner_names())
+def test_the_robot_arrives_without_driving_into_anybody_by_the_scan_alone(name):
+    lidar = HALLWAY.lidar.model_copy(update={"noise_deviation_m": 0.02})
     scenario = HALLWAY.model_copy(update={"lidar": lidar})
     with HallwayWorld(scenario, seed=3) as world:
-        planner = ScanningPlanner(
-            make_planner("dwa", scenario), ScanPerception(scenario), scans_of(world)
-        )
+        planner = planner_in_world(name, world, "scan")
         records = [
             run_episode(world, planner, ScriptedExpert(scenario, 3), episode=episode)
             for episode in range(2)
@@ -78,3 +93,35 @@ def test_the_robot_arrives_without_driving_into_anybody_by_the_scan_alone():
     assert [record.outcome for record in records] == ["arrived", "arrived"]
     assert sum(record.contacts.robot_on_person for record in records) == 0
     assert sum(record.contacts.robot_on_wall for record in records) == 0
+
+
+def test_a_planner_by_scans_knows_nothing_of_people_but_what_the_scans_show():
+    """With nobody given it drives as among the people given: scans are all it looks at."""
+    blind = replace(
+        HALLWAY_SEEN, people_position_m=NOBODY, people_velocity_mps=NOBODY, people_id=np.zeros(0)
+    )
+    ahead = np.array([[3.0, 9.0]])
+    lidar = Lidar(HALLWAY.lidar, HALLWAY.wall_segments_m, 0.25)
+
+    def commands(observation, people):
+        ranges = lidar.scan(observation.pose, people[:, 0], people[:, 1])
+        planner = ScanningPlanner(
+            make_planner("dwa", HALLWAY), ScanPerception(HALLWAY), lambda _: ranges
+        )
+        return [planner.step(observation, Waypoint(3.0, 10.0)) for _ in range(3)]
+
+    assert commands(blind, ahead) == commands(HALLWAY_SEEN, ahead)
+    assert commands(blind, ahead) != commands(blind, NOBODY)
+
+
+def test_a_scan_with_another_number_of_rays_is_refused_with_the_fix():
+    with pytest.raises(SerdError, match=r"must have 360 rays .*, got \(180,\); set lidar.n_rays"):
+        ScanPerception(HALLWAY).take(HALLWAY_SEEN, np.ones(180, dtype=np.float32))
+
+
+def test_a_source_of_people_that_is_none_is_refused():
+    with (
+        HallwayWorld(HALLWAY, seed=1) as world,
+        pytest.raises(SerdError, match="one of given, scan, got 'scans'; did you mean 'scan'"),
+    ):
+        planner_in_world("dwa", world, "scans")

@@ -12,6 +12,7 @@ from sim.command import STOP
 from sim.decision import waypoint_of_intent
 from sim.observation import make_observation
 from sim.planners import make_planner, planner_names
+from sim.planning.planner_status import PlannerStatus
 from sim.robot.unicycle import chord_velocity, limited_velocity
 from sim.scenario import load_scenario
 from sim.scenario_grid import grid_of
@@ -102,6 +103,27 @@ def test_a_wall_of_standing_people_makes_the_robot_wait_in_front_of_it(planner):
 def test_a_person_who_leans_on_the_robot_does_not_keep_it_from_leaving(planner):
     observation = seen((2.0, 8.0, 0.0), people=[(1.55, 8.0)], velocity=[(0.2, 0.0)])
     assert planner.step(observation, Waypoint(4.0, 8.0)).linear_mps > 0.1
+
+
+@pytest.mark.parametrize("lost", [(math.nan, 8.0, 0.0), (3.0, 8.0, math.inf)])
+def test_a_robot_that_does_not_know_where_it_is_stops_and_says_so(planner, lost):
+    assert planner.step(seen(lost, speed=0.5), Waypoint(4.0, 8.0)) == STOP
+    assert planner.status == PlannerStatus.NO_VALID_CONTROL
+    assert planner.step(seen((3.0, 8.0, 0.0)), Waypoint(4.0, 8.0)) != STOP
+
+
+def test_a_person_without_a_finite_velocity_is_driven_round_as_one_who_stands(planner):
+    people, ahead = [(3.0, 8.0), (5.0, 4.0)], Waypoint(4.5, 8.0)
+    known = seen((1.9, 8.0, 0.0), speed=0.8, people=people, velocity=[(0, 0), (0, 0)])
+    strange = seen((1.9, 8.0, 0.0), speed=0.8, people=people, velocity=[(math.nan, 0), (0, 0)])
+    nowhere = seen(
+        (1.9, 8.0, 0.0), speed=0.8, people=[*people, (math.nan, 8.0)], velocity=np.zeros((3, 2))
+    )
+    commands = []
+    for observation in (known, strange, nowhere):
+        planner.reset()
+        commands.append(planner.step(observation, ahead))
+    assert commands[0] == commands[1] == commands[2]
 
 
 def test_a_planner_repeats_itself_after_a_reset(planner):

@@ -25,6 +25,12 @@ class PushingPlanner:
     def reset(self):
         pass
 
+    def snapshot(self):
+        return None
+
+    def restore(self, state):
+        pass
+
     def step(self, _observation, waypoint):
         return STOP if waypoint is None else Command(0.5, 0.0)
 
@@ -86,6 +92,23 @@ def test_failure_is_told_by_reason():
         PlannerStatus.PATIENCE_EXCEEDED,
         PlannerStatus.FAILED_TO_MAKE_PROGRESS,
     ]
+
+
+class StandingPlanner(PushingPlanner):
+    """Sees ways to go but finds standing best, as in a dead end."""
+
+    def step(self, _observation, _waypoint):
+        return STOP
+
+
+def test_a_robot_that_stands_short_of_its_waypoint_recovers_and_one_that_is_there_does_not():
+    short = RecoveringPlanner(StandingPlanner(), HALLWAY)
+    commands_while_stuck(short, 60.0)
+    assert short.n_recoveries > 3
+    assert short.status == PlannerStatus.FAILED_TO_MAKE_PROGRESS
+    there = RecoveringPlanner(StandingPlanner(), HALLWAY)
+    commands_while_stuck(there, 60.0, y_m=AHEAD.y_m - 0.1)
+    assert (there.n_recoveries, there.status) == (0, PlannerStatus.NONE)
 
 
 def test_a_robot_told_to_wait_is_not_stuck():

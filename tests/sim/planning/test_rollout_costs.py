@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from serd_core.errors import SerdError
 from sim.observation import make_observation
@@ -44,7 +46,7 @@ def test_facing_away_costs_most_and_nothing_at_the_waypoint():
 
 def test_a_wall_within_reach_is_too_close():
     x_m, y_m = np.array([[5.0, 5.9], [3.0, 3.1]]), np.full((2, 2), 8.0)
-    cost, too_close = COSTS.walls(x_m, y_m)
+    cost, too_close = COSTS.walls(x_m, y_m, 2)
     assert too_close.tolist() == [[False, True], [False, False]]
     assert cost[0] == pytest.approx(SETTINGS.wall_weight)
     assert cost[1] < 1e-3
@@ -52,8 +54,8 @@ def test_a_wall_within_reach_is_too_close():
 
 def test_a_person_who_will_be_there_costs_and_is_too_close_then():
     x_m, y_m = np.array([[2.5, 3.0]]), np.full((1, 2), 8.0)
-    _, elsewhere = COSTS.people(x_m, y_m, seen([(3.0, 10.0)], [(0.0, 0.0)]))
-    cost, too_close = COSTS.people(x_m, y_m, seen([(3.0, 10.0)], [(0.0, -2.0)]))
+    _, elsewhere = COSTS.people(x_m, y_m, COSTS.look(seen([(3.0, 10.0)], [(0.0, 0.0)])), 2)
+    cost, too_close = COSTS.people(x_m, y_m, COSTS.look(seen([(3.0, 10.0)], [(0.0, -2.0)])), 2)
     assert not elsewhere.any()
     assert too_close.tolist() == [[False, True]]
     nearest = math.e * math.exp(-1.0 / SETTINGS.foresight_s)
@@ -62,12 +64,12 @@ def test_a_person_who_will_be_there_costs_and_is_too_close_then():
 
 def test_where_somebody_is_now_is_too_close_even_if_that_person_seems_to_leave():
     x_m, y_m = np.array([[2.5, 3.0]]), np.full((1, 2), 8.0)
-    _, too_close = COSTS.people(x_m, y_m, seen([(3.2, 8.0)], [(3.0, 0.0)]))
+    _, too_close = COSTS.people(x_m, y_m, COSTS.look(seen([(3.2, 8.0)], [(3.0, 0.0)])), 2)
     assert too_close.tolist() == [[False, True]]
 
 
 def test_alone_there_is_nobody_to_be_near():
-    cost, too_close = COSTS.people(np.ones((3, 2)), np.ones((3, 2)), seen())
+    cost, too_close = COSTS.people(np.ones((3, 2)), np.ones((3, 2)), COSTS.look(seen()), 2)
     assert cost.tolist() == [0.0, 0.0, 0.0]
     assert not too_close.any()
 
@@ -75,3 +77,41 @@ def test_alone_there_is_nobody_to_be_near():
 def test_a_decay_of_zero_is_refused_with_the_fix():
     with pytest.raises(SerdError, match="wall_decay_m must be above 0, got 0; raise it"):
         CostSettings(wall_decay_m=0)
+
+
+@settings(max_examples=80, deadline=None)
+@given(seed=st.integers(0, 10_000), n_people=st.integers(0, 10), n_soon=st.integers(0, 2))
+def test_what_is_left_out_for_speed_changes_nothing(seed, n_people, n_soon):
+    """Against the plain rule: every person, every time, every rollout."""
+    rng = np.random.default_rng(seed)
+    observation = seen(
+        rng.uniform((-1, 5), (5, 11), (n_people, 2)), rng.normal(0, 1, (n_people, 2))
+    )
+    x_m, y_m = 2.0 + rng.uniform(-1, 1, (4, 3, 2)), 8.0 + rng.uniform(-1, 1, (4, 3, 2))
+    cost, too_close = COSTS.people(x_m, y_m, COSTS.look(observation), n_soon)
+    expected_cost, expected = plainly(x_m, y_m, observation)
+    np.testing.assert_allclose(cost, expected_cost, rtol=1e-12)
+    np.testing.assert_array_equal(too_close, expected[..., :n_soon])
+
+
+def plainly(x_m, y_m, observation):
+    """Cost and closeness of rollouts (..., T), person by person; the nearest eight count."""
+    place, velocity = observation.people_position_m, observation.people_velocity_mps
+    away = np.hypot(*(place - (2.0, 8.0)).T)
+    near = np.argsort(away, kind="stable")[: SETTINGS.max_people]
+    near = near[away[near] < SETTINGS.people_range_m]
+    gap = gap_now = standing = standing_now = np.inf
+    for person in near:
+        then = place[person] + TIME_S[:, None] * velocity[person]
+        now = place[person]
+        gap = np.minimum(gap, np.hypot(x_m - then[:, 0], y_m - then[:, 1]) - 0.5)
+        gap_now = np.minimum(gap_now, np.hypot(x_m - now[0], y_m - now[1]) - 0.5)
+        standing = np.minimum(standing, np.hypot(2.0 - then[:, 0], 8.0 - then[:, 1]) - 0.5)
+        standing_now = np.minimum(standing_now, np.hypot(2.0 - now[0], 8.0 - now[1]) - 0.5)
+    if not len(near):
+        return np.zeros(x_m.shape[:-1]), np.zeros(x_m.shape, dtype=bool)
+    too_close = gap < np.minimum(SETTINGS.person_margin_m, standing - 1e-3)
+    too_close = too_close | (gap_now < np.minimum(SETTINGS.stopped_margin_m, standing_now - 1e-3))
+    decay = SETTINGS.people_decay_m
+    nearness = np.exp(-np.maximum(gap, -decay) / decay) * np.exp(-TIME_S / SETTINGS.foresight_s)
+    return SETTINGS.people_weight * nearness.max(axis=-1), too_close

@@ -1,0 +1,91 @@
+"""Contacts counted: who ran into whom, each bump once, and the smallest gap of the episode."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sim.crowd.crowd import RobotBody
+from sim.robot.contacts import ContactCounter
+
+FAR_FROM_WALLS_M = 5.0
+
+
+class Crowd(SimpleNamespace):
+    """What the counter asks of a crowd."""
+
+    def __len__(self):
+        return len(self.x_m)
+
+
+def one_person(x_m, velocity_x_mps=0.0):
+    """Somebody in front of the robot, on its line."""
+    return Crowd(
+        x_m=np.array([x_m]),
+        y_m=np.zeros(1),
+        velocity_x_mps=np.array([velocity_x_mps]),
+        velocity_y_mps=np.zeros(1),
+        body_radius_m=0.25,
+    )
+
+
+def robot(velocity_x_mps=0.0):
+    return RobotBody(0.0, 0.0, velocity_x_mps, 0.0, 0.25)
+
+
+@pytest.mark.parametrize(
+    ("robots_mps", "persons_mps", "who"),
+    [
+        (0.5, 0.0, "robot"),
+        (0.5, 0.4, "robot"),  # it catches up with somebody who walks away
+        (0.5, -0.4, "robot"),  # both approach, the robot faster
+        (0.4, -0.5, "person"),  # both approach, the person faster
+        (0.0, -0.5, "person"),
+        (-0.3, -0.5, "person"),  # the person catches up with a robot that backs off
+        (0.0, 0.0, "person"),  # a robot that stands has run into nobody
+    ],
+)
+def test_a_contact_is_of_the_one_who_closes_in_faster(robots_mps, persons_mps, who):
+    counter = ContactCounter(1)
+    counter.update(one_person(0.49, persons_mps), robot(robots_mps), FAR_FROM_WALLS_M)
+    counts = counter.counts
+    assert (counts.robot_on_person, counts.person_on_robot) == (
+        (1, 0) if who == "robot" else (0, 1)
+    )
+
+
+def test_a_bump_that_trembles_counts_once_and_one_after_parting_again():
+    counter = ContactCounter(1)
+    counted = []
+    for x_m in (0.49, 0.52, 0.49, 0.53, 0.49, 0.56, 0.49):
+        counter.update(one_person(x_m), robot(), FAR_FROM_WALLS_M)
+        counted.append(counter.counts.person_on_robot)
+    assert counted == [1, 1, 1, 1, 1, 1, 2]
+
+
+def test_the_smallest_gap_of_the_episode_is_kept():
+    counter = ContactCounter(1)
+    gaps = []
+    for x_m in (2.0, 0.8, 1.5):
+        counter.update(one_person(x_m), robot(), FAR_FROM_WALLS_M)
+        gaps.append(counter.minimum_distance_m)
+    assert gaps == pytest.approx([1.5, 0.3, 0.3])
+
+
+def test_alone_the_robot_touches_walls_only():
+    counter = ContactCounter(0)
+    empty = Crowd(x_m=np.zeros(0))
+    for distance_m in (0.3, 0.24, 0.26, 0.24, 0.4, 0.24):
+        counter.update(empty, robot(0.5), distance_m)
+    assert counter.counts.robot_on_wall == 2
+    assert counter.minimum_distance_m == np.inf
+
+
+def test_a_snapshot_remembers_who_touches_now():
+    counter = ContactCounter(1)
+    counter.update(one_person(0.49), robot(), FAR_FROM_WALLS_M)
+    state = counter.snapshot()
+    other = ContactCounter(1)
+    other.restore(state)
+    other.update(one_person(0.49), robot(), FAR_FROM_WALLS_M)
+    assert other.counts.person_on_robot == 1
