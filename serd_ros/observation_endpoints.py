@@ -10,7 +10,7 @@ from sensor_msgs.msg import PointCloud2
 from serd_ros import qos, topics
 from serd_ros.convert.frames import Pose
 from serd_ros.convert.odometry import to_odometry
-from serd_ros.convert.people import People, to_people_message
+from serd_ros.convert.people import people_of, to_people_message
 from serd_ros.convert.pose import to_pose_stamped
 from serd_ros.inbox import ObservationInbox
 from sim.observation import Observation
@@ -26,10 +26,7 @@ class ObservationPublisher:
 
     def publish(self, observation: Observation, odometry_pose: Pose) -> None:
         """Send the three messages; the pose last, since it is what people wait for."""
-        people = People(
-            observation.people_position_m, observation.people_velocity_mps, observation.people_id
-        )
-        self._people.publish(to_people_message(people, observation.time_s))
+        self._people.publish(to_people_message(people_of(observation), observation.time_s))
         self._odometry.publish(to_odometry(observation, odometry_pose))
         self._pose.publish(to_pose_stamped(observation.pose, observation.time_s))
 

@@ -1,4 +1,4 @@
-"""Policy arrows, the value map, traps and words as visualization_msgs/MarkerArray, for RViz."""
+"""People, policy arrows, the value map, traps and words as MarkerArray, for RViz."""
 
 import math
 from collections.abc import Sequence
@@ -11,13 +11,30 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from serd_core.grid import DIRECTION_VECTORS, Action
 from serd_ros import topics
+from serd_ros.convert.people import People
 from serd_ros.convert.pose import to_pose
 from serd_ros.convert.stamp import to_stamp
 
 _ARROW = ColorRGBA(r=0.1, g=0.1, b=0.1, a=0.9)
 _TRAP = ColorRGBA(r=0.85, g=0.2, b=0.1, a=0.6)
+_PEOPLE = ColorRGBA(r=0.85, g=0.48, b=0.15, a=1.0)
 _TEXT = ColorRGBA(r=0.0, g=0.0, b=0.0, a=1.0)
 _LOW, _HIGH = np.array([0.93, 0.95, 1.0]), np.array([0.10, 0.35, 0.65])
+
+
+def to_people_markers(people: People, radius_m: float, time_s: float) -> MarkerArray:
+    """All people as one list of balls, and a line to where each will be in a second."""
+    bodies = _marker(0, "people", Marker.SPHERE_LIST, time_s)
+    bodies.scale = Vector3(x=2.0 * radius_m, y=2.0 * radius_m, z=2.0 * radius_m)
+    lines = _marker(0, "velocities", Marker.LINE_LIST, time_s)
+    lines.scale = Vector3(x=0.05, y=0.0, z=0.0)
+    bodies.color = lines.color = _PEOPLE
+    soon_m = people.position_m + people.velocity_mps
+    for (x_m, y_m), (soon_x_m, soon_y_m) in zip(people.position_m, soon_m, strict=True):
+        here = Point(x=float(x_m), y=float(y_m), z=radius_m)
+        bodies.points.append(here)
+        lines.points += [here, Point(x=float(soon_x_m), y=float(soon_y_m), z=radius_m)]
+    return MarkerArray(markers=[bodies, lines])
 
 
 def to_policy_markers(

@@ -10,6 +10,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from serd_ros import topics
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.errors import NodeError
+from sim.observation import Observation
 
 _NAMES = ("x", "y", "z", "vx", "vy")
 _ROW = np.dtype([(name, "<f4") for name in _NAMES] + [("id", "<i4")])
@@ -29,6 +30,13 @@ class People:
 
 
 NOBODY = People(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=np.int64))
+
+
+def people_of(observation: Observation) -> People:
+    """The people as they are observed."""
+    return People(
+        observation.people_position_m, observation.people_velocity_mps, observation.people_id
+    )
 
 
 def to_people_message(people: People, time_s: float) -> PointCloud2:

@@ -5,6 +5,7 @@ import math
 import pytest
 from geometry_msgs.msg import PoseStamped, Twist, Vector3Stamped
 from nav_msgs.msg import Odometry
+from visualization_msgs.msg import MarkerArray
 
 from serd_core.grid import Action
 from serd_ros import qos
@@ -70,12 +71,15 @@ def test_an_intent_drives_the_robot_into_the_next_cell_in_real_time(nodes, probe
     probe.node.create_subscription(
         PoseStamped, "robot_pose", lambda m: poses.append(from_pose(m.pose)), qos.STATE
     )
+    shown = []
+    probe.node.create_subscription(MarkerArray, "markers/people", shown.append, qos.STATE)
     intents = probe.node.create_publisher(Vector3Stamped, "intent", qos.COMMAND)
     probe.spin_until(lambda: poses and intents.get_subscription_count() > 0)
     start_x_m = poses[-1][0]
     intents.publish(to_intent(Action.EAST, 0.0))
     next_centre_m = math.floor(start_x_m) + 1.5
     probe.spin_until(lambda: abs(poses[-1][0] - next_centre_m) < 0.2, 10)
+    assert {len(each.markers[0].points) for each in shown} == {24}
 
 
 def test_a_command_that_is_not_finite_stops_at_once(robot, probe):

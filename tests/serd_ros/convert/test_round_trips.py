@@ -21,6 +21,7 @@ from serd_ros.convert.goal import (
 )
 from serd_ros.convert.intent import from_intent, to_intent
 from serd_ros.convert.markers import (
+    to_people_markers,
     to_policy_markers,
     to_text_marker,
     to_trap_markers,
@@ -242,6 +243,18 @@ def test_markers_show_one_arrow_per_cell_and_darker_cells_for_higher_values():
     assert from_pose(arrows[1].pose)[2] == pytest.approx(math.pi / 2)
     (values,) = to_value_markers(centers, np.array([0.0, 5.0]), 1.0, 0.0).markers
     assert values.colors[1].r < values.colors[0].r
+
+
+def test_people_are_shown_with_where_they_will_be_in_a_second():
+    people = People(
+        np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[1.3, 0.0], [0.0, -1.2]]), np.array([0, 1])
+    )
+    bodies, lines = to_people_markers(people, 0.25, 7.5).markers
+    assert stamp_s(bodies.header.stamp) == 7.5
+    assert bodies.scale.x == 0.5
+    assert [(point.x, point.y) for point in bodies.points] == [(1.0, 2.0), (3.0, 4.0)]
+    ends = [(point.x, point.y) for point in lines.points]
+    assert ends == [(1.0, 2.0), (2.3, 2.0), (3.0, 4.0), (3.0, 2.8)]
 
 
 @given(
