@@ -36,12 +36,12 @@ class ClosedLoopPlan:
                 driver=driver,
                 people_from=source,
             )
-            for source, planner, scenario, people, driver, seed in product(
+            for source, seed, planner, scenario, people, driver in product(
                 self.people_from,
+                range(1, self.n_seeds + 1),
                 self.planners,
                 self.scenarios,
                 self.n_people,
                 self.drivers,
-                range(1, self.n_seeds + 1),
             )
         )
