@@ -8,18 +8,16 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from report.canvas import png_bytes
+from report.figures.scenario_plan import draw_scenario_plan
 from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
 from serd_cli.terminal import console
-from sim.pictures.movie import save_png
-from sim.pictures.top_view import TopView
 from sim.scenario import Scenario, builtin_scenarios, load_scenario
 from sim.scenario_grid import grid_of
-from storage.atomic import atomic_write_text
-from storage.errors import disk_error
+from storage.atomic import atomic_write_bytes, atomic_write_text
 
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON instead of a table")]
-_PIXELS_PER_M = 40.0
 
 
 def register(app: typer.Typer) -> None:
@@ -61,7 +59,7 @@ def show(
 ) -> None:
     """Draw a scenario from above and say what is in it: serd scenario show hallway
 
-    Walls are dark, start areas blue, the goal green, arrows the ways people walk.
+    In metres: walls, cells, start areas, the goal, and the loops that people walk.
     """
     loaded = load_scenario(scenario)
     picture = output or Path(f"{Path(scenario).stem}.png")
@@ -106,11 +104,7 @@ def save_plan(scenario: Scenario, path: Path) -> None:
     """Write the plan as PNG, making its folder; one sentence where that cannot be."""
     if path.suffix.lower() != ".png":
         raise UsageError(f"--output must end in .png, got {path}; name a .png file")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        save_png(TopView(scenario, _PIXELS_PER_M).plan(), path)
-    except OSError as error:
-        raise disk_error("write", path, error) from None
+    atomic_write_bytes(path, png_bytes(draw_scenario_plan(scenario)))
 
 
 def scenario_values(name: str, scenario: Scenario) -> dict[str, Any]:

@@ -1,13 +1,19 @@
 """A camera in the physics world, for pictures in three dimensions."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from serd_core.arrays import FloatArray
 from sim.errors import SimError
 from sim.scenario import Scenario
+
+_HIGHEST_M = 1.75
+_FILLED = 0.96
+_FITTING_PASSES = 40
 
 
 @dataclass(frozen=True)
@@ -31,27 +37,53 @@ class Camera:
 
 
 def overview_camera(scenario: Scenario, *, width_px: int = 640, height_px: int = 480) -> Camera:
-    """A camera that has the whole scenario in view, from the south."""
+    """A camera that has the whole scenario in view, from the south, as near as that allows.
+
+    Pinhole: at (right, up, depth) from the eye a point is seen at f (right, up) / depth, with
+    f = 1 / tan(half the field of view) for the height and f * height / width for the width.
+    """
     x_min, y_min, x_max, y_max = scenario.bounds_m
-    half_view = math.tan(math.radians(30.0))
-    reach = max(y_max - y_min, (x_max - x_min) * height_px / width_px)
-    return Camera(
+    corners_m = np.array(list(product((x_min, x_max), (y_min, y_max), (0.0, _HIGHEST_M))))
+    camera = Camera(
         target_m=(0.5 * (x_min + x_max), 0.5 * (y_min + y_max), 0.0),
-        distance_m=0.68 * reach / half_view,
-        pitch_deg=-60.0,
+        distance_m=2.0 * math.hypot(x_max - x_min, y_max - y_min),
+        pitch_deg=-70.0,
         width_px=width_px,
         height_px=height_px,
     )
+    for _ in range(_FITTING_PASSES):
+        camera = _nearer_fit(camera, corners_m)
+    return camera
 
 
-def chase_camera(pose: tuple[float, float, float], distance_m: float = 4.0) -> Camera:
+def _nearer_fit(camera: Camera, points_m: FloatArray) -> Camera:
+    """The camera moved so that the points fill the picture's middle more nearly."""
+    pitch = math.radians(camera.pitch_deg)
+    away = points_m - np.array(camera.target_m)
+    forward = np.array([0.0, math.cos(pitch), math.sin(pitch)])
+    upward = np.array([0.0, -math.sin(pitch), math.cos(pitch)])
+    depth = np.maximum(camera.distance_m + away @ forward, 1e-3)
+    focus = 1.0 / math.tan(math.radians(0.5 * camera.field_of_view_deg))
+    across = focus * camera.height_px / camera.width_px * away[:, 0] / depth
+    up = focus * (away @ upward) / depth
+    reach = max(np.ptp(across), np.ptp(up)) / (2.0 * _FILLED)
+    shift_m = camera.distance_m / focus * 0.5 * (up.max() + up.min()) / -math.sin(pitch)
+    x_m, y_m, z_m = camera.target_m
+    return replace(
+        camera,
+        target_m=(x_m, y_m + shift_m, z_m),
+        distance_m=camera.distance_m * min(max(float(reach), 0.5), 2.0),
+    )
+
+
+def chase_camera(pose: tuple[float, float, float], distance_m: float = 6.0) -> Camera:
     """A camera behind the robot, looking the way it goes."""
     x_m, y_m, yaw_rad = pose
     return Camera(
         target_m=(x_m, y_m, 0.5),
         distance_m=distance_m,
         yaw_deg=math.degrees(yaw_rad) - 90.0,
-        pitch_deg=-45.0,
+        pitch_deg=-55.0,
     )
 
 

@@ -14,7 +14,7 @@ from sim.crowd.social_force import model_named
 from sim.occupancy import wall_distance_raster
 from sim.pictures.trajectory import Trajectory
 from sim.pictures.view import Frame
-from sim.polygon import contains, edges_of
+from sim.polygon import contains
 from sim.scenario import Scenario
 
 Colour = tuple[int, int, int]
@@ -23,7 +23,6 @@ _FLOOR, _WALL, _OUTSIDE = (250, 249, 246), (92, 90, 86), (226, 224, 219)
 _GOAL, _START = (214, 236, 214), (214, 226, 242)
 _PERSON, _NOSE = (232, 150, 72), (140, 78, 24)
 _ROBOT, _TRAIL, _ROBOT_NOSE = (38, 92, 180), (150, 182, 226), (240, 244, 252)
-_LOOPS: tuple[Colour, ...] = ((196, 110, 40), (60, 130, 110), (130, 80, 160), (170, 60, 80))
 _WALL_M, _MARGIN_M = 0.12, 0.3
 _TRAIL_TICKS = 2
 
@@ -39,22 +38,12 @@ class TopView:
         self._left_m, self._top_m = x_min - _MARGIN_M, y_max + _MARGIN_M
         width = round((x_max - x_min + 2 * _MARGIN_M) * pixels_per_m)
         height = round((y_max - y_min + 2 * _MARGIN_M) * pixels_per_m)
-        self._loops = [loop.waypoints_m for loop in scenario.directed_loops]
         self._background = self._drawn_background(scenario, height, width)
 
     @property
     def background(self) -> Frame:
         """The empty scenario: floor, walls, goal and start areas."""
         return self._background.astype(np.uint8)
-
-    def plan(self) -> Frame:
-        """The empty scenario with the loops people walk, arrows along them."""
-        canvas = self._background.copy()
-        for number, corners in enumerate(self._loops):
-            colour = _LOOPS[number % len(_LOOPS)]
-            for start, end in edges_of(corners):
-                self._draw_leg(canvas, start, end, colour)
-        return canvas.astype(np.uint8)
 
     def frame(
         self,
@@ -99,20 +88,6 @@ class TopView:
         """One frame per tick of a trajectory."""
         for tick in range(len(trajectory.time_s)):
             yield self.frame_at(trajectory, tick)
-
-    def _draw_leg(
-        self, canvas: FloatArray, start: FloatArray, end: FloatArray, colour: Colour
-    ) -> None:
-        """A line of dots, with drops that taper in the walking direction every few metres."""
-        along = end - start
-        length = float(np.hypot(*along))
-        for way in np.arange(0.0, length, 0.08):
-            x_m, y_m = start + way / length * along
-            self._disc(canvas, x_m, y_m, 0.03, colour)
-        for tip in np.arange(1.5, length, 3.0):
-            for back in np.arange(0.0, 0.45, 0.03):
-                x_m, y_m = start + (tip - back) / length * along
-                self._disc(canvas, x_m, y_m, 0.02 + 0.3 * back, colour)
 
     def _draw_noses(self, canvas: FloatArray, people: FloatArray, before: FloatArray) -> None:
         moved = people - before

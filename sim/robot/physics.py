@@ -21,7 +21,7 @@ from sim.scenario import Scenario
 from sim.settings import RobotSettings
 
 _WALL_THICKNESS_M = 0.1
-_WALL_HEIGHT_M = 1.2
+_WALL_HEIGHT_M = 0.8
 _PERSON_HEIGHT_M = 1.75
 _NO_COLLISION = 0
 _WALL_COLOUR = (0.75, 0.73, 0.7, 1.0)

