@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -44,6 +44,7 @@ def yaml_model(text: str, model_class: type[Model], *, name: str) -> Model:
     if not isinstance(values, dict):
         kind = type(values).__name__
         raise FileError(f"{name}: must hold keys and values ('key: value'), got a {kind}")
+    _require_format(values, model_class, name)
     try:
         # By way of JSON, because pydantic's strict mode takes no list for a tuple otherwise.
         return model_class.model_validate_json(json.dumps(values), strict=True)
@@ -51,6 +52,16 @@ def yaml_model(text: str, model_class: type[Model], *, name: str) -> Model:
         raise FileError(f"{name}: {sentence_of(error, model_class)}") from None
     except (TypeError, ValueError) as error:
         raise FileError(f"{name}: holds a value that is none of ours: {error}") from None
+
+
+def _require_format(values: dict[str, Any], model_class: type[BaseModel], name: str) -> None:
+    """Another kind of our files is named as such, before its keys are complained of one by one."""
+    ours = model_class.model_fields.get("format")
+    if ours is not None and "format" in values and values["format"] != ours.default:
+        raise FileError(
+            f"{name}: format must be {ours.default!r}, got {values['format']!r}; it is another kind"
+            " of file"
+        )
 
 
 def model_yaml(model: BaseModel) -> str:

@@ -24,6 +24,7 @@ from serd_cli.recorded_demonstrations import (
     read_recording,
     save_demonstrations,
 )
+from serd_cli.short_names import short_names
 from serd_cli.terminal import console
 from sim.scenario import load_scenario
 from sim.scenario_grid import grid_of
@@ -133,12 +134,12 @@ def _table(found: list[RecordedDemonstrations]) -> Table:
     table.add_column("bag", overflow="fold")
     for name in ("intents", "kept", "dropped", "episodes", "diagonal moves", "far moves"):
         table.add_column(name, justify="right")
-    for each in found:
+    for name, each in zip(short_names([each.bag for each in found]), found, strict=True):
         report = each.report
         dropped = report.n_intents - report.n_decisions
         moves = report.n_diagonal, report.n_far
         counts = report.n_intents, report.n_decisions, dropped, report.n_episodes, *moves
-        table.add_row(escape(str(each.bag)), *map(str, counts))
+        table.add_row(escape(name), *map(str, counts))
     return table
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from serd_core.grid import Grid
 from storage.errors import FileError
+from storage.grid_file import save_grid
 from storage.model_file import (
     FitRecord,
     GridSummary,
@@ -70,6 +71,12 @@ def test_a_model_of_another_grid_is_refused_with_the_difference(tmp_path, change
         load_model(tmp_path / "model.yaml", expected_grid=other)
     with pytest.raises(FileError, match=r"fingerprint \w{12} in the model, \w{12} here"):
         load_model(tmp_path / "model.yaml", other.fingerprint())
+
+
+def test_another_kind_of_file_is_named_as_such(tmp_path):
+    save_grid(tmp_path / "grid.yaml", GRID)
+    with pytest.raises(FileError, match="format must be 'serd-model', got 'serd-grid'"):
+        load_model(tmp_path / "grid.yaml")
 
 
 @pytest.mark.parametrize(
