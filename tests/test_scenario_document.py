@@ -1,0 +1,42 @@
+"""docs/scenarios.md: its example is a scenario, and it tells every key with its default."""
+
+import re
+
+import pytest
+
+from sim.scenario import Scenario, load_scenario
+
+
+@pytest.fixture(scope="module")
+def document(root):
+    return (root / "docs" / "scenarios.md").read_text(encoding="utf-8")
+
+
+def test_its_example_is_a_scenario(document, tmp_path):
+    (example,) = re.findall(r"```yaml\n(.*?)```", document, re.DOTALL)
+    path = tmp_path / "room.yaml"
+    path.write_text(example)
+    assert load_scenario(path).pedestrians.count == 12
+
+
+def test_it_names_every_key(document):
+    schema = Scenario.model_json_schema()
+    keys = set(schema["properties"])
+    for part in schema["$defs"].values():
+        keys |= set(part["properties"])
+    missing = {key for key in keys if f"`{key}`" not in document}
+    assert not missing
+
+
+def test_its_defaults_are_those_of_the_code(document):
+    """Rows whose default is a number: `key` | number."""
+    defaults = {}
+    schema = Scenario.model_json_schema()
+    for part in (schema, *schema["$defs"].values()):
+        defaults |= {key: each.get("default") for key, each in part["properties"].items()}
+    told = 0
+    for keys, values in re.findall(r"^\| ((?:`\w+`(?:, )?)+) \| ([-\d., ]+) \|", document, re.M):
+        for key, value in zip(re.findall(r"\w+", keys), values.split(","), strict=True):
+            assert defaults[key] == float(value), key
+            told += 1
+    assert told >= 25
