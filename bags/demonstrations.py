@@ -1,12 +1,23 @@
 """What is learned from: decisions, and when each demonstration entered the goal area."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from bags.discretise import DiscretisationReport, decisions_from_bag
-from bags.goal_entry import goal_entry_times_s
+import numpy as np
+
+from bags.discretise import (
+    LONGEST_GAP_S,
+    DiscretisationReport,
+    decisions_from_drive,
+    joined_reports,
+)
+from bags.drive_sessions import read_drives
+from bags.errors import BagError
+from bags.goal_entry import goal_entries_s
 from bags.joined_decisions import joined_decisions
+from bags.recorded_drive import RecordedDrive
 from serd_core.demonstrations import Decisions
 from serd_core.grid import Grid
 
@@ -37,9 +48,57 @@ class Demonstrations:
 
 
 def demonstrations_of_bag(
-    bag: str | Path, grid: Grid, decision_period_s: float
+    bag: str | Path, grid: Grid, decision_period_s: float, *, tolerant: bool = False
 ) -> tuple[Demonstrations, DiscretisationReport]:
-    """Those of a bag, and what became of every intent; BagError where there is nothing to use."""
-    decisions, report = decisions_from_bag(bag, grid, decision_period_s)
-    entry_s = goal_entry_times_s(bag, decisions, decision_period_s)
-    return Demonstrations(decisions, tuple(entry_s.tolist())), report
+    """Those of a bag, and what became of every intent; BagError where there is nothing to use.
+
+    tolerant: use what a broken bag still holds.
+    """
+    drives = read_drives(bag, tolerant=tolerant)
+    found, report = demonstrations_of_drives(drives, grid, decision_period_s)
+    if not len(found.decisions):
+        raise BagError(f"bag {bag} holds no decision to learn from: {report}; record more")
+    return found, report
+
+
+def demonstrations_of_drives(
+    drives: Sequence[RecordedDrive],
+    grid: Grid,
+    decision_period_s: float,
+    *,
+    longest_gap_s: float = LONGEST_GAP_S,
+) -> tuple[Demonstrations, DiscretisationReport]:
+    """Those of all drives of one recording, at least one."""
+    found: Demonstrations | None = None
+    reports = []
+    for drive in drives:
+        found, report = with_drive(
+            found, drive, grid, decision_period_s, longest_gap_s=longest_gap_s
+        )
+        reports.append(report)
+    assert found is not None
+    return found, joined_reports(reports)
+
+
+def with_drive(
+    known: Demonstrations | None,
+    drive: RecordedDrive,
+    grid: Grid,
+    decision_period_s: float,
+    *,
+    longest_gap_s: float = LONGEST_GAP_S,
+) -> tuple[Demonstrations, DiscretisationReport]:
+    """What was known and what the drive adds, and what became of the drive's intents.
+
+    An episode that is known already in every decision counts once.
+    """
+    decisions, report = decisions_from_drive(
+        drive, grid, decision_period_s, longest_gap_s=longest_gap_s
+    )
+    seen = set(known.episode_rows.values()) if known is not None else set()
+    rows = Demonstrations(decisions).episode_rows
+    fresh = [episode for episode, row in rows.items() if row not in seen]
+    decisions = decisions.select(np.isin(decisions.episode, fresh))
+    entry_s = goal_entries_s(drive.episodes, decisions, decision_period_s)
+    here = Demonstrations(decisions, tuple(entry_s.tolist()))
+    return (here if known is None else known.joined(here)), report.without_repeated(decisions)

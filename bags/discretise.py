@@ -8,14 +8,13 @@ first counts. Nothing is dropped without being counted.
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bags.decision_rule import Move, next_state_of
 from bags.errors import BagError
-from bags.recorded_drive import DISCARDED, EpisodeSpan, RecordedDrive, read_drive
+from bags.recorded_drive import DISCARDED, EpisodeSpan, RecordedDrive
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations import Decisions
 from serd_core.grid import Grid
@@ -27,6 +26,7 @@ CUT_SHORT = "cut short by the end of its episode"
 NO_POSE = "no pose recorded then"
 OFF_GRID = "robot off the grid"
 UNEXPLAINED = "no neighbouring cell explains the move"
+REPEATED = "of an episode that was there before"
 LONGEST_GAP_S = 0.5
 _STAMP_TOLERANCE_S = 1e-6
 
@@ -50,6 +50,15 @@ class DiscretisationReport:
         """Recorded intents, each either a decision or dropped."""
         return self.n_decisions + sum(self.dropped.values())
 
+    def without_repeated(self, kept: Decisions) -> "DiscretisationReport":
+        """The same once the decisions of episodes that were known before are dropped."""
+        n_repeated = self.n_decisions - len(kept)
+        if not n_repeated:
+            return self
+        dropped = {**self.dropped, REPEATED: n_repeated}
+        n_episodes = len(kept.episodes)
+        return replace(self, n_decisions=len(kept), n_episodes=n_episodes, dropped=dropped)
+
     def __str__(self) -> str:
         """One sentence with every count."""
         dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(self.dropped.items()))
@@ -60,18 +69,16 @@ class DiscretisationReport:
         )
 
 
-def decisions_from_bag(
-    directory: str | Path, grid: Grid, decision_period_s: float, *, tolerant: bool = False
-) -> tuple[Decisions, DiscretisationReport]:
-    """Decisions of a bag with robot_pose, intent and episode; BagError where one is missing.
-
-    tolerant: use what a broken bag still holds.
-    """
-    drive = read_drive(directory, tolerant=tolerant)
-    decisions, report = decisions_from_drive(drive, grid, decision_period_s)
-    if not len(decisions):
-        raise BagError(f"bag {directory} holds no decision to learn from: {report}; record more")
-    return decisions, report
+def joined_reports(reports: Sequence[DiscretisationReport]) -> DiscretisationReport:
+    """The counts of several drives together."""
+    return DiscretisationReport(
+        n_decisions=sum(each.n_decisions for each in reports),
+        n_episodes=sum(each.n_episodes for each in reports),
+        n_diagonal=sum(each.n_diagonal for each in reports),
+        n_far=sum(each.n_far for each in reports),
+        dropped=dict(sum((Counter(each.dropped) for each in reports), Counter())),
+        n_bad_poses=sum(each.n_bad_poses for each in reports),
+    )
 
 
 def decisions_from_drive(

@@ -43,6 +43,7 @@ _POSE_READERS: dict[str, Callable[[bytes], PlanarPose]] = {
 _TF = {"/tf": False, "/tf_static": True}
 _UNMARKED = "unmarked"
 _STAMP_TOLERANCE_S = 1e-6
+_LONGEST_STEP_BACK_S = 1.0
 
 
 def read_mapped_drive(
@@ -77,6 +78,7 @@ class _Collector:
         found = np.array(self._poses).reshape(-1, 5)
         rows = finite_poses(found, self._source)
         n_bad_poses = len(found) - len(rows)
+        self._require_one_clock(rows[:, 1])
         rows = rows[np.unique(rows[:, 1], return_index=True)[1]]
         if not len(rows):
             raise BagError(f"{self._source} has no pose on {self._pose_topic}; check the mapping")
@@ -88,6 +90,17 @@ class _Collector:
         return RecordedDrive(
             time_s, poses[:, :2], intent_s, actions, spans, self._source, n_bad_poses
         )
+
+    def _require_one_clock(self, stamp_s: FloatArray) -> None:
+        """Poses of two runs of a clock, put in order, would be a drive that never was."""
+        back_s = np.maximum.accumulate(stamp_s) - stamp_s
+        if len(stamp_s) and back_s.max() > _LONGEST_STEP_BACK_S:
+            row = int(np.argmax(back_s > _LONGEST_STEP_BACK_S))
+            raise BagError(
+                f"{self._source}: stamps on {self._pose_topic} must not fall back by more than"
+                f" {_LONGEST_STEP_BACK_S:g} s, that of pose {row + 1} does by {back_s[row]:.1f} s:"
+                " the world was started again; give each run as a bag of its own"
+            )
 
     def _take(self, message: RawMessage) -> None:
         log_s = message.log_time_ns / 1e9

@@ -8,7 +8,6 @@ import numpy as np
 
 from bags.errors import BagError
 from bags.plain_messages import diagnostic_array, pose_position, vector3_stamped
-from bags.reader import BagReader, topic_named
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.directions import action_of_direction
 from serd_core.errors import SerdError
@@ -57,7 +56,11 @@ class DriveBuilder:
     def add_pose(self, data: bytes, log_time_ns: int) -> None:
         """A geometry_msgs/PoseStamped."""
         stamp_ns, x_m, y_m = pose_position(data)
-        self._poses.extend(((stamp_ns or log_time_ns) / 1e9, x_m, y_m))
+        self.add_position(stamp_ns or log_time_ns, x_m, y_m)
+
+    def add_position(self, time_ns: int, x_m: float, y_m: float) -> None:
+        """A pose that was decoded already."""
+        self._poses.extend((time_ns / 1e9, x_m, y_m))
 
     def add_intent(self, data: bytes, log_time_ns: int) -> None:
         """A geometry_msgs/Vector3Stamped."""
@@ -91,23 +94,6 @@ class DriveBuilder:
             source=self._source,
             n_bad_poses=len(rows) - int(np.isfinite(rows).all(axis=1).sum()),
         )
-
-
-def read_drive(directory: str | Path, *, tolerant: bool = False) -> RecordedDrive:
-    """Read a bag; BagError names a topic that is missing or an intent that is no direction.
-
-    tolerant: read what a broken bag still holds.
-    """
-    reader = BagReader(directory, tolerant=tolerant)
-    builder = DriveBuilder(source_of(directory))
-    takers = {
-        topic_named(reader.topics, POSE): builder.add_pose,
-        topic_named(reader.topics, INTENT): builder.add_intent,
-        topic_named(reader.topics, EPISODE): builder.add_mark,
-    }
-    for message in reader.messages(takers):
-        takers[message.topic](message.data, message.log_time_ns)
-    return builder.drive()
 
 
 def source_of(bag: str | Path) -> str:

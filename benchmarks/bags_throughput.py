@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from bags.check import check_bag
-from bags.discretise import decisions_from_bag
+from bags.demonstrations import demonstrations_of_bag
 from bags.reader import BagReader
 from bags.writer import BagWriter
 from benchmarks.peak_memory import peak_memory_mb
@@ -44,7 +44,7 @@ def run() -> None:
             ("read bytes", "BagReader", lambda: _count(BagReader(drive).messages())),
             ("read bytes", "rosbags", lambda: _read_with_rosbags(drive, decode=False)),
             ("read and decode", "rosbags", lambda: _read_with_rosbags(drive, decode=True)),
-            ("read and discretise", "decisions_from_bag", lambda: _discretise(drive)),
+            ("read and discretise", "demonstrations_of_bag", lambda: _discretise(drive)),
             ("check", "check_bag", lambda: check_bag(drive)),
         ):
             rows.append(_row(work, way, n_messages, _seconds(call)))
@@ -68,7 +68,8 @@ def _count(messages: object) -> int:
 
 
 def _discretise(drive: Path) -> None:
-    decisions, report = decisions_from_bag(drive, _GRID, _PERIOD_S)
+    found, report = demonstrations_of_bag(drive, _GRID, _PERIOD_S)
+    decisions = found.decisions
     assert len(decisions) == report.n_intents
 
 

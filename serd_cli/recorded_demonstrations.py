@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from bags.discretise import LONGEST_GAP_S, DiscretisationReport, decisions_from_drive
+from bags.demonstrations import demonstrations_of_drives
+from bags.discretise import LONGEST_GAP_S, DiscretisationReport
+from bags.drive_sessions import read_drives
 from bags.fitted_grid import grid_around
 from bags.flow_field import FlowField
-from bags.goal_entry import goal_entries_s
 from bags.joined_decisions import joined_decisions
 from bags.mapped_drive import read_mapped_drive
 from bags.mapping import BagMapping
-from bags.recorded_drive import DISCARDED, RecordedDrive, read_drive
+from bags.recorded_drive import DISCARDED, RecordedDrive
 from report.canvas import png_bytes
 from report.figures.fitted_visitation import draw_fitted_visitation
 from report.figures.flow_map import draw_flow_map
@@ -72,10 +73,13 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What one bag holds; longest_gap_s: between poses across which places are interpolated."""
+    """What one bag holds, a drive for each run of the clock.
+
+    longest_gap_s: between poses across which places are interpolated.
+    """
 
     bag: Path
-    drive: RecordedDrive
+    drives: tuple[RecordedDrive, ...]
     longest_gap_s: float
 
 
@@ -84,25 +88,24 @@ def read_recording(
 ) -> Recording:
     """Our own recording, or with a mapping anybody's."""
     if mapping is None:
-        return Recording(bag, read_drive(bag, tolerant=tolerant), LONGEST_GAP_S)
-    return Recording(bag, read_mapped_drive(bag, mapping, period_s), mapping.longest_gap_s)
+        return Recording(bag, read_drives(bag, tolerant=tolerant), LONGEST_GAP_S)
+    return Recording(bag, (read_mapped_drive(bag, mapping, period_s),), mapping.longest_gap_s)
 
 
 def demonstrations_of(recording: Recording, grid: Grid, period_s: float) -> RecordedDemonstrations:
     """Its decisions on a grid."""
-    drive = recording.drive
-    decisions, report = decisions_from_drive(
-        drive, grid, period_s, longest_gap_s=recording.longest_gap_s
+    found, report = demonstrations_of_drives(
+        recording.drives, grid, period_s, longest_gap_s=recording.longest_gap_s
     )
-    entry_s = goal_entries_s(drive.episodes, decisions, period_s)
+    tracks = tuple(track for drive in recording.drives for track in tracks_of(drive))
     return RecordedDemonstrations(
-        recording.bag, decisions, report, tracks_of(drive), tuple(entry_s.tolist())
+        recording.bag, found.decisions, report, tracks, found.goal_entry_s
     )
 
 
 def fitted_grid(recordings: Sequence[Recording], cell_size_m: float) -> Grid:
     """Cells wherever one of the robots has been, and around."""
-    places = [recording.drive.position_m for recording in recordings]
+    places = [drive.position_m for recording in recordings for drive in recording.drives]
     return grid_around(np.concatenate(places), cell_size_m)
 
 

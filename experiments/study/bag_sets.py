@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bags.discretise import OFF_GRID, DiscretisationReport, decisions_from_bag
+from bags.demonstrations import demonstrations_of_bag
+from bags.discretise import OFF_GRID, DiscretisationReport
 from bags.joined_decisions import joined_decisions
 from experiments.study.demonstration_sets import DemonstrationSets
 from experiments.study.settings import StudySettings
@@ -56,7 +57,8 @@ def _decisions(
 ) -> Decisions:
     tables = []
     for bag in settings.demonstrations.bags:
-        decisions, report = decisions_from_bag(Path(bag), problem.grid, scenario.decision_period_s)
+        found, report = demonstrations_of_bag(Path(bag), problem.grid, scenario.decision_period_s)
+        decisions = found.decisions
         _require_same_place(bag, report, scenario.name)
         tables.append(decisions)
     every = joined_decisions(tables)

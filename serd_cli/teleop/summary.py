@@ -4,8 +4,9 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from bags.discretise import decisions_from_drive
-from bags.recorded_drive import DISCARDED, read_drive
+from bags.demonstrations import demonstrations_of_drives
+from bags.drive_sessions import read_drives
+from bags.recorded_drive import DISCARDED
 from report.wording import counted, in_words
 from serd_core.errors import SerdError
 from sim.scenario import load_scenario
@@ -39,9 +40,9 @@ def summarise_session(bag: Path, scenario: str) -> SessionSummary | None:
     """The bag's episodes and decisions; None where nothing readable was recorded."""
     place = load_scenario(scenario)
     try:
-        drive = read_drive(bag, tolerant=True)
-        _, report = decisions_from_drive(drive, grid_of(place), place.decision_period_s)
+        drives = read_drives(bag, tolerant=True)
+        _, report = demonstrations_of_drives(drives, grid_of(place), place.decision_period_s)
     except SerdError:
         return None
-    outcomes = Counter(span.outcome for span in drive.episodes)
+    outcomes = Counter(span.outcome for drive in drives for span in drive.episodes)
     return SessionSummary(dict(outcomes), report.n_decisions)

@@ -6,14 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bags import discretise
-from bags.discretise import decisions_from_bag, decisions_from_drive
+from bags.demonstrations import demonstrations_of_bag
+from bags.discretise import decisions_from_drive
+from bags.drive_sessions import read_drives
 from bags.errors import BagError
 from bags.reader import BagReader
 from bags.recorded_drive import (
     DriveBuilder,
     EpisodeSpan,
     RecordedDrive,
-    read_drive,
     spans_of_marks,
 )
 from bags.writer import BagWriter
@@ -192,7 +193,8 @@ def recorded_bag(tmp_path, messages):
 
 def test_a_bag_becomes_decisions_by_its_header_stamps(recorded_bag):
     recorded_bag.close()
-    decisions, report = decisions_from_bag(recorded_bag.directory, GRID, PERIOD_S)
+    found, report = demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S)
+    decisions = found.decisions
     assert decisions.time_s.tolist() == [100.0, 102.0, 104.0]
     assert decisions.state.tolist() == [0, 1, 2]
     assert decisions.next_state.tolist() == [1, 2, 3]
@@ -207,28 +209,30 @@ def test_a_broken_bag_is_refused_unless_tolerated(recorded_bag):
     recorded_bag.flush()
     recorded_bag.abandon()
     with pytest.raises(BagError, match=r"metadata.yaml: it does not exist.*recover"):
-        decisions_from_bag(recorded_bag.directory, GRID, PERIOD_S)
-    decisions, _ = decisions_from_bag(recorded_bag.directory, GRID, PERIOD_S, tolerant=True)
+        demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S)
+    found, _ = demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S, tolerant=True)
+    decisions = found.decisions
     assert len(decisions) == 3
 
 
 def test_a_missing_topic_and_a_bag_without_decisions_get_a_sentence(tmp_path, small_bag):
     with pytest.raises(BagError, match="must hold the topic 'episode', it holds /intent, /robot_p"):
-        decisions_from_bag(small_bag(), GRID, PERIOD_S)
+        demonstrations_of_bag(small_bag(), GRID, PERIOD_S)
     with BagWriter(tmp_path / "empty") as writer:
         for name, kind in (("/robot_pose", POSE), ("/intent", VECTOR), ("/episode", DIAGNOSTICS)):
             writer.add_topic(name, kind)
     with pytest.raises(BagError, match="holds no decision to learn from: 0 decisions"):
-        decisions_from_bag(tmp_path / "empty", GRID, PERIOD_S)
+        demonstrations_of_bag(tmp_path / "empty", GRID, PERIOD_S)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_pose_that_is_not_finite_is_left_out_and_counted(recorded_bag, messages, bad):
     sound, _ = decisions_from_drive(tolerated(recorded_bag), GRID, PERIOD_S)
-    recorded_bag.write("/robot_pose", messages.pose(102.0, bad, 0.0), 100)
+    recorded_bag.write("/robot_pose", messages.pose(105.95, bad, 0.0), 100)
     recorded_bag.write("/robot_pose", messages.pose(107.0, 0.5, bad), 101)
     recorded_bag.close()
-    decisions, report = decisions_from_bag(recorded_bag.directory, GRID, PERIOD_S)
+    found, report = demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S)
+    decisions = found.decisions
     assert np.array_equal(decisions.next_state, sound.next_state)
     assert report.n_bad_poses == 2
     assert str(report).endswith("; 2 poses not finite")
@@ -237,7 +241,7 @@ def test_a_pose_that_is_not_finite_is_left_out_and_counted(recorded_bag, message
 def tolerated(writer):
     """The drive as far as it is recorded."""
     writer.flush()
-    return read_drive(writer.directory, tolerant=True)
+    return read_drives(writer.directory, tolerant=True)[0]
 
 
 def test_a_bag_of_nothing_but_poses_that_are_not_finite_is_refused(messages):
@@ -258,7 +262,7 @@ def test_live_messages_give_the_same_drive_as_the_file(recorded_bag):
     }
     for message in BagReader(recorded_bag.directory).messages():
         takers[message.topic](message.data, message.log_time_ns)
-    from_file, from_topics = read_drive(recorded_bag.directory), live.drive()
+    from_file, from_topics = read_drives(recorded_bag.directory)[0], live.drive()
     assert from_topics.episodes == from_file.episodes
     for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
         assert np.array_equal(getattr(from_topics, name), getattr(from_file, name))

@@ -1,13 +1,18 @@
-"""When demonstrations entered the goal area, from the marks of a bag."""
+"""When demonstrations entered the goal area, from the spans of their episodes."""
 
 import numpy as np
-import pytest
 
-from bags.goal_entry import goal_entry_times_s
-from bags.writer import BagWriter
+from bags.goal_entry import goal_entries_s
+from bags.recorded_drive import EpisodeSpan
 from serd_core.demonstrations import Decisions
 
-DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+#: Episodes that arrive 1.1 s and 2 s after a decision, time out, and arrive unobserved.
+SPANS = (
+    EpisodeSpan(0, 10.0, 15.1, "arrived"),
+    EpisodeSpan(1, 20.0, 26.0, "arrived"),
+    EpisodeSpan(2, 30.0, 35.0, "timeout"),
+    EpisodeSpan(3, 40.0, 50.0, "arrived"),
+)
 
 
 def decisions_at(times_s):
@@ -15,30 +20,10 @@ def decisions_at(times_s):
     return Decisions(rows, np.array(times_s), rows, rows, rows)
 
 
-@pytest.fixture
-def marked_bag(tmp_path, messages):
-    """Episodes that arrive 1.1 s and 2 s after a decision, time out, and arrive unobserved."""
-    with BagWriter(tmp_path / "marked") as writer:
-        writer.add_topic("/episode", DIAGNOSTICS)
-        spans = (
-            (10, 15.1, "arrived"),
-            (20, 26, "arrived"),
-            (30, 35, "timeout"),
-            (40, 50, "arrived"),
-        )
-        for number, (start_s, end_s, outcome) in enumerate(spans):
-            start = messages.mark(float(start_s), "start", number)
-            writer.write("/episode", start, round(start_s * 1e9))
-            end = messages.mark(float(end_s), "end", number, outcome)
-            writer.write("/episode", end, round(end_s * 1e9))
-    return tmp_path / "marked"
-
-
-def test_it_is_the_time_from_the_last_decision_to_the_arrival(marked_bag):
+def test_it_is_the_time_from_the_last_decision_to_the_arrival():
     decisions = decisions_at([10, 12, 14, 20, 22, 24, 30, 32, 34, 40])
-    found = goal_entry_times_s(marked_bag, decisions, 2.0)
-    assert found.tolist() == [1.1, 2.0]
+    assert goal_entries_s(SPANS, decisions, 2.0).tolist() == [1.1, 2.0]
 
 
-def test_without_decisions_there_is_none(marked_bag):
-    assert len(goal_entry_times_s(marked_bag, decisions_at([]), 2.0)) == 0
+def test_without_decisions_there_is_none():
+    assert len(goal_entries_s(SPANS, decisions_at([]), 2.0)) == 0

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from bags.demonstrations import Demonstrations, demonstrations_of_bag
+from bags.discretise import REPEATED
 from bags.errors import BagError
 from bags.live_drive import LiveDrive
 from bags.reader import BagReader
+from bags.writer import BagWriter
 from sim.scenario import load_scenario
 from sim.scenario_grid import grid_of
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
+OTHER_BAG = Path(__file__).parents[2] / "bags" / "data" / "hallway" / "transfer"
 TOPICS = ("robot_pose", "intent", "episode")
 
 
@@ -22,6 +25,16 @@ def messages(root: Path):
     bag = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))[0]
     wanted = [f"/{topic}" for topic in TOPICS]
     return bag, [(each.topic[1:], each.data) for each in BagReader(bag).messages(wanted)]
+
+
+def _write_joined(target: Path, *bags: Path) -> None:
+    """The messages of several bags, one after the other, as a bag."""
+    with BagWriter(target) as writer:
+        for topic in BagReader(bags[0]).topics.values():
+            writer.add_topic(topic.name, topic.type_name)
+        for bag in bags:
+            for each in BagReader(bag).messages([f"/{topic}" for topic in TOPICS]):
+                writer.write(each.topic, each.data, each.log_time_ns)
 
 
 def live_drive(messages, earlier: Demonstrations | None = None) -> LiveDrive:
@@ -54,6 +67,30 @@ def test_live_messages_give_the_decisions_of_the_bag(messages):
 def test_a_bag_played_twice_counts_once(messages):
     _, sent = messages
     assert same(live_drive(sent + sent).gathered(), live_drive(sent).gathered())
+
+
+def test_a_bag_over_which_the_world_was_started_again_gives_both_runs(messages, tmp_path):
+    bag, _ = messages
+    target = tmp_path / "restarted"
+    _write_joined(target, bag, OTHER_BAG)
+    found, report = demonstrations_of_bag(target, GRID, HALLWAY.decision_period_s)
+    first, _ = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)
+    second, _ = demonstrations_of_bag(OTHER_BAG, GRID, HALLWAY.decision_period_s)
+    assert same(found, first.joined(second))
+    assert report.n_decisions == len(found.decisions)
+    recorded = BagReader(target).messages()
+    live = live_drive([(each.topic[1:], each.data) for each in recorded])
+    assert same(live.gathered(), found)
+
+
+def test_a_bag_that_holds_its_messages_twice_counts_them_once_and_says_so(messages, tmp_path):
+    bag, _ = messages
+    target = tmp_path / "twice"
+    _write_joined(target, bag, bag)
+    found, report = demonstrations_of_bag(target, GRID, HALLWAY.decision_period_s)
+    once, _ = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)
+    assert same(found, once)
+    assert report.dropped[REPEATED] == len(once.decisions)
 
 
 def test_what_was_kept_before_a_restart_comes_first_and_is_not_counted_again(messages):

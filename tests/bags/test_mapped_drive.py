@@ -143,6 +143,25 @@ def foreign_bag(tmp_path, messages):
     return tmp_path / "foreign"
 
 
+@pytest.mark.parametrize(("back_s", "refused"), [(0.85, False), (3.0, True)])
+def test_poses_of_two_runs_of_a_clock_are_never_mixed(tmp_path, messages, back_s, refused):
+    with BagWriter(tmp_path / "two") as writer:
+        writer.add_topic("/pose", POSE)
+        writer.add_topic("/cmd_vel", TWIST)
+        for tick in range(40):
+            time_s = 10.0 + 0.1 * tick - (back_s if tick >= 35 else 0.0)
+            writer.write("/pose", messages.pose(time_s, 0.5, 0.1 * tick), tick * 10**8)
+            writer.write("/cmd_vel", twist(messages, 0.5), tick * 10**8)
+    mapping = BagMapping(pose_topic="/pose", action_from="velocity", action_topic="/cmd_vel")
+    if refused:
+        with pytest.raises(
+            BagError, match=r"that of pose 36 does by 2\.9 s: the world was started"
+        ):
+            read_mapped_drive(tmp_path / "two", mapping, 2.0)
+    else:
+        assert len(read_mapped_drive(tmp_path / "two", mapping, 2.0).pose_time_s) > 35
+
+
 def test_simulated_time_and_frames_are_put_right(foreign_bag):
     mapping = BagMapping(
         pose_topic="/robot/pose",

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from bags.drive_sessions import read_drives
 from bags.errors import BagError
 from bags.mapped_drive import read_mapped_drive
 from bags.mapping import BagMapping
 from bags.messages import messages_of
-from bags.recorded_drive import read_drive
 from bags.writer import BagWriter
 from serd_core.grid import Action
 
@@ -45,7 +45,7 @@ def own_bag(tmp_path, messages):
 
 
 def test_a_mapping_of_our_own_topics_changes_nothing(own_bag):
-    direct = read_drive(own_bag)
+    direct = read_drives(own_bag)[0]
     mapped = read_mapped_drive(own_bag, BagMapping(episode_topic="episode"), 2.0)
     assert [span.outcome for span in direct.episodes] == ["arrived", "cut_off"]
     assert mapped.episodes == direct.episodes
@@ -59,7 +59,7 @@ def test_waypoints_ahead_mean_what_the_intents_say(own_bag):
     )
     drive = read_mapped_drive(own_bag, mapping, 2.0)
     assert set(drive.intent_action) == {Action.NORTH}
-    assert np.array_equal(drive.intent_time_s, read_drive(own_bag).intent_time_s)
+    assert np.array_equal(drive.intent_time_s, read_drives(own_bag)[0].intent_time_s)
 
 
 def test_without_marks_every_stretch_without_a_gap_is_an_episode(own_bag):

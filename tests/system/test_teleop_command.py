@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from bags.recorded_drive import read_drive
+from bags.drive_sessions import read_drives
 
 ENDING_S = 30.0
 SERD = str(Path(sys.executable).with_name("serd"))
@@ -133,4 +133,4 @@ def test_keys_start_save_and_discard_and_a_second_run_overwrites_nothing(ros_env
             session.close()
         assert "1 episode kept (1 aborted), 1 discarded" in session.said
         bag = tmp_path / f"teleop_output/session-{number}/bag"
-        assert [span.outcome for span in read_drive(bag).episodes] == ["aborted", "discarded"]
+        assert [span.outcome for span in read_drives(bag)[0].episodes] == ["aborted", "discarded"]

@@ -18,8 +18,8 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from bags.discretise import decisions_from_bag
-from bags.recorded_drive import read_drive
+from bags.demonstrations import demonstrations_of_bag
+from bags.drive_sessions import read_drives
 from serd_cli.node_commands import stack_processes
 from serd_core.grid import Action
 from serd_ros import qos
@@ -218,9 +218,10 @@ def check_recording(bag, scenario, n_decisions):
     place = load_scenario(scenario)
     with AnyReader([bag]) as reader:
         assert reader.message_count > 200
-    (span,) = read_drive(bag).episodes
+    (span,) = read_drives(bag)[0].episodes
     assert span.outcome == "arrived"
-    decisions, report = decisions_from_bag(bag, grid_of(place), place.decision_period_s)
+    found, report = demonstrations_of_bag(bag, grid_of(place), place.decision_period_s)
+    decisions = found.decisions
     assert {Action.NORTH, Action.EAST} <= {Action(each) for each in decisions.action}
     assert report.n_intents == n_decisions
 

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from bags.discretise import decisions_from_bag
+from bags.demonstrations import demonstrations_of_bag
 from experiments.study.bag_sets import sets_from_bags
 from experiments.study.demonstration_sets import ROLES
 from experiments.study.settings import study_settings
@@ -29,7 +29,9 @@ def problem():
 
 @pytest.fixture(scope="session")
 def shipped_training(scenario, problem):
-    return decisions_from_bag(BAGS / "training", problem.grid, scenario.decision_period_s)[0]
+    return demonstrations_of_bag(BAGS / "training", problem.grid, scenario.decision_period_s)[
+        0
+    ].decisions
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bags.discretise import decisions_from_bag
+from bags.demonstrations import demonstrations_of_bag
 from experiments.study.demonstration_sets import ROLES
 from experiments.study.demonstrations import start_area_of
 from experiments.study.drives import drive_episodes
@@ -26,7 +26,8 @@ def problem():
 
 def shipped(role, problem):
     scenario = scenario_of(SETTINGS)
-    return decisions_from_bag(BAGS / role, problem.grid, scenario.decision_period_s)
+    found, report = demonstrations_of_bag(BAGS / role, problem.grid, scenario.decision_period_s)
+    return found.decisions, report
 
 
 @pytest.mark.parametrize("role", ROLES)
