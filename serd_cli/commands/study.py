@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from experiments.provenance import recorded
@@ -18,6 +18,7 @@ from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
 from serd_cli.kept import kept_in
 from serd_cli.terminal import console, progress_console
+from serd_cli.time_left import TimeLeftColumn
 from sim.execution import BACKENDS, Execution
 
 _FIGURES = ", ".join(figure.name for figure in FIGURES)
@@ -81,8 +82,7 @@ def _run(settings: StudySettings, folder: Path, execution: Execution) -> dict[st
         TextColumn("{task.description}"),
         BarColumn(),
         TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
+        TimeLeftColumn(execution.n_processes),
         console=progress_console,
     )
     with kept_in(folder), bar:
