@@ -7,8 +7,9 @@ is played once more. Topics may run ahead of each other by any time, so each has
 from dataclasses import dataclass
 from pathlib import Path
 
+from bags.errors import BagError
 from bags.plain_messages import pose_position
-from bags.reader import BagReader, topic_named
+from bags.reader import BagReader, RawMessage, topic_named
 from bags.recorded_drive import (
     EPISODE,
     INTENT,
@@ -40,7 +41,7 @@ class DriveSessions:
     """
 
     def __init__(self, source: str) -> None:
-        self._source = source
+        self.source = source
         self.sessions = [Session(DriveBuilder(source))]
         self.n_ended = self.n_late = 0
         self._session_of_poses = self.sessions[0]
@@ -89,7 +90,7 @@ class DriveSessions:
             self._session_of[topic] += 1
             self._newest_ns[topic] = 0
             if self._session_of[topic] == len(self.sessions):
-                self.sessions.append(Session(DriveBuilder(self._source)))
+                self.sessions.append(Session(DriveBuilder(self.source)))
         elif self._is_of_a_later_session(topic, stamp_ns):
             self._session_of[topic] = len(self.sessions) - 1
         self._newest_ns[topic] = max(self._newest_ns[topic], stamp_ns)
@@ -113,5 +114,13 @@ def read_drives(directory: str | Path, *, tolerant: bool = False) -> tuple[Recor
     found = DriveSessions(source_of(directory))
     kinds = {topic_named(reader.topics, kind): kind for kind in (POSE, INTENT, EPISODE)}
     for message in reader.messages(kinds):
-        found.take(kinds[message.topic], message.data, message.log_time_ns)
+        _take(found, kinds[message.topic], message)
     return tuple(session.builder.drive() for session in found.sessions)
+
+
+def _take(found: DriveSessions, kind: str, message: RawMessage) -> None:
+    try:
+        found.take(kind, message.data, message.log_time_ns)
+    except BagError as error:
+        where = f"{found.source}, {message.topic} at {message.log_time_ns} ns"
+        raise BagError(f"{where}: {error}") from None

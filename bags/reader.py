@@ -95,7 +95,16 @@ class BagReader:
             return
         for file in self.layout.files:
             ending = file_ending(file)
-            yield from _topics_of(_definitions(file) if ending is None else ending.definitions)
+            yield from _topics_of(self._scanned(file) if ending is None else ending.definitions)
+
+    def _scanned(self, file: Path) -> Definitions:
+        """What a file without an end defines; strictly that is damage already."""
+        scan = McapScan(file)
+        for _ in scan.messages(frozenset()):
+            pass
+        if not self.tolerant:
+            self._take(scan.damage)
+        return scan.definitions
 
 
 def topic_named(topics: Collection[str], name: str) -> str:
@@ -114,13 +123,6 @@ def topics_named(topics: Collection[str], name: str) -> list[str]:
     if name in topics:
         return [name]
     return [topic for topic in topics if topic.rsplit("/", 1)[-1] == name.lstrip("/")]
-
-
-def _definitions(file: Path) -> Definitions:
-    scan = McapScan(file)
-    for _ in scan.messages(frozenset()):
-        pass
-    return scan.definitions
 
 
 def _topics_of(definitions: Definitions) -> Iterator[TopicInfo]:

@@ -21,6 +21,7 @@ from report.figures.fitted_visitation import draw_fitted_visitation
 from report.figures.flow_map import draw_flow_map
 from report.figures.visitation import draw_visitation
 from report.layout import layout_of
+from serd_cli.errors import UsageError
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations import Decisions, state_counts
 from serd_core.grid import Grid
@@ -106,6 +107,9 @@ def demonstrations_of(recording: Recording, grid: Grid, period_s: float) -> Reco
 def fitted_grid(recordings: Sequence[Recording], cell_size_m: float) -> Grid:
     """Cells wherever one of the robots has been, and around."""
     places = [drive.position_m for recording in recordings for drive in recording.drives]
+    if not any(len(each) for each in places):
+        names = ", ".join(str(recording.bag) for recording in recordings)
+        raise UsageError(f"{names} must hold a pose to fit a grid to, got none; record some")
     return grid_around(np.concatenate(places), cell_size_m)
 
 

@@ -10,6 +10,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from bags.discretise import OFF_GRID
 from bags.flow_field import PEDESTRIANS, flow_from_bags
 from bags.mapping import BagMapping
 from report.wording import counted
@@ -86,7 +87,9 @@ def demos(
     found = [demonstrations_of(recording, grid, period) for recording in recordings]
     if not any(len(each.decisions) for each in found):
         counts = "; ".join(f"{each.bag}: {each.report}" for each in found)
-        raise UsageError(f"there is no decision to learn from in {counts}; is it this scenario?")
+        outside = any(OFF_GRID in each.report.dropped for each in found)
+        fix = "is it this scenario?" if outside else "record episodes with decisions"
+        raise UsageError(f"there is no decision to learn from in {counts}; {fix}")
     people = chosen.people_topic if chosen else PEDESTRIANS
     flow = flow_from_bags(bags, grid, topic=people, tolerant=tolerant)
     place = Place(grid, period, known)

@@ -225,6 +225,21 @@ def test_a_missing_topic_and_a_bag_without_decisions_get_a_sentence(tmp_path, sm
         demonstrations_of_bag(tmp_path / "empty", GRID, PERIOD_S)
 
 
+def test_a_message_that_is_cut_short_is_named_with_its_bag_topic_and_time(recorded_bag):
+    recorded_bag.write("/robot_pose", b"\x00\x01\x00\x00abc", 1234)
+    recorded_bag.close()
+    with pytest.raises(BagError, match=r"bag .*drive, /robot_pose at 1234 ns: message must have"):
+        read_drives(recorded_bag.directory)
+
+
+@pytest.mark.parametrize("content", [b"", b"hello", bytes(200)])
+def test_of_a_file_that_is_no_bag_the_damage_is_told_and_not_a_missing_topic(tmp_path, content):
+    path = tmp_path / "broken.mcap"
+    path.write_bytes(content)
+    with pytest.raises(BagError, match="at byte 0: .*; repair it with 'serd bag recover'"):
+        read_drives(path)
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_pose_that_is_not_finite_is_left_out_and_counted(recorded_bag, messages, bad):
     sound, _ = decisions_from_drive(tolerated(recorded_bag), GRID, PERIOD_S)
