@@ -236,7 +236,7 @@ def test_a_message_that_is_cut_short_is_named_with_its_bag_topic_and_time(record
 def test_of_a_file_that_is_no_bag_the_damage_is_told_and_not_a_missing_topic(tmp_path, content):
     path = tmp_path / "broken.mcap"
     path.write_bytes(content)
-    with pytest.raises(BagError, match="at byte 0: .*; repair it with 'serd bag recover'"):
+    with pytest.raises(BagError, match=r"at byte 0: .*; repair it with 'serd bag recover'"):
         read_drives(path)
 
 
