@@ -65,8 +65,9 @@ def test_a_plain_twist_drives_and_silence_stops_within_half_a_second(robot, prob
     assert robot.time_s - silent_since_s <= 0.5 + 0.2 / 2.5 + 0.1
 
 
-def test_an_intent_drives_the_robot_into_the_next_cell_in_real_time(nodes, probe):
-    nodes.start_stack("live", seed=2)
+@pytest.mark.parametrize("people_from", ["given", "scan"])
+def test_an_intent_drives_the_robot_into_the_next_cell_in_real_time(nodes, probe, people_from):
+    nodes.start_stack("live", seed=2, local_planner__people_from=people_from)
     poses = []
     probe.node.create_subscription(
         PoseStamped, "robot_pose", lambda m: poses.append(from_pose(m.pose)), qos.STATE

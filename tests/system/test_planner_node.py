@@ -1,0 +1,61 @@
+"""local_planner by itself: what it says of how it fares, in Nav2's words."""
+
+import math
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist, Vector3Stamped
+
+from serd_core.grid import Action
+from serd_ros import qos
+from serd_ros.convert.intent import to_intent
+from serd_ros.observation_endpoints import ObservationPublisher
+from sim.observation import make_observation
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+
+def standing(time_s, x_m):
+    return make_observation(
+        time_s=time_s,
+        tick=round(time_s / 0.05),
+        pose=(x_m, 8.0, 0.0),
+        speed_mps=0.0,
+        yaw_rate_radps=0.0,
+        people_position_m=np.zeros((0, 2)),
+        people_velocity_mps=np.zeros((0, 2)),
+        people_id=[],
+    )
+
+
+def test_a_robot_that_loses_its_place_stands_and_the_reason_is_told_until_it_is_found(nodes, probe):
+    """A localisation that fails gives poses that are not numbers; the node outlives it."""
+    nodes.start_stack("live", seed=2)["hallway_sim"].terminate()
+    told, commands = [], []
+    probe.node.create_subscription(
+        DiagnosticArray,
+        "diagnostics",
+        lambda m: told.extend(each.message for each in m.status if each.name == "local_planner"),
+        qos.STATE,
+    )
+    probe.node.create_subscription(
+        Twist, "cmd_vel", lambda m: commands.append(m.linear.x), qos.COMMAND
+    )
+    observations = ObservationPublisher(probe.node)
+    intents = probe.node.create_publisher(Vector3Stamped, "intent", qos.COMMAND)
+    clock_s = [100.0]
+
+    def seen_at(x_m, condition):
+        def publish():
+            clock_s[0] += 0.05
+            observation = standing(clock_s[0], x_m)
+            observations.publish(observation, observation.pose)
+            intents.publish(to_intent(Action.EAST, clock_s[0]))
+            return condition()
+
+        probe.spin_until(publish)
+
+    seen_at(3.0, lambda: commands and commands[-1] > 0.0)
+    seen_at(math.nan, lambda: "NO_VALID_CONTROL" in told and commands[-1] == 0.0)
+    seen_at(3.0, lambda: told[-1] == "NONE" and commands[-1] > 0.0)
