@@ -71,6 +71,15 @@ def test_a_tracked_walker_gets_the_right_velocity_and_keeps_the_number():
     assert tracker.velocity_mps[0] == pytest.approx([1.3, 0.0], abs=0.1)
 
 
+def test_nobody_is_believed_to_walk_faster_than_people_do():
+    """Detections that leap by 0.4 m a scan are one track, but not one of 4 m/s."""
+    tracker = PeopleTracker()
+    for step in range(20):
+        tracker.update(np.array([[0.4 * step, 2.0]]), 0.1 * step)
+    speeds = np.hypot(*tracker.velocity_mps.T)
+    assert speeds.max() == pytest.approx(tracker.settings.fastest_mps)
+
+
 def test_somebody_unseen_is_remembered_for_half_a_second_and_then_forgotten():
     tracker = PeopleTracker()
     tracker.update(np.array([[1.0, 2.0]]), 0.0)

@@ -70,3 +70,15 @@ def test_scans_are_due_at_the_lidars_rate():
             due.append(world.is_scan_tick)
             world.step(STOP)
     assert due == [True, False] * 3
+
+
+def test_what_is_nearer_or_farther_than_the_limits_is_not_seen():
+    """A wall 3 m ahead, by lidars that see from 2, from 4, and up to 2.5 m."""
+    wall = np.array([[[3.0, -50.0], [3.0, 50.0]]])
+    seen = []
+    for nearest_m, farthest_m in ((2.0, 10.0), (4.0, 10.0), (0.1, 2.5)):
+        settings = LidarSettings(n_rays=4, range_min_m=nearest_m, range_max_m=farthest_m)
+        lidar = Lidar(settings, wall, 0.25)
+        ahead = int(np.argmin(np.abs(lidar.angles_rad)))
+        seen.append(float(lidar.scan((0.0, 0.0, 0.0), np.zeros(0), np.zeros(0))[ahead]))
+    assert seen == pytest.approx([3.0, np.inf, np.inf])
