@@ -1,7 +1,7 @@
 """Closed loop: how the planners drive among people, over scenarios, densities and directions.
 
 Each planner drives twice: told of people as they are, and from the lidar's scans alone.
-Every condition is driven with the same 20 seeds. Episodes are kept under .cache until the code of
+Every condition is driven with the same seeds. Episodes are kept under .cache until the code of
 the simulator changes, so an interrupted run goes on where it stopped.
 """
 
@@ -54,7 +54,8 @@ def run() -> None:
     atomic_write_bytes(FIGURE, png_bytes(closed_loop_figure(summaries)))
     save(
         "closed_loop",
-        f"Closed loop, {plan.n_seeds} episodes each; contacts are those of all of them",
+        f"Closed loop, {plan.n_seeds} episodes each, {plan.n_scan_seeds} with people from scans "
+        "alone; contacts are those of all of them",
         [_row(each) for each in summaries],
     )
     save(

@@ -18,7 +18,7 @@ _MEASURES: tuple[_Measure, ...] = (
     lambda each: 100 * each.personal_share,
     lambda each: 100 * each.intimate_share,
     lambda each: each.person_on_robot,
-    lambda each: round(each.robot_on_person * each.n_episodes),
+    lambda each: each.robot_on_person,
 )
 
 
@@ -107,7 +107,7 @@ def _label(panels: np.ndarray) -> None:
         "% of time nearer\nthan 1.2 m",
         "% of time nearer\nthan 0.45 m",
         "people who walked\ninto the robot,\nper episode",
-        "people the robot\ndrove into, in\n20 episodes",
+        "people the robot\ndrove into,\nper episode",
     )
     for axes, name in zip(panels[:, 0], names, strict=True):
         axes.set_ylabel(name)
