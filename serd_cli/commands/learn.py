@@ -87,6 +87,7 @@ def learn(
         flow=flow,
         goals_m=tuple(point_of(each) for each in goal or ()),
     )
+    _require_left(files, minimum_decisions)
     lesson = _fitted(files, settings)
     save_lesson(output, lesson, files.task)
     decisions, problem = files.demonstrations.decisions, files.task.problem
@@ -104,6 +105,17 @@ def _settings(**values: float) -> LessonSettings:
         return LessonSettings(**values)  # type: ignore[arg-type]
     except ValidationError as error:
         raise UsageError(sentence_of(error, LessonSettings)) from None
+
+
+def _require_left(files: LearningFiles, minimum_decisions: int) -> None:
+    """The learner's own refusal cannot know how many decisions the goal has cost."""
+    n_left = len(files.demonstrations.decisions)
+    if files.n_after_goal and n_left < minimum_decisions:
+        goals = "; ".join(f"{x:g},{y:g}" for x, y in files.goals_m)
+        raise UsageError(
+            f"at least {minimum_decisions} decisions before the goal are needed to learn, got"
+            f" {n_left} and {files.n_after_goal} after it (goal: {goals}); name another --goal"
+        )
 
 
 def _fitted(files: LearningFiles, settings: LessonSettings) -> Lesson:

@@ -117,6 +117,14 @@ def test_a_goal_given_cuts_the_episodes_there(serd, demonstrations):
     assert found["n_after_goal"] > 0
 
 
+def test_too_little_before_the_goal_is_refused_with_what_lies_behind_it(serd, demonstrations):
+    words = ("--goal", "4.5,10.5", "--minimum-decisions", "100000")
+    ended = serd("learn", demonstrations(), *words)
+    assert ended.code == 2
+    assert "at least 100000 decisions before the goal are needed to learn" in ended.err
+    assert "after it (goal: 4.5,10.5); name another --goal" in ended.err
+
+
 def test_what_nobody_did_is_said_to_be_open(serd, demonstrations):
     nowhere = np.full(GRID.n_states, -1)
     ended = serd("learn", demonstrations(flow=nowhere), "--flow", "none")
