@@ -12,7 +12,9 @@ what is predicted for, and measured over, all episodes together.
 Means may hide errors of single models that cancel out; the CRPS, a proper score, does not.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -50,27 +52,25 @@ def distance_row(
     tables: ArrivalTables, settings: StatisticsSettings, rng: np.random.Generator
 ) -> Row:
     """All distances with bootstrap intervals over repetitions, and the test of the prediction."""
-    statistics = {
-        "ks": lambda drawn: float(np.abs(_gap(tables, drawn)).max()),
-        "wasserstein_s": lambda drawn: (
-            tables.period_s * float(np.abs(_gap(tables, drawn)[:-1]).sum())
-        ),
-        "arrival_error": lambda drawn: float(_gap(tables, drawn)[-1]),
-        "crps_s": lambda drawn: float(tables.scores[drawn].mean()),
-        "measured_arrival": lambda drawn: float(tables.measured[drawn, -1].mean()),
-    }
+    row = distances(tables)
+    for name, statistic in _STATISTICS.items():
+        found = bootstrap(len(tables.measured), partial(statistic, tables), settings, rng)
+        row |= {f"{name}_lower": found.lower, f"{name}_upper": found.upper}
+    return row | {"ks_p_value": ks_p_value(tables, settings.bootstrap, rng)}
+
+
+def distances(tables: ArrivalTables) -> Row:
+    """Means, medians and all distances, without intervals."""
+    every = np.arange(len(tables.measured))
     row: Row = {
-        "n_episodes": tables.n_episodes * len(tables.measured),
+        "n_episodes": tables.n_episodes * len(every),
         "predicted_arrival": float(tables.predicted[:, -1].mean()),
         "predicted_median_s": _median_s(tables.predicted, tables.period_s),
         "measured_median_s": _median_s(tables.measured, tables.period_s),
         "predicted_mean_s": _mean_s(tables.predicted, tables.period_s),
         "measured_mean_s": _mean_s(tables.measured, tables.period_s),
     }
-    for name, statistic in statistics.items():
-        found = bootstrap(len(tables.measured), statistic, settings, rng)
-        row |= {name: found.value, f"{name}_lower": found.lower, f"{name}_upper": found.upper}
-    return row | {"ks_p_value": ks_p_value(tables, settings.bootstrap, rng)}
+    return row | {name: statistic(tables, every) for name, statistic in _STATISTICS.items()}
 
 
 def ks_p_value(tables: ArrivalTables, n_drawn: int, rng: np.random.Generator) -> float:
@@ -105,3 +105,15 @@ def _median_s(cdfs: FloatArray, period_s: float) -> float | None:
 def _mean_s(cdfs: FloatArray, period_s: float) -> float:
     """Mean of the time of arrival, cut off at the time limit."""
     return float(period_s * (1.0 - cdfs.mean(axis=0)[:-1]).sum())
+
+
+#: Each of the repetitions drawn, whose indices may repeat.
+_STATISTICS: dict[str, Callable[[ArrivalTables, IntArray], float]] = {
+    "ks": lambda tables, drawn: float(np.abs(_gap(tables, drawn)).max()),
+    "wasserstein_s": lambda tables, drawn: (
+        tables.period_s * float(np.abs(_gap(tables, drawn)[:-1]).sum())
+    ),
+    "arrival_error": lambda tables, drawn: float(_gap(tables, drawn)[-1]),
+    "crps_s": lambda tables, drawn: float(tables.scores[drawn].mean()),
+    "measured_arrival": lambda tables, drawn: float(tables.measured[drawn, -1].mean()),
+}

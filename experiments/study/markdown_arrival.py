@@ -60,7 +60,7 @@ def _hindsight(folder: Path) -> str:
         (
             [
                 row["method"],
-                seconds(row["measured_mean_s"]),
+                seconds(row["learned_measured_mean_s"]),
                 seconds(row["learned_predicted_mean_s"]),
                 seconds(row["hindsight_predicted_mean_s"]),
                 number(row["learned_ks"]),
@@ -70,6 +70,7 @@ def _hindsight(folder: Path) -> str:
                 percent(row["hindsight_stay_with_flow"]),
             ]
             for row in _rows(folder, "arrival_hindsight")
+            if row["hindsight_ks"]
         ),
     )
 

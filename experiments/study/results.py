@@ -72,9 +72,10 @@ class Results:
         return [self._arrivals[expert, number]["predicted"][method] for number in every]
 
     def moves(self, expert: str, method: str) -> list[Sequence[int]]:
-        """What happened in the measured drives of all repetitions: rows of `Move`."""
+        """What happened in measured drives, as rows of `Move`, of all repetitions that kept it."""
         every = range(n_repetitions(self.settings, expert))
-        return [row for number in every for row in self._arrivals[expert, number]["moves"][method]]
+        kept = [self._arrivals[expert, number].get("moves", {}) for number in every]
+        return [row for moves in kept for row in moves.get(method, [])]
 
     def arrival_tables(self, expert: str, method: str) -> ArrivalTables:
         """Predicted and measured CDFs of each repetition's model."""
