@@ -7,6 +7,7 @@ import numpy as np
 from bags.demonstrations import Demonstrations
 from bags.live_drive import LiveDrive
 from serd_core.arrays import FloatArray
+from serd_core.fit_result import FitResult
 from serd_core.navigation import FEATURE_NAMES
 from serd_ros.configs import LearnerConfig
 from sim.scenario import Scenario
@@ -58,9 +59,10 @@ class LearnerMemory:
         """Keep where an unfinished fit stands."""
         self._keep(reward_weights=_named(weights), step=step)
 
-    def note_learned(self, weights: FloatArray, n_decisions: int) -> None:
-        """Keep what a finished fit found, and from how many decisions."""
-        self._keep(reward_weights=_named(weights), step=0, n_learned=n_decisions)
+    def note_learned(self, fit: FitResult) -> None:
+        """Keep what a finished fit found; the next begins anew where this one found no end."""
+        weights = _named(fit.reward_weights) if fit.converged else {}
+        self._keep(reward_weights=weights, step=0, n_learned=fit.n_decisions)
 
     def _keep(self, **changes: object) -> None:
         self._checkpoint = LearnerCheckpoint(**(self._checkpoint.model_dump() | changes))

@@ -12,8 +12,10 @@ from serd_core.estimation import estimate_dynamics
 from serd_core.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.serd import initial_weights_or_sample
+from serd_core.learners.staged_start import WIDE
 from serd_core.navigation import NavigationProblem
 from serd_core.priors.divergence import KldPrior
+from serd_core.priors.prior import Prior
 from serd_ros.errors import NodeError
 from serd_ros.lesson_settings import LessonSettings
 from sim.scenario import Scenario
@@ -110,9 +112,13 @@ def _starts(
     return [initial_weights_or_sample(problem, None, rng) for rng in generators]
 
 
-def prior_of(settings: LessonSettings) -> KldPrior:
-    """The divergence to the M-estimate (4.91)."""
-    return KldPrior(weight=settings.prior_weight)
+def prior_of(settings: LessonSettings) -> Prior:
+    """The divergence to the M-estimate (4.91), and a bound to weights that nothing else bounds.
+
+    Without the second a single episode, in which every decision agrees, has no likeliest weights:
+    they grow without end, and later fits that begin there do not come back.
+    """
+    return KldPrior(weight=settings.prior_weight) + WIDE
 
 
 def _model(
@@ -123,7 +129,8 @@ def _model(
         task.problem,
         scenario=task.scenario,
         method="MDCE SERD, belief and truth tied",
-        prior=f"KLD to the M-estimate, weight {settings.prior_weight:g}",
+        prior=f"KLD to the M-estimate, weight {settings.prior_weight:g}; normal on reward weights, "
+        f"standard deviation {WIDE.standard_deviation:g}",
         decision_period_s=task.decision_period_s,
         n_episodes=len(demonstrations.decisions.episodes),
         goal_entry_s=demonstrations.goal_entry_s,

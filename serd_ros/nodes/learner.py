@@ -172,7 +172,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
         save_lesson(Path(self.config.output), lesson, self._task)
         self._models.publish(String(data=model_yaml(lesson.model)))
         if self._memory is not None:
-            self._memory.note_learned(lesson.fit.reward_weights, lesson.fit.n_decisions)
+            self._memory.note_learned(lesson.fit)
         self.get_logger().info(lesson_in_words(lesson))
         values = {**lesson_values(lesson), "model": self.config.output}
         level = OK if lesson.fit.converged else WARN

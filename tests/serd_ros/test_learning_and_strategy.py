@@ -1,14 +1,18 @@
 """From decisions to a model file to a strategy, without ROS."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from bags.demonstrations import Demonstrations
+from bags.demonstrations import Demonstrations, demonstrations_of_bag
 from serd_cli.demo.report import fit_of
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.simulation import sample_decisions
 from serd_ros.configs import LearnerConfig
 from serd_ros.defaults import default_parameters
+from serd_ros.learner_memory import LearnerMemory
 from serd_ros.learning import learn, task_in
 from serd_ros.strategy import load_strategy, start_distribution
 from sim.scenario import load_scenario
@@ -18,6 +22,7 @@ from storage.flow_table import save_flow
 from storage.model_file import load_model, save_model
 
 HALLWAY = load_scenario("hallway")
+SHIPPED = Path(__file__).parents[2] / "bags" / "data" / "hallway" / "training"
 TRUTH = np.array(
     [
         [0.05, 0.85, 0.04, 0.02, 0.04],
@@ -101,3 +106,29 @@ def test_a_task_takes_the_flow_of_a_table_in_place_of_the_scenario_s(tmp_path):
     found = task_in(HALLWAY, CONFIG.discount, str(tmp_path / "flow.csv"))
     assert (found.own_flow, own.own_flow) == (True, False)
     assert found.problem.flow.tolist() == turned.tolist()
+
+
+def first_episodes(number):
+    everything = demonstrations_of_bag(SHIPPED, grid_of(HALLWAY), HALLWAY.decision_period_s)[0]
+    table = everything.decisions
+    return Demonstrations(table.select_episodes(table.episodes[:number]))
+
+
+def test_one_episode_gives_weights_that_are_finite_and_from_which_later_fits_come_back():
+    task = task_in(HALLWAY, CONFIG.discount)
+    one = learn(task, first_episodes(1), CONFIG, lambda *_: None)
+    assert one.fit.converged
+    assert np.abs(one.fit.reward_weights).max() < 100.0
+    warm = learn(task, first_episodes(5), CONFIG, lambda *_: None, one.fit.reward_weights)
+    cold = learn(task, first_episodes(5), CONFIG, lambda *_: None)
+    assert warm.fit.converged
+    assert warm.fit.reward_weights == pytest.approx(cold.fit.reward_weights, rel=0.01)
+
+
+def test_a_fit_that_found_no_end_is_no_start_for_the_next(lesson, tmp_path):
+    config = CONFIG.model_copy(update={"state": str(tmp_path / "state")})
+    memory = LearnerMemory(HALLWAY, config)
+    memory.note_learned(lesson[0].fit)
+    assert memory.warm_weights.tolist() == lesson[0].fit.reward_weights.tolist()
+    memory.note_learned(replace(lesson[0].fit, converged=False))
+    assert memory.warm_weights is None
