@@ -54,7 +54,7 @@ def _scores(folder: Path) -> str:
 def _hindsight(folder: Path) -> str:
     header = ["method", "measured", "predicted as learned", "in hindsight"]
     header += ["KS as learned", "in hindsight", "p"]
-    header += ["standing with flow, learned", "in hindsight"]
+    header += ["standing still across the flow, as learned", "in hindsight"]
     return table_text(
         header,
         (
@@ -66,8 +66,8 @@ def _hindsight(folder: Path) -> str:
                 number(row["learned_ks"]),
                 number(row["hindsight_ks"]),
                 _ks_p(row, "hindsight_ks_p_value"),
-                percent(row["learned_stay_with_flow"]),
-                percent(row["hindsight_stay_with_flow"]),
+                percent(row["learned_stay_across_flow"]),
+                percent(row["hindsight_stay_across_flow"]),
             ]
             for row in _rows(folder, "arrival_hindsight")
             if row["hindsight_ks"]
