@@ -32,3 +32,9 @@ def test_an_episode_that_starts_in_the_goal_gives_nothing():
 
 def test_the_last_state_of_every_episode_counts_once():
     assert last_states(table([0, 1, 2], [5, 4], [3, 2])).tolist() == [2, 4]
+
+
+def test_what_follows_the_goal_is_left_out_also_where_the_decision_in_it_was_dropped():
+    ones = np.ones(3, int)
+    decisions = Decisions(0 * ones, np.arange(3), np.array([0, 1, 2]), ones, np.array([1, 3, 1]))
+    assert until_goal(decisions, np.array([3])).state.tolist() == [0, 1]

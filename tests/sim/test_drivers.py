@@ -5,12 +5,16 @@ import pytest
 
 from serd_core.errors import SerdError
 from serd_core.grid import Action
+from serd_core.policies.solved_policy import optimal_policy
 from sim.expert import ScriptedExpert
 from sim.expert_route import RouteCosts, costs_to_go, move_costs
+from sim.model_driver import model_driver
 from sim.observation import make_observation
 from sim.policy_driver import PolicyDriver
 from sim.scenario import load_scenario
-from sim.scenario_grid import flow_of, goal_states_of, grid_of
+from sim.scenario_grid import flow_of, goal_states_of, grid_of, navigation_problem_of
+from storage.flow_picture import flow_picture
+from storage.model_file import load_model
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
@@ -109,3 +113,18 @@ def test_the_flow_of_the_hallway_is_what_the_expert_pays_for():
     assert cost[right, Action.WEST] == 1.5
     assert cost[right, Action.SOUTH] == 5.0
     assert np.isinf(cost[GRID.state_at(5.5, 8.5), Action.EAST])
+
+
+def test_a_model_that_was_learned_under_another_flow_drives_by_that_flow(save_model_of):
+    hallway = load_scenario("hallway")
+    grid = grid_of(hallway)
+    flow = flow_of(hallway, grid)
+    turned = (flow + 1) % 4 + 1
+    usual = model_driver(str(save_model_of()), hallway, seed=0)
+    path = str(save_model_of(name="turned.yaml", flow=flow_picture(grid, turned)))
+    model, driver = load_model(path), model_driver(path, hallway, seed=0)
+    problem = navigation_problem_of(hallway, model.discount, model.feature_names, turned)
+    best = optimal_policy(problem, model.weights, model.outcome_probabilities).probabilities
+    seen = [seen_at(*center) for center in grid.centers_m]
+    assert [driver.decide(each) for each in seen] == best.argmax(axis=1).tolist()
+    assert [driver.decide(each) for each in seen] != [usual.decide(each) for each in seen]
