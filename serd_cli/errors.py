@@ -1,4 +1,4 @@
-"""The command line's errors; exit codes as in DESIGN: 1 a run failed, 2 bad usage or input."""
+"""The command line's errors; exit codes: 0 done, 1 a run failed, 2 bad usage or input."""
 
 from serd_core.errors import SerdError
 

@@ -1,4 +1,4 @@
-"""Names of topics, services and frames (DESIGN: ROS interface); relative but for /clock."""
+"""Names of topics, services and frames; relative but for /clock, so that they can be remapped."""
 
 CLOCK = "/clock"
 ODOM = "odom"

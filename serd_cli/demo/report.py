@@ -31,7 +31,7 @@ from storage.decision_table import load_decisions
 from storage.episode_table import EpisodeResult
 from storage.model_file import ModelFile, load_model
 
-_PACKAGES = ("serd", "numpy", "scipy", "pybullet", "ros-jazzy-rclpy", "mcap", "rosbags")
+_PACKAGES = ("serd", "numpy", "scipy", "pybullet", "ros-jazzy-rclpy", "rosbags")
 _FILES = (
     FileLink("bag", "rosbag2 recording (MCAP) of all demonstrations"),
     FileLink("decisions.csv", "the decisions (s, a, s') learned from"),

@@ -106,5 +106,5 @@ def test_the_workspace_builds_with_plain_colcon(tmp_path):
     assert (prefix / "share/serd_ros/launch/serd.launch.py").exists()
     assert (prefix / "share/serd_ros/config/nodes.yaml").exists()
     installed = next((prefix / "lib").glob("python3*")) / "site-packages"
-    for name in ("sim/scenarios/hallway.yaml", "serd_ros/graph.yaml", "report/templates"):
+    for name in ("sim/scenarios/hallway.yaml", "serd_ros/graph.yaml", "teleop/page/static"):
         assert (installed / name).exists(), name
