@@ -23,12 +23,11 @@ _TURN_S = 0.2
 def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
     """Exit code: the node's own, 0 when told to stop, 2 when it cannot start or go on."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    for number in _STOPPING:
-        signal.signal(number, signal.default_int_handler)
+    told = _ToldToStop()
     node: SerdNode[Any] | None = None
     try:
         node = make_node()
-        _finish_when_told(node)
+        told.finishes(node)
         return _spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
@@ -50,19 +49,31 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
             rclpy.try_shutdown()
 
 
-def _finish_when_told(node: SerdNode[Any]) -> None:
-    """End between two callbacks at SIGINT or SIGTERM; at a second one wherever it is.
+class _ToldToStop:
+    """At SIGINT or SIGTERM the node ends between two callbacks, or once it is made; at a second one
+    wherever it is.
 
     rclpy's own handlers close the context at once, and a callback that is about to publish fails.
     """
 
-    def finish(_: int, __: FrameType | None) -> None:
+    def __init__(self) -> None:
+        self._told = False
+        self._node: SerdNode[Any] | None = None
+        for number in _STOPPING:
+            signal.signal(number, self._hear)
+
+    def finishes(self, node: SerdNode[Any]) -> None:
+        """It is this node that ends."""
+        self._node = node
+        if self._told:
+            node.finish()
+
+    def _hear(self, _: int, __: FrameType | None) -> None:
         for number in _STOPPING:
             signal.signal(number, signal.default_int_handler)
-        node.finish()
-
-    for number in _STOPPING:
-        signal.signal(number, finish)
+        self._told = True
+        if self._node is not None:
+            self._node.finish()
 
 
 def _spin(node: SerdNode[Any]) -> int:
