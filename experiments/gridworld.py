@@ -72,6 +72,11 @@ class GridworldConfig:
             raise SerdError(
                 f"sizes must be at least 1 and side at least 4, got {self.sizes} and {self.side}"
             )
+        if self.n_repetitions < 1 or self.seed < 0:
+            raise SerdError(
+                "n_repetitions must be at least 1 and seed not negative, got"
+                f" {self.n_repetitions} and {self.seed}"
+            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,29 +16,38 @@ from typing import Any
 
 import joblib
 
+from experiments.cluster import connect
 from serd_core.errors import SerdError
 from storage.atomic import atomic_write_text
 
 #: One line of a result table; None where a number does not apply.
 Row = dict[str, Any]
 Progress = Callable[[int, int], None]
+BACKENDS = ("loky", "threading", "multiprocessing", "dask", "ray")
 
 
 @dataclass(frozen=True)
 class Execution:
     """Where repetitions run.
 
-    n_jobs: processes at a time, -1 for all cores; backend: joblib's name of one (`loky`, `dask`,
-    `ray`), which must be registered and connected by the caller.
+    n_jobs: processes at a time, -1 for all cores; backend: one of BACKENDS. A cluster is the one
+    connected to already, else the one that DASK_SCHEDULER_ADDRESS or RAY_ADDRESS names.
     """
 
     n_jobs: int = -1
     backend: str = "loky"
 
+    def __post_init__(self) -> None:
+        if self.n_jobs == 0:
+            raise SerdError("jobs must not be 0; use 1 for one process or -1 for all cores")
+        if self.backend not in BACKENDS:
+            raise SerdError(f"backend must be among {list(BACKENDS)}, got {self.backend!r}")
+
     def activate(self) -> AbstractContextManager[Any]:
         """Context in which joblib uses the backend."""
         if self.n_jobs == 1:
             return nullcontext()
+        connect(self.backend)
         settings: Any = joblib.parallel_config(backend=self.backend, n_jobs=self.n_jobs)
         return settings  # type: ignore[no-any-return]
 
@@ -70,15 +79,19 @@ def run_repetitions(
 
 
 def claim_folder(folder: Path, description: str) -> None:
-    """Make the folder and note its configuration; SerdError where it belongs to another one."""
+    """Make the folder and note its configuration; SerdError where it holds results of another.
+
+    A run that failed before its first result, over a misspelt setting say, leaves no claim.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     note = folder / "configuration.txt"
-    if note.exists() and note.read_text() != description:
+    noted = note.read_text() if note.exists() else None
+    if noted not in (None, description) and any(folder.glob("repetition_*.json")):
         raise SerdError(
             f"folder {folder} holds results of another configuration ({note.name} says which)"
             "; choose another folder or delete it"
         )
-    if not note.exists():
+    if noted != description:
         atomic_write_text(note, description)
 
 

@@ -84,8 +84,16 @@ def environment_figure(scene: Scene, weights: FloatArray, value: FloatArray) -> 
             bar = figure.colorbar(drawn, ax=axes, shrink=0.8, ticks=[0.25, 0.75])
             bar.ax.set_yticklabels(["open", "forest"], rotation=90, va="center")
         else:
-            figure.colorbar(drawn, ax=axes, shrink=0.8)
+            bar = figure.colorbar(drawn, ax=axes, shrink=0.8)
+            if title == "visits":
+                bar.set_ticks(visit_ticks(int(visits.max())))
     return figure
+
+
+def visit_ticks(most: int) -> list[int]:
+    """Numbers of visits that stand apart where a colour bar grows by the cube root."""
+    shares = (0.0, 0.02, 0.15, 0.45, 1.0)
+    return sorted({round(share * most) for share in shares})
 
 
 def _median_and_quartiles(axes: Axes, table: Sequence[Row], learner: str, number: int) -> None:

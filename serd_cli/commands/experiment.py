@@ -25,6 +25,9 @@ _OWN = {
     "config": Annotated[Path | None, typer.Option(help="YAML file of settings")],
 }
 
+#: Below this, four digits behind the point would say little or nothing.
+SMALL = 1e-3
+
 
 def register(app: typer.Typer) -> None:
     """Add one subcommand per experiment."""
@@ -123,7 +126,10 @@ def _show(experiment: Experiment, rows: list[Row]) -> None:
 def _text(value: Any) -> str:
     if value is None:
         return ""
-    return f"{value:.4f}" if isinstance(value, float) else str(value)
+    if not isinstance(value, float):
+        return str(value)
+    # Likelihoods next to one differ from zero in late digits only.
+    return f"{value:.2e}" if 0.0 < abs(value) < SMALL else f"{value + 0.0:.4f}"
 
 
 def _flags(name: str) -> list[str]:

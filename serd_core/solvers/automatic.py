@@ -7,7 +7,7 @@ for many states and short horizons. LU goes by band where that is narrow: three 
 a sparse factor on 20 x 20 cells, four times in hallways of any length, no faster on 60 x 60.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,13 +27,21 @@ BAND = BandedLu()
 class Automatic(LinearSolver):
     """LU up to `always_lu_states`, and up to `largest_lu_states` where the horizon is long.
 
+    cold_lu_states: the same for a cold start, which meets a new matrix at every step and needs
+    each solved only roughly: BiCGSTAB is then 2 to 4 times faster at 10,000 states.
     widest_band: off-diagonals on either side up to which a band is factorised.
     """
 
     always_lu_states: int = 10_000
+    cold_lu_states: int = 2_500
     largest_lu_states: int = 300_000
     long_horizon: float = 1_000.0
     widest_band: int = 50
+
+    def for_cold_start(self) -> LinearSolver:
+        """The same with the lower limit."""
+        limit = min(self.cold_lu_states, self.always_lu_states)
+        return replace(self, always_lu_states=limit)
 
     def choose(self, n_states: int, horizon: float) -> LinearSolver:
         """The solver for that many states and that horizon 1 / (1 - gamma)."""

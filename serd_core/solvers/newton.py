@@ -56,7 +56,9 @@ class Newton(BellmanSolver):
     ) -> BellmanSolution:
         """Solve from `initial_value`, or from zero after `cold_sweeps` sweeps."""
         latest = backup(problem, starting_value(mdp, initial_value))
-        sweeps_due = self.cold_sweeps if initial_value is None else 0
+        cold = initial_value is None
+        sweeps_due = self.cold_sweeps if cold else 0
+        solver = self.linear_solver.for_cold_start() if cold else self.linear_solver
         steps, linear_solves = 1, 0
         system: LinearSystem | None = None
         while not (done := self._done(problem, latest)) and steps < self.max_steps:
@@ -65,7 +67,7 @@ class Newton(BellmanSolver):
                 latest, sweeps_due = backup(problem, latest.target), sweeps_due - 1
                 continue
             linear_solves += 1
-            system = system or self._prepare(mdp, problem, latest)
+            system = system or _prepared(solver, mdp, problem, latest)
             correction = system.solve(latest.gap, relative_residual=FORCING)
             proposed = backup(problem, latest.target - latest.gap + correction)
             good = proposed.residual <= KEEP * latest.residual
@@ -78,15 +80,18 @@ class Newton(BellmanSolver):
             problem, latest, steps=steps, linear_solves=linear_solves, converged=done
         )
 
-    def _prepare(self, mdp: Mdp, problem: BellmanProblem, latest: Backup) -> LinearSystem:
-        pattern = mdp.policy_pattern
-        policy = problem.equation.policy(latest.q)
-        data = pattern.system_data(policy, problem.transitions.entries, problem.discount)
-        return self.linear_solver.prepare(pattern, data)
-
     def _done(self, problem: BellmanProblem, latest: Backup) -> bool:
         target = residual_target(problem.discount, self.accuracy, latest.target)
         return latest.residual <= target
+
+
+def _prepared(
+    solver: LinearSolver, mdp: Mdp, problem: BellmanProblem, latest: Backup
+) -> LinearSystem:
+    pattern = mdp.policy_pattern
+    policy = problem.equation.policy(latest.q)
+    data = pattern.system_data(policy, problem.transitions.entries, problem.discount)
+    return solver.prepare(pattern, data)
 
 
 def _acceptable(proposed: Backup, latest: Backup) -> bool:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from experiments.figures.gridworld import LOWEST, measures_figure
+from experiments.figures.gridworld import LOWEST, measures_figure, visit_ticks
 from experiments.figures.learner_style import SPARE, STYLES, style_of
 
 
@@ -36,3 +36,8 @@ def test_styles_differ_in_more_than_colour():
     assert len({style.marker for style in shown}) == 3
     assert style_of("another") == SPARE[0]
     assert style_of("REIRL").colour == STYLES["REIRL"].colour
+
+
+def test_ticks_of_visits_rise_from_none_to_the_most():
+    assert visit_ticks(1389) == [0, 28, 208, 625, 1389]
+    assert visit_ticks(1) == [0, 1]

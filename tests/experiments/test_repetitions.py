@@ -1,4 +1,5 @@
 import csv
+import sys
 from functools import partial
 
 import pytest
@@ -62,3 +63,37 @@ def test_tables_are_csv_with_the_columns_of_the_first_row(tmp_path):
         ]
     with pytest.raises(SerdError, match="must not be empty"):
         write_table(tmp_path / "empty.csv", [])
+
+
+def test_a_folder_with_results_of_other_settings_is_refused(tmp_path):
+    run_repetitions(square, 1, tmp_path, "squares", Execution(n_jobs=1), quiet)
+    with pytest.raises(SerdError, match="holds results of another configuration"):
+        run_repetitions(square, 1, tmp_path, "cubes", Execution(n_jobs=1), quiet)
+
+
+def test_a_run_that_failed_at_once_leaves_the_folder_to_other_settings(tmp_path):
+    def fails(number):
+        raise SerdError("image must be a file")
+
+    with pytest.raises(SerdError, match="image must be a file"):
+        run_repetitions(fails, 1, tmp_path, "misspelt", Execution(n_jobs=1), quiet)
+    rows = run_repetitions(square, 2, tmp_path, "right", Execution(n_jobs=1), quiet)
+    assert len(rows) == 2
+    assert (tmp_path / "configuration.txt").read_text() == "right"
+
+
+def test_wrong_places_to_run_are_named(monkeypatch):
+    with pytest.raises(SerdError, match="backend must be among .* got 'spam'"):
+        Execution(backend="spam")
+    with pytest.raises(SerdError, match="jobs must not be 0; use 1"):
+        Execution(n_jobs=0)
+    monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)
+    pytest.importorskip("distributed")
+    with pytest.raises(SerdError, match="backend dask must be connected to a cluster, got none"):
+        Execution(backend="dask").activate()
+
+
+def test_a_backend_that_is_not_installed_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray.util.joblib", None)
+    with pytest.raises(SerdError, match="backend ray must be installed, but .*; pip install ray"):
+        Execution(backend="ray").activate()

@@ -5,6 +5,7 @@ import shlex
 import pytest
 import yaml
 
+from serd_cli.commands.experiment import _text
 from serd_cli.main import make_app
 from serd_core.errors import SerdError
 
@@ -38,9 +39,17 @@ def test_an_experiment_notes_its_command_beside_its_results(tmp_path):
     [
         (("rust",), "--data must be given for rust: the folder of Rust's odometer files"),
         (("rust", "--data", ".", "--bins", "many"), "--n-bins many: Input should be a valid int"),
+        (("priors", "--backend", "spam"), "backend must be among .* got 'spam'"),
+        (("gridworld", "--seed", "-1"), "seed not negative, got 50 and -1"),
         (("priors", "--extent", "wide"), "--extent wide: Input should be a valid number"),
     ],
 )
 def test_a_wrong_setting_gets_a_sentence(words, sentence, tmp_path):
     with pytest.raises(SerdError, match=sentence):
         run(*words, "--output", str(tmp_path))
+
+
+def test_small_numbers_keep_their_digits():
+    assert [_text(value) for value in (None, 7, -0.0, -1.234e-8, -3304.1548)] == [
+        "", "7", "0.0000", "-1.23e-08", "-3304.1548",
+    ]  # fmt: skip

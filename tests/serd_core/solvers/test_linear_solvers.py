@@ -7,6 +7,7 @@ from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.soft import SoftBellman
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
+from serd_core.policies.solved_policy import soft_policy
 from serd_core.solvers.automatic import Automatic, StandBy
 from serd_core.solvers.banded_lu import BandedFactor, BandedLu
 from serd_core.solvers.krylov import Krylov
@@ -128,3 +129,50 @@ def test_krylov_says_when_it_did_not_get_there_and_lu_stands_by(make_gridworld):
     np.testing.assert_allclose(
         helped.solve_transposed(right_side), exact.solve_transposed(right_side)
     )
+
+
+def test_a_cold_start_leaves_lu_earlier_and_ends_at_the_same_values(make_gridworld):
+    automatic = Automatic(always_lu_states=10_000, cold_lu_states=100, widest_band=0)
+    assert isinstance(automatic.choose(400, 100.0), SparseLu)
+    assert isinstance(automatic.for_cold_start().choose(400, 100.0), Krylov)
+    assert isinstance(automatic.for_cold_start().choose(400, 10_000.0), SparseLu)
+    assert isinstance(automatic.for_cold_start().choose(100, 100.0), SparseLu)
+    case = make_gridworld(side=20, discount=0.99, n_episodes=1, n_steps=1)
+    values = [
+        soft_policy(case.problem, case.weights, case.probabilities, Newton(linear_solver=solver))
+        for solver in (automatic, SparseLu())
+    ]
+    assert values[0].converged
+    bound = values[0].error_bound + values[1].error_bound
+    assert np.max(np.abs(values[0].value - values[1].value)) <= bound
+
+
+def test_a_limit_of_zero_states_holds_for_cold_starts_too():
+    assert Automatic(always_lu_states=0).for_cold_start().choose(1, 10.0) == Krylov()
+
+
+def test_newton_solves_cold_and_warm_starts_by_the_solvers_meant_for_them(make_gridworld):
+    used = []
+
+    class Named(SparseLu):
+        def prepare(self, pattern, data):
+            used.append("warm")
+            return super().prepare(pattern, data)
+
+        def for_cold_start(self):
+            used.append("cold")
+            return SparseLu()
+
+    case = make_gridworld(side=8, discount=0.95, n_episodes=1, n_steps=1)
+    mdp = case.problem.mdp
+    posed = BellmanProblem(
+        SoftBellman(),
+        case.problem.features @ case.weights,
+        transitions_of(mdp.transitions, case.probabilities),
+        mdp.discount,
+        mdp.available,
+    )
+    Newton(linear_solver=Named()).solve(mdp, posed)
+    assert used == ["cold"]
+    Newton(linear_solver=Named()).solve(mdp, posed, np.zeros(mdp.n_states))
+    assert set(used[1:]) == {"warm"}
