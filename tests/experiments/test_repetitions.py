@@ -83,7 +83,7 @@ def test_a_run_that_failed_at_once_leaves_the_folder_to_other_settings(tmp_path)
 
 
 def test_wrong_places_to_run_are_named(monkeypatch):
-    with pytest.raises(SerdError, match="backend must be among .* got 'spam'"):
+    with pytest.raises(SerdError, match=r"backend must be among .* got 'spam'"):
         Execution(backend="spam")
     with pytest.raises(SerdError, match="jobs must not be 0; use 1"):
         Execution(n_jobs=0)
@@ -95,5 +95,5 @@ def test_wrong_places_to_run_are_named(monkeypatch):
 
 def test_a_backend_that_is_not_installed_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "ray.util.joblib", None)
-    with pytest.raises(SerdError, match="backend ray must be installed, but .*; pip install ray"):
+    with pytest.raises(SerdError, match=r"backend ray must be installed, but .*; pip install ray"):
         Execution(backend="ray").activate()
