@@ -73,7 +73,7 @@ def test_a_folder_with_results_of_other_settings_is_refused(tmp_path):
 
 def test_a_run_that_failed_at_once_leaves_the_folder_to_other_settings(tmp_path):
     def fails(number):
-        raise SerdError("image must be a file")
+        raise SerdError(f"image must be a file, in repetition {number}")
 
     with pytest.raises(SerdError, match="image must be a file"):
         run_repetitions(fails, 1, tmp_path, "misspelt", Execution(n_jobs=1), quiet)
