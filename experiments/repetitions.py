@@ -17,6 +17,7 @@ from typing import Any
 import joblib
 
 from experiments.cluster import connect
+from experiments.provenance import FILE_NAME
 from serd_core.errors import SerdError
 from storage.atomic import atomic_write_text
 
@@ -86,7 +87,8 @@ def claim_folder(folder: Path, description: str) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     note = folder / "configuration.txt"
     noted = note.read_text() if note.exists() else None
-    if noted not in (None, description) and any(folder.glob("repetition_*.json")):
+    results = {path.name for path in folder.iterdir()} - {note.name, FILE_NAME}
+    if noted not in (None, description) and results:
         raise SerdError(
             f"folder {folder} holds results of another configuration ({note.name} says which)"
             "; choose another folder or delete it"

@@ -62,9 +62,15 @@ def append_arrival(path: str | Path, row: ArrivalRow) -> None:
 
 
 def load_arrivals(path: str | Path) -> tuple[ArrivalRow, ...]:
-    """All whole rows; FileError names the line that is none."""
+    """All whole rows; FileError names the line that is none.
+
+    A file without a whole line, as it is while its first row is written, has none.
+    """
     text = read_text(path)
-    reader = csv.DictReader(io.StringIO(text[: text.rfind("\n") + 1]))
+    whole = text[: text.rfind("\n") + 1]
+    if not whole:
+        return ()
+    reader = csv.DictReader(io.StringIO(whole))
     if tuple(reader.fieldnames or ()) != tuple(_FIELDS):
         raise FileError(
             f"{path}: must have the columns {', '.join(_FIELDS)}, got "

@@ -63,10 +63,13 @@ def test_an_interrupted_batch_keeps_its_rows_and_ends_with_130(tmp_path):
     command += ["--people", "4", "--seeds", "2000", "--jobs", "2", "--output", str(output)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         deadline = time.monotonic() + 120.0
-        while not output.exists() and time.monotonic() < deadline:
-            time.sleep(0.1)
-        process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=120.0)
+        try:
+            while not output.exists() and time.monotonic() < deadline:
+                time.sleep(0.1)
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=120.0)
+        finally:
+            process.kill()  # its workers end with it
     assert process.returncode == 130
     assert "Traceback" not in said
     assert f"kept in {output}; the same command goes on" in said

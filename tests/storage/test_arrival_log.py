@@ -59,6 +59,13 @@ def test_a_last_row_cut_short_is_dropped_and_the_next_one_whole(tmp_path, cut):
     assert load_arrivals(path) == (row(0), row(2))
 
 
+def test_a_file_that_is_just_being_begun_has_no_rows(tmp_path):
+    path = tmp_path / "arrivals.csv"
+    for begun in ("", "episode,se"):
+        path.write_text(begun)
+        assert load_arrivals(path) == ()
+
+
 def test_names_cut_short_are_written_again(tmp_path):
     path = tmp_path / "arrivals.csv"
     path.write_text("episode,se")
