@@ -54,8 +54,7 @@ def run() -> None:
     atomic_write_bytes(FIGURE, png_bytes(closed_loop_figure(summaries)))
     save(
         "closed_loop",
-        f"Closed loop, {plan.n_seeds} episodes each, {plan.n_scan_seeds} with people from scans "
-        "alone; contacts are those of all of them",
+        f"Closed loop, {plan.n_seeds} episodes each; contacts are those of all of them",
         [_row(each) for each in summaries],
     )
     save(

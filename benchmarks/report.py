@@ -33,7 +33,10 @@ def save(
         table.add_column(column)
     for row in rows:
         table.add_row(*(_text(value) for value in row.values()))
-    Console(highlight=False).print(table)
+    console = Console(highlight=False)
+    # Numbers cut off by a narrow terminal, or a pipe's 80 columns, would say nothing.
+    console.width = max(console.width, console.measure(table).maximum)
+    console.print(table)
 
 
 def _text(value: Any) -> str:

@@ -19,11 +19,12 @@ from experiments.figures.policy_cost import cost_figure
 from experiments.figures.priors import surfaces_figure
 from experiments.gridworld_learners import EXPERTS
 from experiments.gridworld_problem import true_dynamics
-from experiments.repetitions import Execution, Progress, Row, write_table
+from experiments.repetitions import Progress, Row, write_table
 from experiments.summary import quartiles, welch_test
 from report.canvas import png_bytes
 from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
+from sim.execution import Execution
 from storage.atomic import atomic_write_bytes
 
 Run = Callable[[Any, Path, Execution, Progress], list[Row]]

@@ -22,7 +22,7 @@ from experiments.landscape import (
     landscape_of_image,
 )
 from experiments.landscape_image import image_brightness
-from experiments.repetitions import Execution, Progress, Row, run_repetitions
+from experiments.repetitions import Progress, Row, run_repetitions
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations import Decisions, state_action_counts
 from serd_core.errors import SerdError
@@ -30,6 +30,7 @@ from serd_core.evaluation import dynamics_divergence, policy_divergence, policy_
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.problem import TabularProblem
 from serd_core.simulation import sample_decisions
+from sim.execution import Execution
 
 #: The four panels of Figs. 4.12 and 4.13, as columns of the table.
 MEASURES = (

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.repetitions import Execution, Progress, Row, run_repetitions
+from experiments.repetitions import Progress, Row, run_repetitions
 from serd_core.ascent.ascent import Ascent
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.beliefs import Belief, FixedBelief, TiedBelief
@@ -26,6 +26,7 @@ from serd_core.parameters import Block
 from serd_core.priors.norm import NormPrior
 from serd_core.problem import TabularProblem
 from serd_core.simulation import sample_decisions
+from sim.execution import Execution
 
 FIRST, SECOND = 0, 1
 A, B, C = 0, 1, 2

@@ -8,49 +8,20 @@ on where it stopped. A folder belongs to one configuration; another one is refus
 import csv
 import io
 import json
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import joblib
-
-from experiments.cluster import connect
 from experiments.provenance import FILE_NAME
 from serd_core.errors import SerdError
+from sim.execution import Execution
 from storage.atomic import atomic_write_text
 
 #: One line of a result table; None where a number does not apply.
 Row = dict[str, Any]
 Progress = Callable[[int, int], None]
-BACKENDS = ("loky", "threading", "multiprocessing", "dask", "ray")
-
-
-@dataclass(frozen=True)
-class Execution:
-    """Where repetitions run.
-
-    n_jobs: processes at a time, -1 for all cores; backend: one of BACKENDS. A cluster is the one
-    connected to already, else the one that DASK_SCHEDULER_ADDRESS or RAY_ADDRESS names.
-    """
-
-    n_jobs: int = -1
-    backend: str = "loky"
-
-    def __post_init__(self) -> None:
-        if self.n_jobs == 0:
-            raise SerdError("jobs must not be 0; use 1 for one process or -1 for all cores")
-        if self.backend not in BACKENDS:
-            raise SerdError(f"backend must be among {list(BACKENDS)}, got {self.backend!r}")
-
-    def activate(self) -> AbstractContextManager[Any]:
-        """Context in which joblib uses the backend."""
-        if self.n_jobs == 1:
-            return nullcontext()
-        connect(self.backend)
-        settings: Any = joblib.parallel_config(backend=self.backend, n_jobs=self.n_jobs)
-        return settings  # type: ignore[no-any-return]
 
 
 def run_repetitions(
@@ -71,8 +42,8 @@ def run_repetitions(
     missing = [number for number, file in enumerate(files) if not file.exists()]
     done = n_repetitions - len(missing)
     progress(done, n_repetitions)
-    with execution.activate():
-        for number, rows in _results(repetition, missing, execution):
+    with closing(execution.results(partial(_numbered, repetition), missing)) as results:
+        for number, rows in results:
             atomic_write_text(files[number], json.dumps(rows))
             done += 1
             progress(done, n_repetitions)
@@ -106,16 +77,6 @@ def write_table(path: Path, rows: Sequence[Row]) -> None:
     writer.writeheader()
     writer.writerows(rows)
     atomic_write_text(path, text.getvalue())
-
-
-def _results(
-    repetition: Callable[[int], list[Row]], numbers: Sequence[int], execution: Execution
-) -> Iterator[tuple[int, list[Row]]]:
-    if execution.n_jobs == 1:
-        yield from ((number, repetition(number)) for number in numbers)
-        return
-    parallel = joblib.Parallel(return_as="generator_unordered")
-    yield from parallel(joblib.delayed(_numbered)(repetition, number) for number in numbers)
 
 
 def _numbered(repetition: Callable[[int], list[Row]], number: int) -> tuple[int, list[Row]]:

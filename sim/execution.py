@@ -90,7 +90,13 @@ class Execution:
         except ImportError:
             raise _not_installed("dask", "dask[distributed]") from None
         if self.address:
-            return Client(self.address)
+            try:
+                return Client(self.address)
+            except (OSError, ValueError) as error:
+                raise SimError(
+                    f"address must be that of a running Dask scheduler, got {self.address!r}"
+                    f" ({error}); start one with 'dask scheduler'"
+                ) from error
         return Client(n_workers=self.n_processes, threads_per_worker=1, dashboard_address=None)
 
     def _ray_results(
@@ -102,17 +108,28 @@ class Execution:
         except ImportError:
             raise _not_installed("ray", "ray") from None
         if self.address:
-            ray.init(address=self.address)
+            try:
+                ray.init(address=self.address)
+            except (ConnectionError, ValueError, RuntimeError) as error:
+                raise SimError(
+                    f"address must be that of a running Ray cluster, got {self.address!r}"
+                    f" ({error}); start one with 'ray start --head'"
+                ) from error
         else:
             ray.init(num_cpus=self.n_processes, include_dashboard=False)
         try:
-            remote = ray.remote(function)
-            pending = [remote.remote(task) for task in tasks]
+            # Ray takes functions only, and a task may be a partial or a method.
+            remote = ray.remote(_called)
+            pending = [remote.remote(function, task) for task in tasks]
             while pending:
                 ready, pending = ray.wait(pending)
                 yield ray.get(ready[0])
         finally:
             ray.shutdown()
+
+
+def _called(function: Callable[[Task], Result], task: Task) -> Result:
+    return function(task)
 
 
 def end_with_parent(parent_pid: int) -> None:

@@ -12,13 +12,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from serd_cli.errors import UsageError
+from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.json_output import print_json
 from serd_cli.kept import kept_in
 from serd_cli.terminal import console, progress_console
 from sim.batch import EpisodeTask, run_batch
 from sim.batch_summary import ConditionSummary, summarise
 from sim.drivers import driver_names
-from sim.execution import BACKENDS, Execution
+from sim.execution import Execution
 from sim.planners import planner_names
 
 
@@ -49,11 +50,9 @@ def batch(
     ] = None,
     seeds: Annotated[int, typer.Option(help="episodes of each, seeds first-seed and up")] = 20,
     first_seed: Annotated[int, typer.Option(help="seed of the first episode")] = 1,
-    jobs: Annotated[int, typer.Option(help="processes at a time, -1 for all cores")] = -1,
-    backend: Annotated[str, typer.Option(help=f"{', '.join(BACKENDS)}")] = "loky",
-    address: Annotated[
-        str, typer.Option(help="of a running Dask or Ray cluster; else a local one is started")
-    ] = "",
+    jobs: Jobs = -1,
+    backend: Backend = "loky",
+    address: Address = "",
     as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
 ) -> None:
     """Run every combination of scenarios, policies, planners and seeds, one row per episode.

@@ -13,15 +13,18 @@ from rich.table import Table
 
 from experiments.catalogue import EXPERIMENTS, Experiment
 from experiments.provenance import recorded
-from experiments.repetitions import Execution, Row
+from experiments.repetitions import Row
 from experiments.settings import file_settings, is_required, make_config, settings_of
+from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.kept import kept_in
 from serd_cli.terminal import console, progress_console
+from sim.execution import Execution
 
 _OWN = {
     "output": Annotated[Path, typer.Option(help="folder for tables and figures")],
-    "jobs": Annotated[int, typer.Option(help="processes at a time, -1 for all cores")],
-    "backend": Annotated[str, typer.Option(help="joblib backend: loky, dask or ray")],
+    "jobs": Jobs,
+    "backend": Backend,
+    "address": Address,
     "config": Annotated[Path | None, typer.Option(help="YAML file of settings")],
 }
 
@@ -43,11 +46,16 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
     settings = settings_of(experiment)
 
     def command(
-        output: Path, jobs: int, backend: str, config: Path | None, **texts: str | None
+        output: Path,
+        jobs: int,
+        backend: str,
+        address: str,
+        config: Path | None,
+        **texts: str | None,
     ) -> None:
         given = file_settings(experiment, config) if config is not None else {}
         given |= {name: text for name, text in texts.items() if text is not None}
-        execution = Execution(jobs, backend)
+        execution = Execution(jobs, backend, address)
         words = _words(experiment, config, texts, execution, output)
         made = make_config(experiment, given)
         with recorded(output, words, made):
@@ -59,6 +67,7 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         "output": Path("experiment_output") / experiment.name,
         "jobs": -1,
         "backend": "loky",
+        "address": "",
     }
     annotations: dict[str, Any] = {**_OWN}
     for name, (field, _) in settings.items():
@@ -92,6 +101,7 @@ def _words(
     for name, text in texts.items():
         words += [_flags(name)[0], text] if text is not None else []
     words += ["--jobs", str(execution.n_jobs), "--backend", execution.backend]
+    words += ["--address", execution.address] if execution.address else []
     return shlex.join([*words, "--output", str(output)])
 
 

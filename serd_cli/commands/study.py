@@ -15,11 +15,12 @@ from experiments.study.headline import headline
 from experiments.study.run import KEPT, SETTINGS_YAML, redraw, run_study
 from experiments.study.settings import StudySettings, study_settings
 from serd_cli.errors import UsageError
+from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.json_output import print_json
 from serd_cli.kept import kept_in
 from serd_cli.terminal import console, progress_console
 from serd_cli.time_left import TimeLeftColumn
-from sim.execution import BACKENDS, Execution
+from sim.execution import Execution
 
 _FIGURES = ", ".join(figure.name for figure in FIGURES)
 
@@ -51,9 +52,9 @@ def hallway(
         list[str] | None,
         typer.Option(help=f"only draw again from kept tables: {_FIGURES}; repeat"),
     ] = None,
-    jobs: Annotated[int, typer.Option(help="processes at a time, -1 for all cores")] = -1,
-    backend: Annotated[str, typer.Option(help=f"{', '.join(BACKENDS)}")] = "loky",
-    address: Annotated[str, typer.Option(help="of a running Dask or Ray cluster")] = "",
+    jobs: Jobs = -1,
+    backend: Backend = "loky",
+    address: Address = "",
     as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
 ) -> None:
     """Navigation in a populated hallway: who learns what, and what arrives when (chapter 5).

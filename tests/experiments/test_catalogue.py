@@ -7,9 +7,9 @@ from experiments.gridworld import GridworldConfig
 from experiments.minimum_example import MinimumExampleConfig
 from experiments.policy_cost import PolicyCostConfig
 from experiments.priors import PriorsConfig
-from experiments.repetitions import Execution
 from experiments.rust import RustConfig
 from serd_core.errors import SerdError
+from sim.execution import Execution
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rust1987"
 

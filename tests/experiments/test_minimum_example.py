@@ -8,8 +8,8 @@ from experiments.minimum_example import (
     minimum_example,
     run_minimum_example,
 )
-from experiments.repetitions import Execution
 from serd_core.errors import SerdError
+from sim.execution import Execution
 
 CONFIG = MinimumExampleConfig(n_sets=24, sizes=(12, 30))
 

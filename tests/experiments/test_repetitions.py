@@ -1,12 +1,12 @@
 import csv
-import sys
 from functools import partial
 
 import pytest
 
 from experiments.minimum_example import MinimumExampleConfig, fit_sets
-from experiments.repetitions import Execution, run_repetitions, write_table
+from experiments.repetitions import run_repetitions, write_table
 from serd_core.errors import SerdError
+from sim.execution import Execution
 
 
 def square(number):
@@ -80,20 +80,3 @@ def test_a_run_that_failed_at_once_leaves_the_folder_to_other_settings(tmp_path)
     rows = run_repetitions(square, 2, tmp_path, "right", Execution(n_jobs=1), quiet)
     assert len(rows) == 2
     assert (tmp_path / "configuration.txt").read_text() == "right"
-
-
-def test_wrong_places_to_run_are_named(monkeypatch):
-    with pytest.raises(SerdError, match=r"backend must be among .* got 'spam'"):
-        Execution(backend="spam")
-    with pytest.raises(SerdError, match="jobs must not be 0; use 1"):
-        Execution(n_jobs=0)
-    monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)
-    pytest.importorskip("distributed")
-    with pytest.raises(SerdError, match="backend dask must be connected to a cluster, got none"):
-        Execution(backend="dask").activate()
-
-
-def test_a_backend_that_is_not_installed_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "ray.util.joblib", None)
-    with pytest.raises(SerdError, match=r"backend ray must be installed, but .*; pip install ray"):
-        Execution(backend="ray").activate()

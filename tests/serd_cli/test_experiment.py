@@ -39,7 +39,11 @@ def test_an_experiment_notes_its_command_beside_its_results(tmp_path):
     [
         (("rust",), "--data must be given for rust: the folder of Rust's odometer files"),
         (("rust", "--data", ".", "--bins", "many"), "--n-bins many: Input should be a valid int"),
-        (("priors", "--backend", "spam"), "backend must be among .* got 'spam'"),
+        (
+            ("priors", "--address", "tcp://127.0.0.1:8786"),
+            "left out with loky, .*; choose dask or ray",
+        ),
+        (("priors", "--backend", "spam"), "backend must be one of .* got 'spam'"),
         (("gridworld", "--seed", "-1"), "seed not negative, got 50 and -1"),
         (("priors", "--extent", "wide"), "--extent wide: Input should be a valid number"),
     ],

@@ -182,6 +182,11 @@ def test_a_bad_execution_is_refused(settings, sentence):
         Execution(**settings)
 
 
+def test_an_address_without_a_scheduler_is_named():
+    with pytest.raises(SerdError, match=r"running Dask scheduler, got 'nonsense://nowhere'"):
+        list(Execution(2, "dask", "nonsense://nowhere").results(abs, [1, -2]))
+
+
 def test_a_file_that_is_no_table_of_episodes_is_refused(tmp_path):
     path = tmp_path / "other.csv"
     path.write_text("a,b\n1,2\n")

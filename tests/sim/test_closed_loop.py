@@ -34,9 +34,9 @@ def row(seed, outcome, time_s, **values):
 
 
 def test_the_plan_has_every_combination_once():
-    plan = ClosedLoopPlan(n_seeds=3, n_scan_seeds=2)
-    assert len(set(plan.tasks)) == len(plan.tasks) == 2 * 4 * 2 * 2 * (3 + 2)
-    assert sum(task.people_from == "scan" for task in plan.tasks) == 2 * 4 * 2 * 2 * 2
+    plan = ClosedLoopPlan(n_seeds=3)
+    assert len(set(plan.tasks)) == len(plan.tasks) == 2 * 2 * 4 * 2 * 2 * 3
+    assert sum(task.people_from == "scan" for task in plan.tasks) == 2 * 4 * 2 * 2 * 3
 
 
 def test_a_summary_averages_over_the_episodes_of_a_condition():
@@ -61,7 +61,7 @@ def test_a_condition_in_which_nobody_arrives_has_no_time_of_arrival():
 
 
 def test_a_plan_without_seeds_is_refused():
-    with pytest.raises(SerdError, match=r"n_seeds must be at least 1 .*, got 0 and 10; use 20"):
+    with pytest.raises(SerdError, match="n_seeds must be at least 1, got 0; use 20"):
         ClosedLoopPlan(n_seeds=0)
 
 
