@@ -8,14 +8,15 @@ from typing import Annotated
 
 import typer
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from serd_cli.errors import UsageError
 from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.json_output import print_json
 from serd_cli.kept import kept_in
-from serd_cli.terminal import console, progress_console
+from serd_cli.progress import WorkProgress
+from serd_cli.terminal import console
 from sim.batch import EpisodeTask, run_batch
 from sim.batch_summary import ConditionSummary, summarise
 from sim.drivers import driver_names
@@ -126,12 +127,11 @@ def _condition(summary: ConditionSummary) -> str:
 
 
 def _run(tasks: list[EpisodeTask], output: Path, execution: Execution) -> list[dict[str, object]]:
-    bar = Progress(
+    bar = WorkProgress(
         TextColumn("episodes"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
-        console=progress_console,
     )
     with kept_in(output), bar:
         line = bar.add_task("", total=len(tasks), visible=False)

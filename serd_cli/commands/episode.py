@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
-from serd_cli.terminal import console, progress_console
+from serd_cli.progress import WorkProgress
+from serd_cli.terminal import console
 from sim.batch import EpisodeTask, scenario_of
 from sim.drivers import driver_names, make_driver
 from sim.episode import EpisodeRecord, run_episode
@@ -138,12 +139,11 @@ def _write(
 
 def _followed(ticks: list[int]) -> Iterator[int]:
     """The ticks, with a bar that tells how many have been drawn."""
-    bar = Progress(
+    bar = WorkProgress(
         TextColumn("frames"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
-        console=progress_console,
     )
     with bar:
         yield from bar.track(ticks)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from experiments.catalogue import EXPERIMENTS, Experiment
@@ -17,7 +17,8 @@ from experiments.repetitions import Row
 from experiments.settings import file_settings, is_required, make_config, settings_of
 from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.kept import kept_in
-from serd_cli.terminal import console, progress_console
+from serd_cli.progress import WorkProgress
+from serd_cli.terminal import console
 from sim.execution import Execution
 
 _OWN = {
@@ -107,12 +108,11 @@ def _words(
 
 def _run(experiment: Experiment, config: Any, output: Path, execution: Execution) -> list[Row]:
     """Run with a progress bar."""
-    bar = Progress(
+    bar = WorkProgress(
         TextColumn(experiment.name),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
-        console=progress_console,
     )
     with kept_in(output), bar:
         task = bar.add_task("", total=None)

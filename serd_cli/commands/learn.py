@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 from pydantic import ValidationError
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from report.wording import counted
 from serd_cli.errors import FAILED, UsageError
@@ -19,7 +19,8 @@ from serd_cli.fit_words import (
 )
 from serd_cli.json_output import print_json
 from serd_cli.learning_files import FlowSource, LearningFiles, read_learning_files
-from serd_cli.terminal import console, progress_console
+from serd_cli.progress import WorkProgress
+from serd_cli.terminal import console
 from serd_core.ascent.ascent import Step
 from serd_ros.learning import Lesson, prior_of
 from serd_ros.learning import learn as fit_lesson
@@ -120,12 +121,11 @@ def _require_left(files: LearningFiles, minimum_decisions: int) -> None:
 
 def _fitted(files: LearningFiles, settings: LessonSettings) -> Lesson:
     """Fit with a line of progress on stderr."""
-    bar = Progress(
+    bar = WorkProgress(
         SpinnerColumn(),
         TextColumn("learning"),
         TimeElapsedColumn(),
         TextColumn("[dim]{task.fields[said]}"),
-        console=progress_console,
     )
     with bar:
         task = bar.add_task("", total=None, said="")

@@ -6,7 +6,7 @@ from tempfile import TemporaryDirectory
 from typing import Annotated, Literal
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from report.canvas import png_bytes
 from serd_cli.errors import UsageError
@@ -16,7 +16,8 @@ from serd_cli.navigate.comparison import compare, comparison_figure, comparison_
 from serd_cli.navigate.in_process import drive_in_process
 from serd_cli.navigate.settings import NavigateSettings, claim_folder
 from serd_cli.navigate.through_ros import drive_through_ros
-from serd_cli.terminal import console, progress_console
+from serd_cli.progress import WorkProgress
+from serd_cli.terminal import console
 from serd_ros.strategy import Strategy, load_strategy
 from sim.goal import with_goal
 from sim.planners import make_planner, planner_names
@@ -141,13 +142,12 @@ def _drive(settings: NavigateSettings, output: Path | None, *, ros: bool) -> lis
 def _drive_here(settings: NavigateSettings, output: Path | None) -> list[EpisodeResult]:
     table = output / "episodes.csv" if output is not None else None
     done = load_episodes(table)[: settings.episodes] if table and table.is_file() else ()
-    bar = Progress(
+    bar = WorkProgress(
         TextColumn("{task.description}"),
         BarColumn(bar_width=20),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
         TextColumn("[dim]{task.fields[said]}"),
-        console=progress_console,
     )
     with kept_in(table), bar:
         task = bar.add_task("navigate", total=settings.episodes, completed=len(done), said="")

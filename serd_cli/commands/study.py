@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from experiments.provenance import recorded
@@ -18,7 +18,8 @@ from serd_cli.errors import UsageError
 from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.json_output import print_json
 from serd_cli.kept import kept_in
-from serd_cli.terminal import console, progress_console
+from serd_cli.progress import WorkProgress
+from serd_cli.terminal import console
 from serd_cli.time_left import TimeLeftColumn
 from sim.execution import Execution
 
@@ -79,12 +80,11 @@ def hallway(
 
 
 def _run(settings: StudySettings, folder: Path, execution: Execution) -> dict[str, list[Row]]:
-    bar = Progress(
+    bar = WorkProgress(
         TextColumn("{task.description}"),
         BarColumn(),
         TimeElapsedColumn(),
         TimeLeftColumn(execution.n_processes),
-        console=progress_console,
     )
     with kept_in(folder), bar:
         task = bar.add_task("", total=None)

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import TextIO
 
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Column
 
-from serd_cli.terminal import progress_console
+from serd_cli.progress import WorkProgress
 
 _EPISODE = re.compile(r"episode (\d+) of \d+: (.*)")
 _START = re.compile(r"start (\d+) of (\d+), (step .*)")
@@ -23,13 +23,12 @@ class PhaseProgress:
         log.parent.mkdir(parents=True, exist_ok=True)
         self._log_path = log
         self._log: TextIO | None = None
-        self._bar = Progress(
+        self._bar = WorkProgress(
             TextColumn("{task.description:<12}"),
             BarColumn(bar_width=20),
             TaskProgressColumn(),
             TimeElapsedColumn(),
             TextColumn("[dim]{task.fields[said]}", table_column=Column(no_wrap=True, ratio=1)),
-            console=progress_console,
             expand=True,
         )
         self._task = self._bar.add_task(title, total=total, said="starting the nodes")
