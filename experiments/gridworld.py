@@ -23,10 +23,12 @@ from experiments.landscape import (
 )
 from experiments.landscape_image import image_brightness
 from experiments.repetitions import Progress, Row, run_repetitions
+from experiments.setting import setting
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations import Decisions, state_action_counts
 from serd_core.errors import SerdError
 from serd_core.evaluation import dynamics_divergence, policy_divergence, policy_log_likelihood
+from serd_core.mdp import require_discount
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.problem import TabularProblem
 from serd_core.simulation import sample_decisions
@@ -43,30 +45,27 @@ MEASURES = (
 
 @dataclass(frozen=True)
 class GridworldConfig:
-    """Settings of section 4.6.2; lengths and numbers the thesis does not state are ours.
+    """Settings of section 4.6.2; lengths and numbers the thesis does not state are ours."""
 
-    expert: `mdce` or `pm`; image, transfer_image: files, or None for a generated landscape.
-    forest_mask, transfer_forest_mask: images of the same scene, bright where there is forest, to
-    take the place of the roughness rule.
-    sizes: demonstrations learned from; n_steps: decisions of each.
-    """
-
-    expert: str = "mdce"
-    image: Path | None = None
-    transfer_image: Path | None = None
-    forest_mask: Path | None = None
-    transfer_forest_mask: Path | None = None
-    side: int = 20
-    discount: float = 0.99
-    weights: tuple[float, float] = (6.0, 6.0)
-    temperature: float = 2.0
-    sizes: tuple[int, ...] = (1, 3, 6, 12, 25, 50)
-    n_steps: int = 40
-    n_test_episodes: int = 200
-    n_repetitions: int = 50
-    seed: int = 0
+    expert: str = setting("mdce", "who demonstrates: mdce or pm (Policy-Matching)")
+    image: Path | None = setting(None, "training image; a generated landscape without")
+    transfer_image: Path | None = setting(None, "transfer image; a generated landscape without")
+    forest_mask: Path | None = setting(
+        None, "image of the training scene, bright where there is forest; a rule tells without"
+    )
+    transfer_forest_mask: Path | None = setting(None, "the same of the transfer scene")
+    side: int = setting(20, "cells along each side of the grid")
+    discount: float = setting(0.99, "discount per decision, below 1")
+    weights: tuple[float, float] = setting((6.0, 6.0), "true weights of brightness and goal")
+    temperature: float = setting(2.0, "true temperature of a pm demonstrator (4.62); mdce has none")
+    sizes: tuple[int, ...] = setting((1, 3, 6, 12, 25, 50), "demonstrations learned from")
+    n_steps: int = setting(40, "decisions of a demonstration")
+    n_test_episodes: int = setting(200, "new episodes that are to be explained")
+    n_repetitions: int = setting(50, "repetitions of every size")
+    seed: int = setting(0, "of which every random number is derived")
 
     def __post_init__(self) -> None:
+        require_discount(self.discount)
         if self.expert not in EXPERTS:
             raise SerdError(f"expert must be among {sorted(EXPERTS)}, got {self.expert!r}")
         if not self.sizes or min(self.sizes) < 1 or self.side < 4:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.repetitions import Progress, Row, run_repetitions
+from experiments.setting import setting
 from serd_core.ascent.ascent import Ascent
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.beliefs import Belief, FixedBelief, TiedBelief
@@ -21,7 +22,7 @@ from serd_core.errors import SerdError
 from serd_core.evaluation import fitted_policy
 from serd_core.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.mdp import Mdp
+from serd_core.mdp import Mdp, require_discount
 from serd_core.parameters import Block
 from serd_core.priors.norm import NormPrior
 from serd_core.problem import TabularProblem
@@ -38,19 +39,19 @@ LEARNERS: dict[str, Belief] = {"MDCE SERD": TiedBelief(), "MDCE IRL": FixedBelie
 class MinimumExampleConfig:
     """Settings of section 4.6.1; the thesis does not state the discount.
 
-    sizes: demonstrations per set, the sets are spread evenly over them; horizon: steps of each.
-    weight: of the L2 norms of rewards and dynamics; ascent: who moves the parameters.
+    ascent: who moves the parameters.
     """
 
-    n_sets: int = 5_000
-    sizes: tuple[int, ...] = (1, 2, 3, 5, 8, 12, 20, 30, 50)
-    horizon: int = 3
-    discount: float = 0.9
-    weight: float = 1e-6
-    seed: int = 0
+    n_sets: int = setting(5_000, "demonstration sets, spread evenly over the sizes")
+    sizes: tuple[int, ...] = setting((1, 2, 3, 5, 8, 12, 20, 30, 50), "demonstrations of a set")
+    horizon: int = setting(3, "decisions of a demonstration")
+    discount: float = setting(0.9, "discount per decision, below 1")
+    weight: float = setting(1e-6, "of the L2 norms of rewards and dynamics")
+    seed: int = setting(0, "of which every random number is derived")
     ascent: Ascent = ASCENT
 
     def __post_init__(self) -> None:
+        require_discount(self.discount)
         if self.n_sets < 1 or not self.sizes or min(self.sizes) < 1:
             raise SerdError(
                 f"n_sets and sizes must be at least 1, got {self.n_sets} and {self.sizes}"

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.repetitions import Row
+from experiments.setting import setting
 from serd_core.arrays import FloatArray
 from serd_core.bellman.solution import BellmanSolution
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -36,12 +37,12 @@ STATED: dict[str, dict[str, float]] = {
 class PolicyCostConfig:
     """Ladders of sizes: one quantity grows, the others stay at their base."""
 
-    base: tuple[int, int, int] = (100, 4, 4)
-    n_states: tuple[int, ...] = (100, 200, 400)
-    n_actions: tuple[int, ...] = (4, 8, 16)
-    n_parameters: tuple[int, ...] = (4, 8, 16, 32)
-    repeats: int = 5
-    seed: int = 0
+    base: tuple[int, int, int] = setting((100, 4, 4), "states, actions and parameters that stay")
+    n_states: tuple[int, ...] = setting((100, 200, 400), "sizes while only the states grow")
+    n_actions: tuple[int, ...] = setting((4, 8, 16), "sizes while only the actions grow")
+    n_parameters: tuple[int, ...] = setting((4, 8, 16, 32), "sizes while only the parameters grow")
+    repeats: int = setting(5, "runs of each, of which the fastest counts")
+    seed: int = setting(0, "of which every random number is derived")
 
     def __post_init__(self) -> None:
         ladders = (self.n_states, self.n_actions, self.n_parameters)

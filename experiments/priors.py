@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.repetitions import Row
+from experiments.setting import setting
 from serd_core.arrays import FloatArray
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
@@ -37,11 +38,11 @@ PRIORS: dict[str, Prior] = {
 
 @dataclass(frozen=True)
 class PriorsConfig:
-    """extent: half-width of the drawn plane; n_points: per side; n_angles: on the circle."""
+    """Settings of section 4.5.4."""
 
-    extent: float = 2.0
-    n_points: int = 81
-    n_angles: int = 7_200
+    extent: float = setting(2.0, "half-width of the drawn plane of two parameters")
+    n_points: int = setting(81, "drawn points along each side of it")
+    n_angles: int = setting(7_200, "points on the unit circle among which optima are sought")
 
     def __post_init__(self) -> None:
         if not self.extent > 0 or self.n_points < 2 or self.n_angles < 8:

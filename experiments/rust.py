@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.setting import setting
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations import Decisions
@@ -24,7 +25,7 @@ from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.mdp import Mdp
+from serd_core.mdp import Mdp, require_discount
 from serd_core.problem import TabularProblem
 from serd_core.uncertainty.information import fit_information
 from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors
@@ -51,16 +52,17 @@ GROUPS = {
 
 @dataclass(frozen=True)
 class RustConfig:
-    """data: folder of the original files; groups of buses; n_bins; discount per month."""
+    """Settings of the bus engine replacement problem (Rust 1987)."""
 
     data: Path = field(
         metadata={"about": "the folder of Rust's odometer files (a530875.asc for group 4)"}
     )
-    groups: tuple[int, ...] = (4,)
-    n_bins: int = 90
-    discount: float = 0.9999
+    groups: tuple[int, ...] = setting((4,), "groups of buses, 1 to 8")
+    n_bins: int = setting(90, "bins of the odometer reading")
+    discount: float = setting(0.9999, "discount per month, below 1")
 
     def __post_init__(self) -> None:
+        require_discount(self.discount)
         for group in self.groups:
             if group not in GROUPS:
                 raise SerdError(f"groups must be among {sorted(GROUPS)}, got {group}")

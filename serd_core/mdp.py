@@ -27,10 +27,7 @@ class Mdp:
     discount: float
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.discount < 1.0:
-            raise SerdError(
-                f"discount must be in [0, 1), got {self.discount}; use for example 0.99"
-            )
+        require_discount(self.discount)
         stuck = first_index(~self.available.any(axis=1))
         if stuck is not None:
             raise SerdError(
@@ -70,3 +67,9 @@ class Mdp:
         """Symbolic structure of I - gamma P_pi, set up once for all policies and parameters."""
         model = self.transitions
         return policy_pattern(model.row, model.successor, self.n_states, self.n_actions)
+
+
+def require_discount(discount: float) -> None:
+    """SerdError unless 0 <= discount < 1."""
+    if not 0.0 <= discount < 1.0:
+        raise SerdError(f"discount must be in [0, 1), got {discount}; use for example 0.99")

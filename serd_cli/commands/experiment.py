@@ -149,8 +149,11 @@ def _flags(name: str) -> list[str]:
 
 
 def _help(field: Field[Any]) -> str:
+    about = str(field.metadata["about"])
     if is_required(field):
-        return f"required: {field.metadata['about']}"
+        return f"required: {about}"
     default = field.default
+    if default is None:
+        return about
     text = ",".join(map(str, default)) if isinstance(default, tuple) else str(default)
-    return f"default {text}"
+    return rf"{about} \[default: {text}]"

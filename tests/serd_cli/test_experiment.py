@@ -44,6 +44,7 @@ def test_an_experiment_notes_its_command_beside_its_results(tmp_path):
             "left out with loky, .*; choose dask or ray",
         ),
         (("priors", "--backend", "spam"), "backend must be one of .* got 'spam'"),
+        (("gridworld", "--discount", "1"), r"discount must be in \[0, 1\), got 1.0"),
         (("gridworld", "--seed", "-1"), "seed not negative, got 50 and -1"),
         (("priors", "--extent", "wide"), "--extent wide: Input should be a valid number"),
     ],
