@@ -36,6 +36,7 @@ class DiscretisationReport:
     """n_decisions kept; of those, diagonal and far moves assigned to a neighbour; dropped: why.
 
     n_bad_poses: poses that were left out because a number in them is not finite.
+    n_unplaced_poses: those left out because no transform was recorded about their time.
     """
 
     n_decisions: int
@@ -44,6 +45,7 @@ class DiscretisationReport:
     n_far: int
     dropped: dict[str, int] = field(default_factory=dict)
     n_bad_poses: int = 0
+    n_unplaced_poses: int = 0
 
     @property
     def n_intents(self) -> int:
@@ -66,6 +68,7 @@ class DiscretisationReport:
             f"{self.n_decisions} decisions in {self.n_episodes} episodes; assigned to a neighbour: "
             f"{self.n_diagonal} diagonal and {self.n_far} far moves; dropped: {dropped or 'none'}"
             + (f"; {self.n_bad_poses} poses not finite" if self.n_bad_poses else "")
+            + (f"; {self.n_unplaced_poses} poses without /tf" if self.n_unplaced_poses else "")
         )
 
 
@@ -78,6 +81,7 @@ def joined_reports(reports: Sequence[DiscretisationReport]) -> DiscretisationRep
         n_far=sum(each.n_far for each in reports),
         dropped=dict(sum((Counter(each.dropped) for each in reports), Counter())),
         n_bad_poses=sum(each.n_bad_poses for each in reports),
+        n_unplaced_poses=sum(each.n_unplaced_poses for each in reports),
     )
 
 
@@ -120,6 +124,7 @@ def decisions_from_drive(
         n_far=moves[Move.FAR],
         dropped=dict(fates.dropped),
         n_bad_poses=drive.n_bad_poses,
+        n_unplaced_poses=drive.n_unplaced_poses,
     )
 
 

@@ -83,13 +83,35 @@ class _Collector:
         if not len(rows):
             raise BagError(f"{self._source} has no pose on {self._pose_topic}; check the mapping")
         log_s, time_s, poses = rows[:, 0], rows[:, 1], rows[:, 2:]
-        if self._mapping.frame and self._mapping.frame.lstrip("/") != self._pose_frame:
-            poses = self._tree.into(self._mapping.frame, self._pose_frame, poses, time_s)
+        poses = self._in_frame(poses, time_s)
+        placed = np.isfinite(poses).all(axis=1)
+        log_s, time_s, poses = log_s[placed], time_s[placed], poses[placed]
         spans = self._spans(time_s)
         intent_s, actions = self._intents(log_s, time_s, poses, spans, period_s)
         return RecordedDrive(
-            time_s, poses[:, :2], intent_s, actions, spans, self._source, n_bad_poses
+            time_s,
+            poses[:, :2],
+            intent_s,
+            actions,
+            spans,
+            self._source,
+            n_bad_poses,
+            n_unplaced_poses=int((~placed).sum()),
         )
+
+    def _in_frame(self, poses: FloatArray, time_s: FloatArray) -> FloatArray:
+        """(N, 3) poses in the frame that the mapping names; NaN where /tf does not reach."""
+        frame = self._mapping.frame
+        if not frame or frame.lstrip("/") == self._pose_frame:
+            return poses
+        into = self._tree.into(frame, self._pose_frame, poses, time_s)
+        if not np.isfinite(into).all(axis=1).any():
+            raise BagError(
+                f"{self._source}: /tf must join {self._pose_frame!r} with {frame!r} at the times of"
+                f" the poses, {time_s[0]:.1f} s to {time_s[-1]:.1f} s, it never does; record /tf"
+                " all the time, and on one clock with the poses"
+            )
+        return into
 
     def _require_one_clock(self, stamp_s: FloatArray) -> None:
         """Poses of two runs of a clock, put in order, would be a drive that never was."""

@@ -33,6 +33,7 @@ class RecordedDrive:
     """pose_time_s (T,) increasing, position_m (T, 2); intent_time_s, intent_action (N,).
 
     n_bad_poses: poses left out because a number in them is not finite.
+    n_unplaced_poses: those left out because no transform was recorded about their time.
     """
 
     pose_time_s: FloatArray
@@ -42,6 +43,7 @@ class RecordedDrive:
     episodes: tuple[EpisodeSpan, ...]
     source: str = ""
     n_bad_poses: int = 0
+    n_unplaced_poses: int = 0
 
 
 class DriveBuilder:

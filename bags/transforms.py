@@ -1,6 +1,7 @@
 """Poses from one frame into another, by recorded /tf and /tf_static, in the plane.
 
-A pose is (x, y, yaw). Frames form a tree; each moving edge is interpolated at the time asked for.
+A pose is (x, y, yaw). Frames form a tree; each moving edge is interpolated at the time asked for,
+and unknown more than a second before its first transform or after its last.
 """
 
 from array import array
@@ -12,6 +13,9 @@ from bags.errors import BagError
 from bags.plain_messages import PlanarTransform
 from serd_core.arrays import FloatArray
 from storage.nearest import hint
+
+
+_LONGEST_REACH_S = 1.0
 
 
 class TransformTree:
@@ -40,7 +44,10 @@ class TransformTree:
             self._static.add(child)
 
     def into(self, target: str, source: str, poses: FloatArray, times_s: FloatArray) -> FloatArray:
-        """(N, 3) poses given in `source`, in `target`; BagError where no chain joins the frames."""
+        """(N, 3) poses given in `source`, in `target`; NaN at times at which that is unknown.
+
+        BagError where no chain joins the frames.
+        """
         target, source = _bare(target), _bare(source)
         up = list(self._ancestry(source))
         down = list(self._ancestry(target))
@@ -69,7 +76,10 @@ class TransformTree:
             return np.repeat(rows[-1:, 1:], len(times_s), axis=0)
         rows = rows[np.unique(rows[:, 0], return_index=True)[1]]
         columns = (rows[:, 1], rows[:, 2], np.unwrap(rows[:, 3]))
-        return np.stack([np.interp(times_s, rows[:, 0], each) for each in columns], axis=1)
+        edge = np.stack([np.interp(times_s, rows[:, 0], each) for each in columns], axis=1)
+        beyond_s = np.maximum(rows[0, 0] - times_s, times_s - rows[-1, 0])
+        edge[beyond_s > _LONGEST_REACH_S] = np.nan
+        return edge
 
 
 def composed(outer: FloatArray, inner: FloatArray) -> FloatArray:

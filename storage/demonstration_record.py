@@ -19,6 +19,7 @@ class BagRecord(StrictModel):
     n_far: int = Field(ge=0)
     dropped: dict[str, int]
     n_bad_poses: int = Field(ge=0)
+    n_unplaced_poses: int = Field(0, ge=0)
 
 
 class DemonstrationRecord(StrictModel):

@@ -153,3 +153,6 @@ def _reasons(found: list[RecordedDemonstrations]) -> Iterable[str]:
     n_bad_poses = sum(each.report.n_bad_poses for each in found)
     if n_bad_poses:
         yield f"left out {counted(n_bad_poses, 'pose')} with a number that is not finite"
+    n_unplaced = sum(each.report.n_unplaced_poses for each in found)
+    if n_unplaced:
+        yield f"left out {counted(n_unplaced, 'pose')} about whose time no /tf was recorded"

@@ -143,6 +143,40 @@ def foreign_bag(tmp_path, messages):
     return tmp_path / "foreign"
 
 
+def bag_with_tf(path, messages, tf_times_s):
+    with BagWriter(path) as writer:
+        for topic, kind in (("/pose", POSE), ("/cmd_vel", TWIST), ("/tf", TF)):
+            writer.add_topic(topic, kind)
+        for time_s in tf_times_s:
+            writer.write("/tf", tf(messages, time_s, 10.0), round(time_s * 1e9))
+        for tick in range(81):
+            time_s = 50.0 + 0.1 * tick
+            data = messages.pose(time_s, 0.5, 0.5 + 0.05 * tick, frame="odom")
+            writer.write("/pose", data, round(time_s * 1e9))
+            writer.write("/cmd_vel", twist(messages, 0.5), round(time_s * 1e9))
+    return BagMapping(
+        pose_topic="/pose", action_from="velocity", action_topic="/cmd_vel", frame="map"
+    )
+
+
+def test_poses_that_no_transform_reaches_are_left_out_and_counted(tmp_path, messages):
+    mapping = bag_with_tf(tmp_path / "late", messages, np.arange(53.0, 56.01, 0.5))
+    drive = read_mapped_drive(tmp_path / "late", mapping, 2.0)
+    assert drive.n_unplaced_poses == 20 + 10
+    assert (drive.pose_time_s[0], drive.pose_time_s[-1]) == pytest.approx((52.0, 57.0))
+    np.testing.assert_allclose(drive.position_m[:, 0], 10.5)
+    grid = grid_around(drive.position_m, 0.5, 1)
+    _, report = decisions_from_drive(drive, grid, 2.0)
+    assert report.n_unplaced_poses == 30
+    assert "; 30 poses without /tf" in str(report)
+
+
+def test_transforms_of_another_clock_place_no_pose_and_that_is_said(tmp_path, messages):
+    mapping = bag_with_tf(tmp_path / "other", messages, np.arange(0.0, 3.0, 0.5))
+    with pytest.raises(BagError, match=r"/tf must join 'odom' with 'map' .* it never does; record"):
+        read_mapped_drive(tmp_path / "other", mapping, 2.0)
+
+
 @pytest.mark.parametrize(("back_s", "refused"), [(0.85, False), (3.0, True)])
 def test_poses_of_two_runs_of_a_clock_are_never_mixed(tmp_path, messages, back_s, refused):
     with BagWriter(tmp_path / "two") as writer:
