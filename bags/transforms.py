@@ -14,7 +14,6 @@ from bags.plain_messages import PlanarTransform
 from serd_core.arrays import FloatArray
 from storage.nearest import hint
 
-
 _LONGEST_REACH_S = 1.0
 
 
