@@ -1,6 +1,7 @@
 """One application of a Bellman operator: T V and what comes with it."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -8,6 +9,8 @@ from serd_core.arrays import BoolArray, FloatArray
 from serd_core.bellman.equation import BellmanEquation
 from serd_core.dynamics.transitions import Transitions
 from serd_core.errors import SerdError
+
+EPSILON = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +47,11 @@ class Backup:
     gap: FloatArray
     residual: float
 
+    @cached_property
+    def scale(self) -> float:
+        """max(1, max |T V|): what sizes and accuracies of values are relative to."""
+        return max(1.0, float(self.target.max()), -float(self.target.min()))
+
 
 def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
     """Apply the Bellman operator once."""
@@ -51,3 +59,15 @@ def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
     target = problem.equation.maximum(q)
     gap = target - value
     return Backup(q=q, target=target, gap=gap, residual=max(float(gap.max()), -float(gap.min())))
+
+
+def backup_rounding(problem: BellmanProblem, last: Backup) -> float:
+    """Bound of |computed T V - T V|, for K transitions in the longest row and A actions.
+
+    With the unit u = eps / 2: a row of P V, its discount and reward cost (K + 2) u max |V|, the
+    sum of exponentials (A + log A + 4) u, and adding its logarithm u max |V|. Actions far below the
+    best one have large errors in Q, and a weight that makes up for them.
+    """
+    largest_value = last.scale + last.residual
+    n_terms = problem.transitions.model.longest_row + problem.transitions.model.n_actions + 3
+    return n_terms * EPSILON * largest_value

@@ -116,6 +116,11 @@ class TransitionModel(ABC):
         return np.repeat(np.arange(len(lengths), dtype=np.int64), lengths)
 
     @cached_property
+    def longest_row(self) -> int:
+        """Most entries of a row."""
+        return int(np.diff(self.row_start).max())
+
+    @cached_property
     def groups(self) -> TransitionGroups:
         """Entries grouped by their distinct transition (s, a, s')."""
         return group_entries(self.row, self.successor, self.n_states)

@@ -14,10 +14,11 @@ Unlike the causal model this one lets the agent choose as if it could pick outco
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, floored, weighted_counts
+from serd_core.arrays import FloatArray, IntArray, weighted_counts
 from serd_core.ascent.ascent import Ascent, FunctionObjective
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.demonstrations import Decisions
@@ -99,6 +100,16 @@ class TrajectoryModel:
     def _row(self) -> IntArray:
         return self.transitions.model.row
 
+    @cached_property
+    def _log_entries(self) -> FloatArray:
+        """(E,) log P, -inf where a transition is impossible.
+
+        No floor: values of w / (1 - gamma) would make up for any. A row keeps a finite term, as it
+        sums to 1 and every state has an action.
+        """
+        entries = self.transitions.entries
+        return np.log(entries, out=np.full(len(entries), -np.inf), where=entries > 0)
+
     @property
     def _successor(self) -> IntArray:
         return self.transitions.model.successor
@@ -106,7 +117,7 @@ class TrajectoryModel:
     def _expected_exponential(self, log_z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(S, A) log sum_s' P z(s'), and (E,) share of each entry in its row's sum."""
         model = self.transitions.model
-        terms = np.log(floored(self.transitions.entries)) + log_z[model.successor]
+        terms = self._log_entries + log_z[model.successor]
         first = model.row_start[:-1][model.available.ravel()]
         lengths = np.diff(np.append(first, len(terms)))
         highest = np.maximum.reduceat(terms, first)

@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from serd_core.arrays import FloatArray, float_array
-from serd_core.bellman.backup import Backup, BellmanProblem
+from serd_core.bellman.backup import Backup, BellmanProblem, backup_rounding
 from serd_core.bellman.solution import BellmanSolution
 from serd_core.errors import SerdError
 from serd_core.mdp import Mdp
@@ -25,13 +25,14 @@ class BellmanSolver(ABC):
         """Solve from `initial_value` (S,), or from zero."""
 
 
-def residual_target(discount: float, accuracy: float, value: FloatArray) -> float:
-    """Largest residual that certifies max |V - V*| <= accuracy * max(1, max |V|).
+def residual_target(discount: float, accuracy: float, last: Backup) -> float:
+    """Residual at which a solver may stop, for an error of accuracy * max(1, max |V|).
 
-    Never asks for less than rounding allows; the certificate of the solution stays honest.
+    Never less than rounding lets residuals fall to. Near a discount of 1 that is more than the
+    accuracy asks for, and the rounding of the backup comes on top: how near V* the solution is
+    certified to be is in its error bound, not in the accuracy.
     """
-    scale = max(1.0, float(value.max()), -float(value.min()))
-    return scale * max(accuracy * (1.0 - discount), SMALLEST_SHARE)
+    return last.scale * max(accuracy * (1.0 - discount), SMALLEST_SHARE)
 
 
 def require_limits(accuracy: float, max_steps: int) -> None:
@@ -53,6 +54,7 @@ def solution_from(
     problem: BellmanProblem, last: Backup, *, steps: int, linear_solves: int, converged: bool
 ) -> BellmanSolution:
     """Record of a finished iteration; the value is T V, no further from V* than V was."""
+    certified = last.residual + backup_rounding(problem, last)
     return BellmanSolution(
         value=last.target,
         q=last.q,
@@ -60,6 +62,6 @@ def solution_from(
         steps=steps,
         linear_solves=linear_solves,
         residual=last.residual,
-        error_bound=last.residual / (1.0 - problem.discount),
+        error_bound=certified / (1.0 - problem.discount),
         converged=converged,
     )

@@ -81,8 +81,7 @@ class Newton(BellmanSolver):
         )
 
     def _done(self, problem: BellmanProblem, latest: Backup) -> bool:
-        target = residual_target(problem.discount, self.accuracy, latest.target)
-        return latest.residual <= target
+        return latest.residual <= residual_target(problem.discount, self.accuracy, latest)
 
 
 def _prepared(

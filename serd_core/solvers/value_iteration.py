@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from serd_core.arrays import FloatArray
-from serd_core.bellman.backup import BellmanProblem, backup
+from serd_core.bellman.backup import Backup, BellmanProblem, backup
 from serd_core.bellman.solution import BellmanSolution
 from serd_core.mdp import Mdp
 from serd_core.solvers.bellman_solver import (
@@ -34,12 +34,12 @@ class ValueIteration(BellmanSolver):
         """Sweep until certified or out of sweeps."""
         latest = backup(problem, starting_value(mdp, initial_value))
         sweeps = 1
-        while not (done := self._done(problem, latest.residual, latest.target)):
+        while not (done := self._done(problem, latest)):
             if sweeps >= self.max_sweeps:
                 break
             latest = backup(problem, latest.target)
             sweeps += 1
         return solution_from(problem, latest, steps=sweeps, linear_solves=0, converged=done)
 
-    def _done(self, problem: BellmanProblem, residual: float, value: FloatArray) -> bool:
-        return residual <= residual_target(problem.discount, self.accuracy, value)
+    def _done(self, problem: BellmanProblem, latest: Backup) -> bool:
+        return latest.residual <= residual_target(problem.discount, self.accuracy, latest)

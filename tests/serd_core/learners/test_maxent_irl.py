@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from serd_core.demonstrations import Decisions
+from serd_core.dynamics.sparse_model import fixed_transitions
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.learners.maxent_irl import TrajectoryModel, fit_maxent_irl
+from serd_core.mdp import Mdp
+from serd_core.problem import TabularProblem
 from serd_core.simulation import sample_decisions
 
 
@@ -86,6 +89,53 @@ def test_large_rewards_do_not_overflow(gridworld):
     log_z, expected = model.partition(np.array([1e4, -1e4]), np.eye(25)[0], 40)
     assert np.isfinite(log_z)
     assert np.all(np.isfinite(expected))
+
+
+def forked_problem(listed):
+    """From 0 action A leads to 1, which cannot reach the goal 3, and B to 2; 4 is a bandit.
+
+    listed: whether the impossible step from 1 to 3 is an entry of probability 0 or none.
+    """
+    pairs = [(0, 0, 1), (0, 1, 2), (1, 0, 1), (1, 0, 3), (2, 0, 2), (3, 0, 3), (4, 0, 2), (4, 1, 2)]
+    probability = np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0])
+    kept = probability >= (0.0 if listed else 1.0)
+    state, action, following = np.array(pairs)[kept].T
+    model = fixed_transitions((5, 2), state, action, following, probability[kept])
+    features = np.zeros((5, 2, 2))
+    features[3, :, 0], features[4, 0, 0], features[0, 0, 1] = 1.0, 0.1, 1.0
+    return TabularProblem(Mdp(model, 0.99), features, ("goal", "A")), probability[kept]
+
+
+def forked_decisions():
+    """40 episodes from 0, half of them by A; 100 from 4, 73 of them by the first action."""
+    rows = [(0, 0, 1, 1, 0, 1), (0, 1, 2, 2, 0, 2)] * 20
+    rows += [(4, 0, 2, 2, 0, 2)] * 73 + [(4, 1, 2, 2, 0, 2)] * 27
+    steps = np.array(rows).reshape(-1, 3).T
+    episode = np.repeat(np.arange(len(rows)), 2)
+    return Decisions(episode, np.tile([0.0, 1.0], len(rows)), *steps)
+
+
+def test_a_transition_of_probability_zero_counts_as_little_as_one_that_is_not_listed():
+    """The bandit asks for log(73 / 27) / 0.1; a goal worth 995 must not be reached by 1e-300."""
+    fits = []
+    for listed in (True, False):
+        problem, entries = forked_problem(listed)
+        start = np.zeros(2)
+        fits.append(
+            fit_maxent_irl(problem, forked_decisions(), initial_weights=start, dynamics=entries)
+        )
+    assert all(fit.converged for fit in fits)
+    np.testing.assert_array_equal(fits[0].reward_weights, fits[1].reward_weights)
+    np.testing.assert_allclose(fits[0].reward_weights, [np.log(73 / 27) / 0.1, 0.0], atol=1e-3)
+
+
+def test_what_cannot_be_reached_is_worth_nothing_however_large_its_reward():
+    problem, entries = forked_problem(listed=True)
+    model = TrajectoryModel(problem, transitions_of(problem.mdp.transitions, entries))
+    for reward in (1.0, 10.0, 1e6):
+        log_z, expected = model.partition(np.array([reward, 0.0]), np.eye(5)[1], 5)
+        assert log_z == 0.0
+        np.testing.assert_array_equal(expected, 0.0)
 
 
 def test_stochastic_demonstrations_give_a_finite_converged_fit(make_gridworld):
