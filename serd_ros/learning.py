@@ -77,12 +77,8 @@ def learn(
     the one start there is, in place of `settings.starts` random ones. SerdError where there are
     too few decisions or they cannot be of this place.
     """
+    check_enough(demonstrations, settings)
     decisions, problem = demonstrations.decisions, task.problem
-    if len(decisions) < settings.minimum_decisions:
-        raise NodeError(
-            f"at least minimum_decisions = {settings.minimum_decisions} decisions are needed to "
-            f"learn, got {len(decisions)}; demonstrate more"
-        )
     initial = estimate_dynamics(problem, decisions, pseudo_count=settings.pseudo_count)
     fits = [
         fit_mdce_serd(
@@ -101,6 +97,16 @@ def learn(
         model=_model(task, demonstrations, settings, best),
         objectives=tuple(fit.objective for fit in fits),
     )
+
+
+def check_enough(demonstrations: Demonstrations, settings: LessonSettings) -> None:
+    """NodeError where there are too few decisions to learn from."""
+    n_decisions = len(demonstrations.decisions)
+    if n_decisions < settings.minimum_decisions:
+        raise NodeError(
+            f"at least minimum_decisions = {settings.minimum_decisions} decisions are needed to "
+            f"learn, got {n_decisions}; demonstrate more"
+        )
 
 
 def _starts(

@@ -15,6 +15,7 @@ from bags.playback import Playback
 from bags.reader import BagReader, RawMessage
 from serd_ros import qos, topics
 from serd_ros.configs import BagReplayConfig
+from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.errors import NodeError
 from serd_ros.graph_readiness import Readiness
@@ -22,6 +23,7 @@ from serd_ros.replay_keys import RATE_FACTORS, ReplayKey, ReplayKeys
 from serd_ros.replay_publishers import ReplayPublishers
 from serd_ros.run_node import run_node
 from serd_ros.serd_node import SerdNode
+from serd_ros.until_damage import UntilDamage
 
 _TURN_S = 0.005
 _AT_ONCE = 200
@@ -63,7 +65,10 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
             self._keys.close()
 
     def _from_the_beginning(self) -> Playback:
-        playback = Playback(self._excerpt.messages(self._reader), rate=self._rate)
+        self._sound = UntilDamage(self._excerpt.messages(self._reader))
+        playback = Playback(self._sound, rate=self._rate)
+        if self._sound.damage:
+            raise NodeError(self._sound.damage)
         if playback.finished:
             raise NodeError(
                 f"bag {self.config.bag} must hold a message to play, got none from"
@@ -139,21 +144,30 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
             return
         playback = self._playback
         word = "finished" if playback.finished else "paused" if playback.paused else "playing"
+        damage = self._sound.damage
         values = {"messages": self._n_sent, "rate": self._rate, "bag": self.config.bag}
-        self.report(self._bag_time_s(), values, message=word)
+        level = ERROR if damage else OK
+        self.report(self._bag_time_s(), values, level=level, message=damage or word)
         if self._keys is not None:
             self._keys.show(f"{word} {self._bag_time_s():.1f} s, rate {self._rate:g}")
 
     def _end(self) -> None:
-        if self.config.loop:
+        if self.config.loop and not self._sound.damage:
             self._playback = self._from_the_beginning()
         elif not self._told_end:
             self._told_end = True
             self._outlet.finish()
             self._tell()
-            self.get_logger().info(f"played {self._n_sent} messages of {self.config.bag}")
-            if self.config.exit_when_done:
-                self.finish(0)
+            self._conclude()
+
+    def _conclude(self) -> None:
+        """All that is sound has been played; with damage nobody may take it for all there was."""
+        if self._sound.damage:
+            self.fail(self._sound.damage)
+            return
+        self.get_logger().info(f"played {self._n_sent} messages of {self.config.bag}")
+        if self.config.exit_when_done:
+            self.finish(0)
 
 
 def main() -> int:

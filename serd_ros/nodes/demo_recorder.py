@@ -148,9 +148,16 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         return response
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._recorder is not None
-        response.message = "stopped" if self._recorder is not None else "nothing is being recorded"
+        """What came in before the call is in the bag, in whatever order it is looked at."""
+        recorder = self._recorder
+        if recorder is None:
+            response.success, response.message = False, "nothing is being recorded"
+            return response
+        self._record_what_waits()
         self._finish_bag()
+        status = recorder.status
+        response.success = not status.problem
+        response.message = status.problem or f"{status.n_messages} messages in {recorder.directory}"
         return response
 
     def _report(self) -> None:

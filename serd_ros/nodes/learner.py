@@ -16,7 +16,7 @@ from serd_ros import qos, topics
 from serd_ros.configs import LearnerConfig
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.learner_memory import LearnerMemory
-from serd_ros.learning import Lesson, learn, task_in
+from serd_ros.learning import Lesson, check_enough, learn, task_in
 from serd_ros.lesson_files import save_lesson
 from serd_ros.lesson_words import lesson_in_words, lesson_values
 from serd_ros.lesson_worker import LessonWorker, Progress
@@ -93,37 +93,44 @@ class LearnerNode(SerdNode[LearnerConfig]):
                 self._conclude(event)
             else:
                 self._refuse(str(event))
-        if self._settled():
+        if self._memory is not None and self._settled(self._memory):
             self._ended_s = None
-            self._gather(unfinished=False)
+            self._gather_ended(self._memory)
         if (self._again or self._begin_anew) and not self._worker.busy:
             self._begin(anew=self._begin_anew)
 
-    def _settled(self) -> bool:
-        if self._ended_s is None or self._memory is None:
+    def _settled(self, memory: LearnerMemory) -> bool:
+        if self._ended_s is None:
             return False
-        settled = self.wall_s() - self._ended_s >= _SETTLING_S
-        return settled and self._memory.drive.caught_up
+        return self.wall_s() - self._ended_s >= _SETTLING_S and memory.drive.caught_up
 
-    def _gather(self, *, unfinished: bool) -> None:
-        assert self._memory is not None
+    def _gather_ended(self, memory: LearnerMemory) -> None:
         try:
-            demonstrations = self._memory.gather(unfinished=unfinished)
+            self._gather(memory, unfinished=False)
         except SerdError as error:
             self._refuse(str(error))
             return
+        self._again = self.config.learn_on == "episode" and memory.unlearned
+
+    def _gather(self, memory: LearnerMemory, *, unfinished: bool) -> Demonstrations:
+        demonstrations = memory.gather(unfinished=unfinished)
         if self.config.decisions:
             save_decisions(self.config.decisions, demonstrations.decisions)
-        self.get_logger().info(f"in this session {self._memory.drive.report}")
-        self._again = self.config.learn_on == "episode" and self._memory.unlearned
+        self.get_logger().info(f"in this session {memory.drive.report}")
+        return demonstrations
 
     def _on_learn(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Answers at once: this executor cannot hold an answer back until a fit has ended."""
-        if self._memory is not None:
-            self._gather(unfinished=True)
-        self._begin_anew = True
-        response.success = True
-        response.message = "learning begins; diagnostics tell how it goes and ends"
+        try:
+            if self._memory is not None:
+                check_enough(self._gather(self._memory, unfinished=True), self.config)
+        except SerdError as error:
+            self._refuse(str(error))
+            response.success, response.message = False, f"not learned: {error}"
+            return response
+        self._begin_anew = response.success = True
+        when = "when the fit under way has ended" if self._worker.busy else "now"
+        response.message = f"learning begins {when}; diagnostics tell how it goes and ends"
         return response
 
     def _begin(self, *, anew: bool) -> None:

@@ -117,6 +117,26 @@ def test_too_few_decisions_are_refused_with_the_reason_and_the_learner_lives(
     answer = client.call_async(Trigger.Request())
     sentence = "at least minimum_decisions = 20 decisions are needed to learn, got 5"
     probe.spin_until(lambda: any(sentence in each for each in said), 20.0)
-    assert answer.done()
+    probe.spin_until(answer.done)
+    assert not answer.result().success
+    assert sentence in answer.result().message
     assert learner.poll() is None
     assert not (tmp_path / "model.yaml").exists()
+
+
+def test_a_call_to_learn_from_enough_decisions_is_answered_with_success(
+    nodes, probe, models, root, tmp_path
+):
+    demonstrations = shipped_demonstrations(root)
+    folder = CheckpointFolder(tmp_path / "kept", HALLWAY.name, GRID)
+    folder.save_decisions(demonstrations.decisions)
+    folder.save(folder.new())
+    given = {"output": str(tmp_path / "model.yaml"), "state": str(folder.path), "starts": 1}
+    nodes.start_stack("learn", learn_on="call", **given)
+    client = probe.node.create_client(Trigger, "learn")
+    assert client.wait_for_service(20.0)
+    answer = client.call_async(Trigger.Request())
+    probe.spin_until(answer.done)
+    assert answer.result().success
+    assert answer.result().message.startswith("learning begins now")
+    probe.spin_until(lambda: bool(models), 30.0)

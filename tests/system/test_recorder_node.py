@@ -4,8 +4,10 @@ import shlex
 import signal
 
 import pytest
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Twist
+from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
@@ -15,6 +17,7 @@ from serd_cli.node_commands import node_command
 from serd_ros import qos
 from serd_ros.convert.diagnostics import ERROR
 from serd_ros.convert.stamp import to_stamp
+from serd_ros.nodes.demo_recorder import DemoRecorderNode
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -103,12 +106,77 @@ def test_recording_starts_again_into_another_bag_also_when_nothing_came(record, 
         return future.result()
 
     assert not call("start_recording").success
-    assert call("stop_recording").success
+    stopped = call("stop_recording")
+    assert stopped.success
+    assert stopped.message == f"0 messages in {recording.bag}"
     assert not call("stop_recording").success
     again = call("start_recording")
     assert again.success
     assert again.message.endswith("bag-2")
     assert recording.end() == 0
+
+
+def test_it_records_again_after_a_stop_that_came_amid_a_burst(record, probe):
+    recording = record()
+    stop, start = (
+        probe.node.create_client(Trigger, name) for name in ("stop_recording", "start_recording")
+    )
+    probe.spin_until(lambda: stop.service_is_ready() and start.service_is_ready())
+    recording.process.send_signal(signal.SIGSTOP)
+    for number in range(1, 401):
+        recording.pose_at(0.1 * number)
+        if number == 200:
+            stopped = stop.call_async(Trigger.Request())
+    recording.process.send_signal(signal.SIGCONT)
+    probe.spin_until(stopped.done)
+    times_s = recording.times_s("/robot_pose")
+    assert 200 <= len(times_s) <= 400
+    assert times_s == pytest.approx([0.1 * n for n in range(1, len(times_s) + 1)])
+    started = start.call_async(Trigger.Request())
+    probe.spin_until(started.done)
+    recording.pose_at(100.0)
+    probe.spin_for(0.3)
+    assert recording.end() == 0
+    recording.bag = recording.bag.with_name("bag-2")
+    assert recording.times_s("/robot_pose")[-1] == 100.0
+
+
+@pytest.fixture
+def recorder_node(ros_env, monkeypatch, tmp_path):
+    """The node in this process, for an executor of the test's choice."""
+    monkeypatch.setenv("ROS_LOG_DIR", ros_env["ROS_LOG_DIR"])
+    given = [f"output:={tmp_path / 'bag'}", "topics:=[robot_pose]", "minimum_free_mb:=0.0"]
+    arguments = [word for each in given for word in ("-p", each)]
+    rclpy.init(args=["--ros-args", *arguments], domain_id=int(ros_env["ROS_DOMAIN_ID"]))
+    node = DemoRecorderNode()
+    yield node
+    node.close()
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def test_a_stop_keeps_what_waits_also_where_it_is_served_before_it(recorder_node, probe, tmp_path):
+    """This executor takes one message per topic, then the call."""
+    poses = probe.node.create_publisher(PoseStamped, "robot_pose", qos.STATE)
+    stop = probe.node.create_client(Trigger, "stop_recording")
+    probe.spin_until(lambda: stop.service_is_ready() and bool(poses.get_subscription_count()))
+    for number in range(1, 101):
+        message = PoseStamped()
+        message.header.stamp = to_stamp(0.1 * number)
+        poses.publish(message)
+    stopped = stop.call_async(Trigger.Request())
+    probe.spin_for(0.5)  # until all of it has come to the node, which nobody spins yet
+    executor = SingleThreadedExecutor()
+    executor.add_node(recorder_node)
+
+    def answered():
+        executor.spin_once(timeout_sec=0.0)
+        return stopped.done()
+
+    probe.spin_until(answered)
+    executor.shutdown()
+    times_s = [each.log_time_ns * 1e-9 for each in BagReader(tmp_path / "bag").messages()]
+    assert times_s == pytest.approx([0.1 * n for n in range(1, 101)])
 
 
 def test_a_disk_that_refuses_is_told_on_diagnostics_ends_the_node_and_keeps_the_bag(

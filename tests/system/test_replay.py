@@ -96,11 +96,21 @@ def test_a_damaged_bag_ends_the_replay_with_the_way_to_repair_it(
     content[middle : middle + 64] = bytes(64)
     (broken / file.name).write_bytes(content)
     (broken / "metadata.yaml").write_bytes((bag / "metadata.yaml").read_bytes())
-    given = {"bag": str(broken), "rate": 1000.0, "wait_s": 0.0}
+    sound = list(BagReader(broken, tolerant=True).messages({"/robot_pose"}))
+    start_s = (sound[-500].log_time_ns - sound[0].log_time_ns) / 1e9
+    heard: list[bytes] = []
+    probe.node.create_subscription(PoseStamped, "robot_pose", heard.append, qos.LOSSLESS, raw=True)
+    given = {"bag": str(broken), "rate": 1000.0, "topics": ["robot_pose"], "start_s": start_s}
+    given["required_nodes"] = ["probe"]
     ended = nodes.start(node_command("bag_replay", given, {}, ros_env), "bag_replay")
     probe.spin_until(lambda: ended.poll() is not None)
     assert ended.returncode == 2
-    assert "serd bag recover" in nodes.said("bag_replay")
+    said = nodes.said("bag_replay")
+    assert "serd bag recover" in said
+    assert "Exception" not in said
+    assert "File " not in said
+    probe.spin_until(lambda: len(heard) >= 500)
+    assert heard == [each.data for each in sound[-500:]]
 
 
 def test_a_part_of_a_bag_that_holds_nothing_is_refused_at_once(ros_env, bag):
