@@ -9,10 +9,9 @@ from typing import Protocol
 
 import numpy as np
 import scipy.sparse
-import scipy.sparse.csgraph
-import scipy.sparse.linalg
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.absorption import probability_of_ever_arriving
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.distributions import checked_distribution, checked_policy
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
@@ -87,29 +86,3 @@ def policy_chain(
     state = mdp.transitions.row // mdp.n_actions
     shape = (mdp.n_states, mdp.n_states)
     return scipy.sparse.csr_array((entries, (state, mdp.transitions.successor)), shape=shape)
-
-
-def probability_of_ever_arriving(chain: scipy.sparse.csr_array, goal: BoolArray) -> FloatArray:
-    """(S,) least solution of h = P h with h = 1 at the goals."""
-    reaches = _can_reach(chain, goal)
-    inner = np.flatnonzero(reaches & ~goal)
-    arriving = np.where(goal, 1.0, 0.0)
-    if inner.size:
-        rows = chain[inner]
-        system = scipy.sparse.eye_array(inner.size) - rows[:, inner]
-        right_side = rows[:, np.flatnonzero(goal)].sum(axis=1)
-        arriving[inner] = scipy.sparse.linalg.spsolve(system.tocsc(), right_side)
-    return np.clip(arriving, 0.0, 1.0)
-
-
-def _can_reach(chain: scipy.sparse.csr_array, goal: BoolArray) -> BoolArray:
-    # One extra node in front of all goals makes this a single search on the reversed graph.
-    reversed_graph = scipy.sparse.csr_array(chain.T)
-    reversed_graph.eliminate_zeros()
-    source = scipy.sparse.csr_array(goal[None, :].astype(np.float64))
-    corner = scipy.sparse.csr_array((len(goal), 1))
-    graph = scipy.sparse.block_array([[None, source], [corner, reversed_graph]], format="csr")
-    found = scipy.sparse.csgraph.breadth_first_order(graph, 0, return_predecessors=False)
-    reaches = np.zeros(len(goal) + 1, dtype=np.bool_)
-    reaches[found] = True
-    return reaches[1:]

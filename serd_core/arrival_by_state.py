@@ -14,13 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
+from serd_core.absorption import probability_of_ever_arriving
 from serd_core.arrays import FloatArray
-from serd_core.arrival import (
-    ArrivalTimes,
-    GoalProblem,
-    policy_chain,
-    probability_of_ever_arriving,
-)
+from serd_core.arrival import ArrivalTimes, GoalProblem, policy_chain
 from serd_core.errors import SerdError
 
 
