@@ -51,7 +51,10 @@ class Nav2Goals:
         """Drive to the targets in turn (m, map); what Nav2 does already is not sent again."""
         self._heard_wall_s = wall_s
         wanted = tuple(targets)
-        if not wanted or _continues(wanted, self._targets):
+        if not wanted:
+            return
+        self._waiting = None  # only the newest wish counts
+        if _continues(wanted, self._targets):
             return
         if not self._client.server_is_ready():
             self._targets, self.state = (), "no server"

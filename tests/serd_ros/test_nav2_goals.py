@@ -101,6 +101,17 @@ def test_of_waypoints_that_come_while_one_is_sent_only_the_newest_is_sent_after_
     assert [goal[0] for goal in server.goals] == [((0.0, 0.0),), ((3.0, 0.0),)]
 
 
+def test_a_waypoint_taken_back_before_the_server_answered_is_not_sent(server, goals):
+    first, second = [(1.0, 2.0)], [(1.0, 3.0)]
+    for targets in (first, second, first):
+        goals.take(targets, 0.0, 0.0)
+    handle = server.answer()
+    assert [goal[0] for goal in server.goals] == [tuple(first)]
+    assert goals.state == "driving"
+    handle.end(SUCCEEDED)
+    assert goals.state == "arrived"
+
+
 def test_a_plan_that_goes_on_is_not_sent_again(server, goals):
     goals.take([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], 0.0, 0.0)
     server.answer()
