@@ -27,6 +27,11 @@ class Belief(ABC):
         """The prior this relation brings along."""
         return UniformPrior()
 
+    @property
+    def learns_dynamics(self) -> bool:
+        """Whether any dynamics move; where none do, they may rule outcomes out."""
+        return True
+
     @abstractmethod
     def pack(self, parameters: Parameters) -> FloatArray:
         """Vector of the free numbers."""
@@ -112,6 +117,11 @@ class CoupledBelief(FreeBelief):
 @dataclass(frozen=True)
 class FixedBelief(Belief):
     """Dynamics are given and stay as they are: inverse reinforcement learning."""
+
+    @property
+    def learns_dynamics(self) -> bool:
+        """None move."""
+        return False
 
     def pack(self, parameters: Parameters) -> FloatArray:
         """(F + 0 or 1,) reward, log temperature."""

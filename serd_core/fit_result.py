@@ -13,7 +13,8 @@ class FitResult:
     reward_weights: (F,) theta_R in the order of feature_names; soft policies have temperature 1.
     outcome_parameters, outcome_probabilities: (M, K) energies and probabilities of the true
     dynamics; believed_outcome_probabilities: of the expert's belief; initial_...: the start.
-    (For a SparseModel: its parameter vector and its entries.)
+    (For a SparseModel: its parameter vector and its entries.) Outcomes that fixed dynamics rule
+    out have energies so low that their probability is exactly 0.
     temperature: theta_P, 1 where the policy model has none.
     gradient_norm: largest |dJ/d theta| per decision over the numbers that were free; at a kink that
     of the smallest mean of the gradients around (`serd_core.ascent.kinked`).

@@ -27,6 +27,8 @@ from serd_core.errors import SerdError
 
 #: How far the sum of a row may be from 1: rounding, no more.
 SUM_TOLERANCE = 1e-9
+#: Scaled energy, below that of a certain outcome, at which exp() is exactly 0: it is from 746 on.
+IMPOSSIBLE = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,10 +164,23 @@ class OutcomeModels(TransitionModel):
             model, outcome = np.argwhere(~(probabilities > 0))[0]
             raise SerdError(
                 f"probabilities[{model}, {outcome}] must be above 0 to have a finite energy, got"
-                f" {probabilities[model, outcome]}; use a positive pseudo-count"
+                f" {probabilities[model, outcome]}; use a positive pseudo-count, or FixedBelief()"
+                " where dynamics are not learned"
             )
         energies = np.log(probabilities) / self.beta
         return np.asarray(energies - energies.mean(axis=1, keepdims=True)).ravel()
+
+    def fixed_parameters_of(self, known: FloatArray) -> FloatArray:
+        """(M*K,) energies of (M, K) probabilities; outcomes of probability 0 keep exactly that.
+
+        Such energies suit dynamics that nobody moves: there the gradient is 0, too.
+        """
+        probabilities = np.asarray(known, dtype=np.float64)
+        self.require_distributions(probabilities)
+        possible = probabilities > 0
+        scaled = np.log(probabilities, out=np.full_like(probabilities, -IMPOSSIBLE), where=possible)
+        mean = np.mean(scaled, axis=1, keepdims=True, where=possible)
+        return np.asarray((scaled - mean) / self.beta).ravel()
 
     def require_distributions(self, table: FloatArray) -> None:
         """SerdError naming the first local model whose row of an (M, K) table is no distribution.

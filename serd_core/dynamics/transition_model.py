@@ -66,6 +66,10 @@ class TransitionModel(ABC):
     def parameters_of(self, initial: FloatArray) -> FloatArray:
         """(n_parameters,) parameters for given initial dynamics, in the model's own terms."""
 
+    def fixed_parameters_of(self, known: FloatArray) -> FloatArray:
+        """(n_parameters,) the same for dynamics that stay as they are; they may hold zeros."""
+        return self.parameters_of(known)
+
     @property
     @abstractmethod
     def local_index(self) -> IntArray:

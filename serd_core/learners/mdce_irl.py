@@ -49,7 +49,11 @@ def fit_mdce_irl_by_likelihood(
     prior: Prior = UNIFORM,
     ascent: Ascent = LBFGS,
 ) -> FitResult:
-    """Reward weights of highest likelihood; dynamics: (M, K), or None for the M-estimate."""
+    """Reward weights of highest likelihood.
+
+    dynamics: (M, K), or None for the M-estimate. They may hold zeros, except where a decision was
+    observed that they would rule out.
+    """
     return fit_mdce_serd(
         problem,
         decisions,

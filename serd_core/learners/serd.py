@@ -20,6 +20,7 @@ from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.estimation import estimate_dynamics
 from serd_core.fit_result import FitResult
+from serd_core.likelihood.dynamics import require_possible
 from serd_core.likelihood.observations import observe
 from serd_core.parameters import Parameters
 from serd_core.policies.policy_model import PolicyModel
@@ -60,8 +61,11 @@ def fit_serd(
 ) -> FitResult:
     """Algorithm 1 from the given start."""
     observations = observe(problem.mdp, decisions)
-    start = starting_parameters(problem, policy_model, initial_weights, initial_dynamics)
+    start = starting_parameters(
+        problem, policy_model, initial_weights, initial_dynamics, settings.belief
+    )
     initial_probabilities = problem.mdp.transitions.local_probabilities(start.truth)
+    require_possible(observations, problem.mdp, initial_probabilities)
     prior = (settings.prior + settings.belief.prior).anchored(initial_probabilities)
     posterior = Posterior(
         problem, observations, policy_model, prior, settings.solver, settings.linear_solver
@@ -133,10 +137,14 @@ def starting_parameters(
     policy_model: PolicyModel,
     initial_weights: FloatArray,
     initial_dynamics: FloatArray,
+    relation: Belief = TIED,
 ) -> Parameters:
     """All four blocks for given weights and dynamics; belief and truth start equal."""
     model = problem.mdp.transitions
-    theta = model.parameters_of(initial_dynamics)
+    if relation.learns_dynamics:
+        theta = model.parameters_of(initial_dynamics)
+    else:
+        theta = model.fixed_parameters_of(initial_dynamics)
     model.require_stochastic(model.entries(model.local_probabilities(theta)))
     weights = float_array("initial_weights", initial_weights, (len(problem.feature_names),))
     return Parameters(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from serd_core.arrays import FloatArray
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.parameters import Block, Parameters
@@ -41,11 +42,32 @@ class NormPrior(Prior):
         theta = parameters.block(self.block)
         if not theta.size:
             return LogPrior(0.0, parameters.zeros())
+        absolute, norm = self._norm(theta)
+        slope = theta / absolute * (absolute / norm) ** (self.p - 1.0)
+        gradient = parameters.zeros().with_block(self.block, -self.weight * slope)
+        return LogPrior(-self.weight * norm, gradient)
+
+    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
+        """With a = |theta|_e, its slope c = theta / a, norm n and s = dn = c (a / n)^(p-1):
+
+        d2 n = diag(e^2 / a^3 (a / n)^(p-1)) + (p - 1) / n (diag(c^2 (a / n)^(p-2)) - s s^T)
+        """
+        del model
+        table = np.zeros((len(parameters.vector),) * 2)
+        theta, place = parameters.block(self.block), parameters.place(self.block)
+        if theta.size:
+            absolute, norm = self._norm(theta)
+            share, slope = absolute / norm, theta / absolute
+            kink = (self.smoothing / absolute) ** 2 / absolute * share ** (self.p - 1.0)
+            along = slope * share ** (self.p - 1.0)
+            bowl = np.diag(slope**2 * share ** (self.p - 2.0)) - np.outer(along, along)
+            table[place, place] = np.diag(kink) + (self.p - 1.0) / norm * bowl
+        return -self.weight * table
+
+    def _norm(self, theta: FloatArray) -> tuple[FloatArray, float]:
+        """(n,) |theta|_e and its p-norm."""
         absolute = np.sqrt(theta**2 + self.smoothing**2)
         # Scaling by the largest entry keeps large powers finite.
         largest = float(absolute.max())
         relative = absolute / largest
-        norm = largest * float(np.sum(relative**self.p)) ** (1.0 / self.p)
-        slope = theta / absolute * (absolute / norm) ** (self.p - 1.0)
-        gradient = parameters.zeros().with_block(self.block, -self.weight * slope)
-        return LogPrior(-self.weight * norm, gradient)
+        return absolute, largest * float(np.sum(relative**self.p)) ** (1.0 / self.p)

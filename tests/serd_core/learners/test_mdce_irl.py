@@ -1,14 +1,17 @@
 import numpy as np
 import pytest
 
-from serd_core.demonstrations import start_distribution
+from serd_core.ascent.trust_region import TrustRegion
+from serd_core.demonstrations import Decisions, start_distribution
 from serd_core.dynamics.transitions import transitions_of
+from serd_core.errors import SerdError
 from serd_core.learners.mdce_irl import (
     empirical_feature_expectation,
     feature_expectation,
     fit_mdce_irl_by_entropy,
     fit_mdce_irl_by_likelihood,
 )
+from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.simulation import sample_decisions
 from serd_core.trajectories import feature_counts, trajectories_of
@@ -42,17 +45,53 @@ def test_at_the_entropy_optimum_the_features_match(long_case):
 def test_entropy_and_likelihood_agree_for_many_demonstrations_under_true_dynamics(long_case):
     arguments = {"initial_weights": np.zeros(2), "dynamics": long_case.probabilities}
     matched = fit_mdce_irl_by_entropy(long_case.problem, long_case.decisions, **arguments)
-    likely = _by_likelihood(long_case)
+    likely = fit_mdce_irl_by_likelihood(long_case.problem, long_case.decisions, **arguments)
     np.testing.assert_allclose(matched.reward_weights, long_case.weights, atol=0.3)
     np.testing.assert_allclose(likely.reward_weights, long_case.weights, atol=0.15)
 
 
-def _by_likelihood(case):
-    smoothed = np.clip(case.probabilities, 1e-6, None)
-    smoothed /= smoothed.sum(axis=1, keepdims=True)
-    return fit_mdce_irl_by_likelihood(
-        case.problem, case.decisions, initial_weights=np.zeros(2), dynamics=smoothed
-    )
+def test_known_dynamics_with_zeros_give_the_limit_of_smoothed_ones(gridworld):
+    """The truth of section 4.6.2 rules outcomes out: waiting is certain, nothing goes back."""
+    known = gridworld.probabilities
+    assert np.any(known == 0)
+    fits = {}
+    for least in (0.0, 1e-12):
+        smoothed = np.maximum(known, least)
+        smoothed /= smoothed.sum(axis=1, keepdims=True)
+        fits[least] = fit_mdce_irl_by_likelihood(
+            gridworld.problem,
+            gridworld.decisions,
+            initial_weights=np.zeros(2),
+            dynamics=smoothed,
+            ascent=TrustRegion(gradient_tolerance=1e-9),
+        )
+        assert fits[least].converged
+    np.testing.assert_array_equal(fits[0.0].outcome_probabilities == 0, known == 0)
+    np.testing.assert_allclose(fits[0.0].outcome_probabilities, known, rtol=1e-12)
+    np.testing.assert_allclose(fits[0.0].reward_weights, fits[1e-12].reward_weights, rtol=1e-6)
+    assert np.isfinite(fits[0.0].objective)
+
+
+def test_learned_dynamics_may_not_start_at_zeros_and_the_sentence_says_who_may(gridworld):
+    with pytest.raises(SerdError, match=r"probabilities\[0, 1\] must be above 0 .* FixedBelief"):
+        fit_mdce_serd(
+            gridworld.problem,
+            gridworld.decisions,
+            initial_weights=np.zeros(2),
+            initial_dynamics=gridworld.probabilities,
+        )
+
+
+def test_dynamics_that_rule_an_observed_step_out_are_refused_by_its_name(minimum_example):
+    zero = np.zeros(1, dtype=int)
+    decisions = Decisions(zero, zero, zero, zero, zero + 1)
+    with pytest.raises(SerdError, match="rule out the observed step from state 0 by action 0 to"):
+        fit_mdce_irl_by_likelihood(
+            minimum_example,
+            decisions,
+            initial_weights=np.zeros(1),
+            dynamics=np.array([[1.0, 0.0], [0.5, 0.5]]),
+        )
 
 
 def test_slack_is_the_distance_of_the_features_over_the_weights(long_case):

@@ -63,9 +63,29 @@ def test_second_derivatives_are_differences_of_the_gradient(prior, seed):
     vector = np.random.default_rng(seed).normal(size=9)
     exact = prior.hessian(MODEL, blocks(vector))
     numeric = gradient_differences(
-        lambda v: prior.evaluate(MODEL, blocks(v)).gradient.vector, vector
+        lambda v: prior.evaluate(MODEL, blocks(v)).gradient.vector, vector, step=1e-7
     )
-    np.testing.assert_allclose(exact, numeric, atol=1e-6)
+    np.testing.assert_allclose(exact, numeric, rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize("smoothing", [1e-2, 1e-5, 1e-9])
+@pytest.mark.parametrize("p", [1.0, 1.5, 2.0, 7.0])
+def test_second_derivatives_of_a_norm_hold_within_its_kinks(p, smoothing):
+    """Differences by steps far below the smoothing, where the curvature is that of the kink."""
+    prior = NormPrior(0.7, Block.TRUTH, p, smoothing)
+    vector = np.array([3.0, -1.0, 0.1, 0.2, 0.3, 0.5, 0.0, -2.0, 1.5]) * smoothing
+    exact = prior.hessian(MODEL, blocks(vector))
+    numeric = gradient_differences(
+        lambda v: prior.evaluate(MODEL, blocks(v)).gradient.vector, vector, step=1e-4 * smoothing
+    )
+    np.testing.assert_allclose(exact, numeric, rtol=1e-6, atol=1e-7 / smoothing)
+
+
+def test_an_entry_at_the_kink_of_a_sum_of_magnitudes_has_the_curvature_of_its_smoothing():
+    for smoothing in (1e-3, 1e-7, 1e-12):
+        table = NormPrior(2.0, Block.REWARD, 1.0, smoothing).hessian(MODEL, at(reward=(0.0, 1.0)))
+        assert table[0, 0] == pytest.approx(-2.0 / smoothing)
+        assert table[0, 1] == 0.0
 
 
 def at(reward=(0.0, 0.0), belief=(0.0,) * 3, truth=(0.0,) * 3):
