@@ -1,6 +1,6 @@
 """Expert demonstrations D as one table of decisions (s, a, s') (Eqs. 3.1 and 3.2).
 
-Rows are in the order they happened; rows of one episode share an episode number.
+Rows of one episode share an episode number; `time_s` says in which order they happened.
 """
 
 from collections.abc import Iterable
@@ -10,6 +10,10 @@ import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array, int_array
 from serd_core.errors import SerdError
+
+# Times the usual (median) period after which a decision is late: one and a half, as without the
+# decision in between it is two.
+_LATE = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +88,34 @@ def state_counts(decisions: Decisions, n_states: int) -> FloatArray:
 
 
 def start_distribution(decisions: Decisions, n_states: int) -> FloatArray:
-    """(S,) share of episodes whose first decision was in each state: empirical P(s0)."""
+    """(S,) share of trajectories that start in each state: empirical P(s0)."""
     _require_below("state", decisions.state, n_states)
-    first = np.unique(decisions.episode, return_index=True)[1]
-    if not len(first):
+    rows, begins = rows_by_trajectory(decisions)
+    if not len(rows):
         raise SerdError("decisions must hold at least one decision, got none; record an episode")
+    first = rows[begins]
     return np.bincount(decisions.state[first], minlength=n_states) / len(first)
+
+
+def rows_by_trajectory(decisions: Decisions) -> tuple[IntArray, BoolArray]:
+    """(N,) rows by episode and time, and (N,) whether a trajectory begins with each of these.
+
+    Decisions at equal times stay in the order of their rows. A trajectory begins with every
+    episode, and where decisions in between are missing: the next one is taken in another state than
+    the last one reached, and later than one usual period. In another state but on time, nothing is
+    missing: a move that no outcome explains was recorded as the nearest one that does.
+    """
+    rows = np.lexsort((decisions.time_s, decisions.episode))
+    begins = np.ones(len(rows), dtype=np.bool_)
+    before, after = rows[:-1], rows[1:]
+    same = decisions.episode[before] == decisions.episode[after]
+    passed_s = decisions.time_s[after] - decisions.time_s[before]
+    elsewhere = decisions.next_state[before] != decisions.state[after]
+    counted = passed_s[same & (passed_s > 0)]
+    usual_s = float(np.median(counted)) if counted.size else 0.0
+    on_time = (passed_s > 0) & (passed_s <= _LATE * usual_s)
+    begins[1:] = ~same | (elsewhere & ~on_time)
+    return rows.astype(np.int64), begins
 
 
 def _require_length(name: str, length: int, expected: int) -> None:

@@ -63,6 +63,14 @@ class Mdp:
         return self.transitions.absorbing
 
     @cached_property
+    def final(self) -> BoolArray:
+        """(S,) absorbing states with one action: an episode is over, as nothing is left to decide.
+
+        Experts that stay for good but choose between actions go on making decisions.
+        """
+        return np.asarray(self.absorbing & (self.available.sum(axis=1) == 1))
+
+    @cached_property
     def policy_pattern(self) -> PolicyPattern:
         """Symbolic structure of I - gamma P_pi, set up once for all policies and parameters."""
         model = self.transitions

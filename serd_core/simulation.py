@@ -23,10 +23,10 @@ def sample_decisions(
     rng: np.random.Generator,
     source: str = "sampled",
 ) -> Decisions:
-    """Episodes of at most `n_steps` decisions; an episode ends when it reaches an absorbing state.
+    """Episodes of at most `n_steps` decisions; one ends in a final state (`Mdp.final`).
 
-    policy: (S, A); start_distribution: (S,). Time counts in decisions. Episodes that start in an
-    absorbing state have no decisions.
+    policy: (S, A); start_distribution: (S,). Time counts in decisions. Episodes that start in a
+    final state have no decisions.
     """
     if n_episodes < 1 or n_steps < 1:
         raise SerdError(
@@ -36,7 +36,7 @@ def sample_decisions(
     starts = checked_distribution("start_distribution", start_distribution, mdp.n_states)
     transitions = transitions_of(mdp.transitions, np.asarray(outcome_probabilities, np.float64))
     state = _draw(np.broadcast_to(starts, (n_episodes, mdp.n_states)), rng)
-    moving = np.flatnonzero(~mdp.absorbing[state])
+    moving = np.flatnonzero(~mdp.final[state])
     rows: list[tuple[IntArray, ...]] = []
     for step in range(n_steps):
         if not moving.size:
@@ -46,7 +46,7 @@ def sample_decisions(
         following = _successors(transitions, present * mdp.n_actions + action, rng)
         rows.append((moving, np.full(len(moving), step), present, action, following))
         state[moving] = following
-        moving = moving[~mdp.absorbing[following]]
+        moving = moving[~mdp.final[following]]
     return _decisions(rows, source)
 
 

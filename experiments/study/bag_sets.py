@@ -31,7 +31,8 @@ def sets_from_bags(
 ) -> DemonstrationSets:
     """The sets of one repetition; SerdError where the bags hold too few episodes."""
     decisions = _decisions(settings, scenario, problem)
-    begins = trajectories_of(decisions).start
+    pieces = trajectories_of(decisions)
+    begins = pieces.start[np.unique(pieces.episode, return_index=True)[1]]
     elsewhere = np.isin(begins, start_states_of(scenario, problem.grid, TRANSFER_AREA))
     rng = np.random.default_rng([settings.seed, repetition])
     usual = rng.permutation(decisions.episodes[~elsewhere])

@@ -50,7 +50,7 @@ def importance_log_weights(
     sampling_policy: FloatArray,
     baseline_policy: FloatArray | None = None,
 ) -> FloatArray:
-    """(N,) log U_Q(tau) - log U_a(tau) of each sampled episode."""
+    """(N,) log U_Q(tau) - log U_a(tau) of each sampled trajectory."""
     available = problem.mdp.available
     uniform = available / available.sum(axis=1, keepdims=True)
     baseline = uniform if baseline_policy is None else baseline_policy

@@ -111,7 +111,7 @@ def _thresholds(
 ) -> FloatArray:
     if thresholds is None:
         episodes = trajectories_of(decisions)
-        lengths = np.where(problem.mdp.absorbing[episodes.end], np.inf, episodes.length)
+        lengths = np.where(problem.mdp.final[episodes.end], np.inf, episodes.length)
         return hoeffding_thresholds(
             problem, len(episodes), confidence, float(lengths.max()), float(lengths.min())
         )

@@ -39,6 +39,11 @@ def test_start_distribution_uses_the_first_decision_of_each_episode():
     np.testing.assert_allclose(start_distribution(five_decisions(), 4), [0.5, 0, 0.5, 0])
 
 
+def test_the_first_decision_is_that_of_the_earliest_time_whatever_the_rows():
+    turned = five_decisions().select(np.array([4, 2, 0, 3, 1]))
+    np.testing.assert_allclose(start_distribution(turned, 4), [0.5, 0, 0.5, 0])
+
+
 def test_no_decisions_have_no_start():
     nothing = five_decisions().select(np.zeros(5, bool))
     with pytest.raises(SerdError, match="must hold at least one decision"):

@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 
 from serd_core.demonstrations import state_action_counts
+from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.likelihood.observations import observe
+from serd_core.mdp import Mdp
 from serd_core.simulation import sample_decisions
 
 
@@ -59,3 +61,22 @@ def test_no_episodes_are_refused(minimum_example):
             n_steps=5,
             rng=np.random.default_rng(0),
         )
+
+
+def test_an_expert_that_stays_but_still_chooses_goes_on_deciding():
+    """One state that both actions keep: nothing leaves it, but what is chosen there says a lot."""
+    mdp = Mdp(
+        OutcomeModels(np.zeros((1, 2, 1), int), np.zeros((1, 2), int), np.ones((1, 2), bool), 1),
+        0.9,
+    )
+    decisions = sample_decisions(
+        mdp,
+        np.array([[0.25, 0.75]]),
+        np.ones((1, 1)),
+        np.ones(1),
+        n_episodes=400,
+        n_steps=10,
+        rng=np.random.default_rng(0),
+    )
+    assert len(decisions) == 4000
+    assert decisions.action.mean() == pytest.approx(0.75, abs=0.03)
