@@ -14,8 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from bags.errors import BagError
-from bags.reader import BagReader, RawMessage, TopicInfo
-from bags.rewrite import definition_of
+from bags.layout import storage_name
+from bags.message_types import ENCODING
+from bags.reader import BagReader, RawMessage
+from bags.topic_definition import kept_definition
+from bags.topic_info import TopicInfo
 from serd_core.arrays import FloatArray
 
 _SECOND_NS = 1_000_000_000
@@ -23,6 +26,11 @@ _SECOND_NS = 1_000_000_000
 _GAP_FACTOR, _SHORTEST_GAP_S = 5.0, 0.5
 #: Messages closer together came in one burst, or got one log time for want of stamps of their own.
 _BURST_S = 1e-3
+
+_NO_CHECKSUMS = (
+    "sqlite3 files have no checksums: changed bytes within messages cannot be noticed;"
+    " 'serd bag convert' gives the messages some"
+)
 
 
 @dataclass(frozen=True)
@@ -69,7 +77,7 @@ class BagCheck:
 
 def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
     """Read the whole bag; `required`: topics that must have messages, in any namespace."""
-    reader = BagReader(path, tolerant=True)
+    reader = BagReader(path, tolerant=True, thorough=True)
     times = {name: (array("q"), array("q")) for name in reader.topics}
     stamped = {name: _has_header(topic) for name, topic in reader.topics.items()}
     faults: list[str] = []
@@ -86,7 +94,10 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
     filled = {topic.name.rsplit("/", 1)[-1] for topic in topics if topic.n_messages}
     wanted = {name.rsplit("/", 1)[-1]: name for name in required}
     faults += [f"topic {wanted[name]} has no message" for name in wanted if name not in filled]
-    return BagCheck(Path(path), topics, tuple(faults), tuple(_remarks(topics)))
+    remarks = _remarks(topics)
+    if any(storage_name(file).endswith(".db3") for file in reader.layout.files):
+        remarks.append(_NO_CHECKSUMS)
+    return BagCheck(Path(path), topics, tuple(faults), tuple(remarks))
 
 
 def _topic(topic: TopicInfo, log_ns: "array[int]", stamp_ns: "array[int]") -> TopicCheck:
@@ -144,11 +155,8 @@ def _times(number: int) -> str:
 
 
 def _has_header(topic: TopicInfo) -> bool:
-    try:
-        text = definition_of(topic).text
-    except BagError:
-        return False
-    return _begins_with_header(text)
+    definition = kept_definition(topic)
+    return definition.encoding == ENCODING and _begins_with_header(definition.text)
 
 
 @cache

@@ -6,13 +6,13 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Damage:
-    """offset: byte at which the reader noticed; lost_messages: None where nobody can know."""
+    """offset: byte at which the reader noticed, None where it concerns the whole file."""
 
     path: Path
-    offset: int
+    offset: int | None
     what: str
-    lost_messages: int | None = None
 
     def sentence(self) -> str:
         """The damage for people to read."""
-        return f"{self.path}: at byte {self.offset}: {self.what}"
+        where = "" if self.offset is None else f"at byte {self.offset}: "
+        return f"{self.path}: {where}{self.what}"

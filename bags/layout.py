@@ -9,39 +9,58 @@ import yaml
 
 from bags.errors import BagError
 from bags.metadata_file import FILE_NAME, ROOT_KEY
+from bags.unpacked import PACKED
 from storage.errors import FileError
 from storage.text_file import read_text
 
 _SUFFIXES = (".mcap", ".db3")
+_ENDINGS = (*_SUFFIXES, *(suffix + PACKED for suffix in _SUFFIXES))
 
 
 @dataclass(frozen=True)
 class BagLayout:
-    """metadata: what stands below the root key of metadata.yaml, None where there is none.
+    """told: what stands below the root key of metadata.yaml, None where it cannot be read.
 
-    fault: why metadata.yaml is missing or not believed, empty where it is well.
+    fault: why metadata.yaml is missing or does not fit the files, empty where it is well.
     """
 
     path: Path
     files: tuple[Path, ...]
-    metadata: dict[str, Any] | None
+    told: dict[str, Any] | None
     fault: str = ""
 
     @property
-    def plain_mcap(self) -> bool:
-        """Whether the files are MCAP and not compressed as a whole."""
-        return all(file.suffix == ".mcap" for file in self.files) and not (self.metadata or {}).get(
-            "compression_mode"
-        )
+    def n_messages(self) -> int | None:
+        """Messages of the whole bag."""
+        return _count((self.told or {}).get("message_count"))
+
+    @property
+    def messages_by_file(self) -> dict[str, int]:
+        """Messages of each file, by its name as it is called unpacked."""
+        entries = _dicts((self.told or {}).get("files"))
+        counts = {str(each.get("path")): _count(each.get("message_count")) for each in entries}
+        return {storage_name(name): count for name, count in counts.items() if count is not None}
+
+    @property
+    def messages_by_topic(self) -> dict[str, int]:
+        """Messages of each topic."""
+        counts: dict[str, int] = {}
+        for entry in _dicts((self.told or {}).get("topics_with_message_count")):
+            topic, count = entry.get("topic_metadata"), _count(entry.get("message_count"))
+            if isinstance(topic, dict) and count is not None:
+                name = str(topic.get("name"))
+                counts[name] = counts.get(name, 0) + count
+        return counts
 
 
 def bag_layout(path: str | Path) -> BagLayout:
     """The layout of a bag folder or of a single storage file; BagError where there is no bag."""
     path = Path(path)
-    if path.is_file() and path.suffix in _SUFFIXES:
+    if path.is_file() and path.name.endswith(_ENDINGS):
         return BagLayout(path, (path,), None)
     if not path.is_dir():
         raise BagError(f"bag {path} must be a folder or a .mcap or .db3 file; check the path")
+    metadata = None
     try:
         metadata = _metadata(path)
         return BagLayout(path, _listed(path, metadata), metadata)
@@ -50,7 +69,12 @@ def bag_layout(path: str | Path) -> BagLayout:
         if not files:
             kinds = " or ".join(_SUFFIXES)
             raise BagError(f"bag {path} must hold {kinds} files, got none; {error}") from None
-        return BagLayout(path, files, None, str(error))
+        return BagLayout(path, files, metadata, str(error))
+
+
+def storage_name(path: Path | str) -> str:
+    """The name of a storage file without the ending of a compressed one."""
+    return Path(path).name.removesuffix(PACKED)
 
 
 def _metadata(path: Path) -> dict[str, Any]:
@@ -78,10 +102,18 @@ def _listed(path: Path, metadata: dict[str, Any]) -> tuple[Path, ...]:
 
 
 def _found(path: Path) -> tuple[Path, ...]:
-    files = (file for file in path.iterdir() if file.suffix in _SUFFIXES)
+    files = (file for file in path.iterdir() if file.name.endswith(_ENDINGS))
     return tuple(sorted(files, key=_by_number))
 
 
 def _by_number(file: Path) -> tuple[int, str]:
-    number = re.search(r"_(\d+)$", file.stem)
+    number = re.search(r"_(\d+)$", Path(storage_name(file.name)).stem)
     return int(number[1]) if number else 0, file.name
+
+
+def _dicts(values: Any) -> list[dict[str, Any]]:
+    return [each for each in values if isinstance(each, dict)] if isinstance(values, list) else []
+
+
+def _count(value: Any) -> int | None:
+    return value if isinstance(value, int) and value >= 0 else None

@@ -28,14 +28,12 @@ from storage.errors import disk_error
 
 @dataclass(frozen=True)
 class Ending:
-    """summary_start: first byte after the data; n_messages: None where the file does not say."""
+    """n_messages: None where the file does not say; message_counts: by channel, may be empty."""
 
     definitions: Definitions
     chunk_starts: tuple[int, ...]
     n_messages: int | None
     message_counts: dict[int, int]
-    first_ns: int
-    last_ns: int
 
 
 def file_ending(path: Path) -> Ending | None:
@@ -84,7 +82,5 @@ def _parsed(summary: bytes) -> Ending:
         elif opcode == STATISTICS:
             statistics = STATISTICS_HEAD.unpack_from(content)
             counts = dict(struct.iter_unpack("<HQ", content[STATISTICS_HEAD.size + 4 :]))
-    n_messages, first, last = (
-        (statistics[0], statistics[6], statistics[7]) if statistics else (None, 0, 0)
-    )
-    return Ending(definitions, tuple(sorted(starts)), n_messages, counts, first, last)
+    n_messages = statistics[0] if statistics else None
+    return Ending(definitions, tuple(sorted(starts)), n_messages, counts)

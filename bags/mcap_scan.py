@@ -7,6 +7,7 @@ what was found is held against the number the file's end tells. Each fault is ke
 
 import os
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -29,6 +30,7 @@ from bags.mcap_format import (
     RECORD_HEAD,
     SCHEMA,
 )
+from bags.mcap_index import index_fits
 from storage.errors import disk_error
 
 #: channel, log time, publish time, data
@@ -36,17 +38,33 @@ Found = tuple[Channel, int, int, bytes]
 
 
 class McapScan:
-    """One walk through one file; `damage` and `definitions` are complete after `messages`."""
+    """One walk through one file; what it collects is complete after `messages`.
 
-    def __init__(self, path: Path) -> None:
+    counts: readable messages by topic; expected: what the end of the file tells, None without one.
+    thorough: hold the index behind each chunk against the chunk.
+    """
+
+    def __init__(self, path: Path, *, thorough: bool = False) -> None:
         self.path = path
         self.damage: list[Damage] = []
         self.ending = file_ending(path)
         self.definitions = self.ending.definitions if self.ending else Definitions()
-        self.n_messages = 0
+        self.expected = self.ending.n_messages if self.ending else None
+        self._counts: Counter[int] = Counter()
+        self._thorough = thorough
+        self._chunk_records = b""
+        self._indexes: list[bytes] = []
         self._offset = 0
         self._ended = False
         self._chunked = bool(self.ending and self.ending.chunk_starts)
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Readable messages by topic."""
+        found: Counter[str] = Counter()
+        for number, count in self._counts.items():
+            found[self.definitions.channels[number].topic] += count
+        return found
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[Found]:
         """Messages of the given topics, None for all."""
@@ -84,6 +102,8 @@ class McapScan:
     def _record(
         self, opcode: int, content: bytes, whole: bool, topics: frozenset[str] | None
     ) -> Iterator[Found]:
+        if opcode != MESSAGE_INDEX:
+            self._check_index()
         if opcode == CHUNK:
             self._chunked = True
             yield from self._chunk(content, whole, topics)
@@ -96,6 +116,7 @@ class McapScan:
         elif opcode == MESSAGE_INDEX and whole:
             if int.from_bytes(content[2:6], "little") != len(content) - 6:
                 self._note("a message index is longer than its fields")
+            self._indexes.append(content)
         elif opcode == DATA_END:
             self._ended = True
 
@@ -118,17 +139,25 @@ class McapScan:
         for opcode, start, end in split_records(records):
             if opcode in (SCHEMA, CHANNEL):
                 self._define(opcode, records[start:end])
+        if self._thorough:
+            self._chunk_records = records
         yield from self._found(records, topics)
 
+    def _check_index(self) -> None:
+        if self._thorough and not index_fits(self._chunk_records, self._indexes):
+            self._note("the message index before this does not fit its chunk")
+        self._chunk_records = b""
+        self._indexes.clear()
+
     def _found(self, records: bytes, topics: frozenset[str] | None) -> Iterator[Found]:
-        channels = self.definitions.channels
+        channels, counts = self.definitions.channels, self._counts
         unknown = 0
         for number, log_time, publish_time, start, end in split_messages(records):
             channel = channels.get(number)
             if channel is None:
                 unknown += 1
                 continue
-            self.n_messages += 1
+            counts[number] += 1
             if topics is None or channel.topic in topics:
                 yield channel, log_time, publish_time, records[start:end]
         if unknown:
@@ -159,13 +188,21 @@ class McapScan:
             self._note("the file has no end: the recording was cut off here")
         if self._ended and self.ending is None:
             self._note("the summary at the end of the file is damaged")
-        expected = self.ending.n_messages if self.ending else None
-        if expected is not None and expected != self.n_messages:
-            lost = expected - self.n_messages
-            self._note(f"{expected} messages were written, {self.n_messages} are readable", lost)
+        found = self._counts.total()
+        if self.expected is not None and self.expected != found:
+            self._note(f"{self.expected} messages were written, {found} are readable")
+        elif self.ending is not None and not self.damage:
+            self._hold_against_counts(self.ending.message_counts)
 
-    def _note(self, what: str, lost: int | None = None) -> None:
-        self.damage.append(Damage(self.path, self._offset, what, lost))
+    def _hold_against_counts(self, told: dict[int, int]) -> None:
+        """Each topic against the statistics, where the file has any."""
+        for number, channel in self.definitions.channels.items() if told else ():
+            written, found = told.get(number, 0), self._counts[number]
+            if written != found:
+                self._note(f"{written} messages were written on {channel.topic}, {found} are there")
+
+    def _note(self, what: str) -> None:
+        self.damage.append(Damage(self.path, self._offset, what))
 
 
 def _plausible(opcode: int) -> bool:

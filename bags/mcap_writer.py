@@ -30,7 +30,7 @@ from bags.mcap_format import (
     text_map,
 )
 from bags.mcap_summary import SummaryBuilder
-from bags.message_types import ENCODING, MessageType
+from bags.message_types import MessageType
 from bags.qos import qos_yaml
 from bags.topic import Topic
 
@@ -132,7 +132,7 @@ class McapWriter:
         schema_id = len(self._schema_ids) + 1
         self._schema_ids[message_type] = schema_id
         content = struct.pack("<H", schema_id) + text(message_type.name)
-        content += text(ENCODING) + text(message_type.text)
+        content += text(message_type.encoding) + text(message_type.text)
         self.summary.schemas.append(content)
         self._chunk += record(SCHEMA, content)
         return schema_id

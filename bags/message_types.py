@@ -29,11 +29,15 @@ _PRIMITIVE = re.compile(r"bool|byte|char|wchar|w?string|float(32|64)|u?int(8|16|
 
 @dataclass(frozen=True)
 class MessageType:
-    """name: as `geometry_msgs/msg/Twist`; text: definition with dependencies; type_hash: RIHS01."""
+    """name: as `geometry_msgs/msg/Twist`; text: definition with dependencies; type_hash: RIHS01.
+
+    encoding: how the text is written, `ros2msg` or `ros2idl`, empty where there is no text.
+    """
 
     name: str
     text: str
     type_hash: str
+    encoding: str = ENCODING
 
 
 @lru_cache(maxsize=256)

@@ -8,8 +8,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from bags.errors import BagError
-from bags.reader import BagReader, RawMessage, TopicInfo
-from bags.rewrite import definition_of
+from bags.reader import BagReader, RawMessage
+from bags.topic_definition import definition_of
+from bags.topic_info import TopicInfo
 
 
 def messages_of(directory: Path, names: Sequence[str]) -> Iterator[tuple[str, Any]]:

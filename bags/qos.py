@@ -1,11 +1,17 @@
 """Quality of service of a topic, written as rosbag2 of Jazzy (metadata version 9) writes it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import yaml
 
 _INFINITE = {"sec": 9223372036, "nsec": 854775807}
+_HISTORY: dict[Any, Literal["keep_last", "keep_all"]] = {
+    1: "keep_last",
+    2: "keep_all",
+    "keep_last": "keep_last",
+    "keep_all": "keep_all",
+}
 
 
 @dataclass(frozen=True)
@@ -45,23 +51,33 @@ def qos_yaml(profiles: tuple[QosProfile, ...]) -> str:
     return yaml.safe_dump(values, sort_keys=False, default_flow_style=False).rstrip("\n")
 
 
-def qos_of_yaml(text: str) -> QosProfile:
-    """The first profile of such a text; ours for topics that carry none or one of another version.
+def qos_of_text(text: str) -> tuple[QosProfile, ...]:
+    """The profiles of such a text, unknown values at their default; none where it is no list.
 
-    Older rosbag2 writes reliability, durability and history as the numbers of rmw.
+    Older rosbag2 writes history, reliability and durability as the numbers of rmw.
     """
     try:
-        profiles = yaml.safe_load(text)
+        values = yaml.safe_load(text) if text else []
     except yaml.YAMLError:
-        return RELIABLE
-    if not (isinstance(profiles, list) and profiles and isinstance(profiles[0], dict)):
-        return RELIABLE
-    first = profiles[0]
-    best_effort = first.get("reliability") in ("best_effort", 2)
-    latched = first.get("durability") in ("transient_local", 1)
-    depth = first.get("depth")
+        return ()
+    if not isinstance(values, list):
+        return ()
+    return tuple(_profile(value) for value in values if isinstance(value, dict))
+
+
+def qos_of_yaml(text: str) -> QosProfile:
+    """What to offer for a topic of such a text: its first profile, ours where it has none."""
+    first = next(iter(qos_of_text(text)), RELIABLE)
+    return replace(first, history="keep_last", depth=first.depth or RELIABLE.depth)
+
+
+def _profile(value: dict[str, Any]) -> QosProfile:
+    best_effort = value.get("reliability") in (2, "best_effort")
+    latched = value.get("durability") in (1, "transient_local")
+    depth = value.get("depth")
     return QosProfile(
         reliability="best_effort" if best_effort else "reliable",
         durability="transient_local" if latched else "volatile",
-        depth=depth if isinstance(depth, int) and depth > 0 else RELIABLE.depth,
+        history=_HISTORY.get(value.get("history"), "unknown"),
+        depth=depth if isinstance(depth, int) and depth > 0 else 0,
     )

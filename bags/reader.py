@@ -1,20 +1,27 @@
-"""Messages of any rosbag2: MCAP by our own checking walk, everything else by rosbags.
+"""Messages of any rosbag2, MCAP or sqlite3, plain or compressed, with all that is wrong with it.
 
 The order is that of the files; log times step back where the recorder received them so.
 """
 
+import weakref
+from collections import Counter
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 from bags.damage import Damage
 from bags.errors import BagError
 from bags.layout import BagLayout, bag_layout
+from bags.losses import FileCount, Losses, losses
 from bags.mcap_definitions import Definitions
 from bags.mcap_ending import file_ending
 from bags.mcap_scan import McapScan
-from bags.rosbags_source import RosbagsSource
+from bags.packed_messages import Found, PackedMessages
+from bags.sqlite_scan import SqliteScan
+from bags.topic_info import TopicInfo as TopicInfo
+from bags.unpacked import UnpackedFiles
+from storage.nearest import nearest_name
 
 
 class RawMessage(NamedTuple):
@@ -27,61 +34,68 @@ class RawMessage(NamedTuple):
     publish_time_ns: int
 
 
-@dataclass(frozen=True)
-class TopicInfo:
-    """text, type_hash: empty where the bag does not hold them; qos: YAML text as in the bag."""
-
-    name: str
-    type_name: str
-    text: str = ""
-    type_hash: str = ""
-    qos: str = ""
-
-
 class BagReader:
     """Reads a bag folder, or a single file of one.
 
     tolerant: go on past damage and keep it in `damage`; otherwise damage is a BagError, raised
     when it is met, which for missing messages is at the end.
+    thorough: hold the index of messages against the messages too.
+    losses: what is missing, once all messages were read.
     """
 
-    def __init__(self, path: str | Path, *, tolerant: bool = False) -> None:
+    def __init__(self, path: str | Path, *, tolerant: bool = False, thorough: bool = False) -> None:
         self.path = Path(path)
         self.tolerant = tolerant
         self.damage: list[Damage] = []
+        self.losses = Losses()
         self.layout: BagLayout = bag_layout(path)
-        self._other = None if self.layout.plain_mcap else RosbagsSource(self.layout)
+        self._thorough = thorough
+        self._unpacked = UnpackedFiles(self.layout.files)
+        weakref.finalize(self, self._unpacked.close)
         if self.layout.fault:
-            self._take([Damage(self.path, 0, self.layout.fault)])
+            self._take([Damage(self.path, None, self.layout.fault)])
+        self._take(self._unpacked.damage)
         self.topics: dict[str, TopicInfo] = {topic.name: topic for topic in self._topics()}
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
         """Messages of the given topics, None for all."""
         wanted = None if topics is None else frozenset(topics)
-        if self._other is not None:
-            for found in self._other.messages(wanted):
-                yield RawMessage(*found)
+        counts: Counter[str] = Counter()
+        files: list[FileCount] = []
+        for file, path in zip(self.layout.files, self._unpacked.paths, strict=True):
+            scan = self._scan(path)
+            found = _of_mcap(scan, wanted) if isinstance(scan, McapScan) else scan.messages(wanted)
+            packed = PackedMessages(found)
+            yield from map(RawMessage._make, packed.messages())
+            files.append(FileCount(file, scan.counts.total() - packed.n_broken, scan.expected))
+            counts.update(scan.counts)
+            self._take([replace(each, path=file) for each in scan.damage])
+            if packed.n_broken:
+                what = f"{packed.n_broken} compressed messages cannot be unpacked"
+                self._take([Damage(file, None, what)])
+        self.losses = losses(self.layout, files)
+        self._hold_against_metadata(counts)
+
+    def _scan(self, path: Path) -> McapScan | SqliteScan:
+        if path.suffix == ".mcap":
+            return McapScan(path, thorough=self._thorough)
+        return SqliteScan(path)
+
+    def _hold_against_metadata(self, found: Counter[str]) -> None:
+        """The files may be sound and yet not hold what was recorded."""
+        if self.damage:
             return
-        scans = [McapScan(file) for file in self.layout.files]
-        for scan in scans:
-            yield from self._of_file(scan, wanted)
-        self._hold_against_metadata(sum(scan.n_messages for scan in scans))
-
-    def _of_file(self, scan: McapScan, wanted: frozenset[str] | None) -> Iterator[RawMessage]:
-        types: dict[int, str] = {}
-        for channel, log_time_ns, publish_time_ns, data in scan.messages(wanted):
-            name = types.get(channel.schema_id)
-            if name is None:
-                name = types[channel.schema_id] = _type_name(scan.definitions, channel.schema_id)
-            yield RawMessage(channel.topic, name, data, log_time_ns, publish_time_ns)
-        self._take(scan.damage)
-
-    def _hold_against_metadata(self, found: int) -> None:
-        """The files may be sound and yet not those that belong to the bag."""
-        expected = (self.layout.metadata or {}).get("message_count", found)
-        if found != expected and not self.damage:
-            what = f"metadata.yaml tells of {expected} messages, the files hold {found}"
-            self._take([Damage(self.path, 0, what)])
+        told = self.layout.messages_by_topic
+        wrong = [
+            f"metadata.yaml tells of {told.get(name, 0)} messages on {name},"
+            f" the files hold {found[name]}"
+            for name in sorted({*told, *found})
+            if told and told.get(name, 0) != found[name]
+        ]
+        whole = self.layout.n_messages
+        if not wrong and whole is not None and whole != found.total():
+            wrong = [f"metadata.yaml tells of {whole} messages, the files hold {found.total()}"]
+        self._take([Damage(self.path, None, what) for what in wrong])
 
     def _take(self, damage: list[Damage]) -> None:
         if damage and not self.tolerant:
@@ -89,21 +103,28 @@ class BagReader:
         self.damage.extend(damage)
 
     def _topics(self) -> Iterator[TopicInfo]:
-        if self._other is not None:
-            for name, type_name, text, type_hash, qos in self._other.topics():
-                yield TopicInfo(name, type_name, text, type_hash, qos)
-            return
-        for file in self.layout.files:
-            ending = file_ending(file)
-            yield from _topics_of(self._scanned(file) if ending is None else ending.definitions)
+        for file, path in zip(self.layout.files, self._unpacked.paths, strict=True):
+            if path.suffix != ".mcap":
+                yield from self._topics_of_database(file, path)
+                continue
+            ending = file_ending(path)
+            known = self._scanned(file, path) if ending is None else ending.definitions
+            yield from _topics_of(known)
 
-    def _scanned(self, file: Path) -> Definitions:
+    def _topics_of_database(self, file: Path, path: Path) -> Iterator[TopicInfo]:
+        scan = SqliteScan(path)
+        found = scan.topics()
+        if not found and not self.tolerant:
+            self._take([Damage(file, None, scan.fault() or "it names no topic")])
+        yield from found.values()
+
+    def _scanned(self, file: Path, path: Path) -> Definitions:
         """What a file without an end defines; strictly that is damage already."""
-        scan = McapScan(file)
+        scan = McapScan(path)
         for _ in scan.messages(frozenset()):
             pass
         if not self.tolerant:
-            self._take(scan.damage)
+            self._take([replace(each, path=file) for each in scan.damage])
         return scan.definitions
 
 
@@ -115,7 +136,9 @@ def topic_named(topics: Collection[str], name: str) -> str:
     known = ", ".join(sorted(found or topics)) or "nothing"
     if found:
         raise BagError(f"topic {name!r} must be one topic, the bag holds {known}; name it in full")
-    raise BagError(f"bag must hold the topic {name!r}, it holds {known}; record it too")
+    fix = nearest_topic(topics, name)
+    fix = f"did you mean {fix!r}?" if fix else "record it too"
+    raise BagError(f"bag must hold the topic {name!r}, it holds {known}; {fix}")
 
 
 def topics_named(topics: Collection[str], name: str) -> list[str]:
@@ -125,6 +148,23 @@ def topics_named(topics: Collection[str], name: str) -> list[str]:
     return [topic for topic in topics if topic.rsplit("/", 1)[-1] == name.lstrip("/")]
 
 
+def nearest_topic(topics: Collection[str], name: str) -> str | None:
+    """The topic whose name, whole or without its namespace, is most like `name`."""
+    whole = {topic: topic for topic in sorted(topics)}
+    short = {topic.rsplit("/", 1)[-1]: topic for topic in sorted(topics)}
+    near = nearest_name(name, {**short, **whole})
+    return None if near is None else {**short, **whole}[near]
+
+
+def _of_mcap(scan: McapScan, wanted: frozenset[str] | None) -> Iterator[Found]:
+    types: dict[int, str] = {}
+    for channel, log_time_ns, publish_time_ns, data in scan.messages(wanted):
+        name = types.get(channel.schema_id)
+        if name is None:
+            name = types[channel.schema_id] = _type_name(scan.definitions, channel.schema_id)
+        yield channel.topic, name, data, log_time_ns, publish_time_ns
+
+
 def _topics_of(definitions: Definitions) -> Iterator[TopicInfo]:
     for channel in definitions.channels.values():
         schema = definitions.schemas.get(channel.schema_id)
@@ -132,9 +172,11 @@ def _topics_of(definitions: Definitions) -> Iterator[TopicInfo]:
         yield TopicInfo(
             name=channel.topic,
             type_name=schema.name if schema else "",
-            text=schema.text if schema and schema.encoding == "ros2msg" else "",
+            text=schema.text if schema else "",
             type_hash=metadata.get("topic_type_hash", ""),
             qos=metadata.get("offered_qos_profiles", ""),
+            encoding=channel.encoding,
+            text_encoding=schema.encoding if schema else "",
         )
 
 

@@ -3,36 +3,47 @@
 The new bag stands under its name only once it is whole.
 """
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from bags.errors import BagError
 from bags.mcap_writer import Compression
-from bags.message_types import MessageType, message_type
-from bags.qos_text import qos_of_text
-from bags.reader import BagReader, TopicInfo
+from bags.qos import qos_of_text
+from bags.reader import BagReader
+from bags.topic_definition import kept_definition
 from bags.whole_folder import whole_folder
 from bags.writer import BagWriter
+
+_CDR = "cdr"
 
 
 @dataclass(frozen=True)
 class RewriteReport:
-    """counts: messages per topic; skipped: topics left out and why; damage: sentences, in order.
+    """counts: messages per topic; damage: sentences, in order.
 
-    n_lost: messages known to be lost, None where the broken file cannot tell.
+    skipped: topics left out and why; left_out: their messages.
+    n_lost: messages known to be lost, None where the broken bag cannot tell of any.
+    all_lost_known: whether no more than those can be lost.
     """
 
     source: Path
     target: Path
     counts: dict[str, int]
     skipped: dict[str, str]
+    left_out: dict[str, int]
     damage: tuple[str, ...]
     n_lost: int | None
+    all_lost_known: bool
 
     @property
     def n_messages(self) -> int:
         """Messages in the new bag."""
         return sum(self.counts.values())
+
+    @property
+    def n_left_out(self) -> int:
+        """Readable messages that are not in the new bag."""
+        return sum(self.left_out.values())
 
 
 def recover(source: str | Path, target: str | Path) -> RewriteReport:
@@ -54,39 +65,34 @@ def convert(
 def _rewrite(
     reader: BagReader, target: Path, compression: Compression, max_file_bytes: int | None
 ) -> RewriteReport:
-    skipped: dict[str, str] = {}
+    skipped = {
+        topic.name: f"its messages are {topic.encoding}, not {_CDR}"
+        for topic in reader.topics.values()
+        if topic.encoding != _CDR
+    }
+    left_out: Counter[str] = Counter()
     with (
         whole_folder(target) as folder,
         BagWriter(folder, compression=compression, max_file_bytes=max_file_bytes) as writer,
     ):
-        for topic in reader.topics.values():
-            why_not = _add(writer, topic)
-            if why_not:
-                skipped[topic.name] = why_not
-        for topic_name, _, data, log_time_ns, publish_time_ns in reader.messages(writer.topics):
-            writer.write(topic_name, data, log_time_ns, publish_time_ns)
-    lost = [each.lost_messages for each in reader.damage if each.lost_messages is not None]
+        for name, topic in reader.topics.items():
+            if name not in skipped:
+                profiles = qos_of_text(topic.qos)
+                writer.add_topic(name, topic.type_name, profiles, kept_definition(topic))
+        for name, _, data, log_time_ns, publish_time_ns in reader.messages():
+            if name in skipped:
+                left_out[name] += 1
+            else:
+                writer.write(name, data, log_time_ns, publish_time_ns)
+    lost = reader.losses
+    tells = lost.n_messages or lost.all_known or not reader.damage
     return RewriteReport(
         source=reader.path,
         target=target.resolve(),
         counts=dict(writer.counts),
         skipped=skipped,
+        left_out={name: left_out[name] for name in skipped},
         damage=tuple(each.sentence() for each in reader.damage),
-        n_lost=sum(lost) if lost or not reader.damage else None,
+        n_lost=lost.n_messages if tells else None,
+        all_lost_known=lost.all_known or not reader.damage,
     )
-
-
-def _add(writer: BagWriter, topic: TopicInfo) -> str:
-    """Add the topic; why it cannot be, empty where it was."""
-    try:
-        writer.add_topic(topic.name, topic.type_name, qos_of_text(topic.qos), definition_of(topic))
-    except BagError as error:
-        return str(error)
-    return ""
-
-
-def definition_of(topic: TopicInfo) -> MessageType:
-    """The definition the bag holds, the installed one where it holds none."""
-    if topic.text and topic.type_hash:
-        return MessageType(topic.type_name, topic.text, topic.type_hash)
-    return message_type(topic.type_name)

@@ -27,7 +27,8 @@ def bag_heading(check: BagCheck) -> Text:
 def rewrite_heading(report: RewriteReport) -> Text:
     """What stands above the table of a new bag."""
     messages = counted(report.n_messages, "message")
-    return Text(f"{report.source} -> {report.target}: {messages}")
+    left_out = f", {report.n_left_out} left out" if report.n_left_out else ""
+    return Text(f"{report.source} -> {report.target}: {messages}{left_out}")
 
 
 def info_table(check: BagCheck) -> Table:
@@ -73,7 +74,7 @@ def rewrite_table(report: RewriteReport) -> Table:
     for name, count in sorted(report.counts.items()):
         table.add_row(escape(name), str(count))
     for name, reason in sorted(report.skipped.items()):
-        table.add_row(escape(name), "0", escape(reason))
+        table.add_row(escape(name), f"0 of {report.left_out[name]}", escape(reason))
     return table
 
 
@@ -83,7 +84,8 @@ def losses(report: RewriteReport) -> Iterable[RenderableType]:
     if report.n_lost is None:
         yield Text("messages lost: unknown, the broken file cannot tell", style="yellow")
     elif report.damage:
-        yield Text(f"messages lost: {report.n_lost}", style="yellow")
+        at_least = "" if report.all_lost_known else "at least "
+        yield Text(f"messages lost: {at_least}{report.n_lost}", style="yellow")
 
 
 def check_values(check: BagCheck) -> dict[str, Any]:

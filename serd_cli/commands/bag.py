@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import typer
 
 from bags.check import check_bag
+from bags.layout import storage_name
 from bags.rewrite import RewriteReport
 from bags.rewrite import convert as convert_bag
 from bags.rewrite import recover as recover_bag
@@ -96,11 +97,12 @@ def recover(bags: Bags, output: Output = None, as_json: AsJson = False) -> None:
     """Write what a broken bag still holds as a new bag.
 
     The new bag is BAG_recovered beside the broken one, or --output.
-    The broken bag stays as it is. Exit code 1 where nothing could be read.
+    The broken bag stays as it is. Exit code 1 where nothing could be read, or readable messages
+    had to be left out.
     """
     reports = _rewrite(bags, output, "recovered", recover_bag)
     _show(reports, as_json)
-    if any(not report.n_messages for report in reports):
+    if any(report.n_left_out or not report.n_messages for report in reports):
         raise typer.Exit(FAILED)
 
 
@@ -114,7 +116,8 @@ def convert(
 ) -> None:
     """Write any sound rosbag2 as MCAP.
 
-    The new bag is BAG_mcap beside the old one, or --output.
+    The new bag is BAG_mcap beside the old one, or --output. Messages of types not installed here are
+    copied too. Exit code 1 where messages had to be left out, as those that are not CDR.
     """
     reports = _rewrite(
         bags,
@@ -123,6 +126,8 @@ def convert(
         lambda source, target: convert_bag(source, target, compression=compression),
     )
     _show(reports, as_json)
+    if any(report.n_left_out for report in reports):
+        raise typer.Exit(FAILED)
 
 
 def _rewrite(
@@ -138,7 +143,7 @@ def _rewrite(
 
 def _beside(bag: Path, ending: str) -> Path:
     whole = bag.resolve()
-    name = whole.stem if whole.suffix in (".mcap", ".db3") else whole.name
+    name = Path(storage_name(whole)).stem if whole.is_file() else whole.name
     return whole.with_name(f"{name}_{ending}")
 
 

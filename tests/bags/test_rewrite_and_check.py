@@ -3,16 +3,19 @@
 import signal
 import subprocess
 import sys
+from operator import itemgetter
 from pathlib import Path
 
 import pytest
 from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from bags import mcap_writer
 from bags.check import check_bag
 from bags.errors import BagError
-from bags.qos_text import qos_of_text
+from bags.message_types import MessageType, message_type
+from bags.qos import qos_of_text
 from bags.reader import BagReader
 from bags.rewrite import convert, recover
 from bags.writer import BagWriter
@@ -128,15 +131,71 @@ def test_a_damaged_database_gets_a_sentence(tmp_path):
 
 
 @needs_real_bag
-def test_the_real_bag_is_converted_but_for_types_nobody_has(tmp_path):
+def test_the_real_bag_is_converted_with_types_nobody_has(tmp_path):
     report = convert(REAL_BAG, tmp_path / "real")
+    assert report.n_messages == 2862
     assert report.counts["/odom"] == 290
     assert report.counts["/cmd_vel"] == 391
-    assert set(report.skipped) == {"/accel", "/bump"}
+    assert (report.counts["/accel"], report.skipped) == (290, {})
+    key = itemgetter(0, 2)
+    assert sorted(messages_in(tmp_path / "real"), key=key) == sorted(messages_in(REAL_BAG), key=key)
     with AnyReader([tmp_path / "real"]) as reader:
         odometry = next(each for each in reader.connections if each.topic == "/odom")
         for connection, _, data in reader.messages(connections=[odometry]):
             reader.deserialize(data, connection.msgtype)
+
+
+@pytest.mark.parametrize(
+    ("definition", "encoding"),
+    [
+        (MessageType("mine/msg/Mine", "float64 x\n", ""), "ros2msg"),
+        (MessageType("mine/msg/Mine", "module mine {};", "", "ros2idl"), "ros2idl"),
+        (MessageType("mine/msg/Mine", "", "", ""), ""),
+    ],
+)
+def test_messages_of_unknown_types_are_copied_with_all_that_is_known(
+    tmp_path, messages, definition, encoding
+):
+    with BagWriter(tmp_path / "old") as writer:
+        writer.add_topic("/mine", definition.name, definition=definition)
+        for number in range(9):
+            writer.write("/mine", messages.pose(number, 0.0, 0.0), number)
+    report = convert(tmp_path / "old", tmp_path / "new")
+    assert (report.counts, report.n_left_out) == ({"/mine": 9}, 0)
+    topic = BagReader(tmp_path / "new").topics["/mine"]
+    assert (topic.text, topic.text_encoding) == (definition.text, encoding)
+    assert messages_in(tmp_path / "new") == messages_in(tmp_path / "old")
+    with Reader(tmp_path / "new") as reader:
+        assert reader.message_count == 9
+
+
+def test_the_hash_of_a_definition_recorded_without_one_is_computed(tmp_path):
+    known = message_type(POSE)
+    with BagWriter(tmp_path / "old") as writer:
+        writer.add_topic("/pose", POSE, definition=MessageType(POSE, known.text, ""))
+    convert(tmp_path / "old", tmp_path / "new")
+    assert BagReader(tmp_path / "old").topics["/pose"].type_hash == ""
+    assert BagReader(tmp_path / "new").topics["/pose"].type_hash == known.type_hash
+
+
+def test_check_reads_stamps_by_the_definition_in_the_bag(tmp_path, messages):
+    text = "std_msgs/Header header\nfloat64 x\n"
+    with BagWriter(tmp_path / "old") as writer:
+        writer.add_topic("/mine", "a/msg/B", definition=MessageType("a/msg/B", text, ""))
+        writer.write("/mine", messages.pose(1.0, 0.0, 0.0), 3 * 10**9)
+    (topic,) = check_bag(tmp_path / "old").topics
+    assert topic.stamp_delay_s == (2.0, 2.0)
+
+
+def test_messages_that_are_not_cdr_are_left_out_and_counted(small_bag, tmp_path, monkeypatch):
+    text = mcap_writer.text
+    monkeypatch.setattr(mcap_writer, "text", lambda word: text("json" if word == "cdr" else word))
+    bag = small_bag()
+    monkeypatch.undo()
+    report = convert(bag, tmp_path / "new")
+    assert report.left_out == {"/robot_pose": 60, "/intent": 9}
+    assert report.skipped["/intent"] == "its messages are json, not cdr"
+    assert (report.n_messages, report.n_left_out) == (0, 69)
 
 
 def test_check_finds_nothing_wrong_with_a_sound_bag(small_bag):

@@ -1,0 +1,116 @@
+"""What is missing is noticed and counted, whichever part of the bag still tells of it."""
+
+import re
+
+import pytest
+
+from bags.check import check_bag
+from bags.errors import BagError
+from bags.reader import BagReader
+from bags.rewrite import recover
+from bags.writer import BagWriter
+
+POSE = "geometry_msgs/msg/PoseStamped"
+
+
+@pytest.fixture
+def split_bag(tmp_path, messages):
+    """A bag of 600 messages in several files."""
+    with BagWriter(tmp_path / "split", max_file_bytes=20_000, flush_period_s=0.0) as writer:
+        writer.add_topic("/robot_pose", POSE)
+        for number in range(600):
+            writer.write("/robot_pose", messages.pose(0.1 * number, number, 0.0), number)
+    files = sorted((tmp_path / "split").glob("*.mcap"))
+    assert len(files) > 4
+    return tmp_path / "split"
+
+
+def break_a_chunk(path):
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+def cut(path):
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def n_left(folder):
+    return len(list(BagReader(folder, tolerant=True).messages()))
+
+
+def test_losses_of_two_damaged_files_add_up(split_bag, tmp_path):
+    cut(split_bag / "split_0.mcap")
+    break_a_chunk(split_bag / "split_1.mcap")
+    report = recover(split_bag, tmp_path / "new")
+    assert report.n_messages == n_left(split_bag) < 598
+    assert (report.n_lost, report.all_lost_known) == (600 - report.n_messages, True)
+
+
+def test_without_metadata_what_a_cut_file_lost_is_not_known(split_bag, tmp_path):
+    cut(split_bag / "split_0.mcap")
+    break_a_chunk(split_bag / "split_1.mcap")
+    (split_bag / "metadata.yaml").unlink()
+    report = recover(split_bag, tmp_path / "new")
+    assert 0 < report.n_lost < 600 - report.n_messages
+    assert not report.all_lost_known
+
+
+def test_messages_of_a_missing_file_are_lost(split_bag, tmp_path):
+    (split_bag / "split_2.mcap").unlink()
+    report = recover(split_bag, tmp_path / "new")
+    assert report.n_lost == 600 - report.n_messages > 50
+    assert report.all_lost_known
+
+
+def test_metadata_without_a_list_of_files_tells_the_sum(split_bag, tmp_path):
+    cut(split_bag / "split_0.mcap")
+    path = split_bag / "metadata.yaml"
+    path.write_text(re.sub(r"\n  files:.*?(?=\n  custom_data)", "", path.read_text(), flags=re.S))
+    assert "  files:" not in path.read_text()
+    report = recover(split_bag, tmp_path / "new")
+    assert report.n_lost == 600 - report.n_messages > 0
+
+
+def test_nothing_known_is_not_called_nothing_lost(small_bag, tmp_path):
+    folder = small_bag()
+    (folder / "metadata.yaml").unlink()
+    cut(folder / "small_0.mcap")
+    report = recover(folder, tmp_path / "new")
+    assert (report.n_lost, report.all_lost_known) == (None, False)
+
+
+def test_topics_are_held_against_metadata_one_by_one(small_bag):
+    folder = small_bag()
+    path = folder / "metadata.yaml"
+    text = path.read_text()
+    assert text.count("message_count: 60") == 1
+    assert text.count("message_count: 9") == 1
+    swapped = text.replace("message_count: 60", "message_count: 59")
+    path.write_text(swapped.replace("message_count: 9", "message_count: 10"))
+    with pytest.raises(BagError, match="tells of 10 messages on /intent, the files hold 9"):
+        list(BagReader(folder).messages())
+    assert len(check_bag(folder).faults) == 2
+
+
+def test_topics_are_held_against_the_statistics_of_an_mcap_file(small_bag, monkeypatch):
+    def swapped(summary, channel, _):
+        summary.n_messages += 1
+        summary.message_counts[3 - channel] += 1
+
+    monkeypatch.setattr("bags.mcap_summary.SummaryBuilder.count", swapped)
+    folder = small_bag()
+    with pytest.raises(BagError, match="9 messages were written on /robot_pose, 60 are there"):
+        list(BagReader(folder / "small_0.mcap").messages())
+
+
+def test_a_flipped_bit_in_an_index_is_a_fault_and_costs_no_message(small_bag):
+    file = small_bag() / "small_0.mcap"
+    content = bytearray(file.read_bytes())
+    entries = [at.start() for at in re.finditer(rb"\x07.{7}\0", content, flags=re.S)]
+    place = next(at for at in entries if content[at + 9 : at + 11] == b"\x01\0")
+    content[place + 20] ^= 2
+    file.write_bytes(content)
+    assert len(list(BagReader(file).messages())) == 69
+    (fault,) = check_bag(file).faults
+    assert "the message index before this does not fit its chunk" in fault

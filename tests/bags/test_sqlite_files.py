@@ -1,0 +1,170 @@
+"""Bags of the older storage are held against what they should hold, and salvaged row by row."""
+
+import shutil
+import sqlite3
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from bags.check import check_bag
+from bags.errors import BagError
+from bags.reader import BagReader
+from bags.rewrite import convert, recover
+
+POSE = "geometry_msgs/msg/PoseStamped"
+VECTOR = "geometry_msgs/msg/Vector3Stamped"
+N_MESSAGES = 200
+
+
+@pytest.fixture
+def make(tmp_path, messages):
+    """Makes a bag of short messages and some that are longer than a page of the database."""
+
+    def made(storage=StoragePlugin.SQLITE3, mode=CompressionMode.NONE):
+        store = get_typestore(Stores.ROS2_JAZZY)
+        writer = Writer(tmp_path / "old", version=9, storage_plugin=storage)
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+        with writer:
+            pose = writer.add_connection("/robot_pose", POSE, typestore=store)
+            wish = writer.add_connection("/intent", VECTOR, typestore=store)
+            for number in range(N_MESSAGES):
+                long = "map" if number % 9 else "m" * (3000 + 61 * number)
+                writer.write(pose, 10 * number, messages.pose(number, 1.0, 2.0, frame=long))
+                if number % 20 == 0:
+                    writer.write(wish, 10 * number + 1, messages.intent(number, 1.0, 0.0))
+        return tmp_path / "old"
+
+    return made
+
+
+def contents(path, tolerant=False):
+    reader = BagReader(path, tolerant=tolerant)
+    return list(reader.messages()), reader
+
+
+def test_deleted_rows_are_noticed_and_counted(make, tmp_path):
+    bag = make()
+    with sqlite3.connect(next(bag.glob("*.db3"))) as connection:
+        connection.execute("DELETE FROM messages WHERE topic_id = 1 AND id % 2 = 0")
+    left = sqlite3.connect(next(bag.glob("*.db3"))).execute("SELECT count(*) FROM messages")
+    ((n_left,),) = left.fetchall()
+    left.connection.close()
+    with pytest.raises(BagError, match=r"tells of 200 messages on /robot_pose, the files hold \d+"):
+        contents(bag)
+    assert not check_bag(bag).sound
+    report = recover(bag, tmp_path / "new")
+    assert report.n_messages == n_left
+    assert report.n_lost == 210 - n_left > 50
+
+
+def test_a_cut_off_database_gives_the_rows_that_are_whole(make, tmp_path):
+    bag = make()
+    whole, _ = contents(bag)
+    file = next(bag.glob("*.db3"))
+    content = file.read_bytes()
+    counts = []
+    for size in [*range(40_000, len(content), 30_001), len(content) - 5000]:
+        file.write_bytes(content[:size])
+        found, reader = contents(bag, tolerant=True)
+        assert set(found) <= set(whole)
+        assert reader.damage
+        assert reader.losses.n_messages == len(whole) - len(found)
+        counts.append(len(found))
+        with pytest.raises(BagError, match=r"the database cannot be read .*repair it with"):
+            contents(bag)
+    assert counts == sorted(counts)
+    assert counts[0] > 5
+    assert counts[-1] > 0.9 * len(whole)
+    report = recover(bag, tmp_path / "new")
+    assert report.n_messages == counts[-1]
+    assert contents(tmp_path / "new")[0] == found
+
+
+def test_a_page_of_zeros_costs_what_it_touches(make):
+    bag = make()
+    whole, _ = contents(bag)
+    file = next(bag.glob("*.db3"))
+    content = file.read_bytes()
+    rng = np.random.default_rng(8)
+    for page in rng.permutation(len(content) // 4096)[:40]:
+        broken = bytearray(content)
+        broken[page * 4096 : (page + 1) * 4096] = bytes(4096)
+        file.write_bytes(broken)
+        found, reader = contents(bag, tolerant=True)
+        assert reader.damage or len(found) == len(whole)
+        assert len(found) <= len(whole)
+        if page > 10:
+            assert len(found) > len(whole) - 60
+
+
+def test_no_byte_makes_the_salvage_fail(make):
+    bag = make()
+    file = next(bag.glob("*.db3"))
+    content = file.read_bytes()[:60_000]
+    rng = np.random.default_rng(9)
+    for _ in range(150):
+        broken = bytearray(content)
+        for place in rng.integers(100, len(content), size=20):
+            broken[place] = int(rng.integers(256))
+        file.write_bytes(broken)
+        found, reader = contents(bag, tolerant=True)
+        assert reader.damage
+        assert len(found) < N_MESSAGES
+
+
+def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(make, tmp_path):
+    bag = make()
+    whole, _ = contents(bag)
+    file = next(bag.glob("*.db3"))
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    connection = sqlite3.connect(file)
+    connection.execute("PRAGMA journal_mode = WAL")
+    with connection:
+        row = connection.execute("SELECT topic_id, data FROM messages LIMIT 1").fetchone()
+        connection.execute("INSERT INTO messages VALUES (9999, ?, 5000, ?)", row)
+    for path in bag.glob("*.db3*"):
+        shutil.copy(path, killed)
+    connection.close()
+    found, _ = contents(killed / file.name)
+    assert len(found) == len(whole) + 1
+    assert (killed / f"{file.name}-wal").stat().st_size > 0
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_a_compressed_file_that_is_cut_off_is_unpacked_as_far_as_it_goes(make, storage, tmp_path):
+    bag = make(storage, CompressionMode.FILE)
+    whole, _ = contents(bag)
+    assert len(whole) == 210
+    file = next(bag.glob("*.zstd"))
+    content = file.read_bytes()
+    file.write_bytes(content[: len(content) * 9 // 10])
+    with pytest.raises(BagError, match="the compressed file is cut off; repair it"):
+        contents(bag)
+    report = recover(bag, tmp_path / "new")
+    assert report.n_lost == 210 - report.n_messages
+    (bag / "metadata.yaml").unlink()
+    assert set(contents(bag, tolerant=True)[0]) <= set(whole)
+
+
+def test_messages_packed_one_by_one_that_cannot_be_unpacked_are_counted(make, tmp_path):
+    bag = make(mode=CompressionMode.MESSAGE)
+    whole, _ = contents(bag)
+    with sqlite3.connect(next(bag.glob("*.db3"))) as connection:
+        connection.execute("UPDATE messages SET data = substr(data, 1, 20) WHERE id IN (5, 7)")
+    connection.close()
+    with pytest.raises(BagError, match="2 compressed messages cannot be unpacked"):
+        contents(bag)
+    report = recover(bag, tmp_path / "new")
+    assert (report.n_messages, report.n_lost) == (len(whole) - 2, 2)
+
+
+def test_check_says_that_such_files_have_no_checksums(make):
+    bag = make()
+    check = check_bag(bag)
+    assert check.sound
+    assert "changed bytes within messages cannot be noticed" in check.remarks[-1]
+    converted = check_bag(convert(bag, bag.with_name("new")).target)
+    assert not any("checksum" in remark for remark in converted.remarks)
