@@ -116,8 +116,8 @@ def convert(
 ) -> None:
     """Write any sound rosbag2 as MCAP.
 
-    The new bag is BAG_mcap beside the old one, or --output. Messages of types not installed here are
-    copied too. Exit code 1 where messages had to be left out, as those that are not CDR.
+    The new bag is BAG_mcap beside the old one, or --output. Messages of types not installed here
+    are copied too. Exit code 1 where messages had to be left out, as those that are not CDR.
     """
     reports = _rewrite(
         bags,
