@@ -54,8 +54,10 @@ def empirical_arrival_cdf(
     times = np.where(late, np.inf, given)
     if not len(late):
         raise SerdError("times_s must hold at least one episode, got none")
-    if not horizon_s >= 0:
-        raise SerdError(f"horizon_s must not be negative or NaN, got {horizon_s}; use the time-out")
+    if not 0 <= horizon_s < np.inf:
+        raise SerdError(
+            f"horizon_s must be finite and not negative, got {horizon_s}; use the time-out"
+        )
     _require_coverage(coverage)
     if np.any(np.isnan(times) | (times < 0)):
         raise SerdError("times_s must not be NaN or negative for an episode that arrived")

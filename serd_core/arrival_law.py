@@ -10,7 +10,6 @@ where U is taken as independent of N. Its distribution is that of the entry time
 demonstrations, each as likely as the other. The thesis is the case U = D.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,15 +72,14 @@ class ArrivalLaw:
 
 
 def law_in_seconds(
-    arrival: ArrivalTimes, *, period_s: float, entry_times_s: Sequence[float] = ()
+    arrival: ArrivalTimes, *, period_s: float, entry_times_s: ArrayLike = ()
 ) -> ArrivalLaw:
     """The law of the time of arrival in seconds.
 
     entry_times_s: times within the last period at which demonstrations entered the goal area; none
     for the thesis's end of the period.
     """
-    if not period_s > 0:
-        raise SerdError(f"period_s must be above 0, got {period_s}; use the decision period")
+    _require_period(period_s)
     entry_s = _checked_entries(entry_times_s, period_s)
     begun = np.arange(len(arrival.cdf) - 1)
     # Within period n the CDF climbs from F(n-1) to F(n), by equal steps at the entry times.
@@ -103,6 +101,11 @@ def largest_gap(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
     sides of every step.
     """
     measured = np.sort(np.asarray(arrival_times_s, dtype=np.float64))
+    if not measured.size or np.isnan(measured).any():
+        raise SerdError(
+            f"arrival_times_s must hold at least one time and no NaN, got {measured.tolist()}"
+            "; use inf for an episode that did not arrive"
+        )
     steps = np.unique(np.concatenate([law.times_s, measured[measured <= law.times_s[-1]]]))
     after = np.searchsorted(measured, steps + _SAME_TIME_S, side="right") / len(measured)
     before = np.searchsorted(measured, steps - _SAME_TIME_S, side="right") / len(measured)
@@ -116,13 +119,28 @@ def entry_times_s(arrival_times_s: ArrayLike, period_s: float) -> FloatArray:
 
     arrival_times_s: (N,) since the start of the episode, which begins a period.
     """
+    _require_period(period_s)
     time_s = float_array("arrival_times_s", arrival_times_s, (None,))
+    bad = first_index(~(time_s > 0))
+    if bad is not None:
+        raise SerdError(
+            f"arrival_times_s{list(bad)} must be above 0, got {time_s[bad]}"
+            "; leave out episodes that began at the goal, they entered it in no period"
+        )
     whole = np.ceil(time_s / period_s - _SAME_TIME_S) - 1.0
-    return np.asarray(time_s - period_s * np.maximum(whole, 0.0))
+    return np.minimum(time_s - period_s * np.maximum(whole, 0.0), period_s)
 
 
-def _checked_entries(entry_times_s: Sequence[float], period_s: float) -> FloatArray:
-    entry_s = float_array("entry_times_s", entry_times_s or (period_s,), (None,))
+def _require_period(period_s: float) -> None:
+    if not 0 < period_s < np.inf:
+        raise SerdError(
+            f"period_s must be above 0 and finite, got {period_s}; use the decision period"
+        )
+
+
+def _checked_entries(entry_times_s: ArrayLike, period_s: float) -> FloatArray:
+    given = float_array("entry_times_s", entry_times_s, (None,))
+    entry_s = given if given.size else np.array([period_s])
     bad = first_index(~((entry_s > 0) & (entry_s <= period_s + _SAME_TIME_S)))
     if bad is not None:
         raise SerdError(

@@ -19,11 +19,30 @@ def checked_policy(name: str, values: FloatArray, mdp: Mdp) -> FloatArray:
             f"{name}[{bad[0]}, {bad[1]}] must be a probability of an available action,"
             f" got {policy[bad]}; use 0 for actions that are not available"
         )
+    _require_rows_of_one(name, policy)
+    return policy
+
+
+def checked_choices(
+    name: str, values: FloatArray, shape: tuple[int | None, int | None]
+) -> FloatArray:
+    """(S, A) copy of a policy of whatever problem; SerdError where a row is no distribution."""
+    policy = float_array(name, values, shape)
+    negative = first_index(policy < -1e-9)
+    if negative is not None:
+        raise SerdError(
+            f"{name}{list(negative)} must be a probability, got {policy[negative]}"
+            "; use 0 for actions that are not available"
+        )
+    _require_rows_of_one(name, policy)
+    return np.maximum(policy, 0.0)
+
+
+def _require_rows_of_one(name: str, policy: FloatArray) -> None:
     sums = policy.sum(axis=1)
     off = first_index(np.abs(sums - 1.0) > SUM_TOLERANCE)
     if off is not None:
         raise SerdError(f"{name}[{off[0]}] must sum to 1, got {sums[off]}; normalise over actions")
-    return policy
 
 
 def checked_distribution(name: str, values: FloatArray, size: int) -> FloatArray:

@@ -2,14 +2,16 @@
 
 Log-likelihoods are per decision. Divergences are KLD(truth || estimate), averaged over the states
 and actions that the truth visits; transitions are compared, not outcomes, so outcomes that land in
-the same cell count together.
+the same cell count together. An estimate that rules out what is true there diverges by inf, as its
+log-likelihood of that is -inf.
 """
 
 import numpy as np
+from scipy.special import rel_entr
 
-from serd_core.arrays import FloatArray, float_array, floored
+from serd_core.arrays import FloatArray, float_array, weighted_counts
 from serd_core.demonstrations import Decisions
-from serd_core.distributions import checked_policy
+from serd_core.distributions import checked_choices, checked_policy
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
 from serd_core.fit_result import FitResult
@@ -53,24 +55,23 @@ def dynamics_divergence(
         model.groups.probabilities(transitions_of(model, np.asarray(table, np.float64)).entries)
         for table in (truth, estimate)
     )
-    terms = true * (np.log(floored(true)) - np.log(floored(other)))
-    by_row = np.zeros(model.available.size)
-    np.add.at(by_row, model.groups.row, terms)
-    return float(_shares(visits, model.available.shape).ravel() @ by_row)
+    by_row = weighted_counts(model.groups.row, rel_entr(true, other), model.available.size)
+    return _mean(by_row.reshape(model.available.shape), visits)
 
 
 def policy_divergence(truth: FloatArray, estimate: FloatArray, visits: FloatArray) -> float:
     """Mean KLD from a true to an estimated (S, A) policy under (S,) or (S, A) visits."""
-    true = float_array("truth", truth, (None, None))
-    other = float_array("estimate", estimate, true.shape)
-    by_state = np.sum(true * (np.log(floored(true)) - np.log(floored(other))), axis=1)
+    true = checked_choices("truth", truth, (None, None))
+    other = checked_choices("estimate", estimate, true.shape)
     total = np.asarray(visits, np.float64)
     per_state = total.sum(axis=1) if total.ndim == 2 else total
-    return float(_shares(per_state, by_state.shape) @ by_state)
+    return _mean(np.sum(rel_entr(true, other), axis=1), per_state)
 
 
-def _shares(visits: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    checked = float_array("visits", visits, shape)
+def _mean(divergence: FloatArray, visits: FloatArray) -> float:
+    """Mean under visits; what is never visited does not count, were it infinite."""
+    checked = float_array("visits", visits, divergence.shape)
     if np.any(checked < 0) or not checked.sum() > 0:
         raise SerdError("visits must be non-negative with a positive sum; pass counts or shares")
-    return np.asarray(checked / checked.sum())
+    seen = checked > 0
+    return float(checked[seen] @ divergence[seen] / checked.sum())

@@ -157,8 +157,9 @@ def test_wrong_arguments_are_refused_by_name():
         sampling_band(np.array([0.5, 2.0]), 3)
     with pytest.raises(SerdError, match=r"times_s must have one entry per episode \(1 as in timed"):
         empirical_arrival_cdf([1.0, 2.0], [False], 10.0)
-    with pytest.raises(SerdError, match="horizon_s must not be negative or NaN, got nan"):
-        empirical_arrival_cdf([1.0], [False], np.nan)
+    for horizon_s in (np.nan, np.inf, -1.0):
+        with pytest.raises(SerdError, match="horizon_s must be finite and not negative, got"):
+            empirical_arrival_cdf([1.0, 5.0], [False, True], horizon_s)
     with pytest.raises(SerdError, match=r"successes\[0\] must be from 0 to n_trials = 3, got 5.0"):
         clopper_pearson([5], 3)
     with pytest.raises(SerdError, match="n_trials must be at least 1, got 0"):

@@ -134,9 +134,33 @@ def test_entry_times_are_what_exceeds_the_whole_periods_before():
 
 def test_wrong_arguments_are_refused_by_name():
     arrival = counted([0.0, 1.0])
-    with pytest.raises(SerdError, match="period_s must be above 0, got 0"):
-        law_in_seconds(arrival, period_s=0.0)
+    for period_s in (0.0, float("nan"), float("inf")):
+        with pytest.raises(SerdError, match="period_s must be above 0 and finite, got"):
+            law_in_seconds(arrival, period_s=period_s)
+        with pytest.raises(SerdError, match="period_s must be above 0 and finite, got"):
+            entry_times_s([1.0], period_s)
     with pytest.raises(SerdError, match=r"entry_times_s\[1\] must be above 0 and at most period_s"):
         law_in_seconds(arrival, period_s=2.0, entry_times_s=(1.0, 2.5))
     with pytest.raises(SerdError, match=r"not having arrived by 2\.0 s must be possible"):
         law_in_seconds(arrival, period_s=2.0).given_not_arrived_by(2.0)
+
+
+@pytest.mark.parametrize("time_s", [0.0, -1.0])
+def test_an_arrival_before_the_first_period_has_no_entry_time(time_s):
+    with pytest.raises(SerdError, match=rf"arrival_times_s\[1\] must be above 0, got {time_s}"):
+        entry_times_s([3.0, time_s], 2.0)
+
+
+def test_a_law_takes_the_entry_times_of_measured_arrivals_as_they_come():
+    measured_s = [0.5, 3.0, 7.5, 2.0 + 5e-10]
+    law = law_in_seconds(
+        counted([0.0, 1.0]), period_s=2.0, entry_times_s=entry_times_s(measured_s, 2.0)
+    )
+    np.testing.assert_allclose(law.times_s, [0, 0.5, 1.0, 1.5, 2.0])
+
+
+@pytest.mark.parametrize("times_s", [[], [1.0, np.nan]])
+def test_a_gap_to_no_measurement_is_refused(times_s):
+    law = law_in_seconds(counted([0.0, 1.0]), period_s=2.0)
+    with pytest.raises(SerdError, match="arrival_times_s must hold at least one time and no NaN"):
+        largest_gap(law, times_s)

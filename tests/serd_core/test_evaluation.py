@@ -71,3 +71,19 @@ def test_divergences_refuse_what_is_no_distribution(gridworld):
         policy_divergence(np.ones((2, 1)), np.ones((3, 1)), np.ones(2))
     with pytest.raises(SerdError, match=r"truth\[0, 0\] must be finite"):
         policy_divergence(np.full((2, 1), np.nan), np.ones((2, 1)), np.ones(2))
+    with pytest.raises(SerdError, match=r"truth\[0\] must sum to 1, got 5.0"):
+        policy_divergence(np.array([[2.0, 3.0]]), np.array([[0.5, 0.5]]), np.ones(1))
+    with pytest.raises(SerdError, match=r"estimate\[0, 0\] must be a probability, got -5.0"):
+        policy_divergence(np.array([[0.5, 0.5]]), np.array([[-5.0, 6.0]]), np.ones(1))
+
+
+def test_an_estimate_that_rules_out_what_is_true_diverges_without_bound(minimum_example):
+    """As its log-likelihood is -inf; where nobody goes it does not matter."""
+    sure, wrong = np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([[0.0, 1.0], [1.0, 0.0]])
+    assert policy_divergence(sure, wrong, np.array([1.0, 3.0])) == np.inf
+    assert policy_divergence(sure, wrong, np.array([0.0, 3.0])) == 0.0
+    visits = np.zeros((2, 3))
+    visits[0, 0] = 1.0
+    assert dynamics_divergence(minimum_example, sure, wrong, visits) == np.inf
+    visits[0] = [0.0, 1.0, 0.0]
+    assert dynamics_divergence(minimum_example, sure, wrong, visits) == 0.0
