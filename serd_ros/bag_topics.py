@@ -13,10 +13,12 @@ def bag_qos(profile: QoSProfile) -> QosProfile:
     """The profile as bags keep it."""
     reliable = profile.reliability == ReliabilityPolicy.RELIABLE
     latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    # What other processes keep is not told through DDS.
+    told = profile.history == HistoryPolicy.KEEP_LAST
     return QosProfile(
         reliability="reliable" if reliable else "best_effort",
         durability="transient_local" if latched else "volatile",
-        history="keep_last",
+        history="keep_last" if told else "unknown",
         depth=int(profile.depth),
     )
 

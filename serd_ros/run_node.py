@@ -18,11 +18,16 @@ from serd_ros.starter import Starter
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
 #: How long (s) a signal may wait for an idle node.
 _TURN_S = 0.2
+_QUOTES = "put a value that holds : into quotes, as topics:=[odom, '/imu:sensor_msgs/msg/Imu']"
 
 
 def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
     """Exit code: the node's own, 0 when told to stop, 2 when it cannot start or go on."""
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        print(f"serd_ros: {_refusal(error)}", file=sys.stderr, flush=True)
+        return BAD_INPUT
     told = _ToldToStop()
     node: SerdNode[Any] | None = None
     try:
@@ -47,6 +52,13 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
                 node.destroy_node()
         finally:
             rclpy.try_shutdown()
+
+
+def _refusal(error: RuntimeError) -> str:
+    """What rcl says of its arguments, without places in its source, and what to do."""
+    said = str(error).split(", at /")[0].replace("\n", " ")
+    fix = _QUOTES if "parameter override" in said else "correct what follows --ros-args"
+    return f"{said}; {fix}"
 
 
 class _ToldToStop:

@@ -2,28 +2,29 @@
 
 The log time of a message is its own stamp, so that a bag of a world that ran many times faster than
 real time plays back in the time of that world; a message without a stamp gets that of /clock, or
-where there is none the newest one.
+where there is none the newest one, and before any that of the system.
 """
 
 import sys
 import time
+from collections.abc import Iterable
 from itertools import count
 from pathlib import Path
 
-from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from bags.recorder import BagRecorder, RecorderSettings
 from bags.stamp import message_stamp_ns
 from serd_core.errors import SerdError
 from serd_ros import topics
-from serd_ros.bag_topics import bag_qos, recording_qos
+from serd_ros.bag_topics import bag_qos
 from serd_ros.configs import DemoRecorderConfig
-from serd_ros.convert.diagnostics import ERROR, OK
+from serd_ros.convert.diagnostics import ERROR, OK, WARN
+from serd_ros.errors import NodeError
+from serd_ros.followed_topic import FollowedTopic
 from serd_ros.run_node import run_node
 from serd_ros.serd_node import SerdNode
-from serd_ros.topic_types import TopicType, topic_type
-from serd_ros.waiting_messages import waiting_messages
+from serd_ros.topic_types import named_topic
 
 _POLL_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 1.0
@@ -39,8 +40,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         self._recorder: BagRecorder | None = None
         self._now_ns = 0
         self._n_bags = 0
-        self._kinds: dict[str, TopicType] = {}
-        self._subscribed: dict[str, Subscription] = {}
+        self._topics: dict[str, FollowedTopic] = {}
         for topic in self.config.topics:
             self._listen(topic)
         self.create_service(Trigger, topics.START_RECORDING, self._on_start)
@@ -61,9 +61,9 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
     def _record_what_waits(self) -> bool:
         """Whether anything did; in the order of time, as it would have been recorded."""
         waiting = [
-            (self._log_time_ns(name, self._kinds[name], data), name, data)
-            for name, subscription in self._subscribed.items()
-            for data in waiting_messages(subscription)
+            (self._log_time_ns(name, data), name, data)
+            for name, topic in self._topics.items()
+            for data in topic.waiting()
         ]
         for time_ns, name, data in sorted(waiting, key=lambda each: each[0]):
             self._record(name, data, time_ns)
@@ -75,40 +75,54 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
             status = recorder.close()
             # Not the logger: its topic is gone once the process has been told to stop.
             said = f"demo_recorder: {status.n_messages} messages in {recorder.directory}"
-            print(said, file=sys.stderr, flush=True)
+            print("; ".join([said, *self._silences()]), file=sys.stderr, flush=True)
 
-    def _listen(self, topic: str) -> None:
-        kind = topic_type(topic, stamped_cmd_vel=self.config.stamped_cmd_vel)
+    def _silences(self) -> list[str]:
+        return [topic.silence for topic in self._topics.values() if topic.silence]
+
+    def _listen(self, text: str) -> None:
+        topic, kind = named_topic(text, stamped_cmd_vel=self.config.stamped_cmd_vel)
         name = self.resolve_topic_name(topic)
-        self._kinds[name] = kind
-        self._subscribed[name] = self.create_subscription(
-            kind.message,
-            topic,
-            lambda data: self._take(name, kind, data),
-            recording_qos(kind.qos),
-            raw=True,
-        )
+        if name in self._topics:
+            raise NodeError(f"topics must name each topic once, got {name} twice; leave one out")
+        self._topics[name] = FollowedTopic(self, name, kind, self._take)
 
-    def _take(self, name: str, kind: TopicType, data: bytes) -> None:
-        self._record(name, data, self._log_time_ns(name, kind, data))
+    def _take(self, name: str, data: bytes) -> None:
+        self._record(name, data, self._log_time_ns(name, data))
 
     def _record(self, name: str, data: bytes, time_ns: int) -> None:
         if self._recorder is not None and not self._recorder.record(name, data, time_ns):
             self._end_with_the_problem(self._recorder)
 
-    def _log_time_ns(self, name: str, kind: TopicType, data: bytes) -> int:
+    def _log_time_ns(self, name: str, data: bytes) -> int:
         """Follows /clock also where it falls back, because the world was started again."""
-        stamp_ns = message_stamp_ns(data) if kind.stamped else 0
+        stamp_ns = message_stamp_ns(data) if self._topics[name].stamped else 0
         if stamp_ns <= 0:
-            return self._now_ns
+            return self._now_ns or self._ros_time_ns()
         self._now_ns = stamp_ns if name == topics.CLOCK else max(self._now_ns, stamp_ns)
         return stamp_ns
 
+    def _ros_time_ns(self) -> int:
+        """Before any stamp: a /clock, also an expected one, begins at 0; else the system's time."""
+        simulated = topics.CLOCK in self._topics or self.count_publishers(topics.CLOCK)
+        return 0 if simulated else time.time_ns()
+
     def _poll(self) -> None:
+        self._look_at([topic for topic in self._topics.values() if not topic.heard])
         if self._recorder is not None:
             self._recorder.poll()
             if not self._recorder.status.recording:
                 self._end_with_the_problem(self._recorder)
+
+    def _look_at(self, followed: Iterable[FollowedTopic]) -> None:
+        for topic in followed:
+            if topic.look():
+                self._declare(topic)
+
+    def _declare(self, topic: FollowedTopic) -> None:
+        if self._recorder is not None and topic.heard:
+            offered = tuple(dict.fromkeys(map(bag_qos, topic.offered)))
+            self._recorder.add_topic(topic.name, topic.kind.name, offered)
 
     def _end_with_the_problem(self, recorder: BagRecorder) -> None:
         """The bag is kept and closed; the process ends, and with it the stack and the drive."""
@@ -124,8 +138,8 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         )
         self._recorder = BagRecorder(self._free_folder(), settings=settings)
         self._n_bags += 1
-        for name, kind in self._kinds.items():
-            self._recorder.add_topic(name, kind.name, (bag_qos(kind.qos),))
+        for topic in self._topics.values():
+            self._declare(topic)
 
     def _free_folder(self) -> Path:
         """`output`, or `output-2`, ... for later recordings of this process."""
@@ -161,9 +175,10 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         return response
 
     def _report(self) -> None:
+        self._look_at(self._topics.values())
         if self._recorder is None:
             return
-        status = self._recorder.status
+        status, silences = self._recorder.status, "; ".join(self._silences())
         self.report(
             self._now_ns * 1e-9,
             {
@@ -173,8 +188,8 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
                 "bag_mb": status.size_bytes / 1e6,
                 "free_mb": status.free_bytes / 1e6,
             },
-            level=OK if status.recording else ERROR,
-            message=status.problem,
+            level=ERROR if not status.recording else WARN if silences else OK,
+            message=status.problem or silences,
         )
 
 
