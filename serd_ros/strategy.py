@@ -121,7 +121,7 @@ def load_strategy(
 
 
 def start_distribution(scenario: Scenario, area: str) -> NDArray[np.float64]:
-    """(S,) uniform over the cells of a start area."""
+    """(S,) uniform over the cells of a start area in which the robot starts."""
     grid = grid_of(scenario)
     states = start_states_of(scenario, grid, area)
     return np.bincount(states, minlength=grid.n_states) / len(states)

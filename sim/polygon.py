@@ -13,6 +13,8 @@ from serd_core.arrays import BoolArray, FloatArray
 
 Point = tuple[float, float]
 _SMALLEST_AREA_M2 = 1e-9
+#: Sine of a turn below which two edges are one straight wall.
+_SMALLEST_TURN = 1e-9
 
 
 def edges_of(polygon_m: ArrayLike) -> FloatArray:
@@ -25,6 +27,20 @@ def signed_area_m2(polygon_m: ArrayLike) -> float:
     """Area of a simple polygon, positive when its corners run counter-clockwise."""
     start, end = np.moveaxis(edges_of(polygon_m), 1, 0)
     return float(0.5 * np.sum(start[:, 0] * end[:, 1] - end[:, 0] * start[:, 1]))
+
+
+def without_straight_corners(polygon_m: FloatArray) -> FloatArray:
+    """The same polygon with the corners only at which it turns, so that every edge is a whole wall.
+
+    A corner at which it goes straight back stays.
+    """
+    before = polygon_m - np.roll(polygon_m, 1, axis=0)
+    after = np.roll(polygon_m, -1, axis=0) - polygon_m
+    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    onwards = np.sum(before * after, axis=1)
+    straight = (np.abs(turn) <= _SMALLEST_TURN * np.abs(onwards)) & (onwards > 0.0)
+    corners: FloatArray = polygon_m[~straight]
+    return corners
 
 
 def contains(polygon_m: ArrayLike, points_m: ArrayLike) -> BoolArray:

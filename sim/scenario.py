@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from serd_core.arrays import FloatArray
 from sim import scenario_rules as rules
 from sim.errors import SimError
-from sim.polygon import edges_of, signed_area_m2
+from sim.polygon import edges_of, signed_area_m2, without_straight_corners
 from sim.settings import (
     LidarSettings,
     Loop,
@@ -98,10 +98,11 @@ class Scenario(StrictModel):
     def wall_polygons_m(self) -> list[FloatArray]:
         """Outline of the walkable area, then of each obstacle, as (n, 2) arrays.
 
-        Corners are ordered so that the free side is to the left of every edge.
+        Corners are ordered so that the free side is to the left of every edge. Corners amid a
+        straight wall are left out: people keep away from each edge, however a wall is cut.
         """
-        outline = np.array(self.walkable_area_m)
-        solids = [np.array(each.outline_m) for each in self.obstacles]
+        outline = without_straight_corners(np.array(self.walkable_area_m))
+        solids = [without_straight_corners(np.array(each.outline_m)) for each in self.obstacles]
         return [
             outline if signed_area_m2(outline) > 0 else outline[::-1],
             *(solid if signed_area_m2(solid) < 0 else solid[::-1] for solid in solids),
@@ -162,5 +163,8 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     if name in builtin_scenarios():
         return load_yaml_model(_BUILTIN_FOLDER / f"{name}.yaml", Scenario)
     meant = nearest_name(name, builtin_scenarios())
-    hint = f"did you mean {meant!r}?" if meant else f"built in are {', '.join(builtin_scenarios())}"
+    known = ", ".join(builtin_scenarios())
+    hint = (
+        f"did you mean {meant!r}?" if meant else f"built in are {known}; name the file of another"
+    )
     raise SimError(f"scenario must be a built-in name or a .yaml file, got {name!r}; {hint}")

@@ -11,6 +11,7 @@ from sim.errors import SimError
 from sim.flow_field import flow_vectors, quantised_flow
 from sim.polygon import contains, distance_to_segments_m
 from sim.scenario import Scenario
+from sim.scenario_rules import has_room
 from storage.nearest import nearest_name
 
 
@@ -32,14 +33,16 @@ def goal_states_of(scenario: Scenario, grid: Grid) -> IntArray:
 
 
 def start_states_of(scenario: Scenario, grid: Grid, area: str) -> IntArray:
-    """States whose centre lies in the start area of that name."""
+    """States in which a robot starts: in the start area of that name, with room between walls."""
     if area not in scenario.start_areas_m:
         known = sorted(scenario.start_areas_m)
         meant = nearest_name(area, known) or known[0]
         raise SimError(
             f"start area must be one of {', '.join(known)}, got {area!r}; did you mean {meant!r}?"
         )
-    return np.flatnonzero(contains(scenario.start_areas_m[area], grid.centers_m))
+    states = np.flatnonzero(contains(scenario.start_areas_m[area], grid.centers_m))
+    walls_m, radius_m = scenario.wall_segments_m, scenario.robot.radius_m
+    return states[has_room(grid.centers_m[states], grid.cell_size_m, walls_m, radius_m)]
 
 
 def wall_distance_of(scenario: Scenario, grid: Grid) -> FloatArray:

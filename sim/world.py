@@ -28,7 +28,7 @@ from sim.robot.physics import Physics
 from sim.robot.robot import Robot, RobotState, standing_at
 from sim.scenario import Scenario, scenario_digest
 from sim.scenario_grid import grid_of, start_states_of
-from sim.scenario_rules import START_SPREAD, has_room
+from sim.scenario_rules import START_SPREAD
 from sim.seeds import CROWD, LIDAR, ODOMETRY, START, episode_rng
 from sim.world_state import WorldState
 
@@ -218,11 +218,8 @@ class HallwayWorld:
         self._contacts = ContactCounter(len(self._crowd))
 
     def _draw_start(self, rng: np.random.Generator, area: str) -> tuple[float, float, float]:
-        states = start_states_of(self.scenario, self.grid, area)
-        walls_m, size_m = self.scenario.wall_segments_m, self.grid.cell_size_m
-        roomy = has_room(self.grid.centers_m[states], size_m, walls_m, self.scenario.robot.radius_m)
-        state = rng.choice(states[roomy])
-        spread = START_SPREAD * size_m
+        state = rng.choice(start_states_of(self.scenario, self.grid, area))
+        spread = START_SPREAD * self.grid.cell_size_m
         x_m, y_m = self.grid.centers_m[state] + rng.uniform(-spread, spread, 2)
         return float(x_m), float(y_m), float(rng.uniform(-math.pi, math.pi))
 

@@ -5,6 +5,7 @@ import re
 import pytest
 
 from sim.scenario import Scenario, load_scenario
+from sim.scenario_grid import navigation_problem_of
 
 
 @pytest.fixture(scope="module")
@@ -16,7 +17,12 @@ def test_its_example_is_a_scenario(document, tmp_path):
     (example,) = re.findall(r"```yaml\n(.*?)```", document, re.DOTALL)
     path = tmp_path / "room.yaml"
     path.write_text(example)
-    assert load_scenario(path).pedestrians.count == 12
+    room = load_scenario(path)
+    assert room.pedestrians.count == 12
+    problem = navigation_problem_of(room, 0.99)
+    table = problem.grid.state_at(4.6, 5.0), problem.grid.state_at(6.0, 5.0)
+    assert table == (-1, -1), "nobody stands on the table's edge"
+    assert problem.grid.n_states == 12 * 10 - 4 * 2
 
 
 def test_it_names_every_key(document):

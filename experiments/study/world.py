@@ -22,7 +22,7 @@ def problem_of(settings: StudySettings) -> NavigationProblem:
 
 
 def start_shares(scenario: Scenario, problem: NavigationProblem, area: str) -> FloatArray:
-    """(S,) uniform over the cells of a start area."""
+    """(S,) uniform over the cells of a start area in which the robot starts."""
     states = start_states_of(scenario, problem.grid, area)
     share = np.zeros(problem.grid.n_states)
     share[states] = 1.0 / len(states)

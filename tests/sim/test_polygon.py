@@ -12,6 +12,7 @@ from sim.polygon import (
     edges_of,
     self_intersection,
     signed_area_m2,
+    without_straight_corners,
 )
 
 L_SHAPE = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]]
@@ -50,3 +51,20 @@ def test_edges_close_the_polygon():
     edges = edges_of(L_SHAPE)
     assert edges.shape == (6, 2, 2)
     np.testing.assert_array_equal(edges[-1], [[0, 3], [0, 0]])
+
+
+@given(cuts=st.lists(st.tuples(st.integers(0, 5), st.floats(0.01, 0.99)), max_size=12))
+def test_a_wall_cut_into_pieces_is_put_together_again(cuts):
+    pieces = []
+    for number, (start, end) in enumerate(edges_of(L_SHAPE)):
+        shares = sorted({share for edge, share in cuts if edge == number})
+        pieces += [start, *(start + share * (end - start) for share in shares)]
+    np.testing.assert_array_equal(without_straight_corners(np.array(pieces)), L_SHAPE)
+
+
+def test_a_polygon_that_turns_everywhere_keeps_every_corner():
+    angles = np.linspace(0.0, 2.0 * np.pi, 1000, endpoint=False)
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    np.testing.assert_array_equal(without_straight_corners(circle), circle)
+    spike = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [2.0, 5.0], [2.0, 2.0], [0.0, 2.0]])
+    assert [2.0, 5.0] in without_straight_corners(spike).tolist()

@@ -8,8 +8,11 @@ import pytest
 import yaml
 
 import sim.scenario
+from experiments.study.world import start_shares
 from serd_core.errors import SerdError
+from serd_ros.strategy import start_distribution
 from sim.scenario import Scenario, builtin_scenarios, load_scenario
+from sim.scenario_grid import grid_of, navigation_problem_of
 from sim.world import HallwayWorld
 
 HALLWAY = Path(sim.scenario.__file__).parent / "scenarios" / "hallway.yaml"
@@ -233,3 +236,40 @@ def test_a_robot_starts_only_in_cells_where_it_touches_no_wall(tmp_path):
         for episode in range(40):
             start = world.reset(episode)
             assert min(start.x_m, start.y_m) >= scenario.robot.radius_m
+
+
+def test_people_walk_the_same_however_finely_a_wall_is_cut(tmp_path):
+    """Each edge pushes people, so that a wall in forty pieces pushed 2.8 times as hard."""
+    shares = np.linspace(0.0, 1.0, 40, endpoint=False)[:, None]
+    cut = [start + shares * (np.array(end) - start) for start, end in zip(
+        np.array(ROOM, dtype=float), [*ROOM[1:], ROOM[0]], strict=True)]  # fmt: skip
+    places = []
+    for outline in (ROOM, np.concatenate(cut).tolist()):
+        path = room(tmp_path, walkable_area_m=outline)
+        with HallwayWorld(load_scenario(path), seed=1) as world:
+            places.append(world.reset(0).people_position_m)
+    np.testing.assert_array_equal(*places)
+
+
+@pytest.mark.parametrize(
+    ("edge_m", "walkable"), [(4.5, False), (4.45, False), (4.55, False), (4.62, True)]
+)
+def test_a_cell_whose_centre_is_on_a_wall_or_almost_is_not_walkable(tmp_path, edge_m, walkable):
+    """The centre is at x = 4.5 m; a tenth of its cell is 0.1 m."""
+    block = one_obstacle([edge_m, 4], [5.6, 4], [5.6, 6], [edge_m, 6])
+    grid = grid_of(load_scenario(room(tmp_path, obstacles=block)))
+    assert (grid.state_at(4.1, 4.5) >= 0) == walkable
+
+
+def test_a_prediction_begins_where_the_robot_does(tmp_path):
+    """Of the start area's four cells only the one away from both walls has room for 0.4 m."""
+    scenario = load_scenario(room(tmp_path, robot={"radius_m": 0.4}))
+    begun = set()
+    with HallwayWorld(scenario, seed=1) as world:
+        for episode in range(12):
+            start = world.reset(episode)
+            begun.add(world.grid.state_at(start.x_m, start.y_m))
+    (states,) = np.nonzero(start_distribution(scenario, "train"))
+    problem = navigation_problem_of(scenario, 0.99)
+    (of_study,) = np.nonzero(start_shares(scenario, problem, "train"))
+    assert begun == set(states) == set(of_study) == {problem.grid.state_at(1.5, 1.5)}
