@@ -7,12 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bags.discretise import (
-    LONGEST_GAP_S,
-    DiscretisationReport,
-    decisions_from_drive,
-    joined_reports,
-)
+from bags.discretise import DiscretisationReport, decisions_from_drive, joined_reports
 from bags.drive_sessions import read_drives
 from bags.errors import BagError
 from bags.goal_entry import goal_entries_s
@@ -66,39 +61,37 @@ def demonstrations_of_drives(
     grid: Grid,
     decision_period_s: float,
     *,
-    longest_gap_s: float = LONGEST_GAP_S,
+    seen: set[bytes] | None = None,
 ) -> tuple[Demonstrations, DiscretisationReport]:
-    """Those of all drives of one recording, at least one."""
-    found: Demonstrations | None = None
-    reports = []
-    for drive in drives:
-        found, report = with_drive(
-            found, drive, grid, decision_period_s, longest_gap_s=longest_gap_s
-        )
-        reports.append(report)
-    assert found is not None
-    return found, joined_reports(reports)
+    """Those of all drives of one recording, at least one. seen: see `fresh_from_drive`."""
+    seen = set() if seen is None else seen
+    found = [fresh_from_drive(drive, grid, decision_period_s, seen) for drive in drives]
+    together, *others = (here for here, _ in found)
+    for later in others:
+        together = together.joined(later)
+    return together, joined_reports([report for _, report in found])
 
 
 def with_drive(
-    known: Demonstrations | None,
-    drive: RecordedDrive,
-    grid: Grid,
-    decision_period_s: float,
-    *,
-    longest_gap_s: float = LONGEST_GAP_S,
+    known: Demonstrations | None, drive: RecordedDrive, grid: Grid, decision_period_s: float
 ) -> tuple[Demonstrations, DiscretisationReport]:
-    """What was known and what the drive adds, and what became of the drive's intents.
-
-    An episode that is known already in every decision counts once.
-    """
-    decisions, report = decisions_from_drive(
-        drive, grid, decision_period_s, longest_gap_s=longest_gap_s
-    )
+    """What was known and what the drive adds, and what became of the drive's intents."""
     seen = set(known.episode_rows.values()) if known is not None else set()
+    here, report = fresh_from_drive(drive, grid, decision_period_s, seen)
+    return (here if known is None else known.joined(here)), report
+
+
+def fresh_from_drive(
+    drive: RecordedDrive, grid: Grid, decision_period_s: float, seen: set[bytes]
+) -> tuple[Demonstrations, DiscretisationReport]:
+    """What the drive adds to the episodes seen, to which its own are added.
+
+    An episode that was seen already in every decision counts once.
+    """
+    decisions, report = decisions_from_drive(drive, grid, decision_period_s)
     rows = Demonstrations(decisions).episode_rows
     fresh = [episode for episode, row in rows.items() if row not in seen]
+    seen.update(rows.values())
     decisions = decisions.select(np.isin(decisions.episode, fresh))
     entry_s = goal_entries_s(drive.episodes, decisions, decision_period_s)
-    here = Demonstrations(decisions, tuple(entry_s.tolist()))
-    return (here if known is None else known.joined(here)), report.without_repeated(decisions)
+    return Demonstrations(decisions, tuple(entry_s.tolist())), report.without_repeated(decisions)

@@ -7,19 +7,21 @@ first counts. Nothing is dropped without being counted.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bags.decision_rule import Move, next_state_of
+from bags.episode_spans import CUT_OFF, DISCARDED, EpisodeSpan
 from bags.errors import BagError
-from bags.recorded_drive import DISCARDED, EpisodeSpan, RecordedDrive
+from bags.recorded_drive import RecordedDrive
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations import Decisions
 from serd_core.grid import Grid
 
 OUTSIDE_EPISODE = "outside any episode"
+AFTER_CUT_OFF = "after an episode whose end is not recorded"
 IN_DISCARDED = "in a discarded episode"
 WITHIN_PERIOD = "within the period of the decision before"
 CUT_SHORT = "cut short by the end of its episode"
@@ -27,7 +29,6 @@ NO_POSE = "no pose recorded then"
 OFF_GRID = "robot off the grid"
 UNEXPLAINED = "no neighbouring cell explains the move"
 REPEATED = "of an episode that was there before"
-LONGEST_GAP_S = 0.5
 _STAMP_TOLERANCE_S = 1e-6
 
 
@@ -37,6 +38,7 @@ class DiscretisationReport:
 
     n_bad_poses: poses that were left out because a number in them is not finite.
     n_unplaced_poses: those left out because no transform was recorded about their time.
+    n_bad_commands: velocity commands left out because a number in them is not finite.
     """
 
     n_decisions: int
@@ -46,6 +48,7 @@ class DiscretisationReport:
     dropped: dict[str, int] = field(default_factory=dict)
     n_bad_poses: int = 0
     n_unplaced_poses: int = 0
+    n_bad_commands: int = 0
 
     @property
     def n_intents(self) -> int:
@@ -69,6 +72,7 @@ class DiscretisationReport:
             f"{self.n_diagonal} diagonal and {self.n_far} far moves; dropped: {dropped or 'none'}"
             + (f"; {self.n_bad_poses} poses not finite" if self.n_bad_poses else "")
             + (f"; {self.n_unplaced_poses} poses without /tf" if self.n_unplaced_poses else "")
+            + (f"; {self.n_bad_commands} commands not finite" if self.n_bad_commands else "")
         )
 
 
@@ -82,27 +86,21 @@ def joined_reports(reports: Sequence[DiscretisationReport]) -> DiscretisationRep
         dropped=dict(sum((Counter(each.dropped) for each in reports), Counter())),
         n_bad_poses=sum(each.n_bad_poses for each in reports),
         n_unplaced_poses=sum(each.n_unplaced_poses for each in reports),
+        n_bad_commands=sum(each.n_bad_commands for each in reports),
     )
 
 
 def decisions_from_drive(
-    drive: RecordedDrive,
-    grid: Grid,
-    decision_period_s: float,
-    *,
-    longest_gap_s: float = LONGEST_GAP_S,
+    drive: RecordedDrive, grid: Grid, decision_period_s: float
 ) -> tuple[Decisions, DiscretisationReport]:
-    """Decisions of a recorded drive on a grid, and what became of every intent.
-
-    longest_gap_s: time between two poses across which the place is still interpolated.
-    """
+    """Decisions of a recorded drive on a grid, and what became of every intent."""
     if not decision_period_s > 0:
         raise BagError(f"decision_period_s must be above 0, got {decision_period_s}")
-    fates = _Fates(len(drive.intent_time_s))
+    fates = _Fates(len(drive.intent_time_s), drive.dropped)
     span = _spans_of(drive, fates, decision_period_s)
     end_s = _ends(drive, span, fates, decision_period_s)
-    start_m, start_known = _positions(drive, drive.intent_time_s, longest_gap_s)
-    end_m, end_known = _positions(drive, end_s, longest_gap_s)
+    start_m, start_known = _positions(drive, drive.intent_time_s)
+    end_m, end_known = _positions(drive, end_s)
     fates.drop(~(start_known & end_known), NO_POSE)
     state, reached = grid.states_at(start_m), grid.states_at(end_m)
     fates.drop((state < 0) | (reached < 0), OFF_GRID)
@@ -125,15 +123,16 @@ def decisions_from_drive(
         dropped=dict(fates.dropped),
         n_bad_poses=drive.n_bad_poses,
         n_unplaced_poses=drive.n_unplaced_poses,
+        n_bad_commands=drive.n_bad_commands,
     )
 
 
 class _Fates:
     """Which intents are still decisions, and why the others are not; the first reason counts."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, dropped: Mapping[str, int]) -> None:
         self.kept: BoolArray = np.ones(count, dtype=bool)
-        self.dropped: Counter[str] = Counter()
+        self.dropped: Counter[str] = Counter(dropped)
 
     def drop(self, rows: BoolArray, reason: str) -> None:
         """Drop those of the rows that are not dropped yet."""
@@ -152,6 +151,8 @@ def _spans_of(drive: RecordedDrive, fates: _Fates, period_s: float) -> IntArray:
     time_s = drive.intent_time_s + _STAMP_TOLERANCE_S
     span = np.searchsorted(starts_s, time_s, side="right") - 1
     inside = (span >= 0) & (time_s < ends_s[span])
+    cut_off = np.array([each.outcome == CUT_OFF for each in drive.episodes])
+    fates.drop((span >= 0) & ~inside & cut_off[span], AFTER_CUT_OFF)
     fates.drop(~inside, OUTSIDE_EPISODE)
     discarded = np.array([each.outcome == DISCARDED for each in drive.episodes])
     fates.drop(discarded[span], IN_DISCARDED)
@@ -187,9 +188,7 @@ def _columns(episodes: Sequence[EpisodeSpan]) -> tuple[FloatArray, FloatArray, B
     return starts_s, ends_s, np.array([span.outcome == "arrived" for span in episodes], dtype=bool)
 
 
-def _positions(
-    drive: RecordedDrive, times_s: FloatArray, longest_gap_s: float
-) -> tuple[FloatArray, BoolArray]:
+def _positions(drive: RecordedDrive, times_s: FloatArray) -> tuple[FloatArray, BoolArray]:
     """(N, 2) places interpolated between recorded poses; (N,) false across a gap of them."""
     recorded_s = drive.pose_time_s
     if not len(recorded_s):
@@ -199,7 +198,7 @@ def _positions(
     after = np.minimum(after, len(recorded_s) - 1)
     exact = np.abs(recorded_s[after] - times_s) <= _STAMP_TOLERANCE_S
     gap_s = recorded_s[after] - recorded_s[np.maximum(after - 1, 0)]
-    known = within & (exact | ((after > 0) & (gap_s <= longest_gap_s)))
+    known = within & (exact | ((after > 0) & (gap_s <= drive.longest_gap_s)))
     columns = [np.interp(times_s, recorded_s, column) for column in drive.position_m.T]
     return np.stack(columns, axis=1), known
 

@@ -7,18 +7,11 @@ is played once more. Topics may run ahead of each other by any time, so each has
 from dataclasses import dataclass
 from pathlib import Path
 
+from bags.episode_spans import END, EPISODE, marks_of
 from bags.errors import BagError
 from bags.plain_messages import pose_position
 from bags.reader import BagReader, RawMessage, topic_named
-from bags.recorded_drive import (
-    EPISODE,
-    INTENT,
-    POSE,
-    DriveBuilder,
-    RecordedDrive,
-    is_end_mark,
-    source_of,
-)
+from bags.recorded_drive import INTENT, POSE, DriveBuilder, RecordedDrive, source_of
 from bags.stamp import message_stamp_ns
 
 _RESTART_NS = 1_000_000_000
@@ -63,7 +56,7 @@ class DriveSessions:
             self.n_late += stamp_ns < session.newest_end_ns
         else:
             session.builder.add_mark(data, stamp_ns)
-            if is_end_mark(data):
+            if any(mark.event == END for mark in marks_of(data)):
                 session.newest_end_ns = max(session.newest_end_ns, stamp_ns)
                 self.n_ended += 1
 
@@ -106,12 +99,16 @@ class DriveSessions:
 
 
 def read_drives(directory: str | Path, *, tolerant: bool = False) -> tuple[RecordedDrive, ...]:
-    """The drives of a bag; BagError names a topic that is missing or an intent that is none.
+    """The drives of a bag; BagError names a topic that is missing or a message that is damaged.
 
     tolerant: read what a broken bag still holds.
     """
-    reader = BagReader(directory, tolerant=tolerant)
-    found = DriveSessions(source_of(directory))
+    return drives_in(BagReader(directory, tolerant=tolerant))
+
+
+def drives_in(reader: BagReader) -> tuple[RecordedDrive, ...]:
+    """The drives of an opened bag, whose `damage` then says what could not be read."""
+    found = DriveSessions(source_of(reader.path))
     kinds = {topic_named(reader.topics, kind): kind for kind in (POSE, INTENT, EPISODE)}
     for message in reader.messages(kinds):
         _take(found, kinds[message.topic], message)

@@ -7,6 +7,7 @@ fewer than a number of people were seen, or where they do not walk in one direct
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import blake2b
 from pathlib import Path
 
 import numpy as np
@@ -84,32 +85,40 @@ def flow_from_bags(
 ) -> FlowField | None:
     """The flow of the people in all bags that hold the topic; None where none of them does.
 
+    A cloud that several of them hold, or one holds twice, counts once.
+
     topic: a PointCloud2 with the fields x, y, vx, vy in the frame of the grid. tolerant: use what
     broken bags still hold.
     """
     estimator = FlowEstimator(grid)
-    n_clouds = sum(_add_bag(estimator, path, topic, tolerant) for path in paths)
-    return estimator.field(rule) if n_clouds else None
+    seen: set[bytes] = set()
+    for path in paths:
+        _add_bag(estimator, path, topic, tolerant, seen)
+    return estimator.field(rule) if seen else None
 
 
-def _add_bag(estimator: FlowEstimator, path: str | Path, topic: str, tolerant: bool) -> int:
-    """How many clouds there were."""
+def _add_bag(
+    estimator: FlowEstimator, path: str | Path, topic: str, tolerant: bool, seen: set[bytes]
+) -> None:
+    """Add the clouds whose digests are not among those seen, to which theirs are added."""
     reader = BagReader(path, tolerant=tolerant)
     named = topics_named(reader.topics, topic)
     if not named:
-        return 0
+        return
     name = topic_named(reader.topics, topic)
     if reader.topics[name].type_name != _CLOUD:
         raise BagError(
             f"bag {path}: people on {name} must be of type {_CLOUD}, got"
             f" {reader.topics[name].type_name}; name the topic of people in the mapping"
         )
-    n_clouds = 0
     for message in reader.messages([name]):
+        time = message.log_time_ns.to_bytes(8, "little", signed=True)
+        digest = blake2b(message.data + time, digest_size=16).digest()
+        if digest in seen:
+            continue
+        seen.add(digest)
         fields = point_cloud(message.data, _FIELDS).fields
         position_m, velocity_mps = (
             np.stack([fields[each] for each in pair], axis=1) for pair in _PAIRS
         )
         estimator.add(position_m, velocity_mps)
-        n_clouds += 1
-    return n_clouds

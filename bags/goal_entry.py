@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bags.recorded_drive import EpisodeSpan
+from bags.episode_spans import EpisodeSpan
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations import Decisions
 

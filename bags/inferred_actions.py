@@ -2,12 +2,13 @@
 
 Velocity: a command holds until the next, at most `hold_s`; turned by the robot's heading and
 averaged over a decision period it is the direction asked for, WAIT below `minimum_speed_mps`.
+In a period in which no command holds nothing was asked for, which need not mean to wait.
 Waypoint: the direction from the robot to it, WAIT where it is nearer than `reached_m`.
 """
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.directions import action_of_direction
 from serd_core.grid import Action
 
@@ -22,8 +23,8 @@ def actions_of_velocities(
     yaw_rad: FloatArray,
     hold_s: float = 0.5,
     minimum_speed_mps: float = 0.05,
-) -> IntArray:
-    """(N,) action of the period that begins at each decision time.
+) -> tuple[IntArray, BoolArray]:
+    """(N,) action of the period that begins at each decision time, (N,) whether a command held.
 
     command_mps (C, 2): forward and left in the robot's frame; yaw_rad (T,) at pose_time_s.
     """
@@ -32,12 +33,13 @@ def actions_of_velocities(
     east = cos * command_mps[:, 0] - sin * command_mps[:, 1]
     north = sin * command_mps[:, 0] + cos * command_mps[:, 1]
     until_s = np.minimum(np.append(command_time_s[1:], np.inf), command_time_s + hold_s)
-    actions = []
+    actions, heard = [], []
     for start_s in decision_time_s:
         held_s = np.minimum(until_s, start_s + period_s) - np.maximum(command_time_s, start_s)
+        heard.append(bool((held_s > 0.0).any()))
         share = np.maximum(held_s, 0.0) / period_s
         actions.append(_action(float(share @ east), float(share @ north), minimum_speed_mps))
-    return np.array(actions, dtype=np.int64)
+    return np.array(actions, dtype=np.int64), np.array(heard, dtype=bool)
 
 
 def actions_of_waypoints(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from bags.demonstrations import Demonstrations, with_drive
 from bags.discretise import DiscretisationReport
 from bags.drive_sessions import DriveSessions
-from bags.recorded_drive import CUT_OFF
+from bags.episode_spans import CUT_OFF
 from serd_core.grid import Grid
 
 

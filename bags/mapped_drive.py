@@ -10,30 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
+from bags.episode_spans import EpisodeMark, EpisodeSpan, marks_of, spans_of_marks
 from bags.errors import BagError
-from bags.inferred_actions import actions_of_velocities, actions_of_waypoints
+from bags.mapped_actions import MappedActions, PoseTrack
 from bags.mapping import BagMapping
-from bags.plain_messages import (
-    PlanarPose,
-    diagnostic_array,
-    odometry,
-    pose_stamped,
-    transforms,
-    twist,
-    vector3_stamped,
-)
+from bags.plain_messages import PlanarPose, odometry, pose_stamped, transforms
 from bags.reader import BagReader, RawMessage, topic_named
-from bags.recorded_drive import (
-    EpisodeSpan,
-    RecordedDrive,
-    finite_poses,
-    source_of,
-    spans_of_marks,
-)
+from bags.recorded_drive import LONGEST_GAP_S, RecordedDrive, finite_poses, source_of
 from bags.transforms import TransformTree
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.directions import action_of_direction
-from serd_core.errors import SerdError
 
 _POSE_READERS: dict[str, Callable[[bytes], PlanarPose]] = {
     "geometry_msgs/msg/PoseStamped": pose_stamped,
@@ -41,16 +26,24 @@ _POSE_READERS: dict[str, Callable[[bytes], PlanarPose]] = {
     "nav_msgs/msg/Odometry": odometry,
 }
 _TF = {"/tf": False, "/tf_static": True}
-_UNMARKED = "unmarked"
-_STAMP_TOLERANCE_S = 1e-6
+UNMARKED = "unmarked"
 _LONGEST_STEP_BACK_S = 1.0
+#: Without one in the mapping, the longest gap is so many usual steps between poses.
+_GAP_STEPS = 5.0
 
 
 def read_mapped_drive(
     path: str | Path, mapping: BagMapping, decision_period_s: float
 ) -> RecordedDrive:
     """The drive; BagError names a topic, type or frame that is not as the mapping says."""
-    return _Collector(BagReader(path), mapping).drive(decision_period_s)
+    return mapped_drive_in(BagReader(path), mapping, decision_period_s)
+
+
+def mapped_drive_in(
+    reader: BagReader, mapping: BagMapping, decision_period_s: float
+) -> RecordedDrive:
+    """The drive in an opened bag, whose `damage` then says what could not be read."""
+    return _Collector(reader, mapping).drive(decision_period_s)
 
 
 class _Collector:
@@ -63,10 +56,10 @@ class _Collector:
         self._action_topic = topic_named(reader.topics, mapping.action_topic)
         marks = mapping.episode_topic
         self._mark_topic = topic_named(reader.topics, marks) if marks else ""
-        self._pose_frame = ""
+        self._frames: dict[str, int] = {}
         self._poses = array("d")
-        self._actions = array("d")
-        self._marks: list[tuple[float, str, dict[str, str]]] = []
+        self._actions = MappedActions(mapping, self._action_topic, self._source)
+        self._marks: list[EpisodeMark] = []
         self._tree = TransformTree()
         self._read_pose = self._pose_reader(reader.topics[self._pose_topic].type_name)
         wanted = {self._pose_topic, self._action_topic, self._mark_topic, *_TF}
@@ -75,43 +68,62 @@ class _Collector:
 
     def drive(self, period_s: float) -> RecordedDrive:
         """Everything together."""
-        found = np.array(self._poses).reshape(-1, 5)
+        found = np.array(self._poses).reshape(-1, 6)
         rows = finite_poses(found, self._source)
         n_bad_poses = len(found) - len(rows)
         self._require_one_clock(rows[:, 1])
         rows = rows[np.unique(rows[:, 1], return_index=True)[1]]
         if not len(rows):
             raise BagError(f"{self._source} has no pose on {self._pose_topic}; check the mapping")
-        log_s, time_s, poses = rows[:, 0], rows[:, 1], rows[:, 2:]
-        poses = self._in_frame(poses, time_s)
+        log_s, time_s = rows[:, 0], rows[:, 1]
+        poses = self._in_frame(rows[:, 2:5], time_s, rows[:, 5].astype(np.int64))
         placed = np.isfinite(poses).all(axis=1)
-        log_s, time_s, poses = log_s[placed], time_s[placed], poses[placed]
-        spans = self._spans(time_s)
-        intent_s, actions = self._intents(log_s, time_s, poses, spans, period_s)
+        track = PoseTrack(log_s[placed], time_s[placed], poses[placed])
+        longest_gap_s = self._mapping.longest_gap_s or _usual_gap_s(time_s)
+        spans = self._spans(track.time_s, longest_gap_s)
+        intents = self._actions.intents(track, spans, period_s)
         return RecordedDrive(
-            time_s,
-            poses[:, :2],
-            intent_s,
-            actions,
-            spans,
-            self._source,
-            n_bad_poses,
+            pose_time_s=track.time_s,
+            position_m=track.poses[:, :2],
+            intent_time_s=intents.time_s,
+            intent_action=intents.action,
+            episodes=spans,
+            source=self._source,
+            n_bad_poses=n_bad_poses,
             n_unplaced_poses=int((~placed).sum()),
+            n_bad_commands=intents.n_bad_commands,
+            dropped=intents.dropped,
+            longest_gap_s=longest_gap_s,
         )
 
-    def _in_frame(self, poses: FloatArray, time_s: FloatArray) -> FloatArray:
-        """(N, 3) poses in the frame that the mapping names; NaN where /tf does not reach."""
-        frame = self._mapping.frame
-        if not frame or frame.lstrip("/") == self._pose_frame:
+    def _in_frame(self, poses: FloatArray, time_s: FloatArray, frame_of: IntArray) -> FloatArray:
+        """(N, 3) poses, each given in its own frame, in the one that the mapping names; NaN where
+        /tf does not reach."""
+        target = self._mapping.frame.lstrip("/")
+        if not target:
+            self._require_one_frame()
             return poses
-        into = self._tree.into(frame, self._pose_frame, poses, time_s)
+        into = poses.copy()
+        for name, number in self._frames.items():
+            rows = np.flatnonzero(frame_of == number)
+            if name != target and len(rows):
+                into[rows] = self._tree.into(target, name, poses[rows], time_s[rows])
         if not np.isfinite(into).all(axis=1).any():
+            frames = " and ".join(map(repr, self._frames))
             raise BagError(
-                f"{self._source}: /tf must join {self._pose_frame!r} with {frame!r} at the times of"
+                f"{self._source}: /tf must join {frames} with {target!r} at the times of"
                 f" the poses, {time_s[0]:.1f} s to {time_s[-1]:.1f} s, it never does; record /tf"
                 " all the time, and on one clock with the poses"
             )
         return into
+
+    def _require_one_frame(self) -> None:
+        if len(self._frames) > 1:
+            raise BagError(
+                f"{self._source}: poses on {self._pose_topic} must be given in one frame where the"
+                f" mapping names none, got {', '.join(map(repr, self._frames))}; name the frame of"
+                " the grid as frame"
+            )
 
     def _require_one_clock(self, stamp_s: FloatArray) -> None:
         """Poses of two runs of a clock, put in order, would be a drive that never was."""
@@ -125,21 +137,22 @@ class _Collector:
             )
 
     def _take(self, message: RawMessage) -> None:
-        log_s = message.log_time_ns / 1e9
         if message.topic in _TF:
             for each in transforms(message.data):
                 self._tree.add(each, static=_TF[message.topic])
         if message.topic == self._pose_topic:
-            pose = self._read_pose(message.data)
-            self._pose_frame = pose.header.frame.lstrip("/")
-            stamp_s = (pose.header.stamp_ns or message.log_time_ns) / 1e9
-            self._poses.extend((log_s, stamp_s, pose.x_m, pose.y_m, pose.yaw_rad))
+            self._take_pose(message)
         if message.topic == self._action_topic:
-            self._actions.extend((log_s, *self._action_row(message)))
+            self._actions.take(message)
         if message.topic == self._mark_topic:
-            report = diagnostic_array(message.data)
-            stamp_s = (report.header.stamp_ns or message.log_time_ns) / 1e9
-            self._marks += [(stamp_s, each.message, each.values) for each in report.statuses]
+            self._marks += marks_of(message.data, message.log_time_ns)
+
+    def _take_pose(self, message: RawMessage) -> None:
+        pose = self._read_pose(message.data)
+        frame = self._frames.setdefault(pose.header.frame.lstrip("/"), len(self._frames))
+        stamp_s = (pose.header.stamp_ns or message.log_time_ns) / 1e9
+        place = pose.x_m, pose.y_m, pose.yaw_rad
+        self._poses.extend((message.log_time_ns / 1e9, stamp_s, *place, frame))
 
     def _pose_reader(self, type_name: str) -> Callable[[bytes], PlanarPose]:
         if type_name not in _POSE_READERS:
@@ -149,81 +162,18 @@ class _Collector:
             )
         return _POSE_READERS[type_name]
 
-    def _action_row(self, message: RawMessage) -> tuple[float, float, float]:
-        """(stamp in s or NaN, x, y)."""
-        kind = self._mapping.action_from, message.type_name.rsplit("/", 1)[-1]
-        if kind == ("velocity", "Twist"):
-            return (np.nan, *twist(message.data))
-        if kind == ("waypoint", "PoseStamped"):
-            pose = pose_stamped(message.data)
-            return _stamp_s(pose.header.stamp_ns), pose.x_m, pose.y_m
-        if kind in (("velocity", "TwistStamped"), ("intent", "Vector3Stamped")):
-            vector = vector3_stamped(message.data)
-            return _stamp_s(vector.header.stamp_ns), vector.x, vector.y
-        raise BagError(
-            f"action_topic {message.topic} must carry Twist or TwistStamped (velocity),"
-            f" PoseStamped (waypoint) or Vector3Stamped (intent), got {message.type_name} for"
-            f" {self._mapping.action_from}"
-        )
-
-    def _spans(self, time_s: FloatArray) -> tuple[EpisodeSpan, ...]:
+    def _spans(self, time_s: FloatArray, longest_gap_s: float) -> tuple[EpisodeSpan, ...]:
         if self._mark_topic:
-            return spans_of_marks(self._marks, float(time_s[-1]))
-        pieces = np.split(time_s, np.flatnonzero(np.diff(time_s) > self._mapping.longest_gap_s) + 1)
+            return spans_of_marks(self._marks, time_s, longest_gap_s)
+        pieces = np.split(time_s, np.flatnonzero(np.diff(time_s) > longest_gap_s) + 1)
         return tuple(
-            EpisodeSpan(number, float(piece[0]), float(piece[-1]), _UNMARKED)
+            EpisodeSpan(number, float(piece[0]), float(piece[-1]), UNMARKED)
             for number, piece in enumerate(pieces)
             if len(piece) > 1
         )
 
-    def _intents(
-        self,
-        log_s: FloatArray,
-        time_s: FloatArray,
-        poses: FloatArray,
-        spans: tuple[EpisodeSpan, ...],
-        period_s: float,
-    ) -> tuple[FloatArray, IntArray]:
-        """(N,) decision times and (N,) actions."""
-        rows = np.array(self._actions).reshape(-1, 4)
-        order = np.argsort(log_s, kind="stable")
-        aligned_s = np.interp(rows[:, 0], log_s[order], time_s[order])
-        at_s = np.where(np.isnan(rows[:, 1]), aligned_s, rows[:, 1])
-        order = np.argsort(at_s, kind="stable")
-        at_s, vectors = at_s[order], rows[order, 2:]
-        if not np.isfinite(vectors).all():
-            raise BagError(
-                f"{self._source} has a number that is not finite on {self._action_topic}"
-            )
-        if self._mapping.action_from == "velocity":
-            decided_s = _ticks(spans, period_s)
-            return decided_s, actions_of_velocities(
-                decision_time_s=decided_s,
-                period_s=period_s,
-                command_time_s=at_s,
-                command_mps=vectors,
-                pose_time_s=time_s,
-                yaw_rad=poses[:, 2],
-                hold_s=self._mapping.hold_s,
-                minimum_speed_mps=self._mapping.minimum_speed_mps,
-            )
-        if self._mapping.action_from == "waypoint":
-            place = np.stack([np.interp(at_s, time_s, each) for each in poses[:, :2].T], axis=1)
-            return at_s, actions_of_waypoints(
-                position_m=place, waypoint_m=vectors, reached_m=self._mapping.waypoint_reached_m
-            )
-        try:
-            actions = [action_of_direction(east, north) for east, north in vectors]
-        except SerdError as error:
-            raise BagError(f"{self._source}: {error}") from None
-        return at_s, np.array(actions, dtype=np.int64)
 
-
-def _ticks(spans: tuple[EpisodeSpan, ...], period_s: float) -> FloatArray:
-    """Decision times: every period from the start of each episode."""
-    ticks = [np.arange(span.start_s, span.end_s - _STAMP_TOLERANCE_S, period_s) for span in spans]
-    return np.concatenate(ticks) if ticks else np.zeros(0)
-
-
-def _stamp_s(stamp_ns: int) -> float:
-    return stamp_ns / 1e9 if stamp_ns else float("nan")
+def _usual_gap_s(time_s: FloatArray) -> float:
+    """The longest gap for poses that come as often as these: slow topics miss some as well."""
+    usual_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
+    return max(LONGEST_GAP_S, _GAP_STEPS * usual_s)

@@ -8,20 +8,19 @@ from typing import Any
 import numpy as np
 
 from bags.demonstrations import demonstrations_of_drives
-from bags.discretise import LONGEST_GAP_S, DiscretisationReport
-from bags.drive_sessions import read_drives
+from bags.discretise import DiscretisationReport
+from bags.episode_spans import DISCARDED
 from bags.fitted_grid import grid_around
 from bags.flow_field import FlowField
 from bags.joined_decisions import joined_decisions
-from bags.mapped_drive import read_mapped_drive
-from bags.mapping import BagMapping
-from bags.recorded_drive import DISCARDED, RecordedDrive
+from bags.recorded_drive import RecordedDrive
 from report.canvas import png_bytes
 from report.figures.fitted_visitation import draw_fitted_visitation
 from report.figures.flow_map import draw_flow_map
 from report.figures.visitation import draw_visitation
 from report.layout import layout_of
 from serd_cli.errors import UsageError
+from serd_cli.recording import Recording
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations import Decisions, state_counts
 from serd_core.grid import Grid
@@ -36,21 +35,30 @@ from storage.grid_file import save_grid
 
 @dataclass(frozen=True, eq=False)
 class RecordedDemonstrations:
-    """What one bag gives; tracks_m: (T, 2) robot positions of each episode that counts.
+    """What one recording gives; tracks_m: (T, 2) robot positions of each episode that counts.
 
     goal_entry_s: see `storage.model_file.ModelFile`.
     """
 
-    bag: Path
+    recording: Recording
     decisions: Decisions
     report: DiscretisationReport
     tracks_m: tuple[FloatArray, ...]
     goal_entry_s: tuple[float, ...]
 
+    @property
+    def bag(self) -> Path:
+        """Where it was read from."""
+        return self.recording.bag
+
     def values(self) -> dict[str, Any]:
-        """The counts, as plain values."""
-        counts = asdict(self.report)
-        return {"bag": str(self.bag), **counts, "n_intents": self.report.n_intents}
+        """The counts and the damage, as plain values."""
+        return {
+            "bag": str(self.bag),
+            **asdict(self.report),
+            "n_intents": self.report.n_intents,
+            **self.recording.values(),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,36 +80,19 @@ class Place:
         return flow_of(self.scenario, self.grid) if self.scenario else None
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """What one bag holds, a drive for each run of the clock.
-
-    longest_gap_s: between poses across which places are interpolated.
-    """
-
-    bag: Path
-    drives: tuple[RecordedDrive, ...]
-    longest_gap_s: float
-
-
-def read_recording(
-    bag: Path, period_s: float, *, mapping: BagMapping | None, tolerant: bool
-) -> Recording:
-    """Our own recording, or with a mapping anybody's."""
-    if mapping is None:
-        return Recording(bag, read_drives(bag, tolerant=tolerant), LONGEST_GAP_S)
-    return Recording(bag, (read_mapped_drive(bag, mapping, period_s),), mapping.longest_gap_s)
-
-
-def demonstrations_of(recording: Recording, grid: Grid, period_s: float) -> RecordedDemonstrations:
-    """Its decisions on a grid."""
-    found, report = demonstrations_of_drives(
-        recording.drives, grid, period_s, longest_gap_s=recording.longest_gap_s
-    )
-    tracks = tuple(track for drive in recording.drives for track in tracks_of(drive))
-    return RecordedDemonstrations(
-        recording.bag, found.decisions, report, tracks, found.goal_entry_s
-    )
+def demonstrations_of_all(
+    recordings: Sequence[Recording], grid: Grid, period_s: float
+) -> list[RecordedDemonstrations]:
+    """Their decisions on a grid; an episode that several of them hold counts in the first."""
+    seen: set[bytes] = set()
+    found = []
+    for each in recordings:
+        here, report = demonstrations_of_drives(each.drives, grid, period_s, seen=seen)
+        tracks = tuple(track for drive in each.drives for track in tracks_of(drive, grid))
+        found.append(
+            RecordedDemonstrations(each, here.decisions, report, tracks, here.goal_entry_s)
+        )
+    return found
 
 
 def fitted_grid(recordings: Sequence[Recording], cell_size_m: float) -> Grid:
@@ -113,11 +104,15 @@ def fitted_grid(recordings: Sequence[Recording], cell_size_m: float) -> Grid:
     return grid_around(np.concatenate(places), cell_size_m)
 
 
-def tracks_of(drive: RecordedDrive) -> tuple[FloatArray, ...]:
-    """(T, 2) positions within each episode that was not discarded."""
-    time_s = drive.pose_time_s
+def tracks_of(drive: RecordedDrive, grid: Grid) -> tuple[FloatArray, ...]:
+    """(T, 2) positions within each episode that was not discarded; NaN farther off the grid than
+    it is large, which no picture of it could show."""
+    size_m = np.array(grid.walkable.shape[::-1]) * grid.cell_size_m
+    from_middle_m = np.abs(drive.position_m - (grid.origin_m + size_m / 2))
+    near = np.asarray((from_middle_m < 1.5 * size_m).all(axis=1))
+    time_s, position_m = drive.pose_time_s, np.where(near.reshape(-1, 1), drive.position_m, np.nan)
     return tuple(
-        drive.position_m[(time_s >= span.start_s) & (time_s <= span.end_s)]
+        position_m[(time_s >= span.start_s) & (time_s <= span.end_s)]
         for span in drive.episodes
         if span.outcome != DISCARDED
     )
@@ -168,8 +163,13 @@ def _record(place: Place, found: Sequence[RecordedDemonstrations]) -> Demonstrat
         grid_fingerprint=place.grid.fingerprint(),
         decision_period_s=place.period_s,
         goal_entry_s=tuple(entry_s for each in found for entry_s in each.goal_entry_s),
-        bags=tuple(BagRecord(bag=str(each.bag), **asdict(each.report)) for each in found),
+        bags=tuple(_bag_record(each) for each in found),
     )
+
+
+def _bag_record(found: RecordedDemonstrations) -> BagRecord:
+    values = found.values()
+    return BagRecord(**{name: values[name] for name in BagRecord.model_fields})
 
 
 def _save_flow(files: dict[str, Path], place: Place, found: FlowField) -> None:

@@ -10,7 +10,11 @@ from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
 
 
 class BagRecord(StrictModel):
-    """What became of the intents of one bag; see `bags.discretise.DiscretisationReport`."""
+    """What became of the intents of one bag; see `bags.discretise.DiscretisationReport`.
+
+    damage: sentences about what of the bag could not be read; n_lost: messages known to be lost by
+    it; all_lost_known: whether no more than those can be.
+    """
 
     bag: str
     n_decisions: int = Field(ge=0)
@@ -20,6 +24,10 @@ class BagRecord(StrictModel):
     dropped: dict[str, int]
     n_bad_poses: int = Field(ge=0)
     n_unplaced_poses: int = Field(0, ge=0)
+    n_bad_commands: int = Field(0, ge=0)
+    damage: tuple[str, ...] = ()
+    n_lost: int = Field(0, ge=0)
+    all_lost_known: bool = True
 
 
 class DemonstrationRecord(StrictModel):

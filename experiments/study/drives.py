@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bags.discretise import decisions_from_drive
-from bags.recorded_drive import EpisodeSpan, RecordedDrive
+from bags.episode_spans import EpisodeSpan
+from bags.recorded_drive import RecordedDrive
 from experiments.study.together import together
 from serd_core.demonstrations import Decisions
 from serd_core.grid import Action

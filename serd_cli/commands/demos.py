@@ -1,31 +1,26 @@
 """`serd demos`: recordings into the table of decisions that learning starts from."""
 
 import math
-from collections import Counter
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 from bags.discretise import OFF_GRID
 from bags.flow_field import PEDESTRIANS, flow_from_bags
 from bags.mapping import BagMapping
-from report.wording import counted
+from serd_cli.demonstration_words import decisions_table, remarks
 from serd_cli.errors import UsageError
 from serd_cli.flow_words import flow_in_words, flow_values
 from serd_cli.json_output import print_json
 from serd_cli.recorded_demonstrations import (
     Place,
     RecordedDemonstrations,
-    demonstrations_of,
+    demonstrations_of_all,
     fitted_grid,
-    read_recording,
     save_demonstrations,
 )
-from serd_cli.short_names import short_names
+from serd_cli.recording import read_recording
 from serd_cli.terminal import console
 from sim.scenario import load_scenario
 from sim.scenario_grid import grid_of
@@ -72,24 +67,23 @@ def demos(
     Beside it are written decisions.grid.yaml, whose cells are the states,
     and decisions.png, the tracks on it. All that is dropped is counted.
 
+    An episode that several bags hold counts once.
+
     Where people were recorded, decisions.flow.csv and .flow.png say which
     way they walk in each cell. 'serd learn decisions.csv' learns from it.
 
     A place without a scenario: --cell-size-m 0.5 in place of --scenario.
     """
-    _require_usable(output, mapping, tolerant)
+    if output.suffix.lower() != ".csv":
+        raise UsageError(f"--output must end in .csv, got {output}; name a .csv file")
     _require_place(scenario, cell_size_m, period_s)
     known = load_scenario(scenario) if scenario else None
     period = known.decision_period_s if known else (period_s or _USUAL_PERIOD_S)
     chosen = load_yaml_model(mapping, BagMapping) if mapping else None
     recordings = [read_recording(bag, period, mapping=chosen, tolerant=tolerant) for bag in bags]
     grid = grid_of(known) if known else fitted_grid(recordings, cell_size_m or 0.0)
-    found = [demonstrations_of(recording, grid, period) for recording in recordings]
-    if not any(len(each.decisions) for each in found):
-        counts = "; ".join(f"{each.bag}: {each.report}" for each in found)
-        outside = any(OFF_GRID in each.report.dropped for each in found)
-        fix = "is it this scenario?" if outside else "record episodes with decisions"
-        raise UsageError(f"there is no decision to learn from in {counts}; {fix}")
+    found = demonstrations_of_all(recordings, grid, period)
+    _require_decisions(found)
     people = chosen.people_topic if chosen else PEDESTRIANS
     flow = flow_from_bags(bags, grid, topic=people, tolerant=tolerant)
     place = Place(grid, period, known)
@@ -99,21 +93,20 @@ def demos(
         bags_found = [each.values() for each in found]
         print_json({"bags": bags_found, "flow": flow_values(flow, place.flow), "files": written})
         return
-    console.print(_table(found))
-    for line in _reasons(found):
-        console.print(line, style="yellow", soft_wrap=True)
+    console.print(decisions_table(found))
+    for line in remarks(found):
+        console.print(line, style="yellow", soft_wrap=True, markup=False)
     console.print(flow_in_words(flow, place.flow), soft_wrap=True)
     for name, path in files.items():
         console.print(f"{name}: {path.resolve()}", markup=False, soft_wrap=True)
 
 
-def _require_usable(output: Path, mapping: Path | None, tolerant: bool) -> None:
-    if output.suffix.lower() != ".csv":
-        raise UsageError(f"--output must end in .csv, got {output}; name a .csv file")
-    if mapping is not None and tolerant:
-        raise UsageError(
-            "--tolerant must be left out with --mapping; run 'serd bag recover' on the bag first"
-        )
+def _require_decisions(found: list[RecordedDemonstrations]) -> None:
+    if not any(len(each.decisions) for each in found):
+        counts = "; ".join(f"{each.bag}: {each.report}" for each in found)
+        outside = any(OFF_GRID in each.report.dropped for each in found)
+        fix = "is it this scenario?" if outside else "record episodes with decisions"
+        raise UsageError(f"there is no decision to learn from in {counts}; {fix}")
 
 
 def _require_place(scenario: str, cell_size_m: float | None, period_s: float | None) -> None:
@@ -129,30 +122,3 @@ def _require_place(scenario: str, cell_size_m: float | None, period_s: float | N
     for name, value in (("--cell-size-m", cell_size_m), ("--period-s", period_s)):
         if value is not None and not 0 < value < math.inf:
             raise UsageError(f"{name} must be finite and above 0, got {value:g}; try 1")
-
-
-def _table(found: list[RecordedDemonstrations]) -> Table:
-    """One row per bag."""
-    table = Table(title="Decisions", title_justify="left")
-    table.add_column("bag", overflow="fold")
-    for name in ("intents", "kept", "dropped", "episodes", "diagonal moves", "far moves"):
-        table.add_column(name, justify="right")
-    for name, each in zip(short_names([each.bag for each in found]), found, strict=True):
-        report = each.report
-        dropped = report.n_intents - report.n_decisions
-        moves = report.n_diagonal, report.n_far
-        counts = report.n_intents, report.n_decisions, dropped, report.n_episodes, *moves
-        table.add_row(escape(name), *map(str, counts))
-    return table
-
-
-def _reasons(found: list[RecordedDemonstrations]) -> Iterable[str]:
-    """Why intents were dropped, and poses left out, over all bags."""
-    reasons = sum((Counter(each.report.dropped) for each in found), Counter[str]())
-    yield from (f"dropped {count}: {reason}" for reason, count in reasons.most_common())
-    n_bad_poses = sum(each.report.n_bad_poses for each in found)
-    if n_bad_poses:
-        yield f"left out {counted(n_bad_poses, 'pose')} with a number that is not finite"
-    n_unplaced = sum(each.report.n_unplaced_poses for each in found)
-    if n_unplaced:
-        yield f"left out {counted(n_unplaced, 'pose')} about whose time no /tf was recorded"

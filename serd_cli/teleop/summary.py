@@ -6,7 +6,7 @@ from pathlib import Path
 
 from bags.demonstrations import demonstrations_of_drives
 from bags.drive_sessions import read_drives
-from bags.recorded_drive import DISCARDED
+from bags.episode_spans import DISCARDED
 from report.wording import counted, in_words
 from serd_core.errors import SerdError
 from sim.scenario import load_scenario

@@ -8,15 +8,11 @@ from hypothesis import strategies as st
 from bags import discretise
 from bags.demonstrations import demonstrations_of_bag
 from bags.discretise import decisions_from_drive
-from bags.drive_sessions import read_drives
+from bags.drive_sessions import DriveSessions, read_drives
+from bags.episode_spans import EpisodeSpan
 from bags.errors import BagError
 from bags.reader import BagReader
-from bags.recorded_drive import (
-    DriveBuilder,
-    EpisodeSpan,
-    RecordedDrive,
-    spans_of_marks,
-)
+from bags.recorded_drive import NOT_FINITE, DriveBuilder, RecordedDrive
 from bags.writer import BagWriter
 from serd_core.grid import Action, Grid
 
@@ -111,20 +107,6 @@ def test_of_intents_within_a_period_the_first_counts():
     decisions, report = decisions_from_drive(drive(places, intents), GRID, PERIOD_S)
     assert decisions.action.tolist() == [1, 3]
     assert report.dropped == {discretise.WITHIN_PERIOD: 3}
-
-
-def test_an_episode_taken_back_after_its_arrival_is_discarded_and_the_next_one_is_not():
-    marks = [
-        (0.0, "start", {"episode": "1"}),
-        (4.0, "end", {"episode": "1", "outcome": "arrived"}),
-        (5.0, "end", {"episode": "1", "outcome": "discarded"}),
-        (6.0, "start", {"episode": "2"}),
-        (9.0, "end", {"episode": "2", "outcome": "arrived"}),
-    ]
-    assert spans_of_marks(marks, 10.0) == (
-        EpisodeSpan(1, 0.0, 4.0, "discarded"),
-        EpisodeSpan(2, 6.0, 9.0, "arrived"),
-    )
 
 
 def test_a_discarded_episode_gives_nothing():
@@ -259,25 +241,35 @@ def tolerated(writer):
     return read_drives(writer.directory, tolerant=True)[0]
 
 
-def test_a_bag_of_nothing_but_poses_that_are_not_finite_is_refused(messages):
+def test_a_bag_of_nothing_but_poses_that_are_not_finite_is_refused():
     builder = DriveBuilder("bag x")
     for time_s in (1.0, 2.0):
-        builder.add_pose(messages.pose(time_s, np.nan, 0.0), 0)
+        builder.add_position(round(time_s * 1e9), np.nan, 0.0)
     with pytest.raises(BagError, match="bag x must hold poses that are finite, none of its 2 is"):
         builder.drive()
 
 
-def test_live_messages_give_the_same_drive_as_the_file(recorded_bag):
+def test_an_intent_without_a_direction_is_dropped_and_counted(recorded_bag, messages):
+    recorded_bag.write("/intent", messages.intent(106.05, np.nan, 0.0), 100)
+    recorded_bag.write("/intent", messages.intent(106.05, np.nan, 0.0), 101)
     recorded_bag.close()
-    live = DriveBuilder("bag drive")
-    takers = {
-        "/robot_pose": live.add_pose,
-        "/intent": live.add_intent,
-        "/episode": live.add_mark,
-    }
+    found, report = demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S)
+    assert found.decisions.time_s.tolist() == [100.0, 102.0, 104.0]
+    assert report.dropped == {discretise.OUTSIDE_EPISODE: 1, NOT_FINITE: 1}
+    assert report.n_intents == 5
+
+
+def test_live_messages_give_the_same_drive_as_the_file(recorded_bag, messages):
+    recorded_bag.write("/intent", messages.intent(106.05, np.inf, 0.0), 100)
+    recorded_bag.close()
+    live = DriveSessions("bag drive")
     for message in BagReader(recorded_bag.directory).messages():
-        takers[message.topic](message.data, message.log_time_ns)
-    from_file, from_topics = read_drives(recorded_bag.directory)[0], live.drive()
+        live.take(message.topic[1:], message.data, message.log_time_ns)
+    from_file, from_topics = (
+        read_drives(recorded_bag.directory)[0],
+        live.sessions[0].builder.drive(),
+    )
     assert from_topics.episodes == from_file.episodes
+    assert from_topics.dropped == from_file.dropped == {NOT_FINITE: 1}
     for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
         assert np.array_equal(getattr(from_topics, name), getattr(from_file, name))

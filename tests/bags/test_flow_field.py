@@ -79,23 +79,28 @@ def test_strays_and_strange_numbers_are_left_out():
 def people_bag(tmp_path, messages):
     """Makes a bag of two people who walk on the spot, seen 15 times."""
 
-    def make(name, topic="/pedestrians"):
+    def make(name, topic="/pedestrians", begins_ns=0):
         with BagWriter(tmp_path / name) as writer:
             writer.add_topic(topic, CLOUD)
             for number in range(15):
                 rows = [[0.5, 0.5, 0, -1, 0], [3.5, 0.5, 0, 0, 1]]
-                writer.write(topic, cloud(messages, rows), number)
+                writer.write(topic, cloud(messages, rows), begins_ns + number)
         return tmp_path / name
 
     return make
 
 
 def test_the_flow_is_added_up_over_all_bags_that_hold_people(people_bag):
-    one, two, other = people_bag("one"), people_bag("two"), people_bag("other", "/crowd")
+    one, two, other = (
+        people_bag("one"),
+        people_bag("two", begins_ns=99),
+        people_bag("other", "/crowd"),
+    )
     assert flow_from_bags([one], GRID).flow.tolist() == [-1] * 4  # too few sightings
     found = flow_from_bags([one, other, two], GRID)
     assert found.flow.tolist() == [Action.WEST, -1, -1, Action.NORTH]
     assert found.count.tolist() == [30, 0, 0, 30]
+    assert flow_from_bags([one, other, two, one], GRID).count.tolist() == [30, 0, 0, 30]
     assert flow_from_bags([other], GRID) is None
     assert flow_from_bags([other], GRID, topic="crowd").count.sum() == 30
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from bags.episode_spans import EpisodeSpan
 from bags.goal_entry import goal_entries_s
-from bags.recorded_drive import EpisodeSpan
 from serd_core.demonstrations import Decisions
 
 #: Episodes that arrive 1.1 s and 2 s after a decision, time out, and arrive unobserved.

@@ -74,6 +74,8 @@ def test_what_is_dropped_is_counted_with_its_reason(serd, drive_bag):
     ended = serd("demos", *bags, "--scenario", "hallway")
     assert ended.code == 0
     assert "dropped 5: robot off the grid" in ended.out
+    assert "far: 5 of 5 intents with the robot off the grid; is it this scenario?" in ended.out
+    assert "good:" not in ended.out
 
 
 def test_bags_without_a_single_decision_are_refused_with_the_counts(serd, drive_bag, tmp_path):
@@ -99,9 +101,62 @@ def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
     refused = serd("demos", bag, "--scenario", "hallway")
     assert refused.code == 2
     assert "serd bag recover" in refused.err
-    used = serd("demos", bag, "--scenario", "hallway", "--tolerant", "--json")
+    words = ("demos", bag, "--scenario", "hallway", "--tolerant")
+    used = serd(*words, "--json")
     assert used.code == 0
-    assert 0 < json.loads(used.out)["bags"][0]["n_decisions"] < 5
+    values = json.loads(used.out)
+    assert 0 < values["bags"][0]["n_decisions"] < 5
+    damage = values["bags"][0]["damage"]
+    assert "at byte" in damage[0]
+    record = load_record(values["files"]["record"]).bags[0]
+    assert list(record.damage) == damage
+    assert record.n_lost == values["bags"][0]["n_lost"] > 0
+    assert f"drive: {damage[0]}" in serd(*words).out
+
+
+def test_how_many_messages_a_damage_cost_is_said(serd, drive_bag):
+    bag = drive_bag()
+    file = next(bag.glob("*.mcap"))
+    content = bytearray(file.read_bytes())
+    content[len(content) // 3] ^= 1
+    file.write_bytes(bytes(content))
+    words = ("demos", bag, "--scenario", "hallway", "--tolerant")
+    values = json.loads(serd(*words, "--json").out)["bags"][0]
+    assert values["damage"]
+    assert (values["n_lost"] >= 10, values["all_lost_known"]) == (True, True)
+    assert f"drive: {values['n_lost']} messages lost" in serd(*words).out
+
+
+def test_a_sound_bag_tells_of_no_damage(serd, drive_bag):
+    ended = serd("demos", drive_bag(), "--scenario", "hallway", "--tolerant", "--json")
+    values = json.loads(ended.out)["bags"][0]
+    assert (values["damage"], values["n_lost"]) == ([], 0)
+
+
+def test_a_damaged_foreign_bag_is_used_when_asked_to(serd, drive_bag, tmp_path):
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text("pose_topic: /amcl\naction_topic: /wish\n")
+    bag = drive_bag(pose="/amcl", intent="/wish")
+    file = next(bag.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    words = ("demos", bag, "--scenario", "hallway", "--mapping", mapping)
+    assert "serd bag recover" in serd(*words).err
+    values = json.loads(serd(*words, "--tolerant", "--json").out)["bags"][0]
+    assert 0 < values["n_decisions"] < 5
+    assert values["damage"]
+
+
+def test_a_bag_given_twice_and_its_copy_count_once(serd, drive_bag, people_bag, tmp_path):
+    bag, people = drive_bag(), people_bag()
+    copy = serd("bag", "convert", people, "--output", tmp_path / "copy")
+    assert copy.code == 0, copy.err
+    words = ("demos", bag, people, bag, tmp_path / "copy", "--scenario", "hallway")
+    values = json.loads(serd(*words, "--json").out)
+    assert [each["n_decisions"] for each in values["bags"]] == [5, 0, 0, 0]
+    assert values["bags"][2]["dropped"] == {"of an episode that was there before": 5}
+    assert load_decisions(values["files"]["decisions"]).episode.tolist() == [0] * 5
+    assert load_record(values["files"]["record"]).goal_entry_s == (2.0,)
+    assert values["flow"]["n_sightings"] == 60
 
 
 def test_without_a_scenario_a_grid_is_fitted_to_all_recordings(serd, drive_bag, tmp_path):
@@ -128,10 +183,6 @@ def test_without_a_scenario_a_grid_is_fitted_to_all_recordings(serd, drive_bag, 
         (("a", "--cell-size-m", "1", "--period-s", "nan"), "--period-s must be finite and above 0"),
         (("a", "--scenario", "hallway", "--output", "a.txt"), "--output must end in .csv"),
         (("a", "--scenario", "hallway", "--mapping", "m.yaml"), "cannot read m.yaml"),
-        (
-            ("a", "--scenario", "hallway", "--mapping", "m.yaml", "--tolerant"),
-            "--tolerant must be left out with --mapping",
-        ),
     ],
 )
 def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence):

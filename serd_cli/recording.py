@@ -1,0 +1,62 @@
+"""One bag as `serd demos` reads it: the drives in it and the damage met in reading them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bags.drive_sessions import drives_in
+from bags.episode_spans import EPISODE
+from bags.losses import Losses
+from bags.mapped_drive import mapped_drive_in
+from bags.mapping import BagMapping
+from bags.reader import BagReader, topics_named
+from bags.recorded_drive import INTENT, POSE, RecordedDrive
+from serd_cli.errors import UsageError
+
+_OWN_TOPICS = (POSE, INTENT, EPISODE)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A drive for each run of the clock; damage: sentences about what could not be read.
+
+    losses: messages that are missing.
+    """
+
+    bag: Path
+    drives: tuple[RecordedDrive, ...]
+    damage: tuple[str, ...]
+    losses: Losses
+
+    def values(self) -> dict[str, Any]:
+        """What of the bag could not be read, as plain values."""
+        return {
+            "damage": list(self.damage),
+            "n_lost": self.losses.n_messages,
+            "all_lost_known": self.losses.all_known,
+        }
+
+
+def read_recording(
+    bag: Path, period_s: float, *, mapping: BagMapping | None, tolerant: bool
+) -> Recording:
+    """Our own recording, or with a mapping anybody's."""
+    reader = BagReader(bag, tolerant=tolerant)
+    if mapping is None:
+        _require_own(reader)
+        drives = drives_in(reader)
+    else:
+        drives = (mapped_drive_in(reader, mapping, period_s),)
+    damage = tuple(each.sentence() for each in reader.damage)
+    return Recording(bag, drives, damage, reader.losses if damage else Losses())
+
+
+def _require_own(reader: BagReader) -> None:
+    """Whether anything else in it would do is for a mapping to say."""
+    lacking = [name for name in _OWN_TOPICS if not topics_named(reader.topics, name)]
+    if lacking:
+        raise UsageError(
+            f"bag {reader.path} must hold {', '.join(_OWN_TOPICS)} as our recorder writes them, it"
+            f" holds no {' and no '.join(lacking)} but {', '.join(sorted(reader.topics))}; say in a"
+            " --mapping file which topics mean what"
+        )
