@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from serd_ros.lesson_settings import LessonSettings
+from sim.planner_settings import PlannerSettings
 from storage.yaml_config import StrictModel
 from teleop.mode import Mode
 
@@ -26,7 +27,7 @@ class HallwaySimConfig(StrictModel):
     goal: str
 
 
-class LocalPlannerConfig(StrictModel):
+class LocalPlannerConfig(PlannerSettings):
     """See nodes.yaml for what each parameter means."""
 
     scenario: str = Field(min_length=1)

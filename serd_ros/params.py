@@ -1,6 +1,7 @@
 """From ROS parameters to one frozen config: declared once, checked once, unknown names refused."""
 
 import json
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
@@ -15,10 +16,15 @@ from storage.yaml_config import StrictModel
 
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 Config = TypeVar("Config", bound=StrictModel)
+Defaults = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 
 
-def read_config(node: Node, kind: str, config_class: type[Config]) -> Config:
+def read_config(
+    node: Node, kind: str, config_class: type[Config], defaults_for: Defaults | None = None
+) -> Config:
     """The node's parameters over the defaults of `kind`, as `config_class`.
+
+    defaults_for: further defaults that follow from the other values, as those of a scenario.
 
     The node must have been made with automatically_declare_parameters_from_overrides. Raises
     NodeError with one sentence for an unknown name or a bad value.
@@ -28,7 +34,8 @@ def read_config(node: Node, kind: str, config_class: type[Config]) -> Config:
     for name in given:
         if name not in defaults:
             raise NodeError(f"{kind} has no parameter {name!r}; {hint(name, defaults)}")
-    config = validated(kind, {**defaults, **given}, config_class)
+    following = defaults_for({**defaults, **given}) if defaults_for is not None else {}
+    config = validated(kind, {**defaults, **following, **given}, config_class)
     for name, value in config.model_dump().items():
         if not node.has_parameter(name):
             node.declare_parameter(name, list(value) if isinstance(value, tuple) else value)

@@ -11,7 +11,7 @@ from rclpy.task import Future
 
 from serd_ros import qos, topics
 from serd_ros.convert.diagnostics import OK, to_diagnostics
-from serd_ros.params import read_config
+from serd_ros.params import Defaults, read_config
 from storage.yaml_config import StrictModel
 
 Config = TypeVar("Config", bound=StrictModel)
@@ -21,9 +21,11 @@ BAD_INPUT = 2
 class SerdNode(Node, Generic[Config]):
     """A node with a frozen config; `finish` ends its process from inside a callback."""
 
-    def __init__(self, kind: str, config_class: type[Config]) -> None:
+    def __init__(
+        self, kind: str, config_class: type[Config], defaults_for: Defaults | None = None
+    ) -> None:
         super().__init__(kind, automatically_declare_parameters_from_overrides=True)
-        self.config: Config = read_config(self, kind, config_class)
+        self.config: Config = read_config(self, kind, config_class, defaults_for)
         self.finished = Future()
         self.wall_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, qos.STATE)

@@ -23,7 +23,7 @@ def planner_names() -> tuple[str, ...]:
 
 
 def make_planner(name: str, scenario: Scenario) -> RecoveringPlanner:
-    """A planner for the scenario's walls and robot, with its default settings and recoveries."""
+    """A planner for the scenario's walls and robot, with its parameters and recoveries."""
     if name not in _PLANNERS:
         meant = nearest_name(name, planner_names()) or planner_names()[0]
         raise SimError(

@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 from serd_core.arrays import FloatArray
 from sim import scenario_rules as rules
 from sim.errors import SimError
+from sim.planner_settings import PlannerSettings
 from sim.polygon import edges_of, signed_area_m2, without_straight_corners
 from sim.settings import (
     LidarSettings,
@@ -56,6 +57,7 @@ class Scenario(StrictModel):
     robot: RobotSettings = RobotSettings()
     lidar: LidarSettings = LidarSettings()
     odometry: OdometrySettings = OdometrySettings()
+    local_planner: PlannerSettings = PlannerSettings()
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
@@ -63,6 +65,7 @@ class Scenario(StrictModel):
             "decision_period_s", self.decision_period_s, self.control_period_s
         )
         rules.require_lidar(self.lidar, self.control_period_s)
+        self.local_planner.require_within(self.robot, self.control_period_s)
         if "train" not in self.start_areas_m:
             raise ValueError(f"start_areas_m must have 'train', got {sorted(self.start_areas_m)}")
         solids = [obstacle.outline_m for obstacle in self.obstacles]
@@ -142,6 +145,14 @@ class Scenario(StrictModel):
             raise SimError(f"the number of people must be at least 0, got {count}; use 0 for none")
         pedestrians = self.pedestrians.model_dump() | {"count": count}
         return type(self).model_validate(self.model_dump() | {"pedestrians": pedestrians})
+
+    def with_local_planner(self, parameters: PlannerSettings) -> "Scenario":
+        """The same scenario with other parameters of the local planners."""
+        try:
+            parameters.require_within(self.robot, self.control_period_s)
+        except ValueError as error:
+            raise SimError(str(error)) from None
+        return self.model_copy(update={"local_planner": parameters})
 
 
 def builtin_scenarios() -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from sensor_msgs.msg import LaserScan
 
 from serd_core.grid import Action
 from serd_ros import qos, topics
+from serd_ros.changeable_parameters import accept_changes
 from serd_ros.configs import LocalPlannerConfig
 from serd_ros.convert.command import to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
@@ -21,6 +22,7 @@ from serd_ros.convert.scan import ranges_of
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.graph_readiness import Readiness
 from serd_ros.observation_endpoints import subscribe_observations
+from serd_ros.planner_parameters import of_scenario, planned_scenario
 from serd_ros.run_node import run_node
 from serd_ros.scan_matcher import ScanMatcher
 from serd_ros.serd_node import SerdNode
@@ -29,7 +31,6 @@ from sim.decision import is_decision_tick, waypoint_of_intent
 from sim.observation import Observation
 from sim.planners import make_planner
 from sim.planning.planner_status import PlannerStatus
-from sim.scenario import load_scenario
 from sim.scenario_grid import grid_of
 from sim.waypoint import Waypoint
 
@@ -38,8 +39,9 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
     """Converts, calls `LocalPlanner.step`, publishes `cmd_vel`."""
 
     def __init__(self) -> None:
-        super().__init__("local_planner", LocalPlannerConfig)
-        self._scenario = load_scenario(self.config.scenario)
+        super().__init__("local_planner", LocalPlannerConfig, of_scenario)
+        accept_changes(self, {})
+        self._scenario = planned_scenario(self.config)
         self._grid = grid_of(self._scenario)
         self._scans = self._matcher()
         planner = make_planner(self.config.planner, self._scenario)

@@ -22,11 +22,11 @@ from sim.planning.clearance import cannot_stop_before, up_to_last
 from sim.planning.dwa_settings import DwaSettings, reachable_window
 from sim.planning.rollout_costs import PeopleAround, RolloutCosts
 from sim.planning.rollouts import Rollouts, roll_out
+from sim.planning.stopping import REACTION_S, require_foresight
 from sim.scenario import Scenario
 from sim.waypoint import Waypoint
 
 _FORBIDDEN = 1e6
-_REACTION_S = 0.3
 _SLOWEST_MPS = 1e-3
 _STANDS_MPS = 0.05
 
@@ -35,9 +35,11 @@ class DwaPlanner:
     """Drives to a waypoint around people and away from walls."""
 
     def __init__(self, scenario: Scenario, settings: DwaSettings | None = None) -> None:
-        self.settings = settings if settings is not None else DwaSettings()
-        self._robot = scenario.robot
+        parameters = scenario.local_planner
+        self.settings = settings if settings is not None else parameters.dwa
+        self._robot = parameters.limited(scenario.robot)
         count, step_s = self.settings.n_steps, self.settings.time_granularity_s
+        require_foresight("local_planner.sim_time", count * step_s, self._robot)
         self._time_s: FloatArray = step_s * np.arange(1, count + 1, dtype=np.float64)
         self._costs = RolloutCosts(scenario, self.settings.costs, self._time_s)
         spread = np.linspace(-1.0, 1.0, self.settings.vtheta_samples)
@@ -129,7 +131,7 @@ class DwaPlanner:
             turn_first_s,
         )
         x_m, y_m = rollouts.x_m, rollouts.y_m
-        soon = self._soon(rollouts, _REACTION_S + turn_first_s)
+        soon = self._soon(rollouts, REACTION_S + turn_first_s)
         wall_cost, at_wall = self._costs.walls(x_m, y_m, soon.shape[1])
         people_cost, at_person = self._costs.people(x_m, y_m, around, soon.shape[1])
         hits = ((at_wall | at_person) & soon[:, None, :]).any(axis=2)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from sim.errors import SimError
-from sim.planning.rollout_costs import CostSettings
+from sim.planning.cost_settings import CostSettings
 from sim.settings import RobotSettings
 
 
@@ -16,7 +16,6 @@ class DwaSettings:
     braking_share: part of the deceleration counted on for stopping at the waypoint.
     """
 
-    controller_frequency_hz: float = 20.0
     xy_goal_tolerance_m: float = 0.1
     sim_time_s: float = 1.4
     time_granularity_s: float = 0.1

@@ -23,12 +23,12 @@ from sim.observation import Observation
 from sim.planning.clearance import cannot_stop_before, up_to_last
 from sim.planning.mppi_settings import MppiSettings
 from sim.planning.rollout_costs import PeopleAround, RolloutCosts
+from sim.planning.stopping import REACTION_S, require_foresight
 from sim.scenario import Scenario
 from sim.waypoint import Waypoint
 
 _FORBIDDEN = 1e4
 _SLOWEST_MPS = 0.02
-_REACTION_S = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +44,13 @@ class MppiPlanner:
     """Drives to a waypoint by averaging many random plans."""
 
     def __init__(self, scenario: Scenario, settings: MppiSettings | None = None) -> None:
-        self.settings = settings if settings is not None else MppiSettings()
-        self._robot = scenario.robot
+        parameters = scenario.local_planner
+        self.settings = settings if settings is not None else parameters.mppi
+        self._robot = parameters.limited(scenario.robot)
+        self._control_period_s = scenario.control_period_s
         steps, step_s = self.settings.time_steps, self.settings.model_dt_s
+        horizon = "local_planner.time_steps times model_dt"
+        require_foresight(horizon, steps * step_s, self._robot)
         self._time_s: FloatArray = step_s * np.arange(1, steps + 1, dtype=np.float64)
         self._costs = RolloutCosts(scenario, self.settings.costs, self._time_s)
         self.reset()
@@ -159,18 +163,23 @@ class MppiPlanner:
 
     def _soon(self, first_speed: FloatArray) -> BoolArray:
         """(N, n_soon) times before which a moving rollout cannot stop from its first speed."""
-        soon = cannot_stop_before(
-            first_speed, self._robot.acc_lim_x_mps2, self._time_s, _REACTION_S
-        )
+        soon = cannot_stop_before(first_speed, self._robot.acc_lim_x_mps2, self._time_s, REACTION_S)
         soon &= (first_speed > _SLOWEST_MPS)[:, None]
         return up_to_last(soon)
 
     def _keep_plan(self, observation: Observation, speed: FloatArray, turning: FloatArray) -> None:
         """Turn the driven speeds back into accelerations, moved on by one control period."""
-        settings = self.settings
+        step_s = self.settings.model_dt_s
         speeds = np.stack([speed, turning])
         start = np.array([[observation.speed_mps], [observation.yaw_rate_radps]])
-        plan = np.diff(speeds, axis=1, prepend=start) / settings.model_dt_s
-        share = 1.0 / (settings.controller_frequency_hz * settings.model_dt_s)
-        following = np.append(plan[:, 1:], np.zeros((2, 1)), axis=1)
-        self._plan = (1.0 - share) * plan + share * following
+        plan = np.diff(speeds, axis=1, prepend=start) / step_s
+        self._plan = moved_on(plan, self._control_period_s / step_s)
+
+
+def moved_on(plan: FloatArray, n_steps: float) -> FloatArray:
+    """(2, T) the accelerations of a plan from `n_steps` steps on, none after its end."""
+    whole = min(int(n_steps), plan.shape[1])
+    share = n_steps - int(n_steps)
+    later = np.append(plan[:, whole:], np.zeros((2, whole + 1)), axis=1)
+    moved: FloatArray = (1.0 - share) * later[:, :-1] + share * later[:, 1:]
+    return moved

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from sim.errors import SimError
-from sim.planning.rollout_costs import CostSettings
+from sim.planning.cost_settings import CostSettings
 
 
 @dataclass(frozen=True)
@@ -14,7 +14,6 @@ class MppiSettings:
     Names as in Nav2's MPPI controller.
     """
 
-    controller_frequency_hz: float = 20.0
     xy_goal_tolerance_m: float = 0.1
     batch_size: int = 300
     time_steps: int = 14

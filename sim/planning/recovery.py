@@ -12,36 +12,17 @@ from typing import Any
 import numpy as np
 
 from sim.command import STOP, Command
+from sim.crowd.social_force import model_named
 from sim.local_planner import LocalPlanner
 from sim.observation import Observation
 from sim.occupancy import wall_distance_raster
+from sim.planning.gentle_commands import GentleCommands
 from sim.planning.planner_status import PlannerStatus
 from sim.planning.progress_checker import ProgressChecker, ProgressState
+from sim.planning.recovery_settings import RecoverySettings
 from sim.scenario import Scenario
+from sim.settings import RobotSettings
 from sim.waypoint import Waypoint
-
-_PERSON_RADIUS_M = 0.25
-
-
-@dataclass(frozen=True)
-class RecoverySettings:
-    """xy_goal_tolerance_m: nearer than this to its waypoint, a robot that stands is not stuck.
-
-    failure_tolerance_s: how long no way may be free before PATIENCE_EXCEEDED is told.
-    patient_recoveries: how many are tried before FAILED_TO_MAKE_PROGRESS is told.
-    """
-
-    xy_goal_tolerance_m: float = 0.25
-    required_movement_radius_m: float = 0.5
-    movement_time_allowance_s: float = 10.0
-    failure_tolerance_s: float = 5.0
-    patient_recoveries: int = 3
-    backup_speed_mps: float = 0.15
-    backup_s: float = 1.5
-    spin_radps: float = 1.5
-    spin_s: float = 1.0
-    wait_s: float = 2.0
-    free_space_behind_m: float = 0.35
 
 
 @dataclass(frozen=True)
@@ -68,6 +49,17 @@ class RecoveryState:
     blocked_since_s: float | None
 
 
+def behaviours_of(settings: RecoverySettings, limits: RobotSettings) -> tuple[Behaviour, ...]:
+    """What is tried in turn, no faster than the limits; who may not drive back does not."""
+    back_mps = min(settings.backup_speed_mps, -limits.min_vel_x_mps)
+    spin_radps = min(settings.max_rotational_vel_radps, limits.max_vel_theta_radps)
+    spin = Behaviour(Command(0.0, spin_radps), settings.spin_dist_rad / spin_radps)
+    wait = Behaviour(STOP, settings.wait_duration_s)
+    if back_mps <= 0.0:
+        return spin, wait
+    return Behaviour(Command(-back_mps, 0.0), settings.backup_dist_m / back_mps), spin, wait
+
+
 class RecoveringPlanner:
     """A planner that does not stay stuck; `status` tells how it fares."""
 
@@ -77,19 +69,18 @@ class RecoveringPlanner:
     def __init__(
         self, planner: LocalPlanner, scenario: Scenario, settings: RecoverySettings | None = None
     ) -> None:
-        self.settings = settings if settings is not None else RecoverySettings()
+        parameters = scenario.local_planner
+        self.settings = settings if settings is not None else parameters.recovery
         self.planner = planner
         self.n_recoveries = 0
         self._robot_radius_m = scenario.robot.radius_m
+        self._gentle = GentleCommands(scenario)
+        self._person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         self._walls = wall_distance_raster(scenario)
         self._progress = ProgressChecker(
             self.settings.required_movement_radius_m, self.settings.movement_time_allowance_s
         )
-        self._behaviours = (
-            Behaviour(Command(-self.settings.backup_speed_mps, 0.0), self.settings.backup_s),
-            Behaviour(Command(0.0, self.settings.spin_radps), self.settings.spin_s),
-            Behaviour(STOP, self.settings.wait_s),
-        )
+        self._behaviours = behaviours_of(self.settings, parameters.limited(scenario.robot))
         self.reset()
 
     @property
@@ -131,6 +122,9 @@ class RecoveringPlanner:
         if not observation.tells_place:
             self.status = PlannerStatus.NO_VALID_CONTROL
             return STOP
+        return self._gentle.gentle(observation, self._wanted(observation, waypoint))
+
+    def _wanted(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         command = self.planner.step(observation, waypoint)
         if waypoint is None or self._is_at(observation, waypoint):
             self._begin_anew()
@@ -183,7 +177,7 @@ class RecoveringPlanner:
         x_m = np.array([observation.x_m - reach_m * math.cos(observation.yaw_rad)])
         y_m = np.array([observation.y_m - reach_m * math.sin(observation.yaw_rad)])
         away = observation.people_position_m - np.array([x_m[0], y_m[0]])
-        people_gap = np.hypot(away[:, 0], away[:, 1]) - self._robot_radius_m - _PERSON_RADIUS_M
+        people_gap = np.hypot(away[:, 0], away[:, 1]) - self._robot_radius_m - self._person_radius_m
         wall_gap = self._walls.at(x_m, y_m)[0] - self._robot_radius_m
         return bool(wall_gap > 0.0 and (people_gap > 0.0).all())
 
@@ -192,7 +186,7 @@ class RecoveringPlanner:
             self._blocked_since_s = None
         elif self._blocked_since_s is None:
             self._blocked_since_s = observation.time_s
-        if self._tries > self.settings.patient_recoveries:
+        if self._tries > self.settings.number_of_retries:
             self.status = PlannerStatus.FAILED_TO_MAKE_PROGRESS
         elif self._blocked_since_s is None:
             self.status = PlannerStatus.NONE
