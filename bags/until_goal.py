@@ -8,8 +8,13 @@ from serd_core.demonstrations import Decisions
 
 def last_states(decisions: Decisions) -> IntArray:
     """The states in which the episodes end, each once."""
+    return np.unique(decisions.next_state[last_rows(decisions)])
+
+
+def last_rows(decisions: Decisions) -> IntArray:
+    """(E,) row of the last decision of each episode."""
     last = [np.flatnonzero(decisions.episode == each)[-1] for each in decisions.episodes]
-    return np.unique(decisions.next_state[last])
+    return np.array(last, dtype=np.int64)
 
 
 def until_goal(decisions: Decisions, goal_states: IntArray) -> Decisions:

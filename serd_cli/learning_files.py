@@ -1,5 +1,6 @@
 """What `serd learn` starts from: a table of decisions and what `serd demos` wrote beside it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -7,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from bags.demonstrations import Demonstrations
-from bags.until_goal import last_states, until_goal
+from bags.until_goal import last_rows, last_states, until_goal
 from serd_cli.errors import UsageError
 from serd_cli.recorded_demonstrations import files_beside
 from serd_core.arrays import IntArray
@@ -31,7 +32,7 @@ FlowSource = Literal["auto", "scenario", "recorded", "none"]
 class LearningFiles:
     """task: where it was; flow_from: scenario, recorded or none; n_after_goal: decisions left out.
 
-    goals_m: centres (x, y) of the goal cells.
+    goals_m: centres (x, y) of the goal cells; n_reaching_goal: episodes that lead into one.
     """
 
     task: LearningTask
@@ -39,6 +40,16 @@ class LearningFiles:
     flow_from: str
     goals_m: tuple[tuple[float, float], ...]
     n_after_goal: int
+    n_reaching_goal: int
+
+    def remarks(self) -> Iterable[str]:
+        """What to be careful with."""
+        if not self.n_reaching_goal:
+            goals = "; ".join(f"{x:g},{y:g}" for x, y in self.goals_m)
+            yield (
+                f"no episode reaches the goal ({goals}), so what it is worth is told by nobody's"
+                " arrival; name the goal people went to with --goal, or record episodes that arrive"
+            )
 
 
 def read_learning_files(
@@ -60,7 +71,8 @@ def read_learning_files(
     known = load_scenario(scenario or record.scenario) if scenario or record.scenario else None
     _require_one_place(files, record, grid, known)
     _require_states(table, decisions, grid)
-    goals = _goal_states(grid, known, decisions, goals_m)
+    usual = _usual_goal_states(grid, known, decisions)
+    goals = _goal_states(grid, goals_m) if goals_m else usual
     chosen, source = _flow(files["flow"], grid, known, flow)
     kept = until_goal(decisions, goals)
     problem = build_navigation_problem(
@@ -71,13 +83,16 @@ def read_learning_files(
         discount=discount,
     )
     name = known.name if known else ""
+    as_recorded = name == record.scenario and np.array_equal(goals, usual)
     own_flow = source != "scenario"
     return LearningFiles(
         task=LearningTask(problem, name, record.decision_period_s, own_flow=own_flow),
-        demonstrations=Demonstrations(kept, record.goal_entry_s),
+        # When people entered one goal area says nothing of when they would enter another.
+        demonstrations=Demonstrations(kept, record.goal_entry_s if as_recorded else ()),
         flow_from=source,
         goals_m=tuple((float(x), float(y)) for x, y in grid.centers_m[goals]),
         n_after_goal=len(decisions) - len(kept),
+        n_reaching_goal=int(np.isin(kept.next_state[last_rows(kept)], goals).sum()),
     )
 
 
@@ -112,19 +127,16 @@ def _require_states(table: Path, decisions: Decisions, grid: Grid) -> None:
         )
 
 
-def _goal_states(
-    grid: Grid,
-    scenario: Scenario | None,
-    decisions: Decisions,
-    goals_m: tuple[tuple[float, float], ...],
-) -> IntArray:
-    if goals_m:
-        states = grid.states_at(np.array(goals_m))
-        if (states < 0).any():
-            x_m, y_m = goals_m[int(np.argmax(states < 0))]
-            raise UsageError(f"--goal must lie in a walkable cell of the grid, got {x_m:g},{y_m:g}")
-        return np.unique(states)
+def _usual_goal_states(grid: Grid, scenario: Scenario | None, decisions: Decisions) -> IntArray:
     return last_states(decisions) if scenario is None else goal_states_of(scenario, grid)
+
+
+def _goal_states(grid: Grid, goals_m: tuple[tuple[float, float], ...]) -> IntArray:
+    states = grid.states_at(np.array(goals_m))
+    if (states < 0).any():
+        x_m, y_m = goals_m[int(np.argmax(states < 0))]
+        raise UsageError(f"--goal must lie in a walkable cell of the grid, got {x_m:g},{y_m:g}")
+    return np.unique(states)
 
 
 def _flow(
@@ -135,6 +147,11 @@ def _flow(
         raise UsageError("--flow scenario needs a scenario, got none; use --flow recorded or none")
     if scenario is not None and wanted in ("auto", "scenario"):
         return flow_of(scenario, grid), "scenario"
+    if wanted == "recorded" and not table.exists():
+        raise UsageError(
+            f"--flow recorded needs a flow of recorded people, 'serd demos' wrote no {table}, for"
+            f" the bags hold no people; use --flow none{' or scenario' if scenario else ''}"
+        )
     if wanted == "recorded" or (wanted == "auto" and table.exists()):
         return load_flow(table, grid), "recorded"
     return np.full(grid.n_states, NO_FLOW, dtype=np.int64), "none"

@@ -13,10 +13,12 @@ from serd_cli.demonstration_words import decisions_table, remarks
 from serd_cli.errors import UsageError
 from serd_cli.flow_words import flow_in_words, flow_values
 from serd_cli.json_output import print_json
+from serd_cli.overwriting import require_apart
 from serd_cli.recorded_demonstrations import (
     Place,
     RecordedDemonstrations,
     demonstrations_of_all,
+    files_beside,
     fitted_grid,
     save_demonstrations,
 )
@@ -76,6 +78,7 @@ def demos(
     """
     if output.suffix.lower() != ".csv":
         raise UsageError(f"--output must end in .csv, got {output}; name a .csv file")
+    require_apart(output, files_beside(output).values(), (scenario, mapping or ""))
     _require_place(scenario, cell_size_m, period_s)
     known = load_scenario(scenario) if scenario else None
     period = known.decision_period_s if known else (period_s or _USUAL_PERIOD_S)

@@ -19,12 +19,14 @@ from serd_cli.fit_words import (
 )
 from serd_cli.json_output import print_json
 from serd_cli.learning_files import FlowSource, LearningFiles, read_learning_files
+from serd_cli.overwriting import require_apart
 from serd_cli.progress import WorkProgress
+from serd_cli.recorded_demonstrations import files_beside
 from serd_cli.terminal import console
 from serd_core.ascent.ascent import Step
 from serd_ros.learning import Lesson, prior_of
 from serd_ros.learning import learn as fit_lesson
-from serd_ros.lesson_files import save_lesson
+from serd_ros.lesson_files import lesson_files, save_lesson
 from serd_ros.lesson_settings import LessonSettings
 from serd_ros.lesson_words import lesson_in_words, lesson_values
 from sim.goal import point_of
@@ -37,7 +39,9 @@ def register(app: typer.Typer) -> None:
 
 
 def learn(
-    table: Annotated[Path, typer.Argument(help="table of decisions that 'serd demos' wrote")],
+    table: Annotated[
+        Path, typer.Argument(metavar="TABLE", help="table of decisions that 'serd demos' wrote")
+    ],
     output: Annotated[Path, typer.Option(help="model file to write, ending in .yaml")] = Path(
         "model.yaml"
     ),
@@ -61,7 +65,7 @@ def learn(
     pseudo_count: Annotated[float, typer.Option(help="added to every counted outcome")] = 1.0,
     starts: Annotated[int, typer.Option(min=1, help="random starts, the best is kept")] = 4,
     minimum_decisions: Annotated[int, typer.Option(min=1, help="refuse to learn from fewer")] = 20,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="of the random starts")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
 ) -> None:
     """Learn rewards and dynamics from a table of decisions.
@@ -73,6 +77,7 @@ def learn(
     """
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise UsageError(f"--output must end in .yaml, got {output}; name a .yaml file")
+    require_apart(output, lesson_files(output).values(), (*files_beside(table).values(), scenario))
     settings = _settings(
         minimum_decisions=minimum_decisions,
         seed=seed,
@@ -150,7 +155,7 @@ def _print(files: LearningFiles, lesson: Lesson, certainty: Certainty, output: P
     )
     console.print(weights_table(lesson.fit, certainty))
     console.print(outcomes_table(files.task.problem, lesson.fit, certainty))
-    for line in remarks(files.task.problem, certainty):
+    for line in (*files.remarks(), *remarks(files.task.problem, certainty)):
         console.print(line, style="yellow", soft_wrap=True, markup=False)
     console.print(lesson_in_words(lesson), soft_wrap=True, markup=False)
     console.print(f"model: {output.resolve()}", soft_wrap=True, markup=False)
@@ -167,5 +172,6 @@ def _values(
         "flow": files.flow_from,
         "goals_m": files.goals_m,
         "n_after_goal": files.n_after_goal,
+        "n_reaching_goal": files.n_reaching_goal,
         "model": str(output.resolve()),
     }

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from bags.reader import BagReader
+from bags.writer import BagWriter
 from serd_core.grid import Action
 from sim.scenario import load_scenario
 from sim.scenario_grid import grid_of
@@ -183,12 +185,39 @@ def test_without_a_scenario_a_grid_is_fitted_to_all_recordings(serd, drive_bag, 
         (("a", "--cell-size-m", "1", "--period-s", "nan"), "--period-s must be finite and above 0"),
         (("a", "--scenario", "hallway", "--output", "a.txt"), "--output must end in .csv"),
         (("a", "--scenario", "hallway", "--mapping", "m.yaml"), "cannot read m.yaml"),
+        (
+            ("a", "--scenario", "hallway", "--mapping", "m.yaml", "--output", "m.csv"),
+            "--output must not overwrite what is read, m.csv would overwrite m.yaml",
+        ),
+        (("a", "--scenario", "b.yaml", "--output", "b.csv"), "b.csv would overwrite b.yaml"),
     ],
 )
 def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence):
     ended = serd("demos", *words)
     assert ended.code == 2
     assert sentence in ended.err
+
+
+def test_a_foreign_bag_without_a_mapping_is_told_of_one(serd, drive_bag):
+    ended = serd("demos", drive_bag(pose="/amcl"), "--scenario", "hallway")
+    assert ended.code == 2
+    assert "it holds no robot_pose but /amcl, /episode, /intent; say in a --mapping" in ended.err
+
+
+def test_a_drive_that_gaps_cut_into_pieces_is_said_to_be_so(serd, drive_bag, tmp_path):
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text("pose_topic: /amcl\naction_topic: /wish\n")
+    bag = drive_bag(pose="/amcl", intent="/wish")
+    with BagWriter(tmp_path / "gaps") as writer:
+        for topic in BagReader(bag).topics.values():
+            writer.add_topic(topic.name, topic.type_name)
+        for message in BagReader(bag).messages():
+            if not 104.5e9 < message.log_time_ns < 105.5e9:
+                writer.write(message.topic, message.data, message.log_time_ns)
+    options = ("--scenario", "hallway", "--mapping", mapping)
+    ended = serd("demos", tmp_path / "gaps", *options)
+    assert "gaps: cut into 2 episodes where no pose came for more than 0.5 s" in ended.out
+    assert "cut into" not in serd("demos", bag, *options).out
 
 
 def test_a_wrong_key_in_a_mapping_file_gets_the_nearest_right_one(serd, drive_bag, tmp_path):

@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from serd_cli.learning_files import read_learning_files
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.simulation import sample_decisions
 from serd_ros.usable_model import usable_model
 from sim.scenario import load_scenario
 from sim.scenario_grid import flow_of, grid_of, navigation_problem_of, start_states_of
-from storage.decision_table import save_decisions
+from storage.decision_table import load_decisions, save_decisions
 from storage.demonstration_record import BagRecord, DemonstrationRecord, save_record
 from storage.flow_table import save_flow
 from storage.grid_file import save_grid
@@ -111,6 +112,62 @@ def test_without_a_scenario_the_goal_is_where_the_episodes_end(serd, demonstrati
     assert "--scenario must be given" in refused.err
 
 
+def read(table, goals_m=(), scenario=""):
+    return read_learning_files(table, discount=0.99, goals_m=goals_m, scenario=scenario)
+
+
+def test_entries_into_one_goal_area_are_not_those_into_another(demonstrations):
+    table, goal = demonstrations(), navigation_problem_of(HALLWAY, 0.99).goal_states
+    same_m = tuple(map(tuple, GRID.centers_m[goal]))
+    assert read(table).demonstrations.goal_entry_s == (0.5, 1.5)
+    assert read(table, same_m).demonstrations.goal_entry_s == (0.5, 1.5)
+    assert read(table, ((4.5, 10.5),)).demonstrations.goal_entry_s == ()
+    elsewhere = demonstrations(scenario="", flow=flow_of(HALLWAY, GRID))
+    assert read(elsewhere).demonstrations.goal_entry_s == (0.5, 1.5)
+    assert read(elsewhere, scenario="hallway").demonstrations.goal_entry_s == ()
+
+
+def test_a_goal_that_no_episode_reaches_is_remarked(serd, demonstrations):
+    table = demonstrations()
+    visited = np.unique(load_decisions(table).next_state)
+    starts = start_states_of(HALLWAY, GRID, "train")
+    unseen = np.setdiff1d(np.arange(GRID.n_states), [*visited, *starts])[0]
+    x_m, y_m = GRID.centers_m[unseen]
+    files = read(table, ((x_m, y_m),))
+    assert files.n_reaching_goal == 0
+    (remark,) = files.remarks()
+    assert remark.startswith(f"no episode reaches the goal ({x_m:g},{y_m:g})")
+    assert remark in serd("learn", table, "--goal", f"{x_m},{y_m}", "--starts", "1").out
+    files = read(table)
+    assert 0 < files.n_reaching_goal <= 30
+    assert not tuple(files.remarks())
+
+
+@pytest.mark.parametrize(
+    ("name", "output"),
+    [
+        ("decisions", "decisions.yaml"),
+        ("decisions", "decisions.grid.yaml"),
+        ("decisions", "folder/../decisions.yaml"),
+        ("learning", "model.yaml"),
+        ("grid", "model.yaml"),
+    ],
+)
+def test_a_model_never_overwrites_what_it_is_learned_from(
+    serd, demonstrations, tmp_path, name, output
+):
+    demonstrations()
+    (tmp_path / "folder").mkdir()
+    for file in tmp_path.glob("decisions*"):
+        file.rename(tmp_path / file.name.replace("decisions", name))
+    before = {file: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()}
+    ended = serd("learn", tmp_path / f"{name}.csv", "--output", tmp_path / output)
+    assert ended.code == 2
+    assert "--output must not overwrite what is read" in ended.err
+    after = {file: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()}
+    assert after == before
+
+
 def test_a_goal_given_cuts_the_episodes_there(serd, demonstrations):
     found = learned(serd("learn", demonstrations(), "--goal", "4.5,10.5", "--json"))
     assert found["goals_m"] == [[4.5, 10.5]]
@@ -140,7 +197,10 @@ def test_what_nobody_did_is_said_to_be_open(serd, demonstrations):
         (("--goal", "0.5"), "goal must be two numbers 'x, y' (m), got '0.5'"),
         (("--goal", "99,0"), "--goal must lie in a walkable cell of the grid, got 99,0"),
         (("--goal", "nan,0"), "--goal must lie in a walkable cell of the grid, got nan,0"),
-        (("--flow", "recorded"), "decisions.flow.csv: it does not exist"),
+        (
+            ("--flow", "recorded"),
+            "decisions.flow.csv, for the bags hold no people; use --flow n",
+        ),
         (("--scenario", "corridor"), "must be the grid of the scenario 'corridor'"),
         (("--minimum-decisions", "100000"), "at least minimum_decisions = 100000"),
         (("--discount", "1"), "discount must be"),
