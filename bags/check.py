@@ -1,8 +1,8 @@
 """What is good and bad about a recording: damage, counts, gaps, clocks.
 
 Stamps are those at the beginning of each message that has a std_msgs/Header first; log times are
-when the recorder received it. A stamp that steps back, or that drifts against the log time, tells
-of two clocks.
+when the recorder received it. Stamps that step back, jump or drift against the log times tell of
+two clocks.
 """
 
 from array import array
@@ -11,48 +11,20 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from bags.errors import BagError
 from bags.layout import storage_name
 from bags.message_types import ENCODING
-from bags.reader import BagReader, RawMessage
+from bags.reader import BagReader, RawMessage, nearest_topic, topics_named
+from bags.topic_check import TopicCheck, check_topic
 from bags.topic_definition import kept_definition
 from bags.topic_info import TopicInfo
-from serd_core.arrays import FloatArray
+from bags.two_clocks import TwoClocks
 
 _SECOND_NS = 1_000_000_000
-#: A gap is this many times the usual distance of a topic's messages, and at least this long.
-_GAP_FACTOR, _SHORTEST_GAP_S = 5.0, 0.5
-#: Messages closer together came in one burst, or got one log time for want of stamps of their own.
-_BURST_S = 1e-3
-
 _NO_CHECKSUMS = (
     "sqlite3 files have no checksums: changed bytes within messages cannot be noticed;"
     " 'serd bag convert' gives the messages some"
 )
-
-
-@dataclass(frozen=True)
-class TopicCheck:
-    """rate_hz: from the usual distance of bursts and their usual size.
-
-    longest_gap_s: between log times; n_gaps: unusual ones.
-    n_log_steps_back, n_stamp_steps_back: times the clock went backwards.
-    stamp_delay_s: log time minus stamp, (least, greatest); None where there are no stamps.
-    """
-
-    name: str
-    type_name: str
-    n_messages: int
-    first_s: float
-    last_s: float
-    rate_hz: float
-    longest_gap_s: float
-    n_gaps: int
-    n_log_steps_back: int
-    n_stamp_steps_back: int
-    stamp_delay_s: tuple[float, float] | None
 
 
 @dataclass(frozen=True)
@@ -76,7 +48,10 @@ class BagCheck:
 
 
 def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
-    """Read the whole bag; `required`: topics that must have messages, in any namespace."""
+    """Read the whole bag; `required`: topics that must have messages.
+
+    A name that begins with "/" means that topic, any other a topic of that name in any namespace.
+    """
     reader = BagReader(path, tolerant=True, thorough=True)
     times = {name: (array("q"), array("q")) for name in reader.topics}
     stamped = {name: _has_header(topic) for name, topic in reader.topics.items()}
@@ -90,49 +65,25 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
     except BagError as error:
         faults.append(str(error))
     faults += [each.sentence() for each in reader.damage]
-    topics = tuple(_topic(topic, *times[name]) for name, topic in sorted(reader.topics.items()))
-    filled = {topic.name.rsplit("/", 1)[-1] for topic in topics if topic.n_messages}
-    wanted = {name.rsplit("/", 1)[-1]: name for name in required}
-    faults += [f"topic {wanted[name]} has no message" for name in wanted if name not in filled]
+    known = sorted(reader.topics.items())
+    topics = tuple(check_topic(topic, *times[name]) for name, topic in known)
+    faults += _missing(topics, required)
     remarks = _remarks(topics)
     if any(storage_name(file).endswith(".db3") for file in reader.layout.files):
         remarks.append(_NO_CHECKSUMS)
     return BagCheck(Path(path), topics, tuple(faults), tuple(remarks))
 
 
-def _topic(topic: TopicInfo, log_ns: "array[int]", stamp_ns: "array[int]") -> TopicCheck:
-    log_s = np.array(log_ns, dtype=np.int64) / _SECOND_NS
-    steps_s: FloatArray = np.diff(np.array(log_ns, dtype=np.int64)).astype(np.float64) / _SECOND_NS
-    usual_s, rate_hz = _usual(steps_s)
-    gap_s = max(_GAP_FACTOR * usual_s, _SHORTEST_GAP_S)
-    stamps = np.array(stamp_ns, dtype=np.int64)
-    sent = stamps > 0
-    delay_s = (np.array(log_ns, dtype=np.int64)[: len(stamps)] - stamps)[sent] / _SECOND_NS
-    return TopicCheck(
-        name=topic.name,
-        type_name=topic.type_name,
-        n_messages=len(log_ns),
-        first_s=float(log_s.min(initial=np.inf)) if len(log_s) else 0.0,
-        last_s=float(log_s.max(initial=0.0)),
-        rate_hz=rate_hz,
-        longest_gap_s=float(steps_s.max(initial=0.0)),
-        n_gaps=int(np.count_nonzero(steps_s > gap_s)),
-        n_log_steps_back=int(np.count_nonzero(steps_s < 0)),
-        n_stamp_steps_back=int(np.count_nonzero(np.diff(stamps[sent]) < 0)),
-        stamp_delay_s=(float(delay_s.min()), float(delay_s.max())) if len(delay_s) else None,
-    )
-
-
-def _usual(steps_s: FloatArray) -> tuple[float, float]:
-    """Distance (s) between messages, or bursts of them, and messages per second; 0 if unknown."""
-    apart = steps_s[steps_s > _BURST_S]
-    if not len(apart) and steps_s.sum() <= _BURST_S:
-        return 0.0, 0.0
-    if not len(apart):
-        usual_s = float(np.median(steps_s))
-        return usual_s, 1.0 / usual_s if usual_s > 0 else 0.0
-    usual_s = float(np.median(apart))
-    return usual_s, int((steps_s >= 0).sum()) / len(apart) / usual_s
+def _missing(topics: Sequence[TopicCheck], required: Sequence[str]) -> list[str]:
+    filled = [topic.name for topic in topics if topic.n_messages]
+    empty = [topic.name for topic in topics if not topic.n_messages]
+    faults = []
+    for name in required:
+        if not topics_named(filled, name):
+            near = None if topics_named(empty, name) else nearest_topic(filled, name)
+            fix = f"; did you mean {near!r}?" if near else ""
+            faults.append(f"topic {name} has no message{fix}")
+    return faults
 
 
 def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
@@ -147,7 +98,23 @@ def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
             remarks.append(f"{topic.name}: log time steps back {_times(topic.n_log_steps_back)}")
         if topic.n_stamp_steps_back:
             remarks.append(f"{topic.name}: stamps step back {_times(topic.n_stamp_steps_back)}")
+        remarks += [f"{topic.name}: {words}" for words in _clock_words(topic.clocks)]
     return remarks
+
+
+def _clock_words(clocks: TwoClocks) -> list[str]:
+    words = []
+    if clocks.jumps_s:
+        largest_s = max(clocks.jumps_s, key=abs)
+        way = "forward" if largest_s > 0 else "back"
+        often = "" if len(clocks.jumps_s) == 1 else f" {_times(len(clocks.jumps_s))}, the largest"
+        words.append(f"stamps jump against log times{often} {way} by {abs(largest_s):.2f} s")
+    if clocks.drift_s:
+        way = "ahead of" if clocks.drift_s > 0 else "behind"
+        words.append(
+            f"stamps run {way} log times by {abs(clocks.drift_s):.2f} s in {clocks.span_s:.0f} s"
+        )
+    return words
 
 
 def _times(number: int) -> str:

@@ -129,7 +129,7 @@ class BagReader:
 
 
 def topic_named(topics: Collection[str], name: str) -> str:
-    """The topic of that name in any namespace; BagError where there is none or more than one."""
+    """The one topic of that name; BagError where there is none or more than one."""
     found = topics_named(topics, name)
     if len(found) == 1:
         return found[0]
@@ -142,10 +142,13 @@ def topic_named(topics: Collection[str], name: str) -> str:
 
 
 def topics_named(topics: Collection[str], name: str) -> list[str]:
-    """The topic itself where it is there, else all of that name in some namespace."""
+    """The topic itself where it is there, else all of that name in some namespace.
+
+    A name that begins with "/" is whole, as everywhere in ROS.
+    """
     if name in topics:
         return [name]
-    return [topic for topic in topics if topic.rsplit("/", 1)[-1] == name.lstrip("/")]
+    return [] if name.startswith("/") else [each for each in topics if each.endswith(f"/{name}")]
 
 
 def nearest_topic(topics: Collection[str], name: str) -> str | None:

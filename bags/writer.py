@@ -49,6 +49,7 @@ class BagWriter:
         self._custom_data = dict(custom_data or {})
         self._clock = clock
         self._finished: list[FileSpan] = []
+        self._finished_bytes = 0
         self._channels: dict[str, int] = {}
         self._closed = False
         self._failed = False
@@ -104,8 +105,8 @@ class BagWriter:
 
     @property
     def size(self) -> int:
-        """Bytes of the current file."""
-        return self._file.size
+        """Bytes of all files so far."""
+        return self._finished_bytes + self._file.size
 
     def flush_if_due(self) -> None:
         """Flush where the flush period is over; call it also when no messages come."""
@@ -119,7 +120,9 @@ class BagWriter:
             self._file.flush()
             if self._max_file_bytes is not None and self._file.size >= self._max_file_bytes:
                 self._finish_file()
-                self._file = self._next_file()
+                following = self._next_file()
+                self._finished_bytes += self._file.size
+                self._file = following
         except BagError:
             self._failed = True
             raise

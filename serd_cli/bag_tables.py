@@ -9,8 +9,9 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from bags.check import BagCheck, TopicCheck
+from bags.check import BagCheck
 from bags.rewrite import RewriteReport
+from bags.topic_check import TopicCheck
 from report.wording import counted, seconds_in_words
 
 
@@ -32,23 +33,27 @@ def rewrite_heading(report: RewriteReport) -> Text:
 
 
 def info_table(check: BagCheck) -> Table:
-    """One row per topic: type, messages and rate."""
-    table = _table(("topic", "type"), ("messages", "usual Hz"))
+    """One row per topic: type, messages and rates."""
+    table = _table(("topic", "type"), ("messages", "mean\nHz", "usual\nHz"))
     for topic in check.topics:
-        numbers = str(topic.n_messages), f"{topic.rate_hz:.1f}"
+        numbers = str(topic.n_messages), _rate(topic.mean_hz), _rate(topic.rate_hz)
         table.add_row(escape(topic.name), escape(topic.type_name), *numbers)
     return table
 
 
 def check_table(check: BagCheck) -> Table:
-    """One row per topic: rate, gaps and the two clocks."""
-    columns = "messages", "usual Hz", "longest gap [s]", "gaps", "log time - stamp [s]"
+    """One row per topic: rates, gaps and the two clocks."""
+    columns = (
+        *("messages", "mean\nHz", "usual\nHz"),
+        *("longest\ngap [s]", "gaps", "log time -\nstamp [s]"),
+    )
     table = _table(("topic",), columns)
     for topic in check.topics:
         table.add_row(
             escape(topic.name),
             str(topic.n_messages),
-            f"{topic.rate_hz:.1f}",
+            _rate(topic.mean_hz),
+            _rate(topic.rate_hz),
             f"{topic.longest_gap_s:.2f}",
             str(topic.n_gaps),
             _delay(topic),
@@ -98,17 +103,24 @@ def rewrite_values(report: RewriteReport) -> dict[str, Any]:
     return {**asdict(report), "n_messages": report.n_messages}
 
 
+def _rate(hz: float | None) -> str:
+    """Three digits at least, since map and marks come less than once a second."""
+    if hz is None:
+        return "-"
+    return f"{hz:.1f}" if hz >= 1 else f"{hz:.3f}"
+
+
 def _delay(topic: TopicCheck) -> str:
     if topic.stamp_delay_s is None:
         return "no stamps"
     least, greatest = topic.stamp_delay_s
-    return f"{least:.3f} to {greatest:.3f}"
+    return f"{least:.3f}…{greatest:.3f}"
 
 
 def _table(words: Iterable[str], numbers: Iterable[str]) -> Table:
     table = Table()
     for name in words:
-        table.add_column(name, overflow="fold")
+        table.add_column(escape(name), overflow="fold")
     for name in numbers:
-        table.add_column(name, justify="right")
+        table.add_column(escape(name), justify="right", no_wrap=True)
     return table

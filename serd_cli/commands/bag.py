@@ -70,7 +70,9 @@ def check(
     bags: Bags,
     require: Annotated[
         list[str] | None,
-        typer.Option(help="topic that must have messages, in any namespace; repeat for more"),
+        typer.Option(
+            help="topic that must have messages: /whole/name, or name in any namespace; repeat"
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -108,11 +108,15 @@ def test_mistakes_of_the_caller_are_errors_not_disk_faults(tmp_path, clock):
 
 def test_files_are_split_by_size(tmp_path, clock, messages):
     recorder = make(tmp_path / "bag", clock, max_file_bytes=20_000)
+    told = []
     for number in range(300):
         clock.now_s += 0.05
         recorder.record("/robot_pose", messages.pose(number, 0.0, 0.0), number)
-    recorder.close()
+        told.append(recorder.status.size_bytes)
+    assert told == sorted(told)
+    told_bytes = recorder.close().size_bytes
     sizes = [path.stat().st_size for path in (tmp_path / "bag").glob("*.mcap")]
+    assert told_bytes == sum(sizes)
     assert len(sizes) > 2
     assert max(sizes) < 40_000
     assert len(list(BagReader(tmp_path / "bag").messages())) == 300

@@ -233,8 +233,8 @@ def test_check_tells_of_gaps_jumps_and_missing_topics(tmp_path, messages):
         ([0.05 * (step // 3) for step in range(300)], 60.0, 0),  # three at a time
         ([0.0, 0.1, 0.2, 5.2, 5.3, 5.4], 10.0, 1),
         ([0.00025 * step for step in range(100)], 4000.0, 0),
-        ([1.0, 1.00002], 0.0, 0),
-        ([1.0], 0.0, 0),
+        ([1.0, 1.00002], None, 0),
+        ([1.0], None, 0),
     ],
 )
 def test_the_usual_rate_is_that_of_bursts_times_their_size(
@@ -245,8 +245,42 @@ def test_the_usual_rate_is_that_of_bursts_times_their_size(
         for time_s in times_s:
             writer.write("/robot_pose", messages.pose(1.0, 0.0, 0.0), round(time_s * 1e9))
     (topic,) = check_bag(tmp_path / "bag").topics
-    assert topic.rate_hz == pytest.approx(rate_hz, rel=0.02)
+    assert topic.rate_hz == (rate_hz and pytest.approx(rate_hz, rel=0.02))
     assert topic.n_gaps == n_gaps
+
+
+def test_the_mean_rate_counts_the_pauses_too(tmp_path, messages):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/cmd_vel", POSE)
+        writer.add_topic("/map", POSE)
+        writer.write("/map", messages.pose(0.0, 0.0, 0.0), 0)
+        for time_s in [0.0, 0.1, 0.2, 9.8, 9.9, 10.0]:
+            writer.write("/cmd_vel", messages.pose(1.0, 0.0, 0.0), round(time_s * 1e9))
+    commands, once = check_bag(tmp_path / "bag").topics
+    assert (commands.mean_hz, commands.rate_hz) == (pytest.approx(0.5), pytest.approx(10.0))
+    assert (once.mean_hz, once.rate_hz) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("required", "faults"),
+    [
+        ("pose", ()),
+        ("front/pose", ()),
+        ("/front/pose", ()),
+        ("/pose", ("topic /pose has no message; did you mean '/front/pose'?",)),
+        ("/rear/pose", ("topic /rear/pose has no message; did you mean '/front/pose'?",)),
+        ("rear/pose", ("topic rear/pose has no message; did you mean '/front/pose'?",)),
+        ("ose", ("topic ose has no message; did you mean '/front/pose'?",)),
+        ("empty", ("topic empty has no message",)),
+        ("x", ("topic x has no message",)),
+    ],
+)
+def test_a_required_topic_is_that_very_one(tmp_path, messages, required, faults):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/front/pose", POSE)
+        writer.add_topic("/front/empty", POSE)
+        writer.write("/front/pose", messages.pose(0.0, 0.0, 0.0), 0)
+    assert check_bag(tmp_path / "bag", required=[required]).faults == faults
 
 
 def test_check_reports_damage(small_bag):

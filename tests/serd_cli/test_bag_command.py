@@ -4,7 +4,9 @@ import json
 
 import pytest
 
+from bags import mcap_writer
 from bags.reader import BagReader
+from bags.writer import BagWriter
 
 
 def damage(bag):
@@ -97,6 +99,45 @@ def test_convert_keeps_every_message_and_tells_of_it_in_json(serd, drive_bag, tm
     assert values["n_messages"] == 108
     assert values["target"] == str(target)
     assert contents(target) == contents(bag)
+
+
+def test_what_cannot_be_copied_is_counted_and_fails(serd, drive_bag, monkeypatch):
+    text = mcap_writer.text
+    monkeypatch.setattr(mcap_writer, "text", lambda word: text("json" if word == "cdr" else word))
+    bag = drive_bag()
+    monkeypatch.undo()
+    ended = serd("bag", "convert", bag)
+    assert ended.code == 1
+    assert "0 messages, 108 left out" in ended.out
+    assert "0 of 101" in ended.out
+
+
+def test_losses_that_are_known_only_in_part_are_called_so(serd, tmp_path, drive_bag):
+    bag = drive_bag()
+    file = next(bag.glob("*.mcap"))
+    content = bytearray(file.read_bytes())
+    content[len(content) // 3] ^= 1
+    file.write_bytes(content)
+    assert "messages lost: 1" in serd("bag", "recover", bag).out
+    (bag / "metadata.yaml").unlink()
+    assert (
+        "messages lost: at least 1" in serd("bag", "recover", bag, "--output", tmp_path / "b").out
+    )
+
+
+def test_rates_are_those_on_the_whole_and_usual_ones_or_a_dash(serd, tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        for name in ("/map", "/often"):
+            writer.add_topic(name, "std_msgs/msg/String")
+        writer.write("/map", b"", 0)
+        for time_s in (0.0, 0.1, 0.2, 9.9, 10.0):
+            writer.write("/often", b"", round(time_s * 1e9))
+    for command in ("info", "check"):
+        lines = serd("bag", command, tmp_path / "bag").out.replace("│", " ").splitlines()
+        rows = {line.split()[0]: line.split() for line in lines if line.lstrip().startswith("/")}
+        assert rows["/map"].count("-") == 2
+        assert {"0.400", "10.0"} <= set(rows["/often"])
+    assert any("gap [s]" in line for line in lines)
 
 
 def test_convert_refuses_a_broken_bag_and_leaves_no_half_of_a_new_one(serd, drive_bag):
