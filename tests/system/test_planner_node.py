@@ -1,11 +1,14 @@
 """local_planner by itself: what it says of how it fares, in Nav2's words."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, Vector3Stamped
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
 
 from serd_core.grid import Action
 from serd_ros import qos
@@ -59,3 +62,29 @@ def test_a_robot_that_loses_its_place_stands_and_the_reason_is_told_until_it_is_
     seen_at(3.0, lambda: commands and commands[-1] > 0.0)
     seen_at(math.nan, lambda: "NO_VALID_CONTROL" in told and commands[-1] == 0.0)
     seen_at(3.0, lambda: told[-1] == "NONE" and commands[-1] > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ("max_vel_x:=5.0", r"local_planner.max_vel_x must be at most robot.max_vel_x_mps (1.2)"),
+        ("max_vel:=0.5", "local_planner has no parameter 'max_vel'; did you mean 'max_vel_x'?"),
+    ],
+)
+def test_a_parameter_that_cannot_be_ends_the_node_with_a_sentence(nodes, given, sentence):
+    command = [sys.executable, "-m", "serd_ros.nodes.local_planner", "--ros-args", "-p", given]
+    assert nodes.start(command, "local_planner").wait(30) == 2
+    assert sentence in nodes.said("local_planner")
+
+
+def test_the_parameters_in_use_can_be_asked_for_and_are_fixed(nodes, probe):
+    nodes.start_stack("live", seed=2, local_planner__max_vel_x=0.5)
+    client = AsyncParameterClient(probe.node, "local_planner")
+    probe.spin_until(client.services_are_ready)
+    asked = client.get_parameters(["max_vel_x", "acc_lim_x", "controller_frequency", "sim_time"])
+    wanted = client.set_parameters([Parameter("max_vel_x", value=0.6)])
+    probe.spin_until(lambda: asked.done() and wanted.done())
+    assert [each.double_value for each in asked.result().values] == [0.5, 2.5, 20.0, 1.4]
+    (answer,) = wanted.result().results
+    assert not answer.successful
+    assert "max_vel_x is fixed while the node runs" in answer.reason

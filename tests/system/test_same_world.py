@@ -7,6 +7,7 @@ from rosbags.highlevel import AnyReader
 from serd_cli.demo.recorded import read_recording
 from sim.episode import run_episode
 from sim.expert import ScriptedExpert
+from sim.planner_settings import PlannerSettings
 from sim.planners import make_planner, planner_in_world
 from sim.scenario import load_scenario
 from sim.world import HallwayWorld
@@ -105,6 +106,40 @@ def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(nodes, tmp_pa
     wheels = places_in(bag, "/odom", lambda message: message.pose.pose.position)
     assert np.array_equal(wheels[: len(poses)], np.array(odometry)[:, :2])
     assert np.hypot(*(wheels[len(poses) - 1] - recorded[len(poses) - 1])) > 0.1
+
+
+def test_parameters_of_scenario_and_node_give_the_same_through_ros(nodes, tmp_path):
+    """The scenario's block reaches the planner node, and what the node is given wins over it."""
+    hallway = load_scenario("hallway").with_pedestrian_count(6)
+    slow = hallway.with_local_planner(PlannerSettings(max_vel_x=0.9, sim_time=2.0))
+    path, bag = tmp_path / "slow.yaml", tmp_path / "bag"
+    path.write_text(model_yaml(slow))
+    processes = nodes.start_stack(
+        "demonstrate",
+        scenario=str(path),
+        seed=SEED,
+        episodes=1,
+        timeout_s=6.0,
+        local_planner__acc_lim_x=1.2,
+        local_planner__max_vel_x=0.7,
+        demo_recorder__output=str(bag),
+    )
+    told = PlannerSettings(max_vel_x=0.7, acc_lim_x=1.2, sim_time=2.0)
+    scenario, seen = hallway.with_local_planner(told), []
+    with HallwayWorld(scenario, seed=SEED) as world:
+        planner, expert = make_planner("dwa", scenario), ScriptedExpert(scenario, SEED)
+
+        def look(observation, *_):
+            seen.append((*observation.pose[:2], observation.speed_mps))
+
+        run_episode(world, planner, expert, episode=0, timeout_s=6.0, observer=look)
+    assert processes["scripted_expert"].wait(120) == 0, nodes.said("scripted_expert")
+    nodes.end_all()
+
+    recorded = places_in(bag, "/robot_pose", lambda message: message.pose.position)
+    expected = np.array(seen)
+    assert 0.6 < expected[:, 2].max() <= 0.7
+    assert np.array_equal(recorded[: len(expected)], expected[:, :2])
 
 
 def places_in(bag, topic, position_of):
