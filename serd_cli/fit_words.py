@@ -14,7 +14,6 @@ from serd_core.errors import SerdError
 from serd_core.fit_result import FitResult
 from serd_core.grid import Outcome
 from serd_core.navigation import NavigationProblem
-from serd_core.priors.prior import Prior
 from serd_core.uncertainty.identifiability import Identifiability, identifiability
 from serd_core.uncertainty.information import fit_information
 from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors
@@ -31,11 +30,9 @@ class Certainty:
     problem: str = ""
 
 
-def certainty_of(
-    problem: NavigationProblem, decisions: Decisions, fit: FitResult, prior: Prior
-) -> Certainty:
+def certainty_of(problem: NavigationProblem, decisions: Decisions, fit: FitResult) -> Certainty:
     """Standard errors with the prior's part; what is identified by the decisions alone."""
-    information = fit_information(problem, decisions, fit, prior=prior)
+    information = fit_information(problem, decisions, fit)
     told = identifiability(information)
     try:
         return Certainty(standard_errors(problem, information, information.observed), told)

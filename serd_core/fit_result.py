@@ -3,7 +3,24 @@
 from dataclasses import dataclass
 
 from serd_core.arrays import FloatArray
+from serd_core.beliefs import Belief
 from serd_core.parameters import Parameters
+from serd_core.policies.policy_model import PolicyModel
+from serd_core.priors.prior import Prior
+
+
+@dataclass(frozen=True)
+class Assumptions:
+    """What a fit took for granted; prior: without that of the belief."""
+
+    policy_model: PolicyModel
+    belief: Belief
+    prior: Prior
+
+    @property
+    def whole_prior(self) -> Prior:
+        """The prior with what the belief brings along."""
+        return self.prior + self.belief.prior
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +37,8 @@ class FitResult:
     of the smallest mean of the gradients around (`serd_core.ascent.kinked`).
     converged: gradient norm within the ascent's tolerance and the last Bellman solve certified.
     objective_trace: (n_steps,) J after each step.
+    residual, error_bound: certificate of that solve (`BellmanSolution`), NaN where a file keeps
+    none; assumptions: what the fit took for granted, None where a file does not say.
     """
 
     feature_names: tuple[str, ...]
@@ -41,3 +60,6 @@ class FitResult:
     converged: bool
     message: str
     objective_trace: FloatArray
+    residual: float
+    error_bound: float
+    assumptions: Assumptions | None

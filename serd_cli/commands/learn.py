@@ -24,7 +24,7 @@ from serd_cli.progress import WorkProgress
 from serd_cli.recorded_demonstrations import files_beside
 from serd_cli.terminal import console
 from serd_core.ascent.ascent import Step
-from serd_ros.learning import Lesson, prior_of
+from serd_ros.learning import Lesson
 from serd_ros.learning import learn as fit_lesson
 from serd_ros.lesson_files import lesson_files, save_lesson
 from serd_ros.lesson_settings import LessonSettings
@@ -97,7 +97,7 @@ def learn(
     lesson = _fitted(files, settings)
     save_lesson(output, lesson, files.task)
     decisions, problem = files.demonstrations.decisions, files.task.problem
-    certainty = certainty_of(problem, decisions, lesson.fit, prior_of(settings))
+    certainty = certainty_of(problem, decisions, lesson.fit)
     if as_json:
         print_json(_values(files, lesson, certainty, output))
     else:

@@ -102,6 +102,9 @@ def fit_of(model: ModelFile, problem: NavigationProblem, trace: FloatArray) -> F
         temperature=model.temperature,
         parameters=Parameters(model.weights, belief, truth, np.zeros(0)),
         objective_trace=trace,
+        residual=np.nan,
+        error_bound=np.nan,
+        assumptions=None,
         **record,
     )
 

@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import AscentResult
+from serd_core.bellman.solution import BellmanSolution
 
 
 @dataclass(frozen=True, eq=False)
@@ -12,6 +15,9 @@ class IrlResult:
 
     reward_weights: (F,); objective: what the learner maximised, per its own docstring.
     gradient_norm: largest entry of its gradient; converged: that norm is within the tolerance.
+    inverse_temperature: of the Boltzmann policy the weights were fitted with, None for a soft one.
+    residual, error_bound: certificate of the last Bellman solve (`BellmanSolution`), NaN where the
+    learner solves none or keeps no record of it.
     """
 
     feature_names: tuple[str, ...]
@@ -24,6 +30,9 @@ class IrlResult:
     converged: bool
     message: str
     objective_trace: FloatArray
+    inverse_temperature: float | None = None
+    residual: float = np.nan
+    error_bound: float = np.nan
 
 
 def irl_result(
@@ -32,8 +41,13 @@ def irl_result(
     ascended: AscentResult,
     *,
     solved: bool = True,
+    solution: BellmanSolution | None = None,
+    inverse_temperature: float | None = None,
 ) -> IrlResult:
-    """Record of an ascent over the reward weights; `solved`: the last inner solve converged."""
+    """Record of an ascent over the reward weights.
+
+    solved, solution: whether the last inner solve converged, and the solve itself.
+    """
     return IrlResult(
         feature_names=feature_names,
         reward_weights=ascended.vector,
@@ -42,7 +56,10 @@ def irl_result(
         gradient_norm=ascended.gradient_norm,
         n_steps=ascended.n_steps,
         n_evaluations=ascended.n_evaluations,
-        converged=ascended.converged and solved,
+        converged=ascended.converged and solved and (solution is None or solution.converged),
         message=ascended.message,
         objective_trace=ascended.objective_trace,
+        inverse_temperature=inverse_temperature,
+        residual=np.nan if solution is None else solution.residual,
+        error_bound=np.nan if solution is None else solution.error_bound,
     )

@@ -112,4 +112,10 @@ def fit_policy_matching(
 
     start = initial_weights_or_sample(problem, initial_weights, rng)
     ascended = ascent.maximise(FunctionObjective(matching), start, lambda _: False)
-    return irl_result(problem.feature_names, table, ascended, solved=last[-1].converged)
+    return irl_result(
+        problem.feature_names,
+        table,
+        ascended,
+        solution=last[-1],
+        inverse_temperature=inverse_temperature,
+    )

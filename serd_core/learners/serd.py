@@ -19,7 +19,7 @@ from serd_core.demonstrations import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.estimation import estimate_dynamics
-from serd_core.fit_result import FitResult
+from serd_core.fit_result import Assumptions, FitResult
 from serd_core.likelihood.dynamics import require_possible
 from serd_core.likelihood.observations import observe
 from serd_core.parameters import Parameters
@@ -66,7 +66,8 @@ def fit_serd(
     )
     initial_probabilities = problem.mdp.transitions.local_probabilities(start.truth)
     require_possible(observations, problem.mdp, initial_probabilities)
-    prior = (settings.prior + settings.belief.prior).anchored(initial_probabilities)
+    assumptions = Assumptions(policy_model, settings.belief, settings.prior)
+    prior = assumptions.whole_prior.anchored(initial_probabilities)
     posterior = Posterior(
         problem, observations, policy_model, prior, settings.solver, settings.linear_solver
     )
@@ -74,7 +75,7 @@ def fit_serd(
     ascended = settings.ascent.maximise(
         climb, settings.belief.pack(start), lambda step: _told(on_step, step)
     )
-    return _result(climb, ascended)
+    return _result(climb, ascended, assumptions)
 
 
 def initial_dynamics_or_estimate(
@@ -156,7 +157,7 @@ def _told(on_step: OnStep | None, step: Step) -> bool:
     return on_step is not None and bool(on_step(step))
 
 
-def _result(climb: _Climb, ascended: AscentResult) -> FitResult:
+def _result(climb: _Climb, ascended: AscentResult, assumptions: Assumptions) -> FitResult:
     problem, model = climb.posterior.problem, climb.posterior.problem.mdp.transitions
     parameters = climb.belief.unpack(ascended.vector, climb.start)
     final = climb.at(parameters)
@@ -185,4 +186,7 @@ def _result(climb: _Climb, ascended: AscentResult) -> FitResult:
         converged=ascended.converged and final.solution.converged,
         message=ascended.message,
         objective_trace=ascended.objective_trace * climb.n_decisions,
+        residual=final.solution.residual,
+        error_bound=final.solution.error_bound,
+        assumptions=assumptions,
     )

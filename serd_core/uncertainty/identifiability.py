@@ -1,9 +1,9 @@
-"""What the data at hand cannot tell: null directions of the information matrix.
+"""What the data at hand cannot tell: null directions of the information matrix (`spectrum`).
 
-Along a null direction all free numbers can move together without changing the likelihood. Gauge
-directions, which change no probability at all, are taken out first. Estimating rewards and
-dynamics at once is not identifiable in general without priors; whether it is for given data is a
-property of this matrix, shown here by name.
+Along a null direction all free numbers can move together without changing the likelihood. Changing
+the units of a feature changes neither which directions these are nor how they are told. Estimating
+rewards and dynamics at once is not identifiable in general without priors; whether it is for given
+data is a property of this matrix, shown here by name.
 """
 
 from dataclasses import dataclass
@@ -12,14 +12,15 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.uncertainty.information import Information
-
-#: Eigenvalues below this share of the largest count as zero.
-NULL_SHARE = 1e-9
+from serd_core.uncertainty.spectrum import NULL_SHARE, spectrum
 
 
 @dataclass(frozen=True, eq=False)
 class NullDirection:
-    """A direction without information: its eigenvalue and what moves along it, largest first."""
+    """A direction without information: its eigenvalue and what moves along it, largest first.
+
+    loadings: in the standard errors that each number would have if the others were known.
+    """
 
     eigenvalue: float
     loadings: tuple[tuple[str, float], ...]
@@ -31,7 +32,7 @@ class NullDirection:
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """eigenvalues: of the information with the gauge taken out, ascending; null: directions."""
+    """eigenvalues: of the correlation form without the gauge, ascending; null: directions."""
 
     eigenvalues: FloatArray
     null: tuple[NullDirection, ...]
@@ -47,23 +48,14 @@ def identifiability(
 ) -> Identifiability:
     """Diagnose a matrix over the free numbers; by default the outer product (likelihood only)."""
     chosen = information.outer_product if matrix is None else matrix
-    basis = gauge_free_basis(information)
-    values, vectors = np.linalg.eigh(basis.T @ chosen @ basis)
-    limit = null_share * max(float(values[-1]), np.finfo(np.float64).tiny)
-    directions = (basis @ vectors).T
+    found = spectrum(information, chosen, null_share)
     null = tuple(
-        NullDirection(float(value), _loadings(information.names, direction))
-        for value, direction in zip(values, directions, strict=True)
-        if value <= limit
+        NullDirection(float(value), _loadings(information.names, loadings))
+        for value, loadings in zip(
+            found.values[found.null], found.loadings[found.null], strict=True
+        )
     )
-    return Identifiability(eigenvalues=values, null=null)
-
-
-def gauge_free_basis(information: Information) -> FloatArray:
-    """(n, n - g) orthonormal basis of what is orthogonal to the gauge."""
-    n_gauge, n_free = information.gauge.shape
-    complete = np.linalg.qr(np.concatenate([information.gauge, np.eye(n_free)]).T, mode="reduced").Q
-    return np.asarray(complete[:, n_gauge:n_free])
+    return Identifiability(eigenvalues=found.values, null=null)
 
 
 def _loadings(

@@ -3,9 +3,8 @@
     observed (Hessian):     -d2 J / d theta2                       (with the prior's part)
     outer product (BHHH):   sum over decisions of score score^T    (likelihood only)
 
-The score of a decision is the gradient of log pi(a|s) + log P(s'|s,a). Both matrices estimate the
-same Fisher information for many decisions under a true model; a large difference between them
-speaks against the model.
+Both matrices estimate the same Fisher information for many decisions under a true model; a large
+difference between them speaks against the model.
 """
 
 from dataclasses import dataclass
@@ -14,33 +13,28 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.beliefs import Belief
-from serd_core.curvature.log_transitions import transition_jacobian
-from serd_core.curvature.posterior_hessian import (
-    curvature_parts,
-    posterior_hessian,
-    vector_hessian,
-)
+from serd_core.curvature.posterior_hessian import posterior_hessian, vector_hessian
 from serd_core.demonstrations import Decisions
-from serd_core.fit_result import FitResult
-from serd_core.learners.serd import TIED, UNIFORM
-from serd_core.likelihood.observations import Observations, observe
+from serd_core.errors import SerdError
+from serd_core.fit_result import Assumptions, FitResult
+from serd_core.likelihood.observations import observe
 from serd_core.parameters import Block, Parameters
-from serd_core.policies.mdce import MdcePolicy
 from serd_core.policies.policy_model import PolicyModel
-from serd_core.posterior import Posterior, PosteriorValue
+from serd_core.posterior import Posterior
 from serd_core.priors.prior import Prior
 from serd_core.problem import Problem
 from serd_core.solvers.automatic import Automatic
 from serd_core.solvers.newton import Newton
-
-MDCE = MdcePolicy()
+from serd_core.uncertainty.scores import decision_scores, score_sizes
 
 
 @dataclass(frozen=True, eq=False)
 class Information:
     """Both information matrices over n free numbers.
 
-    names: (n,); observed, outer_product: (n, n).
+    names: (n,); observed, outer_product: (n, n); gradient: (n,) of J there, 0 at an optimum.
+    score_sizes: (n,) largest of the numbers whose differences are the scores of one decision.
+    n_decisions: how many; converged: whether the fit did.
     gauge: (g, n) directions that change nothing, such as a constant added to all energies of an
     outcome model. parameters: where they were taken; jacobian: (all blocks, n).
     """
@@ -48,6 +42,10 @@ class Information:
     names: tuple[str, ...]
     observed: FloatArray
     outer_product: FloatArray
+    gradient: FloatArray
+    score_sizes: FloatArray
+    n_decisions: float
+    converged: bool
     gauge: FloatArray
     parameters: Parameters
     jacobian: FloatArray
@@ -58,64 +56,71 @@ def fit_information(
     decisions: Decisions,
     fit: FitResult,
     *,
-    policy_model: PolicyModel = MDCE,
-    belief: Belief = TIED,
-    prior: Prior = UNIFORM,
+    policy_model: PolicyModel | None = None,
+    belief: Belief | None = None,
+    prior: Prior | None = None,
 ) -> Information:
-    """Information at a fit; pass the policy model, belief and prior it was made with."""
+    """Information at a fit, under what the fit assumed; None for the fit's own of each.
+
+    Raises SerdError where the fit is one of another problem or policy model.
+    """
+    assumed = _assumptions(fit, policy_model, belief, prior)
+    _require_fitting(problem, fit, assumed)
     observations = observe(problem.mdp, decisions)
-    whole_prior = (prior + belief.prior).anchored(fit.initial_outcome_probabilities)
-    posterior = Posterior(problem, observations, policy_model, whole_prior, Newton(), Automatic())
+    whole_prior = assumed.whole_prior.anchored(fit.initial_outcome_probabilities)
+    posterior = Posterior(
+        problem, observations, assumed.policy_model, whole_prior, Newton(), Automatic()
+    )
     at = posterior.evaluate(fit.parameters)
     hessian = posterior_hessian(posterior, fit.parameters, at)
-    jacobian = belief.jacobian(fit.parameters)
+    jacobian = assumed.belief.jacobian(fit.parameters)
     scores, counts = decision_scores(posterior, fit.parameters, at, observations)
     free_scores = scores @ jacobian
+    sizes = score_sizes(posterior, fit.parameters, at)
     return Information(
         names=_free_names(problem, fit.parameters, jacobian),
-        observed=-vector_hessian(belief, hessian, at.gradient, fit.parameters),
+        observed=-vector_hessian(assumed.belief, hessian, at.gradient, fit.parameters),
         outer_product=(free_scores * counts[:, None]).T @ free_scores,
+        gradient=assumed.belief.pull_back(at.gradient, fit.parameters),
+        score_sizes=np.max(np.abs(jacobian) * sizes[:, None], axis=0),
+        n_decisions=float(counts.sum()),
+        converged=fit.converged,
         gauge=_free_gauge(problem, fit.parameters, jacobian),
         parameters=fit.parameters,
         jacobian=jacobian,
     )
 
 
-def decision_scores(
-    posterior: Posterior,
-    parameters: Parameters,
-    at: PosteriorValue,
-    observations: Observations,
-) -> tuple[FloatArray, FloatArray]:
-    """(G, blocks) score of each distinct observed (s, a, s'), and (G,) how often it was seen."""
-    model = posterior.problem.mdp.transitions
-    policy_model, q = posterior.policy_model, at.solution.q
-    by_q = curvature_parts(posterior, parameters, at).sensitivities.by_q
-    policy = np.exp(policy_model.log_probabilities(parameters.policy, q))
-    mean = np.einsum("sa,san->sn", policy, by_q)
-    state, action = np.divmod(model.groups.row[observations.group], model.n_actions)
-    temperature = policy_model.temperature(parameters.policy)
-    scores = np.zeros((len(state), len(parameters.vector)))
-    scores[:, : by_q.shape[2]] = (by_q[state, action] - mean[state]) / temperature
-    if len(parameters.policy):
-        for row, pair in enumerate(zip(state, action, strict=True)):
-            single = np.zeros_like(q)
-            single[pair] = 1.0
-            scores[row, parameters.place(Block.POLICY)] = policy_model.parameter_gradient(
-                parameters.policy, q, single
+def _assumptions(
+    fit: FitResult, policy_model: PolicyModel | None, belief: Belief | None, prior: Prior | None
+) -> Assumptions:
+    own = fit.assumptions
+    if own is not None:
+        return Assumptions(
+            own.policy_model if policy_model is None else policy_model,
+            own.belief if belief is None else belief,
+            own.prior if prior is None else prior,
+        )
+    if policy_model is None or belief is None or prior is None:
+        raise SerdError(
+            "policy_model, belief and prior must be given for a fit that does not say what it"
+            " assumed, got None; pass those it was made with"
+        )
+    return Assumptions(policy_model, belief, prior)
+
+
+def _require_fitting(problem: Problem, fit: FitResult, assumed: Assumptions) -> None:
+    at = fit.parameters
+    for name, found, wanted in (
+        ("reward weights", len(at.reward), len(problem.feature_names)),
+        ("dynamics parameters", len(at.truth), problem.mdp.transitions.n_parameters),
+        ("temperatures", len(at.policy), len(assumed.policy_model.initial_parameters)),
+    ):
+        if found != wanted:
+            raise SerdError(
+                f"fit must have {wanted} {name} as the problem and policy model do, got {found}"
+                "; pass the problem and the policy model it was made with"
             )
-    scores[:, parameters.place(Block.TRUTH)] += _transition_scores(posterior, parameters)
-    return scores, observations.group_count
-
-
-def _transition_scores(posterior: Posterior, parameters: Parameters) -> FloatArray:
-    model, group = posterior.problem.mdp.transitions, posterior.observations.group
-    local = model.local_probabilities(parameters.truth)
-    probability = model.groups.probabilities(model.entries(local))[group]
-    wanted = np.zeros(len(model.groups), dtype=np.bool_)
-    wanted[group] = True
-    slopes = transition_jacobian(model, model.local_jacobian(parameters.truth), wanted)
-    return np.asarray(slopes / probability[:, None])
 
 
 def _free_names(problem: Problem, parameters: Parameters, jacobian: FloatArray) -> tuple[str, ...]:

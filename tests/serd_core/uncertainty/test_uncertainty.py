@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,17 +10,22 @@ from serd_core.errors import SerdError
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.pm_serd import fit_pm_serd
 from serd_core.likelihood.observations import observe
+from serd_core.parameters import Block, Parameters
 from serd_core.policies.mdce import MdcePolicy
 from serd_core.policies.policy_matching import PolicyMatchingPolicy
-from serd_core.policies.solved_policy import soft_policy
+from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.posterior import Posterior
 from serd_core.priors.divergence import KldPrior
+from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import UniformPrior
+from serd_core.problem import TabularProblem
 from serd_core.simulation import sample_decisions
 from serd_core.solvers.newton import Newton
 from serd_core.solvers.sparse_lu import SparseLu
-from serd_core.uncertainty.identifiability import gauge_free_basis, identifiability
-from serd_core.uncertainty.information import decision_scores, fit_information
+from serd_core.uncertainty.identifiability import identifiability
+from serd_core.uncertainty.information import fit_information
+from serd_core.uncertainty.scores import decision_scores
+from serd_core.uncertainty.spectrum import gauge_free_basis
 from serd_core.uncertainty.standard_errors import (
     confidence_interval,
     probability_interval,
@@ -54,7 +61,7 @@ def test_the_error_of_an_observed_outcome_is_that_of_a_proportion(minimum_exampl
         prior=KldPrior(1e-9),
         ascent=TrustRegion(max_steps=100),
     )
-    information = fit_information(minimum_example, both, fit, belief=FreeBelief())
+    information = fit_information(minimum_example, both, fit)
     errors = standard_errors(minimum_example, information, information.outer_product)
     share = fit.outcome_probabilities[0, 1]
     assert share == pytest.approx(45 / 130, abs=1e-5)
@@ -136,7 +143,7 @@ def test_errors_say_how_much_estimates_scatter(make_gridworld):
             belief=FixedBelief(),
             ascent=TrustRegion(),
         )
-        information = fit_information(case.problem, decisions, fit, belief=FixedBelief())
+        information = fit_information(case.problem, decisions, fit)
         found.append(fit.reward_weights)
         errors.append(standard_errors(case.problem, information, information.observed).reward)
     np.testing.assert_allclose(np.std(found, axis=0), np.mean(errors, axis=0), rtol=0.25)
@@ -148,7 +155,7 @@ def test_an_action_never_taken_and_its_reward_cannot_be_told_apart(minimum_examp
     fit = fit_mdce_serd(
         minimum_example, decisions, initial_weights=np.array([0.5]), prior=KldPrior(1.0)
     )
-    information = fit_information(minimum_example, decisions, fit, prior=KldPrior(1.0))
+    information = fit_information(minimum_example, decisions, fit)
     diagnosis = identifiability(information)
     assert not diagnosis.identified
     named = " ".join(str(direction) for direction in diagnosis.null)
@@ -163,14 +170,13 @@ def test_a_prior_settles_what_the_data_leave_open(minimum_example):
     decisions = coin(20, 10)
     prior = KldPrior(1.0)
     fit = fit_mdce_serd(minimum_example, decisions, initial_weights=np.array([0.5]), prior=prior)
-    information = fit_information(minimum_example, decisions, fit, prior=prior)
+    information = fit_information(minimum_example, decisions, fit)
     with_prior = identifiability(information, matrix=information.observed)
     assert len(with_prior.null) < len(identifiability(information).null)
 
 
 def test_temperature_and_scale_of_rewards_are_one_null_direction(gridworld):
     """Theta_P and theta_R of the policy-matching model share a common factor."""
-    model = PolicyMatchingPolicy()
     fit = fit_pm_serd(
         gridworld.problem,
         gridworld.decisions,
@@ -178,9 +184,7 @@ def test_temperature_and_scale_of_rewards_are_one_null_direction(gridworld):
         belief=FixedBelief(),
         ascent=TrustRegion(max_steps=20),
     )
-    information = fit_information(
-        gridworld.problem, gridworld.decisions, fit, policy_model=model, belief=FixedBelief()
-    )
+    information = fit_information(gridworld.problem, gridworld.decisions, fit)
     diagnosis = identifiability(information)
     assert len(diagnosis.null) == 1
     names = {name for name, _ in diagnosis.null[0].loadings}
@@ -197,13 +201,14 @@ def test_the_gauge_is_taken_out_of_tied_and_free_blocks(gridworld):
     for belief, n_free, n_gauge in ((TiedBelief(), 47, 9), (FreeBelief(), 92, 18)):
         information = fit_information(gridworld.problem, gridworld.decisions, fit, belief=belief)
         assert information.gauge.shape == (n_gauge, n_free)
-        basis = gauge_free_basis(information)
+        basis = gauge_free_basis(information.gauge)
         np.testing.assert_allclose(information.gauge @ basis, 0, atol=1e-12)
         np.testing.assert_allclose(basis.T @ basis, np.eye(n_free - n_gauge), atol=1e-12)
         np.testing.assert_allclose(information.outer_product @ information.gauge.T, 0, atol=1e-7)
 
 
 def test_a_point_that_is_no_maximum_is_refused(gridworld):
+    """One step from weights of the wrong sign J bends upwards along some direction."""
     fit = fit_mdce_serd(
         gridworld.problem,
         gridworld.decisions,
@@ -212,9 +217,176 @@ def test_a_point_that_is_no_maximum_is_refused(gridworld):
     )
     information = fit_information(gridworld.problem, gridworld.decisions, fit)
     with pytest.raises(SerdError, match="must not have negative eigenvalues"):
-        standard_errors(gridworld.problem, information, -np.eye(47))
+        standard_errors(gridworld.problem, information, information.observed)
     with pytest.raises(SerdError, match="coverage must be between 0 and 1"):
         confidence_interval(np.zeros(1), np.ones(1), 2.0)
+
+
+def test_a_fit_on_its_way_has_no_standard_errors_unless_asked_for(gridworld):
+    fit = fit_mdce_serd(
+        gridworld.problem,
+        gridworld.decisions,
+        initial_weights=np.array([6.0, 8.0]),
+        belief=FixedBelief(),
+        ascent=TrustRegion(max_steps=1),
+    )
+    information = fit_information(gridworld.problem, gridworld.decisions, fit)
+    for matrix in (information.observed, information.outer_product):
+        with pytest.raises(SerdError, match=r"must have converged .* got not converged and"):
+            standard_errors(gridworld.problem, information, matrix)
+        there = standard_errors(gridworld.problem, information, matrix, require_optimum=False)
+        assert np.all(np.isfinite(there.reward))
+
+
+def test_a_point_away_from_the_optimum_is_refused_whatever_the_fit_says(gridworld):
+    """Half a standard error off, in a fit that claims to have converged."""
+    problem, decisions = gridworld.problem, gridworld.decisions
+    fit = fit_mdce_serd(
+        problem, decisions, initial_weights=np.ones(2), belief=FixedBelief(), ascent=PRECISE
+    )
+    information = fit_information(problem, decisions, fit)
+    errors = standard_errors(problem, information, information.observed)
+    for share, refused in ((0.01, False), (0.5, True)):
+        at = fit.parameters
+        reward = at.reward + share * np.array([errors.reward[0], 0.0])
+        moved = replace(fit, parameters=Parameters(reward, at.belief, at.truth, at.policy))
+        there = fit_information(problem, decisions, moved)
+        if refused:
+            with pytest.raises(SerdError, match=r"got converged and 0.[3-9]"):
+                standard_errors(problem, there, there.observed)
+        else:
+            assert np.all(np.isfinite(standard_errors(problem, there, there.observed).reward))
+
+
+def test_a_kink_has_no_standard_errors(make_gridworld):
+    """Policy matching ends where two actions are equally good; gradients differ on both sides."""
+    case = make_gridworld(side=8, discount=0.99, n_episodes=1)
+    policy = boltzmann_policy(
+        case.problem, np.array([2.0, 3.0]), case.probabilities, 2.0
+    ).probabilities
+    decisions = sample_decisions(
+        case.problem.mdp,
+        policy,
+        case.probabilities,
+        np.full(64, 1 / 64),
+        n_episodes=2,
+        n_steps=30,
+        rng=np.random.default_rng(2),
+    )
+    prior = KldPrior(0.1) + GaussianPrior(0.1, Block.POLICY, mean=1.0)
+    fit = fit_pm_serd(case.problem, decisions, initial_weights=np.ones(2), prior=prior)
+    information = fit_information(case.problem, decisions, fit)
+    assert fit.converged
+    assert np.abs(information.gradient).max() / len(decisions) > 1e-3
+    with pytest.raises(SerdError, match=r"negative eigenvalues|at a kink of the objective"):
+        standard_errors(case.problem, information, information.observed)
+
+
+@pytest.mark.parametrize("factor", [1e-5, 1e5])
+def test_units_of_features_change_the_errors_by_their_factor_only(gridworld, factor):
+    """Metres or kilometres: exactly the same fit, told in other units."""
+    problem, decisions = gridworld.problem, gridworld.decisions
+    fit = fit_mdce_serd(
+        problem, decisions, initial_weights=np.ones(2), prior=KldPrior(1.0), ascent=PRECISE
+    )
+    units = np.array([factor, 1.0])
+    rescaled = TabularProblem(problem.mdp, problem.features * units, problem.feature_names)
+    at = fit.parameters
+    told = replace(
+        fit,
+        reward_weights=at.reward / units,
+        parameters=Parameters(at.reward / units, at.belief, at.truth, at.policy),
+    )
+    one, other = (
+        fit_information(each, decisions, found)
+        for each, found in ((problem, fit), (rescaled, told))
+    )
+    for name in ("observed", "outer_product"):
+        errors, scaled = (
+            standard_errors(problem, found, getattr(found, name)) for found in (one, other)
+        )
+        assert np.all(np.isfinite(errors.reward))
+        np.testing.assert_allclose(scaled.reward, errors.reward / units, rtol=1e-6)
+        np.testing.assert_allclose(
+            scaled.outcome_probabilities, errors.outcome_probabilities, rtol=1e-5, atol=1e-12
+        )
+    for found in (identifiability(one), identifiability(other)):
+        assert [str(null) for null in found.null] == [
+            str(null) for null in identifiability(one).null
+        ]
+    np.testing.assert_allclose(
+        identifiability(other).eigenvalues, identifiability(one).eigenvalues, atol=1e-9
+    )
+
+
+def test_a_feature_that_is_the_same_everywhere_is_not_identified_by_rounding(gridworld):
+    features = np.concatenate([gridworld.problem.features, np.full((25, 5, 1), 0.7)], axis=2)
+    problem = TabularProblem(gridworld.problem.mdp, features, ("goal", "forest", "constant"))
+    fit = fit_mdce_serd(
+        problem,
+        gridworld.decisions,
+        initial_weights=np.ones(3),
+        prior=KldPrior(1.0),
+        ascent=PRECISE,
+    )
+    information = fit_information(problem, gridworld.decisions, fit)
+    for matrix in (information.observed, information.outer_product):
+        errors = standard_errors(problem, information, matrix, require_optimum=False)
+        assert np.isinf(errors.reward[2])
+        assert np.all(np.isfinite(errors.reward[:2]))
+
+
+def test_what_a_fit_assumed_comes_with_it(gridworld):
+    problem, decisions = gridworld.problem, gridworld.decisions
+    fit = fit_pm_serd(
+        problem,
+        decisions,
+        initial_weights=np.ones(2),
+        belief=FixedBelief(),
+        prior=GaussianPrior(0.1, Block.POLICY, 1.0),
+        ascent=TrustRegion(max_steps=20),
+    )
+    information = fit_information(problem, decisions, fit)
+    assert len(information.names) == 3
+    with pytest.raises(SerdError, match=r"fit must have 0 temperatures .* got 1; pass"):
+        fit_information(problem, decisions, fit, policy_model=MdcePolicy())
+    with pytest.raises(SerdError, match="must be given for a fit that does not say"):
+        fit_information(problem, decisions, replace(fit, assumptions=None))
+    other = TabularProblem(problem.mdp, problem.features[:, :, :1], ("goal",))
+    with pytest.raises(SerdError, match=r"fit must have 1 reward weights .* got 2; pass"):
+        fit_information(other, decisions, fit)
+
+
+def test_a_wrong_belief_is_refused_as_no_optimum(gridworld):
+    fit = fit_mdce_serd(
+        gridworld.problem,
+        gridworld.decisions,
+        initial_weights=np.ones(2),
+        belief=FixedBelief(),
+        ascent=PRECISE,
+    )
+    information = fit_information(gridworld.problem, gridworld.decisions, fit, belief=TiedBelief())
+    with pytest.raises(SerdError, match=r"must have converged|negative eigenvalues"):
+        standard_errors(gridworld.problem, information, information.outer_product)
+
+
+def test_the_belief_has_errors_of_its_own(gridworld):
+    problem, decisions = gridworld.problem, gridworld.decisions
+    prior = KldPrior(1.0) + KldPrior(5.0, block=Block.BELIEF)
+    for belief, same in ((TiedBelief(), True), (FreeBelief(), False)):
+        fit = fit_mdce_serd(
+            problem,
+            decisions,
+            initial_weights=np.ones(2),
+            belief=belief,
+            prior=prior,
+            ascent=PRECISE,
+        )
+        information = fit_information(problem, decisions, fit)
+        errors = standard_errors(problem, information, information.observed)
+        believed, true = errors.believed_outcome_probabilities, errors.outcome_probabilities
+        assert believed.shape == true.shape
+        assert np.allclose(believed, true) == same
 
 
 def test_an_interval_reaches_as_many_standard_errors_as_its_coverage_says():
