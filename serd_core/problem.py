@@ -6,6 +6,8 @@ R(s, a) = theta_R . f(s, a)
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from serd_core.arrays import FloatArray, float_array
 from serd_core.errors import SerdError
 from serd_core.mdp import Mdp
@@ -20,7 +22,7 @@ class Problem(Protocol):
 
     @property
     def features(self) -> FloatArray:
-        """(S, A, F) features f(s, a); ignored where an action is not available."""
+        """(S, A, F) finite features f(s, a); those of unavailable actions count nowhere."""
 
     @property
     def feature_names(self) -> tuple[str, ...]:
@@ -29,7 +31,10 @@ class Problem(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TabularProblem:
-    """An MDP with (S, A, F) features and their names."""
+    """An MDP with (S, A, F) features and their names.
+
+    Features of unavailable actions may be anything, NaN too; they are kept as 0.
+    """
 
     mdp: Mdp
     features: FloatArray
@@ -37,7 +42,10 @@ class TabularProblem:
 
     def __post_init__(self) -> None:
         shape = (self.mdp.n_states, self.mdp.n_actions, len(self.feature_names))
-        object.__setattr__(self, "features", float_array("features", self.features, shape))
+        given = np.asarray(self.features)
+        if given.shape == shape:
+            given = np.where(self.mdp.available[:, :, None], given, 0.0)
+        object.__setattr__(self, "features", float_array("features", given, shape))
         object.__setattr__(self, "feature_names", unique_names(self.feature_names))
 
 

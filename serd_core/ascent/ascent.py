@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, first_index
 from serd_core.differences import gradient_differences
 from serd_core.errors import SerdError
 
@@ -14,6 +14,7 @@ from serd_core.errors import SerdError
 CONVERGED = "gradient within tolerance"
 STOPPED = "stopped by the observer"
 OUT_OF_STEPS = "not converged: out of steps"
+DIVERGED = "not converged: a step led where the objective is no number; use smaller steps"
 
 
 class Objective(ABC):
@@ -86,6 +87,17 @@ def require_limits(gradient_tolerance: float, max_steps: int) -> None:
         )
     if not max_steps >= 0:
         raise SerdError(f"max_steps must not be negative or NaN, got {max_steps}; use 500")
+
+
+def evaluate_at(objective: Objective, vector: FloatArray) -> tuple[float, FloatArray]:
+    """Value and (n,) gradient; SerdError where the ascent has left the numbers."""
+    bad = first_index(~np.isfinite(vector))
+    if bad is not None:
+        raise SerdError(
+            f"the ascent must stay at finite parameters, but parameter {bad[0]} of"
+            f" {len(vector)} became {vector[bad]}; start from smaller weights or scale the features"
+        )
+    return objective.evaluate(vector)
 
 
 def largest(gradient: FloatArray) -> float:

@@ -26,6 +26,7 @@ from serd_core.ascent.ascent import (
     Objective,
     Step,
     StepObserver,
+    evaluate_at,
     largest,
     require_limits,
 )
@@ -102,6 +103,7 @@ class _Run:
         self.trace = list(began.objective_trace)
         self.n_evaluations = began.n_evaluations
         self.seen: deque[_Place] = deque(maxlen=2 * len(began.vector) + 20)
+        self.steepest_down: list[_Place] = []
         self.here = self._visit(began.vector)
         self.metric = first_metric(objective.hessian(began.vector))
         self.mean_norm = largest(self.here.gradient)
@@ -111,13 +113,14 @@ class _Run:
         for _ in range(self.settings.max_steps):
             moved = self._step()
             self.mean_norm = largest(smallest_mean(self._gradients_around()))
+            stopped = moved and self._told()
             if largest(self.here.gradient) <= self.settings.gradient_tolerance:
                 return CONVERGED
             if self.mean_norm <= self.settings.gradient_tolerance:
                 return AT_A_KINK
             if not moved:
                 return STALLED
-            if self._told():
+            if stopped:
                 return STOPPED
         return OUT_OF_STEPS
 
@@ -130,7 +133,7 @@ class _Run:
             return False
         moved = there.vector - self.here.vector
         self.metric = updated_metric(self.metric, moved, self.here.gradient - there.gradient)
-        self.here = there
+        self.here, self.steepest_down = there, []
         self.trace.append(there.value)
         return True
 
@@ -140,7 +143,7 @@ class _Run:
         short, long, length, found = 0.0, np.inf, min(1.0, longest), None
         for _ in range(MAX_TRIALS):
             there = self._visit(self.here.vector + length * direction)
-            if not there.value >= self.here.value + GAIN * length * slope:
+            if not self._gains(there, GAIN * length * slope):
                 long = length
             elif float(there.gradient @ direction) > LOWER * slope:
                 short, found = length, there
@@ -150,6 +153,13 @@ class _Run:
                 return found
             length = min(2.0 * short, longest) if np.isinf(long) else 0.5 * (short + long)
         return found
+
+    def _gains(self, there: _Place, wanted: float) -> bool:
+        """Whether a place is higher by as much as wanted; by nothing at all is no gain.
+
+        Near a kink `wanted` drowns in rounding, and steps to the same height would go on for ever.
+        """
+        return there.value >= self.here.value + wanted and there.value > self.here.value
 
     def _across_kinks(self) -> _Place | None:
         """A gain along the smallest mean of the gradients around, as the metric measures them."""
@@ -163,10 +173,14 @@ class _Run:
             there = self._search(direction, float(mean @ direction))
             if there is not None:
                 return there
+            # What failed the direction must not be forgotten, or the next may fail the same way.
+            self.steepest_down.append(
+                min(self._places_around(), key=lambda place: float(place.gradient @ direction))
+            )
         return None
 
     def _visit(self, vector: FloatArray) -> _Place:
-        value, gradient = self.objective.evaluate(vector)
+        value, gradient = evaluate_at(self.objective, vector)
         self.n_evaluations += 1
         place = _Place(vector, value, gradient)
         if np.isfinite(value):
@@ -175,17 +189,20 @@ class _Run:
 
     def _gradients_around(self) -> FloatArray:
         """(k, n) gradients seen within the neighbourhood, the present one first."""
+        return np.array([place.gradient for place in self._places_around()])
+
+    def _places_around(self) -> list[_Place]:
         here = self.here.vector
         radius = self.settings.neighbourhood * max(1.0, float(np.linalg.norm(here)))
         others = [
-            place.gradient
-            for place in self.seen
+            place
+            for place in (*self.seen, *self.steepest_down)
             if place is not self.here and np.linalg.norm(place.vector - here) <= radius
         ]
-        return np.array([self.here.gradient, *others])
+        return [self.here, *others]
 
     def _told(self) -> bool:
-        here, norm = self.here, largest(self.here.gradient)
+        here = self.here
         return self.observer(
-            Step(len(self.trace), here.value, norm, self.n_evaluations, here.vector)
+            Step(len(self.trace), here.value, self.mean_norm, self.n_evaluations, here.vector)
         )

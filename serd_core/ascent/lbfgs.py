@@ -8,12 +8,14 @@ import scipy.optimize
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import (
     CONVERGED,
+    OUT_OF_STEPS,
     STOPPED,
     Ascent,
     AscentResult,
     Objective,
     Step,
     StepObserver,
+    evaluate_at,
     largest,
     require_limits,
 )
@@ -35,8 +37,11 @@ class Lbfgs(Ascent):
     ) -> AscentResult:
         """Climb; where the line search stalls by rounding it is started afresh once."""
         run = _Run(objective=objective, observer=observer)
-        message = self._climb(run, start)
-        if not run.stopped and run.gradient_norm > self.gradient_tolerance:
+        run.move_to(np.array(start, dtype=np.float64))
+        message = ""
+        for _ in range(2):
+            if run.stopped or self._done(run):
+                break
             message = self._climb(run, run.vector)
         converged = run.gradient_norm <= self.gradient_tolerance
         return AscentResult(
@@ -46,9 +51,21 @@ class Lbfgs(Ascent):
             n_steps=len(run.trace),
             n_evaluations=run.n_evaluations,
             converged=converged,
-            message=_message(run, converged, message),
+            message=self._message(run, converged, message),
             objective_trace=np.array(run.trace),
         )
+
+    def _done(self, run: "_Run") -> bool:
+        return run.gradient_norm <= self.gradient_tolerance or len(run.trace) >= self.max_steps
+
+    def _message(self, run: "_Run", converged: bool, scipy_message: str) -> str:
+        if converged:
+            return CONVERGED
+        if run.stopped:
+            return STOPPED
+        if len(run.trace) >= self.max_steps:
+            return OUT_OF_STEPS
+        return f"not converged: {scipy_message}"
 
     def _climb(self, run: "_Run", start: FloatArray) -> str:
         result = scipy.optimize.minimize(
@@ -58,7 +75,7 @@ class Lbfgs(Ascent):
             method="L-BFGS-B",
             callback=run.after_step,
             options={
-                "maxiter": max(self.max_steps - len(run.trace), 1),
+                "maxiter": self.max_steps - len(run.trace),
                 "maxfun": 20 * self.max_steps,
                 "maxcor": self.memory,
                 "gtol": self.gradient_tolerance,
@@ -95,7 +112,7 @@ class _Run:
         """Evaluate at `vector` unless that was the last evaluation."""
         if not np.array_equal(vector, self.vector):
             self.vector = vector.copy()
-            self.value, self.gradient = self.objective.evaluate(self.vector)
+            self.value, self.gradient = evaluate_at(self.objective, self.vector)
             self.n_evaluations += 1
 
     def after_step(self, intermediate_result: scipy.optimize.OptimizeResult) -> None:
@@ -107,11 +124,3 @@ class _Run:
         if self.observer(step):
             self.stopped = True
             raise StopIteration
-
-
-def _message(run: _Run, converged: bool, scipy_message: str) -> str:
-    if converged:
-        return CONVERGED
-    if run.stopped:
-        return STOPPED
-    return f"not converged: {scipy_message}"

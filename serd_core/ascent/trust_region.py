@@ -23,6 +23,7 @@ from serd_core.ascent.ascent import (
     Objective,
     Step,
     StepObserver,
+    evaluate_at,
     largest,
     require_limits,
 )
@@ -141,7 +142,7 @@ class _Place:
 
 
 def _evaluated(objective: Objective, vector: FloatArray) -> _Place:
-    value, gradient = objective.evaluate(vector)
+    value, gradient = evaluate_at(objective, vector)
     return _Place(vector, value, gradient)
 
 

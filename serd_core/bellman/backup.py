@@ -28,8 +28,8 @@ class BellmanProblem:
         if not np.all(np.isfinite(allowed)):
             state, action = np.argwhere(~np.isfinite(allowed))[0]
             raise SerdError(
-                f"rewards[{state}, {action}] must be finite, got {allowed[state, action]}"
-                "; mark forbidden actions unavailable instead"
+                f"rewards[{state}, {action}] must be finite, got {allowed[state, action]}; use"
+                " smaller weights or features, and mark forbidden actions unavailable"
             )
         object.__setattr__(self, "rewards", np.where(self.available, self.rewards, -np.inf))
 

@@ -51,6 +51,54 @@ def test_the_observer_sees_every_step_and_can_stop(ascent):
     np.testing.assert_array_equal(found.vector, seen[-1].vector)
 
 
+def valley(vector):
+    """Rosenbrock's, upside down."""
+    x, y = vector
+    value = -((1 - x) ** 2 + 100 * (y - x**2) ** 2)
+    return value, np.array([2 * (1 - x) + 400 * x * (y - x**2), -200 * (y - x**2)])
+
+
+@pytest.mark.parametrize("kind", [Lbfgs, TrustRegion, GradientAscent, KinkedAscent])
+@pytest.mark.parametrize("max_steps", [0, 1, 2, 5])
+def test_no_ascent_takes_more_steps_than_it_may(kind, max_steps):
+    settings = {"step_size": lambda _: 1e-3} if kind is GradientAscent else {}
+    if kind is KinkedAscent:
+        settings = {"smooth": TrustRegion(max_steps=0)}
+    told = []
+    found = kind(max_steps=max_steps, **settings).maximise(
+        FunctionObjective(valley), np.array([-1.2, 1.0]), lambda step: told.append(step.number)
+    )
+    assert found.n_steps <= max_steps
+    assert told == list(range(1, found.n_steps + 1))
+    assert not found.converged
+    assert found.message == "not converged: out of steps"
+
+
+def test_a_gradient_step_that_leaves_the_numbers_is_said_and_not_taken():
+    start = np.array([-1.2, 1.0])
+    ascent = GradientAscent(step_size=lambda number: 1e-3 if number == 1 else 1e200)
+    found = ascent.maximise(FunctionObjective(valley), start, never)
+    assert found.message.startswith("not converged: a step led where the objective is no number")
+    assert not found.converged
+    assert found.n_steps == 1
+    np.testing.assert_array_equal(found.vector, start + 1e-3 * valley(start)[1])
+
+
+def test_gradient_steps_that_are_too_long_are_told_from_too_few():
+    long = GradientAscent(step_size=lambda _: 0.25, max_steps=10)
+    found = long.maximise(FunctionObjective(quadratic), np.zeros(2), never)
+    assert found.message.endswith("the objective fell on the way, use a smaller step_size")
+    short = GradientAscent(step_size=lambda _: 0.01, max_steps=10)
+    found = short.maximise(FunctionObjective(quadratic), np.zeros(2), never)
+    assert found.message == "not converged: out of steps"
+
+
+@pytest.mark.parametrize("ascent", [Lbfgs(), TrustRegion(), GradientAscent(), KinkedAscent()])
+def test_an_ascent_does_not_evaluate_where_parameters_are_no_numbers(ascent):
+    with pytest.raises(SerdError, match="parameter 1 of 2 became nan; start from smaller weights"):
+        ascent.maximise(FunctionObjective(quadratic), np.array([0.0, np.nan]), never)
+
+
 @pytest.mark.parametrize(
     "ascent",
     [
@@ -60,11 +108,6 @@ def test_the_observer_sees_every_step_and_can_stop(ascent):
     ],
 )
 def test_running_out_of_steps_is_no_convergence(ascent):
-    def valley(vector):
-        x, y = vector
-        value = -((1 - x) ** 2 + 100 * (y - x**2) ** 2)
-        return value, np.array([2 * (1 - x) + 400 * x * (y - x**2), -200 * (y - x**2)])
-
     found = ascent.maximise(FunctionObjective(valley), np.array([-1.2, 1.0]) * 0.01, never)
     assert not found.converged
     assert found.message.startswith("not converged")
