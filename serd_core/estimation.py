@@ -6,89 +6,109 @@ the estimate maximises
     sum n(s,a,s') log sum_{k leads to s'} P_m(k)  +  c sum_{m,k} log P_m(k)
 
 At walls several outcomes lead to the same s', so expectation maximisation shares each observation
-among them by their present probabilities:
+among them by their present probabilities and sets P_m(k) to its share r(k) of the model's total:
 
-    r(k) = P_m(k) / sum_{j leads to s'} P_m(j),   P_m(k) proportional to c + sum n(s,a,s') r(k)
+    r(k) = c + sum n(s,a,s') P_m(k) / sum_{j leads to s'} P_m(j)
 
-The objective is concave in P, so EM reaches its maximum from any start. A model that was never
-observed keeps the uniform distribution.
+The objective is concave, so that reaches its maximum from any start, but where walls hide nearly
+everything only after millions of steps. A few of them come first, Newton's method does the rest
+(`serd_core.outcome_maximum`). A model that was never observed keeps the uniform distribution.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, floored, weighted_counts
+from serd_core.arrays import FloatArray, IntArray, weighted_counts
 from serd_core.demonstrations import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.likelihood.observations import Observations, observe
 from serd_core.mdp import Mdp
+from serd_core.outcome_maximum import DynamicsEstimate, OutcomeCounts, maximum_of
 from serd_core.problem import Problem
 
-
-@dataclass(frozen=True, eq=False)
-class DynamicsEstimate:
-    """probabilities: (M, K); steps; change: largest move of the last step; converged."""
-
-    probabilities: FloatArray
-    steps: int
-    change: float
-    converged: bool
+#: Cheap steps that bring all models to where Newton's method is at its best.
+SHARING_STEPS = 20
 
 
 def estimate_dynamics(
     problem: Problem, decisions: Decisions, pseudo_count: float = 1.0
 ) -> FloatArray:
-    """(M, K) outcome probabilities; SerdError where EM did not converge."""
+    """(M, K) outcome probabilities; SerdError where the estimate did not converge."""
     model = outcome_models_of(problem.mdp)
-    estimate = expectation_maximisation(model, observe(problem.mdp, decisions), pseudo_count)
+    estimate = most_likely_dynamics(model, observe(problem.mdp, decisions), pseudo_count)
     if not estimate.converged:
         raise SerdError(
-            f"estimate_dynamics must converge, but moved by {estimate.change} in step"
-            f" {estimate.steps}; use a larger pseudo_count"
+            f"the M-estimate of the dynamics must converge, but after {estimate.steps} steps may"
+            f" be off by a share of {estimate.error_bound}; pass dynamics, for example"
+            f" estimate_dynamics(problem, decisions, pseudo_count={10 * max(pseudo_count, 1.0)})"
         )
     return estimate.probabilities
 
 
-def expectation_maximisation(
+def most_likely_dynamics(
     model: OutcomeModels,
     observations: Observations,
     pseudo_count: float = 1.0,
     *,
-    tolerance: float = 1e-10,
-    max_steps: int = 10_000,
+    tolerance: float = 1e-9,
+    max_steps: int = 200,
 ) -> DynamicsEstimate:
-    """Iterate E- and M-step from the uniform distribution."""
+    """From the uniform distribution, by steps that share and then by Newton's, until certified."""
     if not (np.isfinite(pseudo_count) and pseudo_count > 0):
         raise SerdError(
             f"pseudo_count must be finite and above 0, got {pseudo_count}; 1 is a uniform prior"
         )
-    shape = (model.n_models, model.n_outcomes)
-    probabilities = np.full(shape, 1.0 / model.n_outcomes)
-    change = np.inf
-    for step in range(1, max_steps + 1):
-        counts = expected_outcome_counts(model, observations, probabilities)
-        updated = counts + pseudo_count
-        updated /= updated.sum(axis=1, keepdims=True)
-        change = float(np.max(np.abs(updated - probabilities)))
-        probabilities = updated
-        if change <= tolerance:
-            return DynamicsEstimate(probabilities, step, change, converged=True)
-    return DynamicsEstimate(probabilities, max_steps, change, converged=False)
+    seen = outcome_sets(model, observations)
+    start = _shared(model, seen, pseudo_count)
+    found = [
+        maximum_of(seen.of(m, pseudo_count), start[m], tolerance, max_steps)
+        for m in range(model.n_models)
+    ]
+    return DynamicsEstimate(
+        probabilities=np.array([each.probabilities for each in found]),
+        steps=max(each.steps for each in found),
+        error_bound=max(each.error_bound for each in found),
+        converged=all(each.converged for each in found),
+    )
 
 
-def expected_outcome_counts(
-    model: OutcomeModels, observations: Observations, probabilities: FloatArray
-) -> FloatArray:
-    """(M, K) E-step: observations shared among the outcomes that explain them."""
-    entries = model.entries(probabilities)
-    explaining = entries[observations.entry]
-    total = weighted_counts(observations.entry_group, explaining, len(observations.group))
-    share = observations.group_count / floored(total)
-    counts = np.zeros_like(entries)
-    counts[observations.entry] = explaining * share[observations.entry_group]
-    return model.gather(counts)
+@dataclass(frozen=True, eq=False)
+class OutcomeSets:
+    """What was observed: (G,) model, (G, K) mask of outcomes that explain it, (G,) how often."""
+
+    model: IntArray
+    explaining: FloatArray
+    count: FloatArray
+
+    def of(self, model: int, pseudo_count: float) -> OutcomeCounts:
+        """The part of one model."""
+        mine = self.model == model
+        return OutcomeCounts(self.explaining[mine], self.count[mine], pseudo_count)
+
+
+def outcome_sets(model: OutcomeModels, observations: Observations) -> OutcomeSets:
+    """Observations by model and set of outcomes, wherever they were made."""
+    of_model, outcome = np.divmod(model.local_index[observations.entry], model.n_outcomes)
+    table = np.zeros((len(observations.group), 1 + model.n_outcomes), dtype=np.int64)
+    table[observations.entry_group, 0] = of_model
+    table[observations.entry_group, 1 + outcome] = 1
+    distinct, place = np.unique(table, axis=0, return_inverse=True)
+    count = weighted_counts(place.reshape(-1), observations.group_count, len(distinct))
+    return OutcomeSets(distinct[:, 0], distinct[:, 1:].astype(np.float64), count)
+
+
+def _shared(model: OutcomeModels, seen: OutcomeSets, pseudo_count: float) -> FloatArray:
+    """(M, K) after some steps of expectation maximisation, of all models together."""
+    probabilities = np.full((model.n_models, model.n_outcomes), 1.0 / model.n_outcomes)
+    for _ in range(SHARING_STEPS):
+        weights = seen.explaining * probabilities[seen.model]
+        shared = weights * (seen.count / weights.sum(axis=1))[:, None]
+        probabilities = np.full_like(probabilities, pseudo_count)
+        np.add.at(probabilities, seen.model, shared)
+        probabilities /= probabilities.sum(axis=1, keepdims=True)
+    return probabilities
 
 
 def outcome_models_of(mdp: Mdp) -> OutcomeModels:

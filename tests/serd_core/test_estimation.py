@@ -1,15 +1,22 @@
+from functools import partial
+
 import numpy as np
 import pytest
+import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from serd_core import estimation
 from serd_core.arrays import floored
 from serd_core.demonstrations import Decisions
+from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
-from serd_core.estimation import estimate_dynamics, expectation_maximisation, outcome_models_of
+from serd_core.estimation import estimate_dynamics, most_likely_dynamics
 from serd_core.grid import Action, Grid
 from serd_core.likelihood.observations import observe
+from serd_core.mdp import Mdp
 from serd_core.navigation import build_navigation_problem
+from serd_core.problem import TabularProblem
 from serd_core.simulation import sample_decisions
 
 
@@ -112,7 +119,7 @@ def test_the_estimate_is_a_stationary_point_of_its_objective(seed):
         problem.mdp, policy, TRUTH, np.eye(12)[0], n_episodes=3, n_steps=30, rng=rng
     )
     observations, model = observe(problem.mdp, decisions), problem.outcome_models
-    found = expectation_maximisation(model, observations, pseudo_count=0.5)
+    found = most_likely_dynamics(model, observations, pseudo_count=0.5)
     assert found.converged
 
     def objective(theta):
@@ -130,10 +137,67 @@ def test_the_estimate_is_a_stationary_point_of_its_objective(seed):
     np.testing.assert_allclose(slopes, 0, atol=1e-5)
 
 
-def test_running_out_of_steps_is_said(gridworld):
-    observations = observe(gridworld.problem.mdp, gridworld.decisions)
-    model = outcome_models_of(gridworld.problem.mdp)
-    assert not expectation_maximisation(model, observations, max_steps=1).converged
+def wall_heavy_problem():
+    """One model of three outcomes: state 0 hides 0 from 1, state 1 hides 1 from 2."""
+    model = OutcomeModels(
+        np.array([[[0, 0, 1]], [[0, 1, 1]]]), np.zeros((2, 1), int), np.ones((2, 1), bool), 1
+    )
+    return TabularProblem(Mdp(model, 0.9), np.zeros((2, 1, 1)), ("nothing",))
+
+
+def wall_heavy_decisions():
+    """100,000 decisions that hide one outcome from the other, and three that tell."""
+    half = np.repeat([0, 1], 50_000)
+    state, following = np.append(0 * half, [1, 1, 1]), np.append(half, [0, 1, 1])
+    zeros = np.zeros(len(state), dtype=int)
+    return Decisions(zeros, np.arange(len(state), dtype=float), state, zeros, following)
+
+
+@pytest.mark.parametrize("pseudo_count", [10.0, 1.0, 0.01, 1e-4])
+def test_three_telling_decisions_among_a_hundred_thousand_are_heard(pseudo_count):
+    """Against the root of the gradient; sharing alone was off by 0.014 after 10,000 steps."""
+
+    def slopes(free):
+        first, second = free
+        third = 1.0 - first - second
+        by_third = 50_000 / third + 2.0 / (second + third) + pseudo_count / third
+        wall = 50_000 / (first + second)
+        return [
+            wall + 1.0 / first + pseudo_count / first - by_third,
+            wall + 2.0 / (second + third) + pseudo_count / second - by_third,
+        ]
+
+    root = scipy.optimize.root(slopes, [0.3, 0.2], options={"xtol": 1e-14})
+    exact = np.append(root.x, 1.0 - root.x.sum())
+    problem = wall_heavy_problem()
+    observations = observe(problem.mdp, wall_heavy_decisions())
+    found = most_likely_dynamics(problem.mdp.transitions, observations, pseudo_count)
+    assert found.converged
+    assert found.steps < 20
+    np.testing.assert_allclose(found.probabilities[0], exact, rtol=1e-9)
+    assert np.all(np.abs(found.probabilities[0] - exact) <= found.error_bound * exact)
+
+
+def test_estimates_stopped_early_are_within_their_error_bound():
+    problem = wall_heavy_problem()
+    observations = observe(problem.mdp, wall_heavy_decisions())
+    model = problem.mdp.transitions
+    exact = most_likely_dynamics(model, observations).probabilities
+    certified = 0
+    for n_steps in range(1, 5):
+        early = most_likely_dynamics(model, observations, tolerance=0.5, max_steps=n_steps)
+        assert np.all(np.abs(early.probabilities - exact) <= early.error_bound * exact)
+        certified += np.isfinite(early.error_bound)
+    assert certified > 0
+
+
+def test_running_out_of_steps_is_said_with_a_way_out(monkeypatch):
+    problem, decisions = wall_heavy_problem(), wall_heavy_decisions()
+    short = partial(most_likely_dynamics, max_steps=1)
+    assert not short(problem.mdp.transitions, observe(problem.mdp, decisions)).converged
+    monkeypatch.setattr(estimation, "most_likely_dynamics", short)
+    with pytest.raises(SerdError, match=r"estimate_dynamics\(problem, decisions, pseudo_count=10"):
+        estimate_dynamics(problem, decisions)
 
 
 @pytest.mark.parametrize("pseudo_count", [0.0, -1.0, float("nan")])
