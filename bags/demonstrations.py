@@ -43,14 +43,19 @@ class Demonstrations:
 
 
 def demonstrations_of_bag(
-    bag: str | Path, grid: Grid, decision_period_s: float, *, tolerant: bool = False
+    bag: str | Path,
+    grid: Grid,
+    decision_period_s: float,
+    *,
+    tolerant: bool = False,
+    seen: set[bytes] | None = None,
 ) -> tuple[Demonstrations, DiscretisationReport]:
     """Those of a bag, and what became of every intent; BagError where there is nothing to use.
 
-    tolerant: use what a broken bag still holds.
+    tolerant: use what a broken bag still holds. seen: see `fresh_from_drive`.
     """
     drives = read_drives(bag, tolerant=tolerant)
-    found, report = demonstrations_of_drives(drives, grid, decision_period_s)
+    found, report = demonstrations_of_drives(drives, grid, decision_period_s, seen=seen)
     if not len(found.decisions):
         raise BagError(f"bag {bag} holds no decision to learn from: {report}; record more")
     return found, report

@@ -57,8 +57,11 @@ def _decisions(
     settings: StudySettings, scenario: Scenario, problem: NavigationProblem
 ) -> Decisions:
     tables = []
+    seen: set[bytes] = set()  # an episode of two bags would be learned from and tested on
     for bag in settings.demonstrations.bags:
-        found, report = demonstrations_of_bag(Path(bag), problem.grid, scenario.decision_period_s)
+        found, report = demonstrations_of_bag(
+            Path(bag), problem.grid, scenario.decision_period_s, seen=seen
+        )
         decisions = found.decisions
         _require_same_place(bag, report, scenario.name)
         tables.append(decisions)

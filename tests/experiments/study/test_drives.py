@@ -76,6 +76,14 @@ class TestSetsFromBags:
             assert (problem.grid.centers_m[sets.transfer.state[0]] > [4.0, 0.0]).all()
         assert first.training.episodes.tolist() != second.training.episodes.tolist()
 
+    def test_a_bag_given_twice_is_refused(self, with_bags, scenario, problem):
+        bags = with_bags.demonstrations.bags
+        twice = with_bags.demonstrations.model_copy(update={"bags": (*bags, bags[0])})
+        with pytest.raises(SerdError, match="584 of an episode that was there before"):
+            sets_from_bags(
+                with_bags.model_copy(update={"demonstrations": twice}), scenario, problem, 0
+            )
+
     def test_too_few_episodes_are_refused(self, with_bags, scenario, problem):
         short = with_bags.demonstrations.model_copy(update={"training": 21})
         with pytest.raises(SerdError, match="must hold 31 episodes for training and test, got 30"):
