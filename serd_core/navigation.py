@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import (
-    BoolArray,
     FloatArray,
     IntArray,
     first_index,
@@ -22,7 +21,6 @@ from serd_core.arrays import (
     int_array,
     require_index,
 )
-from serd_core.demonstrations import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.grid import Action, Grid, Outcome
@@ -83,14 +81,6 @@ def build_navigation_problem(
         features=_selected_features(available_features, features),
         feature_names=unique_names(tuple(features)),
     )
-
-
-def outcome_of(problem: NavigationProblem, decisions: Decisions) -> BoolArray:
-    """(N, 5) which outcomes explain each decision; several do where a wall blocks, or none."""
-    require_index("state", decisions.state, problem.mdp.n_states, "a state")
-    require_index("action", decisions.action, problem.mdp.n_actions, "an action")
-    reached = problem.outcome_models.successors[decisions.state, decisions.action]
-    return np.asarray(reached == decisions.next_state[:, None])
 
 
 def absolute_direction(action: IntArray, flow: IntArray) -> IntArray:

@@ -3,7 +3,8 @@
 Rewards and dynamics together can often explain the same demonstrations in more than one way. Fits
 that ended in the same place are one explanation; places are compared by outcome probabilities and
 by reward weights per temperature, so neither the softmax gauge nor the scale that policy matching
-leaves open (`pm_serd`) tells them apart.
+leaves open (`pm_serd`) tells them apart. A fit that did not converge is on its way to one of them
+and explains nothing; it is kept and counted apart.
 """
 
 from collections.abc import Callable
@@ -19,7 +20,7 @@ from serd_core.fit_result import FitResult
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """One optimum: its best fit and the numbers of the starts that led there."""
+    """One optimum: its best fit and the numbers of the starts whose fits converged there."""
 
     fit: FitResult
     starts: tuple[int, ...]
@@ -27,20 +28,30 @@ class Explanation:
 
 @dataclass(frozen=True, eq=False)
 class MultiStart:
-    """All fits by start, and the distinct explanations among them, best objective first."""
+    """All fits by start, and the distinct explanations among those that converged, best first."""
 
     fits: tuple[FitResult, ...]
     explanations: tuple[Explanation, ...]
 
     @property
     def best(self) -> FitResult:
-        """The fit with the highest objective."""
+        """The converged fit with the highest objective; SerdError where none converged."""
+        if not self.explanations:
+            raise SerdError(
+                f"at least one of {len(self.fits)} fits must have converged, got none, the first"
+                f" with {self.fits[0].message!r}; give the ascent more steps"
+            )
         return self.explanations[0].fit
 
     @property
     def n_converged(self) -> int:
         """How many of the fits converged."""
-        return sum(fit.converged for fit in self.fits)
+        return len(self.fits) - len(self.unconverged)
+
+    @property
+    def unconverged(self) -> tuple[int, ...]:
+        """Numbers of the starts whose fits did not converge, and so belong to no explanation."""
+        return tuple(start for start, fit in enumerate(self.fits) if not fit.converged)
 
 
 @dataclass(frozen=True)
@@ -67,8 +78,9 @@ def multi_start(
     if n_starts < 1:
         raise SerdError(f"n_starts must be at least 1, got {n_starts}")
     fits = tuple(fit(generator) for generator in rng.spawn(n_starts))
-    labels = _labels(np.stack([signature(one) for one in fits]), tolerance)
-    groups = [np.flatnonzero(labels == label) for label in np.unique(labels)]
+    starts = np.flatnonzero([one.converged for one in fits])
+    labels = _labels([signature(fits[start]) for start in starts], tolerance)
+    groups = [starts[labels == label] for label in np.unique(labels)]
     explanations = [_explanation(fits, members) for members in groups]
     explanations.sort(key=lambda found: -found.fit.objective)
     return MultiStart(fits=fits, explanations=tuple(explanations))
@@ -101,6 +113,9 @@ def describe(found: MultiStart, largest: int = 3) -> str:
         f"{n_distinct} distinct explanation(s) from {n_starts} starts"
         f" ({found.n_converged} converged)"
     ]
+    if found.unconverged:
+        numbers = ", ".join(map(str, found.unconverged))
+        lines.append(f"fits that did not converge and are no explanation: starts {numbers}")
     for number, one in enumerate(found.explanations, start=1):
         likelihood = one.fit.policy_log_likelihood + one.fit.dynamics_log_likelihood
         line = f"{number}. objective {one.fit.objective:.4f}, log-likelihood {likelihood:.4f}"
@@ -123,10 +138,12 @@ def _weights(fit: FitResult) -> FloatArray:
     return fit.reward_weights / fit.temperature
 
 
-def _labels(signatures: FloatArray, tolerance: float) -> FloatArray:
-    if len(signatures) == 1:
-        return np.ones(1)
-    tree = scipy.cluster.hierarchy.linkage(signatures, method="complete", metric="chebyshev")
+def _labels(signatures: list[FloatArray], tolerance: float) -> FloatArray:
+    if len(signatures) < 2:
+        return np.ones(len(signatures))
+    tree = scipy.cluster.hierarchy.linkage(
+        np.stack(signatures), method="complete", metric="chebyshev"
+    )
     labels: FloatArray = scipy.cluster.hierarchy.fcluster(tree, tolerance, criterion="distance")
     return labels
 

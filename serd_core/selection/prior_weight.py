@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, first_index, float_array
+from serd_core.arrays import BoolArray, FloatArray, first_index, float_array
 from serd_core.demonstrations import Decisions
 from serd_core.errors import SerdError
 from serd_core.fit_result import FitResult
@@ -13,7 +13,10 @@ from serd_core.fit_result import FitResult
 
 @dataclass(frozen=True, eq=False)
 class WeightSelection:
-    """weights, scores: (n,); fits: one per weight; best: index of the highest score."""
+    """weights, scores: (n,); fits: one per weight; best: index of the highest score.
+
+    A score is that of the policy that came out, converged or not; `converged` says which.
+    """
 
     weights: FloatArray
     scores: FloatArray
@@ -29,6 +32,11 @@ class WeightSelection:
     def fit(self) -> FitResult:
         """Its fit."""
         return self.fits[self.best]
+
+    @property
+    def converged(self) -> BoolArray:
+        """(n,) whether each fit converged."""
+        return np.array([fit.converged for fit in self.fits], dtype=np.bool_)
 
 
 def select_weight(

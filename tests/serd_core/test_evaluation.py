@@ -8,9 +8,12 @@ from serd_core.evaluation import (
     fitted_policy,
     policy_divergence,
     policy_log_likelihood,
+    validation_log_likelihood,
 )
+from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.pm_serd import fit_pm_serd
+from serd_core.learners.policy_matching import fit_policy_matching
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 
 
@@ -55,6 +58,41 @@ def test_the_policy_of_a_fit_follows_its_policy_model(gridworld):
         problem, matching.reward_weights, matching.outcome_probabilities, matching.temperature
     )
     np.testing.assert_allclose(fitted_policy(problem, matching), expected.probabilities)
+
+
+def test_the_policy_of_reward_weights_alone_is_that_they_were_fitted_with(gridworld):
+    problem, decisions = gridworld.problem, gridworld.decisions
+    soft = fit_mdce_irl_by_entropy(
+        problem, decisions, initial_weights=np.zeros(2), slack=0.01, ascent=Lbfgs(max_steps=3)
+    )
+    matched = fit_policy_matching(
+        problem,
+        decisions,
+        inverse_temperature=0.5,
+        initial_weights=np.ones(2),
+        ascent=Lbfgs(max_steps=3),
+    )
+    for fit, expected in (
+        (soft, soft_policy(problem, soft.reward_weights, soft.outcome_probabilities)),
+        (
+            matched,
+            boltzmann_policy(problem, matched.reward_weights, matched.outcome_probabilities, 2.0),
+        ),
+    ):
+        np.testing.assert_allclose(fitted_policy(problem, fit), expected.probabilities)
+        assert validation_log_likelihood(problem, decisions, fit) == pytest.approx(
+            policy_log_likelihood(problem, decisions, expected.probabilities)
+        )
+
+
+def test_a_fit_carries_the_certificate_of_its_last_solve(gridworld):
+    problem, decisions = gridworld.problem, gridworld.decisions
+    quick = {"initial_weights": np.ones(2), "ascent": Lbfgs(max_steps=3)}
+    serd = fit_mdce_serd(problem, decisions, **quick)
+    matched = fit_policy_matching(problem, decisions, **quick)
+    for fit in (serd, matched):
+        assert 0 <= fit.residual < 1e-6
+        assert fit.residual / (1 - problem.mdp.discount) <= fit.error_bound < 1e-5
 
 
 def test_visits_without_any_visit_are_refused():

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from serd_core.demonstrations import Decisions
 from serd_core.errors import SerdError
 from serd_core.grid import Action, Grid, Outcome
-from serd_core.navigation import MODEL_NAMES, build_navigation_problem, outcome_of
+from serd_core.navigation import MODEL_NAMES, build_navigation_problem
 
 N, E, S, W = Action.NORTH, Action.EAST, Action.SOUTH, Action.WEST
 
@@ -69,17 +68,6 @@ def test_features_are_chosen_by_name_and_in_the_order_asked_for():
     assert problem.features[6, 0, 1] == 1
 
 
-def test_every_outcome_that_a_wall_turns_into_staying_explains_it():
-    problem = corridor()
-    decisions = Decisions(
-        episode=[0, 0], time_s=[0, 1], state=[3, 3], action=[N, N], next_state=[3, 5]
-    )
-    np.testing.assert_array_equal(
-        outcome_of(problem, decisions),
-        [[True, False, True, False, False], [False, True, False, False, False]],
-    )
-
-
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
@@ -98,9 +86,3 @@ def test_every_outcome_that_a_wall_turns_into_staying_explains_it():
 def test_wrong_arguments_are_refused_by_name(change, sentence):
     with pytest.raises(SerdError, match=sentence):
         corridor(**change)
-
-
-def test_decisions_of_another_grid_have_no_outcome_here():
-    beyond = Decisions([0], [0.0], [8], [int(N)], [0])
-    with pytest.raises(SerdError, match=r"state\[0\] must be a state from 0 to 7, got 8"):
-        outcome_of(corridor(), beyond)

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.mdce_serd import fit_mdce_serd
@@ -85,3 +86,40 @@ def iter_of(*fits):
     """A learner that hands out these fits one after the other."""
     remaining = iter(fits)
     return lambda _: next(remaining)
+
+
+def test_fits_that_did_not_converge_are_no_explanations(gridworld):
+    """Half of the starts get one step only, so they end in places of their own."""
+    numbers = iter(range(6))
+
+    def fit(rng):
+        steps = 200 if next(numbers) % 2 else 1
+        return fit_mdce_serd(
+            gridworld.problem,
+            gridworld.decisions,
+            rng=rng,
+            prior=KldPrior(1.0),
+            ascent=TrustRegion(max_steps=steps),
+        )
+
+    found = multi_start(fit, 6, np.random.default_rng(0))
+    assert found.unconverged == (0, 2, 4)
+    assert [one.starts for one in found.explanations] == [(1, 3, 5)]
+    assert found.best.converged
+    told = describe(found).splitlines()
+    assert told[0] == "1 distinct explanation(s) from 6 starts (3 converged)"
+    assert told[1] == "fits that did not converge and are no explanation: starts 0, 2, 4"
+
+
+def test_no_fit_that_converged_leaves_no_best_one(gridworld):
+    found = multi_start(
+        lambda rng: fit_mdce_serd(
+            gridworld.problem, gridworld.decisions, rng=rng, ascent=TrustRegion(max_steps=1)
+        ),
+        2,
+        np.random.default_rng(0),
+    )
+    assert found.explanations == ()
+    assert describe(found).startswith("0 distinct explanation(s) from 2 starts (0 converged)")
+    with pytest.raises(SerdError, match="at least one of 2 fits must have converged, got none"):
+        _ = found.best

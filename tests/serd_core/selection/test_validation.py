@@ -84,6 +84,7 @@ def test_a_prior_weight_is_selected_on_the_validation_set(make_gridworld):
     assert selection.scores[selection.best] == selection.scores.max()
     assert selection.weight == selection.weights[selection.best]
     assert selection.fit is selection.fits[selection.best]
+    assert selection.converged.tolist() == [fit.converged for fit in selection.fits]
 
 
 def test_splits_keep_episodes_whole(gridworld):
