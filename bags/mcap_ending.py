@@ -35,6 +35,12 @@ class Ending:
     n_messages: int | None
     message_counts: dict[int, int]
 
+    @property
+    def names_topics(self) -> bool:
+        """Whether it repeats the channels of the file; the format leaves that to the writer."""
+        known = self.definitions.channels
+        return bool(known or self.n_messages == 0) and known.keys() >= self.message_counts.keys()
+
 
 def file_ending(path: Path) -> Ending | None:
     """The ending of the file, None where there is no whole and sound one."""

@@ -7,7 +7,7 @@ what was found is held against the number the file's end tells. Each fault is ke
 
 import os
 from bisect import bisect_right
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -50,7 +50,7 @@ class McapScan:
         self.ending = file_ending(path)
         self.definitions = self.ending.definitions if self.ending else Definitions()
         self.expected = self.ending.n_messages if self.ending else None
-        self._counts: Counter[int] = Counter()
+        self._counts: defaultdict[int, int] = defaultdict(int)
         self._thorough = thorough
         self._chunk_records = b""
         self._indexes: list[bytes] = []
@@ -188,7 +188,7 @@ class McapScan:
             self._note("the file has no end: the recording was cut off here")
         if self._ended and self.ending is None:
             self._note("the summary at the end of the file is damaged")
-        found = self._counts.total()
+        found = sum(self._counts.values())
         if self.expected is not None and self.expected != found:
             self._note(f"{self.expected} messages were written, {found} are readable")
         elif self.ending is not None and not self.damage:

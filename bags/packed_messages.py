@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 import zstandard
 
-#: (topic, type, data, log time, publish time)
-Found = tuple[str, str, bytes, int, int]
+from bags.raw_message import RawMessage
 
 #: A compressed message begins so, any other with a zero (CDR).
 _PACKED = zstandard.FRAME_HEADER
@@ -14,22 +13,21 @@ _PACKED = zstandard.FRAME_HEADER
 class PackedMessages:
     """Unpacks those that are packed; `n_broken`, the others, is complete after `messages`."""
 
-    def __init__(self, found: Iterator[Found]) -> None:
+    def __init__(self, found: Iterator[RawMessage]) -> None:
         self._found = found
         self.n_broken = 0
 
-    def messages(self) -> Iterator[Found]:
+    def messages(self) -> Iterator[RawMessage]:
         """The messages that can be unpacked."""
         for message in self._found:
-            if not message[2].startswith(_PACKED):
+            if not message.data.startswith(_PACKED):
                 yield message
                 continue
-            topic, type_name, packed, log_time_ns, publish_time_ns = message
-            data = _unpacked(packed)
+            data = _unpacked(message.data)
             if data is None:
                 self.n_broken += 1
             else:
-                yield topic, type_name, data, log_time_ns, publish_time_ns
+                yield message._replace(data=data)
 
 
 def _unpacked(packed: bytes) -> bytes | None:

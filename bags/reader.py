@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from bags.damage import Damage
 from bags.errors import BagError
@@ -17,21 +16,12 @@ from bags.losses import FileCount, Losses, losses
 from bags.mcap_definitions import Definitions
 from bags.mcap_ending import file_ending
 from bags.mcap_scan import McapScan
-from bags.packed_messages import Found, PackedMessages
+from bags.packed_messages import PackedMessages
+from bags.raw_message import RawMessage as RawMessage
 from bags.sqlite_scan import SqliteScan
 from bags.topic_info import TopicInfo as TopicInfo
 from bags.unpacked import UnpackedFiles
 from storage.nearest import nearest_name
-
-
-class RawMessage(NamedTuple):
-    """data: CDR bytes as recorded."""
-
-    topic: str
-    type_name: str
-    data: bytes
-    log_time_ns: int
-    publish_time_ns: int
 
 
 class BagReader:
@@ -66,7 +56,7 @@ class BagReader:
             scan = self._scan(path)
             found = _of_mcap(scan, wanted) if isinstance(scan, McapScan) else scan.messages(wanted)
             packed = PackedMessages(found)
-            yield from map(RawMessage._make, packed.messages())
+            yield from packed.messages()
             files.append(FileCount(file, scan.counts.total() - packed.n_broken, scan.expected))
             counts.update(scan.counts)
             self._take([replace(each, path=file) for each in scan.damage])
@@ -108,8 +98,10 @@ class BagReader:
                 yield from self._topics_of_database(file, path)
                 continue
             ending = file_ending(path)
-            known = self._scanned(file, path) if ending is None else ending.definitions
-            yield from _topics_of(known)
+            if ending is not None and ending.names_topics:
+                yield from _topics_of(ending.definitions)
+            else:
+                yield from _topics_of(self._scanned(file, path))
 
     def _topics_of_database(self, file: Path, path: Path) -> Iterator[TopicInfo]:
         scan = SqliteScan(path)
@@ -119,7 +111,7 @@ class BagReader:
         yield from found.values()
 
     def _scanned(self, file: Path, path: Path) -> Definitions:
-        """What a file without an end defines; strictly that is damage already."""
+        """What a file defines whose end is brief, or missing, which strictly is damage."""
         scan = McapScan(path)
         for _ in scan.messages(frozenset()):
             pass
@@ -159,13 +151,13 @@ def nearest_topic(topics: Collection[str], name: str) -> str | None:
     return None if near is None else {**short, **whole}[near]
 
 
-def _of_mcap(scan: McapScan, wanted: frozenset[str] | None) -> Iterator[Found]:
+def _of_mcap(scan: McapScan, wanted: frozenset[str] | None) -> Iterator[RawMessage]:
     types: dict[int, str] = {}
     for channel, log_time_ns, publish_time_ns, data in scan.messages(wanted):
         name = types.get(channel.schema_id)
         if name is None:
             name = types[channel.schema_id] = _type_name(scan.definitions, channel.schema_id)
-        yield channel.topic, name, data, log_time_ns, publish_time_ns
+        yield RawMessage(channel.topic, name, data, log_time_ns, publish_time_ns)
 
 
 def _topics_of(definitions: Definitions) -> Iterator[TopicInfo]:

@@ -16,7 +16,7 @@ from pathlib import Path
 from bags.damage import Damage
 from bags.errors import BagError
 from bags.message_types import ENCODING
-from bags.packed_messages import Found
+from bags.raw_message import RawMessage
 from bags.sqlite_pages import SqlitePages
 from bags.topic_info import TopicInfo
 from storage.errors import disk_error
@@ -47,8 +47,8 @@ class SqliteScan:
         with _reachable(self.path) as path:
             return self._topics(path)
 
-    def messages(self, topics: frozenset[str] | None = None) -> Iterator[Found]:
-        """(topic, type, data, log time, the same) of the given topics, None for all."""
+    def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
+        """Messages of the given topics, None for all; published when they were logged."""
         n_unknown = 0
         with _reachable(self.path) as path:
             fault = _fault(path)
@@ -62,7 +62,7 @@ class SqliteScan:
                     continue
                 self.counts[topic.name] += 1
                 if topics is None or topic.name in topics:
-                    yield topic.name, topic.type_name, data, time_ns, time_ns
+                    yield RawMessage(topic.name, topic.type_name, data, time_ns, time_ns)
         if n_unknown:
             self._note(f"{n_unknown} messages have lost their topic or their content")
 

@@ -6,6 +6,7 @@ import pytest
 
 from bags.check import check_bag
 from bags.errors import BagError
+from bags.mcap_summary import SummaryBuilder
 from bags.reader import BagReader
 from bags.rewrite import recover
 from bags.writer import BagWriter
@@ -98,7 +99,7 @@ def test_topics_are_held_against_the_statistics_of_an_mcap_file(small_bag, monke
         summary.n_messages += 1
         summary.message_counts[3 - channel] += 1
 
-    monkeypatch.setattr("bags.mcap_summary.SummaryBuilder.count", swapped)
+    monkeypatch.setattr(SummaryBuilder, "count", swapped)
     folder = small_bag()
     with pytest.raises(BagError, match="9 messages were written on /robot_pose, 60 are there"):
         list(BagReader(folder / "small_0.mcap").messages())
@@ -114,3 +115,14 @@ def test_a_flipped_bit_in_an_index_is_a_fault_and_costs_no_message(small_bag):
     assert len(list(BagReader(file).messages())) == 69
     (fault,) = check_bag(file).faults
     assert "the message index before this does not fit its chunk" in fault
+
+
+def test_an_end_that_does_not_repeat_the_topics_hides_none(small_bag, monkeypatch):
+    groups = SummaryBuilder._groups
+    monkeypatch.setattr(SummaryBuilder, "_groups", lambda summary: groups(summary)[2:])
+    check = check_bag(small_bag())
+    assert check.sound
+    assert {topic.name: topic.n_messages for topic in check.topics} == {
+        "/robot_pose": 60,
+        "/intent": 9,
+    }

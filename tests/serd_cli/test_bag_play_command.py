@@ -35,6 +35,7 @@ def test_options_become_parameters_of_the_node(serd, drive_bag, started):
     ("arguments", "sentence"),
     [
         (["--topic", "intnt"], "must hold the topic 'intnt'"),
+        (["--topic", "intnt"], "did you mean '/intent'?"),
         (["--remap", "intent"], "--remap must be written FROM:=TO, got 'intent'"),
         (["--rate", "0"], "0"),
         (["--rat", "2"], "--rate"),
