@@ -116,6 +116,7 @@ def outcome_models_of(mdp: Mdp) -> OutcomeModels:
     if not isinstance(mdp.transitions, OutcomeModels):
         raise SerdError(
             "dynamics can be estimated for OutcomeModels only, got"
-            f" {type(mdp.transitions).__name__}; pass initial_dynamics instead"
+            f" {type(mdp.transitions).__name__}; pass its parameters as dynamics or"
+            " initial_dynamics"
         )
     return mdp.transitions

@@ -59,7 +59,7 @@ class OutcomeModels(TransitionModel):
                 f"successors must hold a state, an action and an outcome, got shape"
                 f" {successors.shape}; give each state an action"
             )
-        if self.n_models < 1 or self.n_models != int(self.n_models):
+        if not (self.n_models >= 1 and float(self.n_models).is_integer()):
             raise SerdError(
                 f"n_models must be a whole number of at least 1, got {self.n_models};"
                 " count the rows of the outcome table"
@@ -181,6 +181,12 @@ class OutcomeModels(TransitionModel):
         scaled = np.log(probabilities, out=np.full_like(probabilities, -IMPOSSIBLE), where=possible)
         mean = np.mean(scaled, axis=1, keepdims=True, where=possible)
         return np.asarray((scaled - mean) / self.beta).ravel()
+
+    def known_probabilities(self, known: FloatArray) -> FloatArray:
+        """The (M, K) table itself, checked."""
+        table = np.asarray(known, dtype=np.float64)
+        self.require_distributions(table)
+        return table
 
     def require_distributions(self, table: FloatArray) -> None:
         """SerdError naming the first local model whose row of an (M, K) table is no distribution.

@@ -1,7 +1,8 @@
 """A general sparse P(s' | s, a) with a parameterisation of the user's own.
 
-The local probabilities are the entries themselves. Whoever knows a smooth map from parameters to
-entries and its vector-Jacobian product can learn with it; `fixed_transitions` has no parameters.
+The local probabilities are the entries themselves; learners are given the parameters. Whoever knows
+a smooth map from parameters to entries and its vector-Jacobian product can learn with it;
+`fixed_transitions` has no parameters.
 """
 
 from collections.abc import Callable
@@ -128,8 +129,8 @@ class SparseModel(TransitionModel):
         vector = np.asarray(initial, dtype=np.float64)
         if vector.shape != (self.parameter_count,):
             raise SerdError(
-                f"initial dynamics of a SparseModel must be its ({self.parameter_count},)"
-                f" parameters, got shape {vector.shape}"
+                f"dynamics of a SparseModel must be its ({self.parameter_count},) parameters, not"
+                f" its entries, got shape {vector.shape}"
             )
         return vector
 

@@ -70,6 +70,10 @@ class TransitionModel(ABC):
         """(n_parameters,) the same for dynamics that stay as they are; they may hold zeros."""
         return self.parameters_of(known)
 
+    def known_probabilities(self, known: FloatArray) -> FloatArray:
+        """The local probabilities of dynamics given in the model's own terms."""
+        return self.local_probabilities(self.fixed_parameters_of(known))
+
     @property
     @abstractmethod
     def local_index(self) -> IntArray:

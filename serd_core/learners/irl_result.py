@@ -14,6 +14,7 @@ class IrlResult:
     """Reward weights under given dynamics, and how the fit went.
 
     reward_weights: (F,); objective: what the learner maximised, per its own docstring.
+    outcome_probabilities: (M, K), or the entries of a SparseModel.
     gradient_norm: largest entry of its gradient; converged: that norm is within the tolerance.
     inverse_temperature: of the Boltzmann policy the weights were fitted with, None for a soft one.
     residual, error_bound: certificate of the last Bellman solve (`BellmanSolution`), NaN where the

@@ -24,7 +24,7 @@ from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.demonstrations import Decisions
 from serd_core.dynamics.transitions import Transitions, transitions_of
 from serd_core.learners.irl_result import IrlResult, irl_result
-from serd_core.learners.serd import initial_dynamics_or_estimate, initial_weights_or_sample
+from serd_core.learners.serd import initial_weights_or_sample, known_dynamics_or_estimate
 from serd_core.likelihood.observations import observe
 from serd_core.problem import Problem
 from serd_core.trajectories import absorption_features, feature_counts, trajectories_of
@@ -43,10 +43,11 @@ def fit_maxent_irl(
 ) -> IrlResult:
     """Reward weights under which the demonstrated trajectories are most likely.
 
-    dynamics: (M, K), or None for the M-estimate. The objective is the mean over episodes.
+    dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate. The objective is
+    the mean over episodes.
     """
     observe(problem.mdp, decisions)
-    table = initial_dynamics_or_estimate(problem, decisions, dynamics)
+    table = known_dynamics_or_estimate(problem, decisions, dynamics)
     model = TrajectoryModel(problem, transitions_of(problem.mdp.transitions, table))
     episodes = trajectories_of(decisions)
     demonstrated = feature_counts(problem, decisions).mean(axis=0)

@@ -28,7 +28,7 @@ from serd_core.dynamics.transitions import Transitions, transitions_of
 from serd_core.fit_result import FitResult
 from serd_core.learners.irl_result import IrlResult, irl_result
 from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.learners.serd import initial_dynamics_or_estimate, initial_weights_or_sample
+from serd_core.learners.serd import initial_weights_or_sample, known_dynamics_or_estimate
 from serd_core.likelihood.observations import observe
 from serd_core.occupancy import state_action_occupancy
 from serd_core.priors.prior import Prior, UniformPrior, require_weight
@@ -51,8 +51,8 @@ def fit_mdce_irl_by_likelihood(
 ) -> FitResult:
     """Reward weights of highest likelihood.
 
-    dynamics: (M, K), or None for the M-estimate. They may hold zeros, except where a decision was
-    observed that they would rule out.
+    dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate. They may hold
+    zeros, except where a decision was observed that they would rule out.
     """
     return fit_mdce_serd(
         problem,
@@ -78,15 +78,16 @@ def fit_mdce_irl_by_entropy(
 ) -> IrlResult:
     """Reward weights whose policy matches the discounted features of the demonstrations.
 
-    dynamics: (M, K), or None for the M-estimate. Episodes that end in an absorbing state with one
-    action count as staying there forever; other episodes are taken as they were recorded, so they
-    should be long against the horizon 1 / (1 - discount).
+    dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate.
+    Episodes that end in an absorbing state with one action count as staying there forever; other
+    episodes are taken as they were recorded, so they should be long against the horizon
+    1 / (1 - discount).
     slack: lets feature averages differ by slack times the weights. Without it the weights of few
     demonstrations may grow without bound, as no policy has their features.
     """
     require_weight("slack", slack)
     observe(problem.mdp, decisions)
-    table = initial_dynamics_or_estimate(problem, decisions, dynamics)
+    table = known_dynamics_or_estimate(problem, decisions, dynamics)
     transitions = transitions_of(problem.mdp.transitions, table)
     wanted = empirical_feature_expectation(problem, decisions)
     starts = start_distribution(decisions, problem.mdp.n_states)

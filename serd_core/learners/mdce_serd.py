@@ -40,7 +40,8 @@ def fit_mdce_serd(
     """Learn reward weights and dynamics at once from the decisions of a soft expert.
 
     initial_weights: (F,), or None for a sample of U[-10, 10] from `rng`.
-    initial_dynamics: (M, K) probabilities, or None for the M-estimate with a uniform prior.
+    initial_dynamics: (M, K) probabilities, or the parameters of a SparseModel; None for the
+    M-estimate with a uniform prior.
     on_step: told after each step; returning True stops the fit.
     `fit_serd` also takes the solvers by object.
     """

@@ -27,7 +27,7 @@ from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
 from serd_core.gradients.adjoint import adjoint
 from serd_core.learners.irl_result import IrlResult, irl_result
-from serd_core.learners.serd import initial_dynamics_or_estimate, initial_weights_or_sample
+from serd_core.learners.serd import initial_weights_or_sample, known_dynamics_or_estimate
 from serd_core.likelihood.observations import observe
 from serd_core.problem import Problem
 from serd_core.solvers.automatic import Automatic
@@ -86,7 +86,8 @@ def fit_policy_matching(
 ) -> IrlResult:
     """Reward weights whose Boltzmann policy matches the observed choices.
 
-    dynamics: (M, K), or None for the M-estimate. The loss is not convex: start more than once.
+    dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate. The loss is not
+    convex: start more than once.
     """
     if not (np.isfinite(inverse_temperature) and inverse_temperature > 0):
         raise SerdError(
@@ -94,7 +95,7 @@ def fit_policy_matching(
         )
     mdp = problem.mdp
     counts = observe(mdp, decisions).state_action
-    table = initial_dynamics_or_estimate(problem, decisions, dynamics)
+    table = known_dynamics_or_estimate(problem, decisions, dynamics)
     transitions = transitions_of(mdp.transitions, table)
     last: list[BellmanSolution] = []
 

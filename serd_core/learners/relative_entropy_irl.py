@@ -31,7 +31,7 @@ from serd_core.demonstrations import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.importance_samples import hoeffding_thresholds, importance_log_weights
 from serd_core.learners.irl_result import IrlResult
-from serd_core.learners.serd import initial_dynamics_or_estimate, initial_weights_or_sample
+from serd_core.learners.serd import initial_weights_or_sample, known_dynamics_or_estimate
 from serd_core.likelihood.observations import observe
 from serd_core.problem import Problem
 from serd_core.trajectories import feature_counts, trajectories_of
@@ -57,13 +57,16 @@ def fit_relative_entropy_irl(
 
     samples: episodes made by `sampling_policy` (S, A); baseline_policy: (S, A), uniform if None.
     thresholds: (F,) epsilon, or None for Hoeffding's at `confidence`; zeros for exact matching.
-    dynamics: (M, K) reported with the weights, None for the M-estimate; the fit does not use them.
+    dynamics: (M, K), or the parameters of a SparseModel, None for the M-estimate; reported with the
+    weights, the fit does not use them.
     Where the demonstrated features lie outside what the samples span, the dual grows without bound;
     weights then stop at `largest_weight` and the fit says that it did not converge.
     """
+    if not largest_weight > 0:
+        raise SerdError(f"largest_weight must be above 0, got {largest_weight}; use 100")
     observe(problem.mdp, decisions)
     observe(problem.mdp, samples, name="samples")
-    table = initial_dynamics_or_estimate(problem, decisions, dynamics)
+    table = known_dynamics_or_estimate(problem, decisions, dynamics)
     dual = SampledDual(
         wanted=feature_counts(problem, decisions).mean(axis=0),
         sampled=feature_counts(problem, samples),

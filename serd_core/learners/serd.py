@@ -81,13 +81,26 @@ def fit_serd(
 def initial_dynamics_or_estimate(
     problem: Problem, decisions: Decisions, initial_dynamics: FloatArray | None
 ) -> FloatArray:
-    """The given dynamics, or the M-estimate with a uniform prior (line 3 of Algorithm 1)."""
-    if initial_dynamics is not None:
-        table = np.asarray(initial_dynamics, dtype=np.float64)
-        if isinstance(model := problem.mdp.transitions, OutcomeModels):
-            model.require_distributions(table)
-        return table
-    return estimate_dynamics(problem, decisions)
+    """The given dynamics, or the M-estimate with a uniform prior (line 3 of Algorithm 1).
+
+    In the terms of the model: an (M, K) table, or the parameters of a SparseModel. A model without
+    parameters needs neither.
+    """
+    model = problem.mdp.transitions
+    if initial_dynamics is None:
+        return estimate_dynamics(problem, decisions) if model.n_parameters else np.zeros(0)
+    table = np.asarray(initial_dynamics, dtype=np.float64)
+    if isinstance(model, OutcomeModels):
+        model.require_distributions(table)
+    return table
+
+
+def known_dynamics_or_estimate(
+    problem: Problem, decisions: Decisions, dynamics: FloatArray | None
+) -> FloatArray:
+    """Local probabilities of the same dynamics, for learners of rewards alone."""
+    known = initial_dynamics_or_estimate(problem, decisions, dynamics)
+    return problem.mdp.transitions.known_probabilities(known)
 
 
 def initial_weights_or_sample(

@@ -111,3 +111,9 @@ def test_a_probability_of_zero_has_no_energy():
 def test_energies_are_refused_for_what_is_no_distribution(row, sentence):
     with pytest.raises(SerdError, match=sentence):
         two_models().parameters_of(np.array([[0.5, 0.5], row]))
+
+
+@pytest.mark.parametrize("n_models", [float("nan"), float("inf"), 0, 1.5])
+def test_a_number_of_models_that_counts_nothing_is_refused(n_models):
+    with pytest.raises(SerdError, match="n_models must be a whole number of at least 1, got"):
+        OutcomeModels(np.zeros((1, 1, 1), int), [[0]], np.ones((1, 1), bool), n_models=n_models)

@@ -1,9 +1,16 @@
 import numpy as np
 import pytest
 
+from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.demonstrations import Decisions
 from serd_core.dynamics.sparse_model import SparseModel, fixed_transitions
 from serd_core.dynamics.transitions import transitions_at
 from serd_core.errors import SerdError
+from serd_core.learners.maxent_irl import fit_maxent_irl
+from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
+from serd_core.learners.policy_matching import fit_policy_matching
+from serd_core.mdp import Mdp
+from serd_core.problem import TabularProblem
 
 
 def test_entries_in_any_order_give_the_same_matrix():
@@ -33,7 +40,9 @@ def test_users_functions_of_the_wrong_length_are_refused():
         model.local_probabilities(np.zeros(2))
     with pytest.raises(SerdError, match=r"must return \(2,\) numbers, one per parameter"):
         model.pull_back(np.zeros(2), np.ones(1))
-    with pytest.raises(SerdError, match=r"must be its \(2,\) parameters"):
+    with pytest.raises(
+        SerdError, match=r"dynamics of a SparseModel must be its \(2,\) parameters, not"
+    ):
         model.parameters_of(np.ones((1, 5)))
 
 
@@ -45,3 +54,55 @@ def test_probabilities_need_one_entry_per_transition():
     model = fixed_transitions((2, 1), [0, 1], [0, 0], [0, 0], np.ones(2))
     with pytest.raises(SerdError, match=r"probabilities must have shape \(2,\), .* got \(3,\)"):
         model.entries(np.ones(3))
+
+
+def logistic_problem():
+    """0 -> 1 with the logistic function of one parameter, else it stays; 1 stays."""
+
+    def entries(theta):
+        onward = 1.0 / (1.0 + np.exp(-theta[0]))
+        return np.array([onward, 1.0 - onward, 1.0, 1.0])
+
+    def vector_jacobian(theta, gradient):
+        onward = 1.0 / (1.0 + np.exp(-theta[0]))
+        return np.array([onward * (1.0 - onward) * (gradient[0] - gradient[1])])
+
+    model = SparseModel(
+        (2, 2), [0, 0, 0, 1], [0, 0, 1, 0], [1, 0, 0, 1], 1, entries, vector_jacobian
+    )
+    features = np.zeros((2, 2, 1))
+    features[1] = 1.0
+    return TabularProblem(Mdp(model, 0.9), features, ("goal",))
+
+
+FITS = [
+    fit_mdce_irl_by_likelihood,
+    fit_mdce_irl_by_entropy,
+    fit_maxent_irl,
+    fit_policy_matching,
+]
+EACH_FIT = pytest.mark.parametrize("fit", FITS, ids=lambda fit: fit.__name__)
+
+
+@EACH_FIT
+def test_dynamics_are_the_models_parameters_for_every_learner_of_rewards(fit):
+    problem, theta = logistic_problem(), np.array([0.4])
+    rows = np.array([(0, 0, 1), (0, 1, 0), (0, 0, 0)])
+    decisions = Decisions(np.arange(3), np.zeros(3), *rows.T)
+    settings = {"initial_weights": np.zeros(1), "ascent": Lbfgs(max_steps=3)}
+    found = fit(problem, decisions, dynamics=theta, **settings)
+    expected = problem.mdp.transitions.local_probabilities(theta)
+    np.testing.assert_array_equal(found.outcome_probabilities, expected)
+    with pytest.raises(SerdError, match=r"must be its \(1,\) parameters, not its entries"):
+        fit(problem, decisions, dynamics=expected, **settings)
+
+
+@EACH_FIT
+def test_a_model_without_parameters_needs_no_dynamics(fit):
+    entries = np.array([0.5, 0.5, 1.0, 1.0])
+    model = fixed_transitions((2, 2), [0, 0, 0, 1], [0, 0, 1, 0], [1, 0, 0, 1], entries)
+    problem = TabularProblem(Mdp(model, 0.9), logistic_problem().features, ("goal",))
+    rows = np.array([(0, 0, 1), (0, 1, 0), (0, 0, 0)])
+    decisions = Decisions(np.arange(3), np.zeros(3), *rows.T)
+    found = fit(problem, decisions, initial_weights=np.zeros(1), ascent=Lbfgs(max_steps=3))
+    np.testing.assert_array_equal(found.outcome_probabilities, entries)

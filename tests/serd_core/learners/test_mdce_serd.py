@@ -242,7 +242,7 @@ def test_a_general_sparse_model_with_its_own_parameters_fits_the_same_learner():
     information = fit_information(problem, decisions, fits[1])
     assert information.names == ("reward goal", "dynamics parameter 0")
     assert identifiability(information).identified
-    with pytest.raises(SerdError, match="estimated for OutcomeModels only, got SparseModel"):
+    with pytest.raises(SerdError, match="SparseModel; pass its parameters as dynamics or init"):
         estimate_dynamics(problem, decisions)
 
 

@@ -163,6 +163,20 @@ def test_wrong_arguments_are_refused_by_name(case):
         hoeffding_thresholds(case.problem, 0)
 
 
+@pytest.mark.parametrize("largest_weight", [-1.0, 0.0, float("nan")])
+def test_a_bound_that_holds_no_weights_is_refused(case, largest_weight):
+    samples, policy = uniform_samples(case, 5)
+    with pytest.raises(SerdError, match="largest_weight must be above 0, got"):
+        fit_relative_entropy_irl(
+            case.problem,
+            case.decisions,
+            samples=samples,
+            sampling_policy=policy,
+            initial_weights=np.zeros(2),
+            largest_weight=largest_weight,
+        )
+
+
 def test_samples_outside_the_mdp_are_refused_by_name(case):
     samples, policy = uniform_samples(case, 5)
     beyond = replace(samples, next_state=np.full(len(samples), 99))
