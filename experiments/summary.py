@@ -6,6 +6,7 @@ import numpy as np
 import scipy.stats
 
 from experiments.repetitions import Row
+from serd_core.arrays import FloatArray
 
 
 def quartiles(rows: Sequence[Row], measure: str, by: Sequence[str]) -> list[Row]:
@@ -14,11 +15,23 @@ def quartiles(rows: Sequence[Row], measure: str, by: Sequence[str]) -> list[Row]
     for key in _keys(rows, by):
         values = [row[measure] for row in rows if all(row[name] == key[name] for name in by)]
         numbers = np.array(values, dtype=np.float64)
-        # Quartiles are order statistics, so that -inf (a choice ruled out) has its place in them.
-        low, middle, high = np.quantile(numbers, [0.25, 0.5, 0.75], method="inverted_cdf")
-        summary = {"n": len(numbers), "lower": low, "median": middle, "upper": high}
-        table.append(key | {name: float(value) for name, value in summary.items()})
+        summary = {"n": float(len(numbers)), "lower": quantile(numbers, 0.25)}
+        summary |= {"median": quantile(numbers, 0.5), "upper": quantile(numbers, 0.75)}
+        table.append(key | summary)
     return table
+
+
+def quantile(values: Sequence[float] | FloatArray, share: float) -> float:
+    """Linear between neighbouring values, as numpy's, which knows no infinite ones.
+
+    A log-likelihood is -inf where a choice was ruled out; so is then all below the next value.
+    """
+    ordered = np.sort(np.asarray(values, dtype=np.float64))
+    place = share * (len(ordered) - 1)
+    below, part = int(place), place % 1.0
+    if part == 0.0 or ordered[below] == ordered[below + 1]:
+        return float(ordered[below])
+    return float((1.0 - part) * ordered[below] + part * ordered[below + 1])
 
 
 def welch_test(rows: Sequence[Row], measure: str, first: str, second: str) -> list[Row]:

@@ -2,11 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from experiments.repetitions import Row
 from experiments.study.experts import PEOPLE
 from experiments.study.tables import MEASURES
+from experiments.summary import quantile
 
 
 def headline(tables: Mapping[str, Sequence[Row]]) -> list[Row]:
@@ -25,7 +24,7 @@ def headline(tables: Mapping[str, Sequence[Row]]) -> list[Row]:
             row for row in measures if (row["method"], row["size"]) == (arrival["method"], largest)
         ]
         test, transfer, divergence = (
-            float(np.median([row[name] for row in chosen])) for name in MEASURES
+            quantile([row[name] for row in chosen], 0.5) for name in MEASURES
         )
         rows.append(
             {

@@ -1,13 +1,16 @@
-"""What would have been predicted, had it been known how the world answers the robot itself.
+"""Why predictions are wrong: what would have been predicted under other estimates of the dynamics.
 
-A prediction may be wrong because the world answers people who demonstrate otherwise than the robot
-(they hesitate, it does not), or because of the form of the model (few outcome models for all
-places, whole periods). Under dynamics estimated from the measured drives themselves the first
-reason is gone; what is left is the second. Nobody could predict so beforehand, and that the same
-drives are estimated from and compared with flatters it, by as little as 20 probabilities can.
+Three things come between a prediction and what is measured. Each repetition learns from few
+decisions, which a uniform prior pulls on: gone under dynamics estimated from the demonstrations of
+all repetitions together ("pooled"). The world may answer people who demonstrate otherwise than the
+robot: gone under dynamics estimated from the measured drives themselves ("hindsight"), which nobody
+has beforehand; that the same drives are estimated from and compared with flatters it, by as little
+as 20 probabilities can. What is left is the form of the model: few outcome models for all places,
+whole periods.
 """
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,42 +31,62 @@ _COMPARED = ("measured_mean_s", "predicted_mean_s", "ks", "wasserstein_s", "crps
 
 
 def hindsight_table(results: Results) -> list[Row]:
-    """Learned and hindsight predictions side by side, and how likely a move fails under each.
+    """All predictions side by side, and how likely a move fails under each.
 
     No hindsight on methods that do not always arrive: drives that end in a trap show how waiting
-    in it goes, and little else. decisions: of how many moves the hindsight is made.
+    in it goes, and little else. decisions: of how many moves each is made.
     """
     rng = np.random.default_rng([results.settings.seed, 5])
     table: list[Row] = []
     for expert in EXPERTS:
+        pooled = _Estimate.of(results, results.demonstrated(expert), "demonstrations")
         for method in results.methods(expert):
             learned = results.arrival_tables(expert, method)
-            row: Row = {"expert": expert, "method": method}
-            row |= {"always_arrived": bool((learned.measured[:, -1] >= 1.0).all())}
-            row |= {"decisions": sum(count for *_, count in results.moves(expert, method))}
+            arrived = bool((learned.measured[:, -1] >= 1.0).all())
+            row: Row = {"expert": expert, "method": method, "always_arrived": arrived}
             row |= _told("learned", learned, _mean_truth(results, expert, method))
-            hindsight, own = None, None
-            if row["always_arrived"] and row["decisions"]:
-                own = dynamics_of_drives(results, expert, method)
-                hindsight = hindsight_tables(results, expert, method, own)
-            row |= _told("hindsight", hindsight, own)
-            p_value = hindsight and ks_p_value(
-                hindsight, results.settings.statistics.bootstrap, rng
-            )
-            table.append(row | {"hindsight_ks_p_value": p_value})
+            moves = results.moves(expert, method)
+            hindsight = _Estimate.of(results, moves, "measured drives") if moves else None
+            for kind, estimate in (("pooled", pooled), ("hindsight", hindsight)):
+                row |= _predicted(results, expert, method, kind, estimate if arrived else None, rng)
+            table.append(row)
     return table
 
 
-def dynamics_of_drives(results: Results, expert: str, method: str) -> FloatArray:
-    """(M, K) M-estimate from the measured drives of all repetitions."""
-    return estimate_dynamics(
-        results.problem, decisions_of_moves(results.moves(expert, method), "measured drives")
-    )
+@dataclass(frozen=True, eq=False)
+class _Estimate:
+    """(M, K) M-estimate of the dynamics, and of how many decisions it is made."""
+
+    dynamics: FloatArray
+    n_decisions: int
+
+    @classmethod
+    def of(cls, results: Results, moves: Sequence[Sequence[int]], source: str) -> "_Estimate":
+        decisions = decisions_of_moves(moves, source)
+        return cls(estimate_dynamics(results.problem, decisions), len(decisions))
 
 
-def hindsight_tables(
-    results: Results, expert: str, method: str, dynamics: FloatArray
-) -> ArrivalTables:
+def _predicted(
+    results: Results,
+    expert: str,
+    method: str,
+    kind: str,
+    estimate: _Estimate | None,
+    rng: np.random.Generator,
+) -> Row:
+    """Columns of a prediction under an estimate, and the test of it; empty without one."""
+    count, p_value = f"{kind}_decisions", f"{kind}_ks_p_value"
+    if estimate is None:
+        return {count: None} | _told(kind, None, None) | {p_value: None}
+    tables = tables_under(results, expert, method, estimate.dynamics)
+    return {
+        count: estimate.n_decisions,
+        **_told(kind, tables, estimate.dynamics),
+        p_value: ks_p_value(tables, results.settings.statistics.bootstrap, rng),
+    }
+
+
+def tables_under(results: Results, expert: str, method: str, dynamics: FloatArray) -> ArrivalTables:
     """As `Results.arrival_tables`, with every policy's arrival predicted under other dynamics."""
     learned, problem = results.arrival_tables(expert, method), results.problem
     starts = start_shares(results.scenario, problem, TRAIN_AREA)

@@ -52,24 +52,23 @@ def _scores(folder: Path) -> str:
 
 
 def _hindsight(folder: Path) -> str:
-    header = ["method", "measured", "predicted as learned", "in hindsight"]
-    header += ["KS as learned", "in hindsight", "p"]
-    header += ["standing still across the flow, as learned", "in hindsight"]
+    kinds = ("learned", "pooled", "hindsight")
+    header = ["the expert", "method", "measured", "predicted as learned", "pooled", "in hindsight"]
+    header += ["KS as learned", "pooled", "in hindsight", "p of the last"]
+    header += ["standing still with the flow, as learned", "pooled", "in hindsight"]
     return table_text(
         header,
         (
             [
+                EXPERT_NAMES[row["expert"]],
                 row["method"],
                 seconds(row["learned_measured_mean_s"]),
-                seconds(row["learned_predicted_mean_s"]),
-                seconds(row["hindsight_predicted_mean_s"]),
-                number(row["learned_ks"]),
-                number(row["hindsight_ks"]),
+                *(seconds(row[f"{kind}_predicted_mean_s"]) for kind in kinds),
+                *(number(row[f"{kind}_ks"]) for kind in kinds),
                 _ks_p(row, "hindsight_ks_p_value"),
-                percent(row["learned_stay_across_flow"]),
-                percent(row["hindsight_stay_across_flow"]),
+                *(percent(row[f"{kind}_stay_with_flow"]) for kind in kinds),
             ]
-            for row in _rows(folder, "arrival_hindsight")
+            for row in read_table(folder, "arrival_hindsight")
             if row["hindsight_ks"]
         ),
     )

@@ -52,10 +52,10 @@ def bootstrap(
 def mean_interval(
     values: Sequence[float], settings: StatisticsSettings, rng: np.random.Generator
 ) -> Interval:
-    """Mean over repetitions; minus infinity where one is."""
+    """Mean over repetitions; where one is infinite so is the mean, and no interval is known."""
     numbers = np.asarray(values, dtype=np.float64)
     if not np.isfinite(numbers).all():
-        return Interval(float(numbers.mean()), -np.inf, -np.inf)
+        return Interval(float(numbers.mean()), np.nan, np.nan)
     return bootstrap(len(numbers), lambda drawn: float(numbers[drawn].mean()), settings, rng)
 
 

@@ -16,9 +16,10 @@ from experiments.study.arrival import (
     n_periods,
 )
 from experiments.study.arrival_distances import ArrivalTables
-from experiments.study.demonstrations import n_repetitions
+from experiments.study.demonstrations import load_sets, n_repetitions
 from experiments.study.experts import EXPERTS
 from experiments.study.fitting import load_fits
+from experiments.study.moves import Move, counted_moves
 from experiments.study.settings import StudySettings
 from experiments.study.world import problem_of, scenario_of
 from serd_core.navigation import NavigationProblem
@@ -76,6 +77,16 @@ class Results:
         every = range(n_repetitions(self.settings, expert))
         kept = [self._arrivals[expert, number].get("moves", {}) for number in every]
         return [row for moves in kept for row in moves.get(method, [])]
+
+    def demonstrated(self, expert: str) -> list[Move]:
+        """What happened in the training demonstrations of all repetitions, counted."""
+        every = range(n_repetitions(self.settings, expert))
+        folder = self.folder / "demonstrations"
+        return [
+            move
+            for number in every
+            for move in counted_moves(load_sets(folder, expert, number).training)
+        ]
 
     def arrival_tables(self, expert: str, method: str) -> ArrivalTables:
         """Predicted and measured CDFs of each repetition's model."""

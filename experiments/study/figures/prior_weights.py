@@ -8,6 +8,7 @@ from matplotlib.patches import Rectangle
 from experiments.repetitions import Row
 from experiments.study.figures.context import FigureContext
 from experiments.study.results import Results
+from experiments.summary import quantile
 from report import style
 from report.canvas import new_figure
 from serd_core.arrays import FloatArray
@@ -30,7 +31,7 @@ def rows(results: Results) -> list[Row]:
             for row in results.candidates
             if (row["size"], row["prior_weight"]) == (size, weight)
         ]
-        medians = {name: float(np.median([row[name] for row in chosen])) for name in PANELS}
+        medians = {name: quantile([row[name] for row in chosen], 0.5) for name in PANELS}
         table.append({"size": size, "prior_weight": weight, "n": len(chosen)} | medians)
     return table
 

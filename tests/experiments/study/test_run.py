@@ -7,10 +7,11 @@ import pytest
 
 import sim
 from experiments.study.bag_sets import check_bags
+from experiments.study.demonstrations import load_sets, n_repetitions
 from experiments.study.experts import EXPERTS, PEOPLE
 from experiments.study.figures.catalogue import FIGURES
 from experiments.study.headline import headline
-from experiments.study.hindsight import dynamics_of_drives, hindsight_tables
+from experiments.study.hindsight import tables_under
 from experiments.study.methods import METHODS
 from experiments.study.results import Results
 from experiments.study.run import redraw, run_study
@@ -66,9 +67,9 @@ def test_every_stage_leaves_its_products_from_which_tables_and_figures_are_made(
     assert [row["method"] for row in headline(tables)] == list(METHODS)
     assert {row["expert"] for row in tables["measures"]} == set(EXPERTS)
     assert_every_method_drove_the_same_episodes(tables["measured_episodes"])
-    assert_hindsight_differs_from_the_prediction_by_its_dynamics_alone(
-        Results(settings, folder / "work")
-    )
+    results = Results(settings, folder / "work")
+    assert_predictions_differ_by_their_dynamics_alone(results)
+    assert_estimates_are_made_of_all_decisions(results, tables["arrival_hindsight"])
     for figure in FIGURES:
         for ending in (".csv", ".png", ".svg"):
             assert (folder / f"{figure.stem}{ending}").stat().st_size > 100
@@ -86,17 +87,29 @@ def assert_every_method_drove_the_same_episodes(rows):
     assert len({tuple(each) for each in by_method.values()}) == 1
 
 
-def assert_hindsight_differs_from_the_prediction_by_its_dynamics_alone(results):
+def assert_predictions_differ_by_their_dynamics_alone(results):
     learned = results.model(PEOPLE, 1, "cloning")["truth"]
-    same = hindsight_tables(results, PEOPLE, "cloning", np.array(learned))
+    same = tables_under(results, PEOPLE, "cloning", np.array(learned))
     predicted = results.arrival_tables(PEOPLE, "cloning").predicted
     np.testing.assert_allclose(same.predicted[1], predicted[1], atol=1e-12)
 
     nobody_moves = np.tile([1.0, 0.0, 0.0, 0.0, 0.0], (len(learned), 1))
-    assert not hindsight_tables(results, PEOPLE, "cloning", nobody_moves).predicted.any()
+    assert not tables_under(results, PEOPLE, "cloning", nobody_moves).predicted.any()
 
-    own = dynamics_of_drives(results, PEOPLE, "cloning")
-    np.testing.assert_allclose(own.sum(axis=1), 1.0)
+
+def assert_estimates_are_made_of_all_decisions(results, rows):
+    for row in rows:
+        moves = results.moves(row["expert"], row["method"])
+        expected = {
+            "hindsight_decisions": sum(count for *_, count in moves),
+            "pooled_decisions": sum(
+                len(load_sets(results.folder / "demonstrations", row["expert"], number).training)
+                for number in range(n_repetitions(results.settings, row["expert"]))
+            ),
+        }
+        for name, count in expected.items():
+            assert row[name] == (count if row["always_arrived"] else None)
+    assert any(row["always_arrived"] for row in rows)
     periods = sum(row["time_s"] for row in results.measured if is_cloned(row)) / 2.0
     counted = sum(count for *_, count in results.moves(PEOPLE, "cloning"))
     assert 0.8 * periods < counted <= np.ceil(periods) + 2
