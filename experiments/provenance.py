@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 from storage.atomic import atomic_write_text
 from storage.yaml_text import read_yaml, write_yaml
@@ -67,6 +68,13 @@ def recorded(
     note(finished=True)
 
 
+def other_commits(folder: Path) -> tuple[str, ...]:
+    """Commits, other than that of the present code, by which earlier runs worked in `folder`."""
+    present = code_commit()
+    earlier = (run["commit"] for run in _runs(folder / FILE_NAME))
+    return tuple(dict.fromkeys(each for each in earlier if each not in (None, present)))
+
+
 def code_commit(folder: Path = Path(__file__).parent) -> str | None:
     """Commit of the repository around `folder`, "+ changes" where tracked files differ from it."""
     commit = _git(folder, "rev-parse", "HEAD")
@@ -85,8 +93,11 @@ def installed_versions(names: Sequence[str]) -> dict[str, str]:
 
 
 def _append(path: Path, run: Run) -> None:
-    earlier = read_yaml(path.read_text(), str(path))["runs"] if path.exists() else []
-    atomic_write_text(path, write_yaml({"runs": [*earlier, asdict(run)]}))
+    atomic_write_text(path, write_yaml({"runs": [*_runs(path), asdict(run)]}))
+
+
+def _runs(path: Path) -> list[dict[str, Any]]:
+    return list(read_yaml(path.read_text(), str(path))["runs"]) if path.exists() else []
 
 
 def _git(folder: Path, *words: str) -> str | None:

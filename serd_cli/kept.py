@@ -1,9 +1,10 @@
-"""What an interrupted command says: where its work is, and that the same command goes on."""
+"""What a command says of work that is kept: where it is, and which code it is by."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from experiments.provenance import other_commits
 from serd_cli.terminal import progress_console
 
 
@@ -18,3 +19,15 @@ def kept_in(place: Path | None) -> Iterator[None]:
                 f"kept in {place.resolve()}; the same command goes on", soft_wrap=True, markup=False
             )
         raise
+
+
+def remark_other_code(folder: Path) -> None:
+    """Say where work is taken over that another version of the code may have done otherwise."""
+    if commits := other_commits(folder):
+        progress_console.print(
+            f"{folder} holds work of {', '.join(each[:7] for each in commits)}, which is kept;"
+            " delete the folder to make all of it with the present code",
+            style="yellow",
+            soft_wrap=True,
+            markup=False,
+        )

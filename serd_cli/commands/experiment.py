@@ -16,7 +16,7 @@ from experiments.provenance import recorded
 from experiments.repetitions import Row
 from experiments.settings import file_settings, is_required, make_config, settings_of
 from serd_cli.execution_options import Address, Backend, Jobs
-from serd_cli.kept import kept_in
+from serd_cli.kept import kept_in, remark_other_code
 from serd_cli.progress import WorkProgress
 from serd_cli.terminal import console
 from sim.execution import Execution
@@ -59,6 +59,7 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         execution = Execution(jobs, backend, address)
         words = _words(experiment, config, texts, execution, output)
         made = make_config(experiment, given)
+        remark_other_code(output)
         with recorded(output, words, made):
             rows = _run(experiment, made, output, execution)
         _show(experiment, rows)

@@ -17,7 +17,7 @@ from experiments.study.settings import StudySettings, study_settings
 from serd_cli.errors import UsageError
 from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.json_output import print_json
-from serd_cli.kept import kept_in
+from serd_cli.kept import kept_in, remark_other_code
 from serd_cli.progress import WorkProgress
 from serd_cli.terminal import console
 from serd_cli.time_left import TimeLeftColumn
@@ -70,6 +70,7 @@ def hallway(
         return
     settings = study_settings(quick=quick, config=config, bags=bags or ())
     execution = Execution(jobs, backend, address)
+    remark_other_code(folder)
     with recorded(folder, _words(folder, quick=quick, config=config, bags=bags or ()), settings):
         tables = _run(settings, folder, execution)
     if as_json:

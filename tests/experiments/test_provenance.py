@@ -5,7 +5,14 @@ import subprocess
 import pytest
 import yaml
 
-from experiments.provenance import FILE_NAME, code_commit, installed_versions, recorded
+from experiments import provenance
+from experiments.provenance import (
+    FILE_NAME,
+    code_commit,
+    installed_versions,
+    other_commits,
+    recorded,
+)
 
 
 def runs_in(folder):
@@ -52,6 +59,16 @@ def test_the_commit_is_that_of_the_repository_and_says_where_files_differ(tmp_pa
     assert code_commit(tmp_path) == commit
     (tmp_path / "file").write_text("two")
     assert code_commit(tmp_path) == f"{commit} + changes"
+
+
+def test_work_of_other_code_is_told_from_that_of_the_present(tmp_path, monkeypatch):
+    assert other_commits(tmp_path) == ()
+    for commit in ("a" * 40, "b" * 40, "a" * 40, None):
+        monkeypatch.setattr(provenance, "code_commit", lambda commit=commit: commit)
+        with recorded(tmp_path, "command", None):
+            pass
+    monkeypatch.setattr(provenance, "code_commit", lambda: "b" * 40)
+    assert other_commits(tmp_path) == ("a" * 40,)
 
 
 def test_packages_that_are_not_installed_are_left_out():

@@ -1,5 +1,6 @@
 """`serd experiment`: settings as options, results as files, faults as sentences."""
 
+import re
 import shlex
 
 import pytest
@@ -32,6 +33,16 @@ def test_an_experiment_notes_its_command_beside_its_results(tmp_path):
     )
     assert "n_points=11" in noted["settings"]
     assert noted["finished"]
+
+
+def test_work_of_another_version_of_the_code_is_named(tmp_path, capsys):
+    words = ["priors", "--points", "5", "--angles", "8", "--output", str(tmp_path / "out")]
+    run(*words)
+    noted = tmp_path / "out" / "provenance.yaml"
+    noted.write_text(re.sub(r"commit: \w+", f"commit: {'c' * 40}", noted.read_text()))
+    capsys.readouterr()
+    run(*words)
+    assert "holds work of ccccccc, which is kept; delete the folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
