@@ -120,7 +120,7 @@ def _table(rows: list[Row], size: int) -> Table:
     table = Table(title=f"Learned from {size} demonstrations", title_justify="left")
     for column in rows[0]:
         justify: Literal["left", "right"] = "left" if column == "method" else "right"
-        table.add_column(column.replace("_", " "), justify=justify)
+        table.add_column(column.replace("_", " "), justify=justify, overflow="fold")
     for row in rows:
         table.add_row(*map(_text, row.values()))
     return table
