@@ -8,13 +8,8 @@ from serd_core.demonstrations import Decisions
 
 def last_states(decisions: Decisions) -> IntArray:
     """The states in which the episodes end, each once."""
-    return np.unique(decisions.next_state[last_rows(decisions)])
-
-
-def last_rows(decisions: Decisions) -> IntArray:
-    """(E,) row of the last decision of each episode."""
     last = [np.flatnonzero(decisions.episode == each)[-1] for each in decisions.episodes]
-    return np.array(last, dtype=np.int64)
+    return np.unique(decisions.next_state[last])
 
 
 def until_goal(decisions: Decisions, goal_states: IntArray) -> Decisions:
@@ -26,3 +21,13 @@ def until_goal(decisions: Decisions, goal_states: IntArray) -> Decisions:
         over[1:] |= np.isin(decisions.next_state[rows[:-1]], goal_states)
         kept[rows] = ~np.maximum.accumulate(over)
     return decisions.select(kept)
+
+
+def n_reaching(decisions: Decisions, goal_states: IntArray) -> int:
+    """Episodes that begin elsewhere and come to the goal.
+
+    One that decides in it has come to it, also where its move there counts as one to a neighbour.
+    """
+    there = np.isin(decisions.state, goal_states) | np.isin(decisions.next_state, goal_states)
+    began_elsewhere = until_goal(decisions, goal_states).episodes
+    return int(np.isin(began_elsewhere, decisions.episode[there]).sum())

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from bags.demonstrations import Demonstrations
-from bags.until_goal import last_rows, last_states, until_goal
+from bags.until_goal import last_states, n_reaching, until_goal
 from serd_cli.errors import UsageError
 from serd_cli.recorded_demonstrations import files_beside
 from serd_core.arrays import IntArray
@@ -32,7 +32,7 @@ FlowSource = Literal["auto", "scenario", "recorded", "none"]
 class LearningFiles:
     """task: where it was; flow_from: scenario, recorded or none; n_after_goal: decisions left out.
 
-    goals_m: centres (x, y) of the goal cells; n_reaching_goal: episodes that lead into one.
+    goals_m: centres (x, y) of the goal cells; n_reaching_goal: episodes that come to one.
     """
 
     task: LearningTask
@@ -92,7 +92,7 @@ def read_learning_files(
         flow_from=source,
         goals_m=tuple((float(x), float(y)) for x, y in grid.centers_m[goals]),
         n_after_goal=len(decisions) - len(kept),
-        n_reaching_goal=int(np.isin(kept.next_state[last_rows(kept)], goals).sum()),
+        n_reaching_goal=n_reaching(decisions, goals),
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bags.demonstrations import Demonstrations, demonstrations_of_bag
-from bags.discretise import REPEATED
+from bags.discretise import AFTER_CUT_OFF, REPEATED
 from bags.errors import BagError
 from bags.live_drive import LiveDrive
 from bags.reader import BagReader
@@ -81,6 +81,28 @@ def test_a_bag_over_which_the_world_was_started_again_gives_both_runs(messages, 
     recorded = BagReader(target).messages()
     live = live_drive([(each.topic[1:], each.data) for each in recorded])
     assert same(live.gathered(), found)
+
+
+def test_what_was_lost_between_episodes_is_the_same_live_and_from_a_bag(messages, tmp_path):
+    bag, _ = messages
+    recorded = list(BagReader(bag).messages([f"/{topic}" for topic in TOPICS]))
+    marks = [index for index, each in enumerate(recorded) if each.topic == "/episode"]
+    lost = range(marks[5] - 200, marks[10] + 200)  # the end of the third to the start of the sixth
+    kept = [each for index, each in enumerate(recorded) if index not in lost]
+    with BagWriter(tmp_path / "torn") as writer:
+        for topic in BagReader(bag).topics.values():
+            writer.add_topic(topic.name, topic.type_name)
+        for each in kept:
+            writer.write(each.topic, each.data, each.log_time_ns)
+    found, report = demonstrations_of_bag(tmp_path / "torn", GRID, HALLWAY.decision_period_s)
+    drive = live_drive([(each.topic[1:], each.data) for each in kept])
+    assert same(drive.gathered(), found)
+    assert drive.report == report
+    assert report.dropped[AFTER_CUT_OFF] > 0
+    whole = live_drive([(each.topic[1:], each.data) for each in recorded]).gathered().decisions
+    for episode in found.decisions.episodes:
+        own = found.decisions.select_episodes([episode]).time_s
+        assert set(own) <= set(whole.select_episodes([episode]).time_s)
 
 
 def test_a_bag_that_holds_its_messages_twice_counts_them_once_and_says_so(messages, tmp_path):

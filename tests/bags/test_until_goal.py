@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from bags.until_goal import last_states, until_goal
+from bags.until_goal import last_states, n_reaching, until_goal
 from serd_core.demonstrations import Decisions
 
 
@@ -38,3 +38,12 @@ def test_what_follows_the_goal_is_left_out_also_where_the_decision_in_it_was_dro
     ones = np.ones(3, int)
     decisions = Decisions(0 * ones, np.arange(3), np.array([0, 1, 2]), ones, np.array([1, 3, 1]))
     assert until_goal(decisions, np.array([3])).state.tolist() == [0, 1]
+
+
+def test_episodes_reach_the_goal_that_come_to_it_from_elsewhere():
+    goal = np.array([3])
+    assert n_reaching(table([0, 1, 3, 2], [4, 0], [3, 2], [2, 3]), goal) == 2
+    ones = np.ones(3, int)
+    beside = Decisions(0 * ones, np.arange(3), np.array([0, 1, 3]), ones, np.array([1, 2, 4]))
+    assert n_reaching(beside, goal) == 1
+    assert n_reaching(beside.select([0, 1]), goal) == 0
