@@ -222,9 +222,35 @@ without saying so.
 {table}
 
 No try crashed or hung the reader. A file that is emptied or overwritten has nothing left to read;
-the reader says so. `serd bag recover BAG` writes what is left as a new, valid bag and says what was
-lost; `serd bag check BAG` says what is wrong. The same faults, with assertions, are in
-`tests/bags/test_broken_files.py` and `tests/bags/test_killed_recorder.py`.
+the reader says so. The same faults, with assertions, are in `tests/bags/test_broken_files.py` and
+`tests/bags/test_killed_recorder.py`.
+
+## What is noticed, what is saved
+
+`serd bag check BAG` says what is wrong; `serd bag recover BAG` writes what is left as a new, valid
+bag and says how much is lost: all of it where `metadata.yaml` or the ends of the files tell what
+was recorded, "at least" so much where a damaged file cannot tell, "unknown" where nothing can.
+
+- **Any bag with `metadata.yaml`.** Noticed: files that are missing or foreign, and topics with
+  more or fewer messages than were recorded.
+- **MCAP.** Noticed: wrong checksums of chunks and summary, topics that do not fit the statistics;
+  by `check` also a wrong index behind a chunk. Saved: every whole chunk, and of a torn one its
+  whole messages if it was not compressed.
+- **sqlite3.** Noticed: what SQLite's integrity check finds, and rows that are cut off. *Not*
+  noticed: changed bytes within a message, since the format has no checksums; `serd bag convert`
+  gives the messages some. Saved: every whole row, page by page, also from the write-ahead log of a
+  recorder that was killed.
+- **Files or messages compressed with zstd.** Noticed: what does not unpack, and then as above.
+  Saved: what unpacks.
+
+Messages of types that are not installed are copied too, with the definition in the bag; a bag from
+before Jazzy, which keeps no type hashes, gets them computed from its definitions. Only messages
+that are not CDR are left out, and counted; the exit code is then 1.
+
+`check` also remarks on gaps, on times that step back, and on two clocks that do not go alike:
+stamps that jump against log times by more than 0.5 s, or drift away from them by more than 0.1 s.
+Messages that merely come late are told apart by the least delay within each second. Tests:
+`tests/bags/test_lost_messages.py`, `test_sqlite_files.py`, `test_two_clocks.py`.
 """
 
 

@@ -100,7 +100,8 @@ def check_values(check: BagCheck) -> dict[str, Any]:
 
 def rewrite_values(report: RewriteReport) -> dict[str, Any]:
     """The whole report."""
-    return {**asdict(report), "n_messages": report.n_messages}
+    sums = {"n_messages": report.n_messages, "n_left_out": report.n_left_out}
+    return {**asdict(report), **sums}
 
 
 def _rate(hz: float | None) -> str:
