@@ -70,12 +70,13 @@ def test_the_top_of_a_bowl_of_six_planes_is_certified(seed):
     slopes = rng.normal(size=(6, 3))
     slopes -= slopes.mean(axis=0)
     heights, root = 0.1 * rng.normal(size=6), rng.normal(size=(3, 3))
-    bowl = 0.3 * root @ root.T + 0.01 * np.eye(3)
+    bowl = root @ root.T * 0.3 + 0.01 * np.eye(3)
 
     def objective(vector):
-        lowest = int(np.argmin(slopes @ vector + heights))
-        value = slopes[lowest] @ vector + heights[lowest] - 0.5 * vector @ bowl @ vector
-        return float(value), slopes[lowest] - bowl @ vector
+        planes = slopes @ vector + heights
+        lowest = int(np.argmin(planes))
+        value = float(planes[lowest] - 0.5 * vector @ bowl @ vector)
+        return value, slopes[lowest] - bowl @ vector
 
     found = KinkedAscent().maximise(FunctionObjective(objective), rng.normal(size=3), never)
     assert found.converged
