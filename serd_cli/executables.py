@@ -1,7 +1,7 @@
 """From package and executable names to a command, by the ament index, as `ros2 run` finds it.
 
-Installed by pip alone there is no workspace that holds the executables of our own nodes; then their
-modules are run by this Python, which is the same.
+Installed by pip alone there is no workspace that holds the executables of our own nodes; then they
+are run by this Python, which is the same.
 """
 
 import os
@@ -25,7 +25,7 @@ def find_command(package: str, executable: str, environment: Mapping[str, str]) 
     prefix = next((each for each in prefixes if (each / _MARKERS / package).exists()), None)
     if prefix is None and package == PACKAGE:
         _require_known(package, executable, sorted(load_graph().nodes))
-        return [sys.executable, "-m", f"{PACKAGE}.nodes.{executable}"]
+        return [sys.executable, "-m", f"{PACKAGE}.executable", executable]
     if prefix is None:
         packages = sorted({PACKAGE, *_all(prefixes)})
         raise UsageError(f"package {package!r} is not installed; {hint(package, packages)}")

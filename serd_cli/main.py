@@ -1,66 +1,17 @@
 """The `serd` command; exit codes: 0 done, 1 a run failed, 2 bad usage or input, 130 interrupted."""
 
 import sys
-from importlib import import_module
 
-import typer
-from rich.markup import escape
-
-from serd_cli.errors import BAD_INPUT, INTERRUPTED, RunError
-from serd_cli.terminal import progress_console
-from serd_core.errors import SerdError
-
-COMMANDS = (
-    "demo",
-    "teleop",
-    "navigate",
-    "launch",
-    "run",
-    "experiment",
-    "bag",
-    "demos",
-    "learn",
-    "scenario",
-    "crowd",
-    "episode",
-    "batch",
-    "study",
-)
-
-
-def make_app(wanted: str = "") -> typer.Typer:
-    """The command with the wanted subcommand, or with all of them for help and for typing errors.
-
-    Each is in the module of its name, which registers it. Only what is wanted is imported: the
-    experiments and the report take two seconds to load, which `serd run` need not wait for.
-    """
-    app = typer.Typer(
-        name="serd",
-        help="Learn from demonstrations what a person wants and how the world answers.",
-        no_args_is_help=True,
-        add_completion=False,
-        pretty_exceptions_enable=False,
-        suggest_commands=True,
-    )
-    app.callback()(lambda: None)  # keeps subcommand names even where there is one only
-    for name in [wanted] if wanted in COMMANDS else COMMANDS:
-        import_module(f"serd_cli.commands.{name}").register(app)
-    return app
+from serd_ros.starting import starting
 
 
 def main() -> int:
-    """Entry point; every error of the project is one sentence on stderr."""
-    try:
-        return int(make_app(*sys.argv[1:2])(standalone_mode=True) or 0)
-    except KeyboardInterrupt:
-        progress_console.print("interrupted")
-        return INTERRUPTED
-    except RunError as error:
-        progress_console.print(f"[red]serd:[/red] {escape(str(error))}", soft_wrap=True)
-        return error.exit_code
-    except SerdError as error:
-        progress_console.print(f"[red]serd:[/red] {escape(str(error))}", soft_wrap=True)
-        return BAD_INPUT
+    """Entry point; Ctrl-C while the subcommand is still being imported ends it quietly."""
+    with starting():
+        from serd_cli.app import make_app, run
+
+        app = make_app(*sys.argv[1:2])
+    return run(app)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import pytest
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from serd_cli.main import make_app
+from serd_cli.app import make_app
 
 
 @pytest.fixture(scope="module")

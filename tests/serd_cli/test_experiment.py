@@ -6,8 +6,8 @@ import shlex
 import pytest
 import yaml
 
+from serd_cli.app import make_app
 from serd_cli.commands.experiment import _text
-from serd_cli.main import make_app
 from serd_core.errors import SerdError
 
 

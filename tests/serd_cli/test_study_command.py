@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.study.run import KEPT
-from serd_cli.main import make_app
+from serd_cli.app import make_app
 from serd_core.errors import SerdError
 from storage.errors import FileError
 

@@ -50,10 +50,10 @@ def test_an_executable_is_found_by_the_ament_index(workspace):
     assert found == [str(workspace / "lib/toy/talker")]
 
 
-def test_without_a_workspace_our_own_nodes_are_run_as_modules(workspace):
+def test_without_a_workspace_our_own_nodes_are_run_by_this_python(workspace):
     assert workspace.exists()
     found = find_command("serd_ros", "hallway_sim", ros_environment({}))
-    assert found == [sys.executable, "-m", "serd_ros.nodes.hallway_sim"]
+    assert found == [sys.executable, "-m", "serd_ros.executable", "hallway_sim"]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,44 @@
+"""Ctrl-C while a command or a node is still being imported ends it with 130 and without a word."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from serd_ros.starting import starting
+
+#: Takes the place of a library, so that its import is under way for long.
+_SLOW = "import time\nprint('importing', flush=True)\ntime.sleep(60)\n"
+
+
+@pytest.mark.parametrize(
+    ("library", "words"),
+    [
+        ("typer", ["serd_cli.main", "--help"]),
+        ("rclpy", ["serd_ros.executable", "hallway_sim"]),
+    ],
+)
+def test_ctrl_c_during_an_import_ends_quietly(root, tmp_path, library, words):
+    (tmp_path / f"{library}.py").write_text(_SLOW)
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{root}"}
+    with subprocess.Popen(
+        [sys.executable, "-m", *words],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout.readline() == "importing\n"
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert said == ""
+
+
+def test_afterwards_ctrl_c_is_what_it_was_before():
+    before = signal.getsignal(signal.SIGINT)
+    with starting():
+        assert signal.getsignal(signal.SIGINT) is not before
+    assert signal.getsignal(signal.SIGINT) is before
