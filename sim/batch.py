@@ -94,14 +94,14 @@ def run_batch(
 ) -> list[Row]:
     """Rows of all tasks, from the file where they are there already, else run and added to it.
 
-    execution: where episodes run, all cores of this machine when None. on_progress: called with
-    (done, all) at the start and after every episode.
+    A task that is listed twice is one task. execution: where episodes run, all cores of this
+    machine when None. on_progress: called with (done, all) at the start and after every episode.
     """
-    wanted = list(tasks)
+    wanted = list(dict.fromkeys(tasks))
     require_runnable(wanted)
     with RowTable(path, TASK_COLUMNS) as table:
         _require_same_inputs(wanted, table)
-        missing = [task for task in dict.fromkeys(wanted) if task.key not in table.rows]
+        missing = [task for task in wanted if task.key not in table.rows]
         done, total = len(wanted) - len(missing), len(wanted)
         if on_progress is not None:
             on_progress(done, total)

@@ -61,16 +61,20 @@ class Scenario(StrictModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
+        rules.require_control_period(self.control_period_s, self.robot)
         rules.require_whole_periods(
             "decision_period_s", self.decision_period_s, self.control_period_s
         )
+        rules.require_timeout(self.episode_timeout_s, self.decision_period_s)
         rules.require_lidar(self.lidar, self.control_period_s)
         self.local_planner.require_within(self.robot, self.control_period_s)
         if "train" not in self.start_areas_m:
             raise ValueError(f"start_areas_m must have 'train', got {sorted(self.start_areas_m)}")
         solids = [obstacle.outline_m for obstacle in self.obstacles]
         rules.require_in_place(self.walkable_area_m, solids)
+        rules.require_cell_count(self.walkable_area_m, self.cell_size_m)
         self._require_usable_areas()
+        rules.require_walkable_crowd(self.pedestrians.count, self.cells)
         if self.pedestrians.count and not self.pedestrians.loops:
             raise ValueError("pedestrians.loops must not be empty when pedestrians.count is not 0")
         for number, loop in enumerate(self.pedestrians.loops):
@@ -86,6 +90,7 @@ class Scenario(StrictModel):
             rules.require_cells(name, area, cells)
             rules.require_room(name, area, cells, self.wall_segments_m, radius_m)
             rules.require_way(name, area, self.goal_area_m, cells)
+            rules.require_outside_goal(name, area, self.goal_area_m, cells)
 
     @property
     def ticks_per_decision(self) -> int:

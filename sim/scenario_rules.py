@@ -1,11 +1,13 @@
 """What a scenario must fulfil as a whole; each rule raises a ValueError that names key and fix."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from scipy.ndimage import label
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
+from sim.crowd.ring_corridor import DENSITY_AT_WHICH_NOBODY_WALKS_PM2
 from sim.crowd.routes import offset_loop
 from sim.errors import SimError
 from sim.polygon import (
@@ -16,11 +18,15 @@ from sim.polygon import (
     first_crossing,
     overlap,
 )
-from sim.settings import LidarSettings, Loop
+from sim.settings import LidarSettings, Loop, RobotSettings
 from sim.walkable_cells import WalkableCells
 
 #: A robot starts within this share of a cell from the cell's centre, along either axis.
 START_SPREAD = 0.2
+#: People's steps stay shorter than what walls hold them off by.
+LONGEST_CONTROL_PERIOD_S = 0.2
+#: Cells of the decision grid, walkable or not, that learning and planning can still handle.
+MOST_CELLS = 40_000
 
 
 def require_whole_periods(name: str, period_s: float, control_period_s: float) -> None:
@@ -31,6 +37,68 @@ def require_whole_periods(name: str, period_s: float, control_period_s: float) -
             f"{name} must be a whole number of control_period_s ({control_period_s:g} s)"
             f", got {period_s:g} s"
         )
+
+
+def require_control_period(control_period_s: float, robot: RobotSettings) -> None:
+    """Nobody may get past a wall within one period, nor may people leap."""
+    speed_mps = max(robot.max_vel_x_mps, -robot.min_vel_x_mps)
+    most_s = min(LONGEST_CONTROL_PERIOD_S, robot.radius_m / speed_mps)
+    if control_period_s > LONGEST_CONTROL_PERIOD_S or control_period_s >= most_s:
+        raise ValueError(
+            f"control_period_s must be at most {LONGEST_CONTROL_PERIOD_S:g} s, and below the "
+            f"{robot.radius_m / speed_mps:.3g} s in which the robot drives its own radius at "
+            f"{speed_mps:g} m/s, got {control_period_s:g} s; lower it"
+        )
+
+
+def require_timeout(timeout_s: float, decision_period_s: float) -> None:
+    """An episode must have time for a decision."""
+    if timeout_s < decision_period_s:
+        raise ValueError(
+            f"episode_timeout_s must be at least decision_period_s ({decision_period_s:g} s), got "
+            f"{timeout_s:g} s; raise it"
+        )
+
+
+def require_cell_count(outline_m: Sequence[Point], cell_size_m: float) -> None:
+    """The decision grid must be one that can be solved."""
+    corners = np.array(outline_m)
+    width_m, height_m = corners.max(axis=0) - corners.min(axis=0)
+    n_cells = width_m * height_m / cell_size_m**2
+    if n_cells > MOST_CELLS:
+        least_m = math.ceil(1000.0 * math.sqrt(width_m * height_m / MOST_CELLS)) / 1000.0
+        raise ValueError(
+            f"cell_size_m must make at most {MOST_CELLS} cells of the {width_m:g} m x "
+            f"{height_m:g} m around walkable_area_m, got {cell_size_m:g} m, which makes "
+            f"{n_cells:.3g}; raise it to {least_m:g} or more"
+        )
+
+
+def require_walkable_crowd(count: int, cells: WalkableCells) -> None:
+    """People must have room to walk."""
+    area_m2 = float(cells.walkable.sum()) * cells.cell_size_m**2
+    most = math.floor(DENSITY_AT_WHICH_NOBODY_WALKS_PM2 * area_m2)
+    if count > most:
+        raise ValueError(
+            f"pedestrians.count must be at most {most} on {area_m2:.4g} m2, for at "
+            f"{DENSITY_AT_WHICH_NOBODY_WALKS_PM2:g} people per m2 nobody walks any more, got "
+            f"{count}; lower it"
+        )
+
+
+def require_outside_goal(
+    name: str, area: Sequence[Point], goal: Sequence[Point], cells: WalkableCells
+) -> None:
+    """A robot must not start in the goal."""
+    inside = cells.centers_m[contains(area, cells.centers_m)]
+    spread_m = START_SPREAD * cells.cell_size_m * np.array([-1.0, 0.0, 1.0])
+    offsets_m = np.stack(np.meshgrid(spread_m, spread_m), axis=-1).reshape(-1, 2)
+    for center in inside:
+        if contains(goal, center + offsets_m).any():
+            raise ValueError(
+                f"{name} must keep clear of goal_area_m, but a robot that starts in the cell at "
+                f"{center.tolist()} is there at once; move one of them"
+            )
 
 
 def require_lidar(lidar: LidarSettings, control_period_s: float) -> None:

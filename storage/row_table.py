@@ -88,25 +88,32 @@ class RowTable:
 
     def _take(self, rows: list[Row], source: Path) -> None:
         for row in rows:
-            missing = [name for name in self._key_columns if name not in row]
-            if missing:
-                raise FileError(
-                    f"{source} must be a table of {', '.join(self._key_columns)}, but has no "
-                    f"column {missing[0]!r}; choose another file"
-                )
+            self._require_key(list(row), source)
             self._columns = list(row)
             self.rows[self._key(row)] = row
 
+    def _require_key(self, columns: Sequence[str], source: Path) -> None:
+        missing = [name for name in self._key_columns if name not in columns]
+        if missing:
+            raise FileError(
+                f"{source} must be a table of {', '.join(self._key_columns)}, but has no "
+                f"column {missing[0]!r}; choose another file"
+            )
+
     def _read_lines(self) -> list[Row]:
-        """Whole lines; one that a crash cut short is dropped, from the file too."""
+        """Whole lines; one that a crash cut short is dropped, from the file too.
+
+        Nothing is touched of a file whose first line is not a table's header.
+        """
         text = read_text(self._lines)
         whole = text[: text.rfind("\n") + 1]
+        reader = csv.DictReader(io.StringIO(whole))
+        if text:
+            self._columns = list(reader.fieldnames or ())
+            self._require_key(self._columns, self._lines)
         if whole != text:
             atomic_write_text(self._lines, whole)
-        return [
-            {name: _value(each) for name, each in row.items()}
-            for row in csv.DictReader(io.StringIO(whole))
-        ]
+        return [{name: _value(each) for name, each in row.items()} for row in reader]
 
 
 def waiting_lines(path: Path) -> Path:

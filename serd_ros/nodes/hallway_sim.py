@@ -25,9 +25,10 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
 
     def __init__(self) -> None:
         super().__init__("hallway_sim", HallwaySimConfig)
-        scenario = with_goal(load_scenario(self.config.scenario), self.config.goal)
+        scenario = load_scenario(self.config.scenario)
         if self.config.people >= 0:
             scenario = scenario.with_pedestrian_count(self.config.people)
+        scenario = with_goal(scenario, self.config.goal)
         self._world = HallwayWorld(scenario, seed=self.config.seed, gui=self.config.gui)
         self._publisher = WorldPublisher(self, self._world)
         self._next_episode = 0

@@ -13,6 +13,8 @@ from sim.crowd.social_force import model_named
 from sim.errors import SimError
 
 _FAR_M = 1e7
+#: Weidmann (1993).
+DENSITY_AT_WHICH_NOBODY_WALKS_PM2 = 5.4
 
 
 def ring_corridor_crowd(
@@ -66,7 +68,8 @@ def ring_corridor_crowd(
 
 def weidmann_speed_mps(density_pm2: FloatArray) -> FloatArray:
     """Weidmann (1993): v = 1.34 (1 - exp(-1.913 (1 / rho - 1 / 5.4)))."""
-    speed: FloatArray = 1.34 * (1.0 - np.exp(-1.913 * (1.0 / np.asarray(density_pm2) - 1.0 / 5.4)))
+    standstill = 1.0 / DENSITY_AT_WHICH_NOBODY_WALKS_PM2
+    speed: FloatArray = 1.34 * (1.0 - np.exp(-1.913 * (1.0 / np.asarray(density_pm2) - standstill)))
     return speed
 
 

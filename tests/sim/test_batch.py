@@ -58,6 +58,16 @@ def test_a_line_cut_short_by_a_crash_is_run_again(table, tmp_path):
     assert torn.read_bytes() == path.read_bytes()
 
 
+def test_a_task_listed_twice_is_one_episode(table):
+    path, rows, _ = table
+    progress = []
+    told = run_batch(
+        TASKS * 2, path, execution=ONE, on_progress=lambda *done: progress.append(done)
+    )
+    assert told == rows
+    assert progress == [(2, 2)]
+
+
 def test_processes_give_the_rows_that_one_process_gives(table, tmp_path):
     _, rows, _ = table
     assert run_batch(TASKS, tmp_path / "two.csv", execution=Execution(2)) == rows

@@ -221,6 +221,39 @@ def test_a_room_of_ones_own_is_a_scenario(tmp_path):
             {"lidar": {"range_min_m": 5.0, "range_max_m": 2.0}},
             r"lidar\.range_min_m must be below lidar\.range_max_m \(2\), got 5",
         ),
+        (
+            {"control_period_s": 0.5, "lidar": {"rate_hz": 2.0}},
+            r"control_period_s must be at most 0\.2 s, and below the 0\.208 s .* got 0\.5 s",
+        ),
+        (
+            {"robot": {"max_vel_x_mps": 6.0}},
+            r"below the 0\.0417 s in which the robot drives its own radius at 6 m/s, got 0\.05 s",
+        ),
+        (
+            {
+                "start_areas_m": {
+                    "train": [[0, 0], [2, 0], [2, 2], [0, 2]],
+                    "other": [[7, 7], [9, 7], [9, 9], [7, 9]],
+                }
+            },
+            r"start_areas_m\.other must keep clear of goal_area_m, .* cell at \[7\.5, 7\.5\]",
+        ),
+        (
+            {"goal_area_m": [[1.65, 0], [3, 0], [3, 2], [1.65, 2]]},
+            r"start_areas_m\.train must keep clear of goal_area_m, .* cell at \[1\.5, 0\.5\]",
+        ),
+        (
+            {"episode_timeout_s": 0.01},
+            r"episode_timeout_s must be at least decision_period_s \(2 s\), got 0\.01 s",
+        ),
+        (
+            {"pedestrians": one_loop(SQUARE) | {"count": 3000}},
+            r"pedestrians\.count must be at most 540 on 100 m2, .* got 3000; lower it",
+        ),
+        (
+            {"cell_size_m": 0.001},
+            r"cell_size_m must make at most 40000 cells of the 10 m x 10 m .* raise it to 0\.05 ",
+        ),
         ({"lidar": {"rate_hz": 3.0}}, r"the period of lidar\.rate_hz must be a whole number"),
     ],
 )

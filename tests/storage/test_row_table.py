@@ -62,6 +62,9 @@ def test_a_row_with_other_columns_is_refused(tmp_path):
     ("name", "content", "sentence"),
     [
         ("rows.csv", b"a,b\n1,2\n", "has no column 'seed'"),
+        ("rows.csv", b"one line of mine", "has no column 'seed'"),
+        ("rows.csv", b"one line of mine\n", "has no column 'seed'"),
+        ("rows.csv", b"seed", "has no column 'seed'"),
         ("rows.parquet", b"no parquet at all", "must be a Parquet file"),
         ("rows.xlsx", b"", "must end in .csv or .parquet, got .*rows.xlsx; rename it to rows.csv"),
     ],
@@ -72,3 +75,15 @@ def test_a_file_that_is_no_such_table_is_refused(tmp_path, name, content, senten
     with pytest.raises(SerdError, match=sentence):
         RowTable(path, ["seed"])
     assert path.read_bytes() == content
+
+
+def test_a_table_that_ends_after_its_header_goes_on(tmp_path):
+    path = tmp_path / "rows.csv"
+    with RowTable(path, ["seed"]) as table:
+        table.append(ROWS[0])
+    path.write_text(path.read_text().splitlines()[0] + "\n")
+    with RowTable(path, ["seed"]) as table:
+        assert table.rows == {}
+        table.append(ROWS[0])
+    with RowTable(path, ["seed"]) as table:
+        assert list(table.rows.values()) == ROWS[:1]
