@@ -14,6 +14,7 @@ from report.canvas import png_bytes
 from report.figures.crowd_comparison import CrowdCurve, draw_crowd_comparison
 from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
+from serd_cli.output_place import require_file_place
 from serd_cli.terminal import console, progress_console
 from sim.crowd.comparison import ComparedSpeed, compare_one_way, compare_two_ways
 from sim.crowd.corridor_measures import CorridorMeasures, load_petrack, measure_recording
@@ -46,6 +47,7 @@ def compare(
     """
     if output.suffix.lower() != ".png":
         raise UsageError(f"--output must end in .png, got {output}; name a .png file")
+    require_file_place(output)
     recorded = measure_recording(load_petrack(recording)) if recording is not None else None
     rows = []
     with progress_console.status("walking") as status:

@@ -11,6 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
+from serd_cli.output_place import require_file_place
 from serd_cli.progress import WorkProgress
 from serd_cli.terminal import console
 from sim.batch import EpisodeTask, scenario_of
@@ -154,6 +155,7 @@ def _require_usable(output: Path, speed: float, frames_per_s: float, pixels_per_
         raise UsageError(
             f"--output must end in {', '.join(_SUFFIXES)}, got {output}; name an .mp4 file"
         )
+    require_file_place(output)
     for name, value, most in (
         ("--speed", speed, 1000.0),
         ("--frames-per-s", frames_per_s, 60.0),

@@ -17,6 +17,7 @@ from experiments.repetitions import Row
 from experiments.settings import file_settings, is_required, make_config, settings_of
 from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.kept import kept_in, remark_other_code
+from serd_cli.output_place import require_folder
 from serd_cli.progress import WorkProgress
 from serd_cli.terminal import console
 from sim.execution import Execution
@@ -59,6 +60,7 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         execution = Execution(jobs, backend, address)
         words = _words(experiment, config, texts, execution, output)
         made = make_config(experiment, given)
+        require_folder(output)
         remark_other_code(output)
         with recorded(output, words, made):
             rows = _run(experiment, made, output, execution)

@@ -21,7 +21,6 @@ from serd_cli.terminal import console
 from serd_ros.strategy import Strategy, load_strategy
 from sim.goal import with_goal
 from sim.planners import make_planner, planner_names
-from sim.scenario import load_scenario
 from sim.scenario_grid import grid_of, start_states_of
 from storage.atomic import atomic_write_bytes
 from storage.episode_table import EpisodeResult, load_episodes
@@ -42,6 +41,9 @@ def navigate(
         str, typer.Option(help="x,y (m) of the cell to drive to, else the scenario's goal area")
     ] = "",
     start_area: Annotated[str, typer.Option(help="where the robot starts")] = "train",
+    people: Annotated[
+        int | None, typer.Option(min=1, help="number of people, else the scenario's own")
+    ] = None,
     episodes: Annotated[int, typer.Option(min=1)] = 20,
     seed: Annotated[int, typer.Option(min=0, help="of people, starts and soft choices")] = 1000,
     timeout_s: Annotated[
@@ -80,6 +82,7 @@ def navigate(
         scenario=_scenario_of(scenario, model),
         goal=goal,
         start_area=start_area,
+        people=people,
         episodes=episodes,
         seed=seed,
         timeout_s=timeout_s,
@@ -120,7 +123,7 @@ def _scenario_of(given: str, model: Path) -> str:
 
 def _strategy_of(settings: NavigateSettings) -> Strategy:
     """The plan; every fault of what was typed is found here, before anything drives."""
-    scenario = with_goal(load_scenario(settings.scenario), settings.goal)
+    scenario = with_goal(settings.place(), settings.goal)
     start_states_of(scenario, grid_of(scenario), settings.start_area)
     make_planner(settings.planner, scenario)
     return load_strategy(

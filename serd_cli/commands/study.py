@@ -18,6 +18,7 @@ from serd_cli.errors import UsageError
 from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.json_output import print_json
 from serd_cli.kept import kept_in, remark_other_code
+from serd_cli.output_place import require_folder
 from serd_cli.progress import WorkProgress
 from serd_cli.terminal import console
 from serd_cli.time_left import TimeLeftColumn
@@ -65,8 +66,13 @@ def hallway(
     What is made already is not made again, so the same command goes on where it was interrupted.
     """
     folder = output or Path("study_output") / ("hallway_quick" if quick else "hallway")
+    require_folder(folder)
     if figure:
-        _redraw(figure, folder)
+        pictures = [str(picture.resolve()) for picture in _redraw(figure, folder)]
+        if as_json:
+            print_json({"pictures": pictures})
+        else:
+            print("\n".join(pictures))
         return
     settings = study_settings(quick=quick, config=config, bags=bags or ())
     execution = Execution(jobs, backend, address)
@@ -106,14 +112,13 @@ def _words(folder: Path, *, quick: bool, config: Path | None, bags: Sequence[Pat
     return " ".join([*words, *(f"--bags {bag}" for bag in bags), f"--output {folder}"])
 
 
-def _redraw(names: list[str], folder: Path) -> None:
+def _redraw(names: list[str], folder: Path) -> list[Path]:
     source = folder if (folder / SETTINGS_YAML).exists() else KEPT
     if not (source / SETTINGS_YAML).exists():
         raise UsageError(
             f"{folder} must hold the tables of a study; run it first, without --figure"
         )
-    for picture in redraw(names, source, folder):
-        print(picture.resolve())
+    return redraw(names, source, folder)
 
 
 def _table(rows: list[Row], size: int) -> Table:

@@ -49,6 +49,7 @@ class Comparison:
     n_trap_states: int
     traps: str
     transferred: bool
+    n_people: int
 
     def values(self) -> dict[str, Any]:
         """The record as plain values."""
@@ -85,6 +86,7 @@ def compare(
         n_trap_states=len(strategy.traps.states),
         traps=traps_in_words(strategy.traps),
         transferred=strategy.transferred,
+        n_people=strategy.scenario.pedestrians.count,
     )
 
 
@@ -139,6 +141,8 @@ def remarks(found: Comparison, settings: NavigateSettings) -> list[str]:
         f"{counted(found.n_episodes, 'episode')}: {endings}; contacts: robot into people "
         f"{found.robot_on_person}, people into robot {found.person_on_robot}, walls "
         f"{found.robot_on_wall}",
+        f"driven among {found.n_people} people; the model does not keep among how many it was "
+        "learned: give --people where they were more or fewer",
     ]
     if found.transferred:
         lines.append("the model was learned on another grid")

@@ -13,7 +13,6 @@ from sim.command import Command
 from sim.episode import EpisodeRecord, run_episode
 from sim.observation import Observation
 from sim.planners import make_planner
-from sim.scenario import load_scenario
 from sim.world import HallwayWorld
 from storage.arrival_log import append_arrival
 from storage.episode_table import EpisodeResult, save_episodes
@@ -31,7 +30,7 @@ def drive_in_process(
 
     output: folder that gets each row as it comes, none when None.
     """
-    navigator = Navigator(load_scenario(settings.scenario), settings.config(output))
+    navigator = Navigator(settings.place(), settings.config(output))
     scenario = navigator.strategy.scenario
     results = list(done)
     with HallwayWorld(scenario, seed=settings.seed) as world:

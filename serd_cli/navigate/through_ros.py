@@ -19,6 +19,7 @@ def drive_through_ros(settings: NavigateSettings, output: Path) -> list[EpisodeR
     given = {
         **settings.of_strategy(),
         "start_area": settings.start_area,
+        **({} if settings.people is None else {"people": settings.people}),
         "local_planner.planner": settings.planner,
         "strategy.output": str(output),
     }

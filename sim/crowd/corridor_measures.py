@@ -44,8 +44,9 @@ class CorridorMeasures:
 
 def load_petrack(path: str | Path, frames_per_s: float = 25.0) -> RecordedPaths:
     """Recording in PeTrack's text format: rows `person frame x y z` in centimetres."""
+    lines = read_text(path).splitlines()
     try:
-        rows = np.loadtxt(read_text(path).splitlines())
+        rows = np.loadtxt(lines)
     except ValueError as error:
         raise SimError(f"{path} must hold rows of numbers, but {error}; export it again") from None
     if rows.ndim != 2 or rows.shape[1] < 4:

@@ -5,7 +5,7 @@ leaves nothing.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
 
@@ -78,7 +78,8 @@ def _whole(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise disk_error("write", path, error) from None
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(NotADirectoryError):
+            part.unlink(missing_ok=True)
 
 
 def _first_and_others(frames: Iterable[Frame]) -> tuple[Frame, Iterator[Frame]]:

@@ -56,11 +56,16 @@ def test_without_a_recording_only_weidmann_is_there(serd, tmp_path):
     ("words", "sentence"),
     [
         (("--output", "crowd.jpg"), "--output must end in .png, got crowd.jpg"),
-        (("--recording", "none.txt"), "none.txt"),
+        (("--recording", "none.txt"), "serd: cannot read none.txt: it does not exist"),
+        (
+            ("--output", "here.png/x.png"),
+            "cannot write here.png: a file of this name is in the way",
+        ),
         (("--recroding", "none.txt"), "No such option"),
     ],
 )
-def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence):
+def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence, tmp_path):
+    (tmp_path / "here" / "here.png").touch()
     ended = serd("crowd", "compare", *words)
     assert ended.code == 2
     assert sentence in ended.err

@@ -50,3 +50,10 @@ def test_a_movie_that_cannot_be_written_gets_a_sentence(serd, tmp_path):
     ended = serd(*SMALL, "--output", "e.gif", "--speed", "100")
     assert ended.code == 2
     assert "cannot write e.gif: it is a folder" in ended.err
+
+
+def test_a_picture_below_a_file_is_refused_before_anything_drives(serd, tmp_path):
+    (tmp_path / "here" / "afile").touch()
+    ended = serd("episode", "render", "hallway", "--output", "afile/x.png")
+    assert ended.code == 2
+    assert "cannot write afile: a file of this name is in the way" in ended.err

@@ -65,6 +65,12 @@ def test_a_wrong_setting_gets_a_sentence(words, sentence, tmp_path):
         run(*words, "--output", str(tmp_path))
 
 
+def test_a_file_in_the_place_of_the_folder_gets_a_sentence(tmp_path):
+    (tmp_path / "afile").touch()
+    with pytest.raises(SerdError, match="afile: a file of this name is in the way; move it away"):
+        run("priors", "--output", str(tmp_path / "afile"))
+
+
 def test_small_numbers_keep_their_digits():
     assert [_text(value) for value in (None, 7, -0.0, -1.234e-8, -3304.1548)] == [
         "", "7", "0.0000", "-1.23e-08", "-3304.1548",

@@ -1,10 +1,12 @@
 """`serd navigate`: predicted against measured, goals, resuming, and what is refused."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import sim.scenario
 from report.wording import counted
 from serd_cli.navigate.comparison import compare, remarks
 from serd_cli.navigate.settings import NavigateSettings
@@ -92,6 +94,49 @@ def test_a_folder_of_another_drive_is_refused(serd, save_model_of, tmp_path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full/notes.txt").write_text("mine")
     assert serd("navigate", path, "--output", tmp_path / "full").code == 2
+
+
+def test_a_folder_begun_with_other_content_of_the_same_files_is_refused(
+    serd, save_model_of, tmp_path
+):
+    folder, scenario = tmp_path / "drive", tmp_path / "own.yaml"
+    built_in = Path(sim.scenario.__file__).parent / "scenarios" / "hallway.yaml"
+    scenario.write_text(built_in.read_text())
+    path = save_model_of()
+    words = ("--scenario", scenario, "--goal", "4.5,4.5", "--episodes", "1", "--output", folder)
+    assert serd("navigate", path, *words).code == 0
+    save_model_of(reward_weights={"goal": 4.0, "social_norm": 1.0, "inverse_wall_distance": 0.0})
+    done = serd("navigate", path, *words)
+    assert done.code == 2
+    assert f"must hold drives of {path} as it is now" in " ".join(done.err.split())
+    save_model_of()
+    assert serd("navigate", path, *words).code == 0
+    scenario.write_text(scenario.read_text().replace("radius_m: 0.25", "radius_m: 0.2"))
+    done = serd("navigate", path, *words)
+    assert done.code == 2
+    assert f"must hold drives of {scenario} as it is now" in " ".join(done.err.split())
+
+
+def test_it_drives_among_as_many_people_as_asked_for_and_says_so(serd, save_model_of, tmp_path):
+    words = (save_model_of(), "--goal", "4.5,4.5", "--episodes", "1", "--output", tmp_path / "few")
+    done = serd("navigate", *words, "--people", "3")
+    assert done.code == 0, done.err
+    assert "driven among 3 people; the model does not keep among how many" in done.out
+    again = serd("navigate", *words)
+    assert again.code == 2
+    assert "was begun with people = 3, but None is given" in " ".join(again.err.split())
+    assert serd("navigate", *words, "--people", "0").code == 2
+
+
+def test_a_file_in_the_place_of_the_folder_gets_a_sentence(serd, save_model_of, tmp_path):
+    file = tmp_path / "decisions.csv"
+    file.touch()
+    path = save_model_of()
+    for place, said in ((file, "a file of this name is in the way"),
+                        (file / "new", "a part of the path is a file, not a folder")):  # fmt: skip
+        done = serd("navigate", path, "--output", place)
+        assert done.code == 2
+        assert f"cannot write {place}: {said}" in " ".join(done.err.split())
 
 
 def row(episode, time_s, reason=""):

@@ -1,5 +1,6 @@
 """`serd study hallway`: figures out of kept tables, and bad input."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,18 @@ def test_a_figure_is_drawn_again_from_the_kept_tables(tmp_path):
     assert Path(result.output.strip()) == tmp_path / "figure_5_8.png"
     assert (tmp_path / "figure_5_8.png").read_bytes() == (KEPT / "figure_5_8.png").read_bytes()
     assert (tmp_path / "figure_5_8.svg").exists()
+
+
+def test_a_figure_drawn_again_is_told_as_json_when_asked_for(tmp_path):
+    result = study("--figure", "5.8", "--output", str(tmp_path), "--json")
+    assert json.loads(result.output) == {"pictures": [str(tmp_path / "figure_5_8.png")]}
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused_before_anything_runs(tmp_path):
+    (tmp_path / "afile").touch()
+    result = study("--quick", "--output", str(tmp_path / "afile"))
+    assert isinstance(result.exception, FileError)
+    assert "a file of this name is in the way" in str(result.exception)
 
 
 def test_an_unknown_figure_is_refused_with_the_nearest_one(tmp_path):
