@@ -25,6 +25,14 @@ def test_its_example_is_a_scenario(document, tmp_path):
     assert problem.grid.n_states == 12 * 10 - 4 * 2
 
 
+def test_its_parameters_of_the_planner_are_some(document, tmp_path):
+    (block,) = re.findall(r"```text\n(local_planner:\n.*?)```", document, re.DOTALL)
+    (example,) = re.findall(r"```yaml\n(.*?)```", document, re.DOTALL)
+    path = tmp_path / "room.yaml"
+    path.write_text(example + block)
+    assert load_scenario(path).local_planner.max_vel_x == 0.8
+
+
 def test_it_names_every_key(document):
     schema = Scenario.model_json_schema()
     keys = set(schema["properties"])
