@@ -1,5 +1,6 @@
 """One bag as `serd demos` reads it: the drives in it and the damage met in reading them."""
 
+from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,10 +54,15 @@ def read_recording(
 
 def _require_own(reader: BagReader) -> None:
     """Whether anything else in it would do is for a mapping to say."""
+    if not reader.topics:
+        deque(reader.messages(), maxlen=0)  # damage is told as it is met
+    if reader.damage and not reader.topics:
+        raise UsageError(f"nothing in bag {reader.path} is readable: {reader.damage[0].sentence()}")
+    known = ", ".join(sorted(reader.topics)) or "nothing"
     lacking = [name for name in _OWN_TOPICS if not topics_named(reader.topics, name)]
     if lacking:
         raise UsageError(
             f"bag {reader.path} must hold {', '.join(_OWN_TOPICS)} as our recorder writes them, it"
-            f" holds no {' and no '.join(lacking)} but {', '.join(sorted(reader.topics))}; say in a"
-            " --mapping file which topics mean what"
+            f" holds no {' and no '.join(lacking)} but {known}; say in a --mapping file"
+            " which topics mean what"
         )

@@ -204,6 +204,14 @@ def test_a_foreign_bag_without_a_mapping_is_told_of_one(serd, drive_bag):
     assert "it holds no robot_pose but /amcl, /episode, /intent; say in a --mapping" in ended.err
 
 
+def test_of_a_bag_of_which_nothing_is_left_the_damage_is_told(serd, tmp_path):
+    file = tmp_path / "zeros.mcap"
+    file.write_bytes(bytes(200))
+    ended = serd("demos", file, "--scenario", "hallway", "--tolerant")
+    assert ended.code == 2
+    assert f"nothing in bag {file} is readable: {file}: at byte 0" in ended.err
+
+
 def test_a_drive_that_gaps_cut_into_pieces_is_said_to_be_so(serd, drive_bag, tmp_path):
     mapping = tmp_path / "mapping.yaml"
     mapping.write_text("pose_topic: /amcl\naction_topic: /wish\n")
