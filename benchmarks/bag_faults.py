@@ -73,7 +73,7 @@ def main() -> None:
         kills = _kills(folder)
         whole = _recording(folder)
         rows = [
-            ("SIGKILL while recording, random moments", kills),
+            ("SIGKILL of the writing process, random moments", kills),
             ("cut at each record's beginning", _cuts(folder, whole, _starts(whole.content))),
             ("cut in the middle of each record", _cuts(folder, whole, _middles(whole.content))),
             ("one bit flipped, random places", _flips(folder, whole)),
@@ -223,7 +223,8 @@ without saying so.
 
 No try crashed or hung the reader. A file that is emptied or overwritten has nothing left to read;
 the reader says so. The same faults, with assertions, are in `tests/bags/test_broken_files.py` and
-`tests/bags/test_killed_recorder.py`.
+`tests/bags/test_killed_recorder.py`; `tests/system/test_killed_recorder_node.py` kills the
+whole `demo_recorder` node.
 
 ## What is noticed, what is saved
 
