@@ -21,6 +21,8 @@ from serd_core.arrays import FloatArray
 EPSILON = float(np.finfo(np.float64).eps)
 #: Share of what its slope promises that a step must gain, and the shortest step tried.
 ENOUGH, SHORTEST_STEP = 0.25, 1e-12
+#: Share of a probability that rounding may decide before an estimate is none.
+LARGEST_ROUNDING = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +76,12 @@ def maximum_of(
     n_outcomes = len(probabilities)
     weight = min(1.0, counts.pseudo_count)
     # A slope is rounded to some units of the total; the curvature is at least the pseudo-count.
-    rounding = (n_outcomes + 3) * EPSILON * counts.total / (counts.pseudo_count * weight) ** 0.5
+    least = float(np.sqrt(counts.pseudo_count) * np.sqrt(weight))
+    rounding = (n_outcomes + 3) * EPSILON * counts.total / least
     bound = np.inf
+    if rounding > LARGEST_ROUNDING:
+        # The pseudo-count is lost in the counts and does not tell hidden outcomes apart.
+        return DynamicsEstimate(probabilities, 0, bound, converged=False)
     for step in range(1, max_steps + 1):
         move, size, slope = counts.newton(probabilities)
         decrement = float(np.sqrt(size / weight))

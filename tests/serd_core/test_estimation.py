@@ -191,6 +191,13 @@ def test_estimates_stopped_early_are_within_their_error_bound():
     assert certified > 0
 
 
+def test_a_pseudo_count_lost_in_the_counts_is_said():
+    """Only the wall is observed, so that nothing but 1e-300 decides between what it hides."""
+    problem, everything = wall_heavy_problem(), wall_heavy_decisions()
+    with pytest.raises(SerdError, match="may be off by a share of inf; pass dynamics"):
+        estimate_dynamics(problem, everything.select(np.arange(100_000)), pseudo_count=1e-300)
+
+
 def test_running_out_of_steps_is_said_with_a_way_out(monkeypatch):
     problem, decisions = wall_heavy_problem(), wall_heavy_decisions()
     short = partial(most_likely_dynamics, max_steps=1)
