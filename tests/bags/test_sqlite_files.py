@@ -168,3 +168,32 @@ def test_check_says_that_such_files_have_no_checksums(make):
     assert "changed bytes within messages cannot be noticed" in check.remarks[-1]
     converted = check_bag(convert(bag, bag.with_name("new")).target)
     assert not any("checksum" in remark for remark in converted.remarks)
+
+
+def test_several_files_without_metadata_are_read_one_after_the_other(make, tmp_path):
+    file = next(make().glob("*.db3"))
+    folder = tmp_path / "split"
+    folder.mkdir()
+    for number in range(2):
+        shutil.copy(file, folder / f"split_{number}.db3")
+    found, reader = contents(folder, tolerant=True)
+    assert len(found) == 420
+    (damage,) = reader.damage
+    assert damage.what.endswith("metadata.yaml: it does not exist; check the path")
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"", "no such table"),
+        (bytes(9000), "not a database"),
+        (b"SQLite format 3\0" + bytes(9000), "the database"),
+    ],
+)
+def test_what_is_no_recording_gets_a_sentence(tmp_path, content, sentence):
+    (tmp_path / "file.db3").write_bytes(content)
+    with pytest.raises(BagError, match=sentence):
+        contents(tmp_path / "file.db3")
+    found, reader = contents(tmp_path / "file.db3", tolerant=True)
+    assert found == []
+    assert reader.damage
