@@ -41,13 +41,12 @@ def irl_result(
     outcome_probabilities: FloatArray,
     ascended: AscentResult,
     *,
-    solved: bool = True,
     solution: BellmanSolution | None = None,
     inverse_temperature: float | None = None,
 ) -> IrlResult:
     """Record of an ascent over the reward weights.
 
-    solved, solution: whether the last inner solve converged, and the solve itself.
+    solution: the last inner solve, where there is one.
     """
     return IrlResult(
         feature_names=feature_names,
@@ -57,7 +56,7 @@ def irl_result(
         gradient_norm=ascended.gradient_norm,
         n_steps=ascended.n_steps,
         n_evaluations=ascended.n_evaluations,
-        converged=ascended.converged and solved and (solution is None or solution.converged),
+        converged=ascended.converged and (solution is None or solution.converged),
         message=ascended.message,
         objective_trace=ascended.objective_trace,
         inverse_temperature=inverse_temperature,

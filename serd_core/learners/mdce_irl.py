@@ -105,7 +105,7 @@ def fit_mdce_irl_by_entropy(
 
     start = initial_weights_or_sample(problem, initial_weights, rng)
     ascended = ascent.maximise(FunctionObjective(dual), start, lambda _: False)
-    return irl_result(problem.feature_names, table, ascended, solved=last[-1].converged)
+    return irl_result(problem.feature_names, table, ascended, solution=last[-1])
 
 
 def empirical_feature_expectation(problem: Problem, decisions: Decisions) -> FloatArray:
