@@ -43,7 +43,14 @@ class EarlyStopping(Ascent):
         self, objective: Objective, start: FloatArray, observer: StepObserver
     ) -> AscentResult:
         """Climb; the result stands at the best step and says so in its message."""
-        watch = _Watch(self, observer, np.array(start), self.score(start))
+        first = self.score(start)
+        if np.isnan(first):
+            # No later score would compare as better, and the start be handed back as the best.
+            raise SerdError(
+                f"score of the start must be a number, got {first}; score validation decisions that"
+                " the problem allows"
+            )
+        watch = _Watch(self, observer, np.array(start), first)
         result = self.inner.maximise(objective, start, watch)
         if np.array_equal(watch.best_vector, result.vector):
             return result
@@ -92,7 +99,9 @@ def fit_serd_with_early_stopping(
     on_step: OnStep | None = None,
 ) -> FitResult:
     """`fit_serd` on the training decisions, ended by the likelihood of the validation ones."""
-    like = starting_parameters(problem, policy_model, initial_weights, initial_dynamics)
+    like = starting_parameters(
+        problem, policy_model, initial_weights, initial_dynamics, settings.belief
+    )
     score = validation_score(problem, validation, policy_model, settings.belief, like)
     stopping = EarlyStopping(settings.ascent, score, patience)
     return fit_serd(

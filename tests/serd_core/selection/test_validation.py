@@ -4,7 +4,7 @@ import pytest
 from serd_core.ascent.ascent import FunctionObjective
 from serd_core.ascent.gradient_ascent import GradientAscent
 from serd_core.ascent.lbfgs import Lbfgs
-from serd_core.beliefs import TiedBelief
+from serd_core.beliefs import FixedBelief, TiedBelief
 from serd_core.errors import SerdError
 from serd_core.estimation import estimate_dynamics
 from serd_core.evaluation import validation_log_likelihood
@@ -34,6 +34,27 @@ def test_the_step_with_the_best_score_is_returned():
     assert len(found.objective_trace) == 7
     assert not found.converged
     assert found.message.startswith("stopped early: best validation score")
+
+
+def test_a_start_without_a_score_is_refused_and_does_not_win():
+    ascent = EarlyStopping(GradientAscent(), lambda _: float("nan"))
+    with pytest.raises(SerdError, match="score of the start must be a number, got nan"):
+        ascent.maximise(FunctionObjective(slope), np.array([1.0]), lambda _: False)
+
+
+def test_known_dynamics_with_zeros_can_be_stopped_early(gridworld):
+    training, validation = split_episodes(gridworld.decisions, 0.3, np.random.default_rng(0))
+    fit = fit_serd_with_early_stopping(
+        gridworld.problem,
+        training,
+        validation,
+        MdcePolicy(),
+        SerdSettings(belief=FixedBelief()),
+        initial_weights=np.zeros(2),
+        initial_dynamics=gridworld.probabilities,
+    )
+    np.testing.assert_allclose(fit.outcome_probabilities, gridworld.probabilities, rtol=1e-12)
+    assert np.all(np.isfinite(fit.reward_weights))
 
 
 def test_a_score_that_keeps_growing_changes_nothing():
