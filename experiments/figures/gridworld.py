@@ -26,6 +26,8 @@ MEASURES = {
 }
 #: Log-likelihoods below this, minus infinity (a choice ruled out) among them, are drawn here.
 LOWEST = -4.0
+#: Divergences above this, infinity (the truth ruled out) among them, are drawn here.
+HIGHEST = 100.0
 #: Visits are drawn by their cube root, so that paths show beside places where people stay.
 VISITS_POWER = 1.0 / 3.0
 LAWN_AND_FOREST = ListedColormap(["#e8e4c9", "#5d8a54"])
@@ -46,12 +48,10 @@ def measures_figure(rows: Sequence[Row]) -> Figure:
         axes.grid(color=HAIRLINE, linewidth=0.6)
         if "divergence" in measure:
             axes.set_yscale("log")
+            if max(axes.get_ylim()) > HIGHEST:
+                _mark_limit(axes, HIGHEST, f"{HIGHEST:.0f} or above", offset_points=-11)
         elif min(axes.get_ylim()) < LOWEST + 0.5:
-            axes.axhline(LOWEST, color=MUTED, linewidth=0.8, linestyle=":")
-            where = (0.98, LOWEST)
-            axes.annotate(f"{LOWEST:.0f} or below", where, xycoords=("axes fraction", "data"),
-                          xytext=(0, 3), textcoords="offset points", ha="right", color=MUTED,
-                          fontsize="small")  # fmt: skip
+            _mark_limit(axes, LOWEST, f"{LOWEST:.0f} or below", offset_points=3)
         tick_sizes(axes, sorted({row["size"] for row in rows}))
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
@@ -100,7 +100,8 @@ def _median_and_quartiles(axes: Axes, table: Sequence[Row], learner: str, number
     style = style_of(learner, number)
     sizes = [row["size"] for row in table]
     low, middle, high = (
-        np.maximum([row[name] for row in table], LOWEST) for name in ("lower", "median", "upper")
+        np.clip([row[name] for row in table], LOWEST, HIGHEST)
+        for name in ("lower", "median", "upper")
     )
     axes.plot(
         sizes,
@@ -113,3 +114,11 @@ def _median_and_quartiles(axes: Axes, table: Sequence[Row], learner: str, number
         markeredgewidth=0.4,
     )
     axes.fill_between(sizes, low, high, color=style.colour, alpha=0.18, linewidth=0)
+
+
+def _mark_limit(axes: Axes, value: float, said: str, *, offset_points: float) -> None:
+    """A line at which values beyond it are drawn."""
+    axes.axhline(value, color=MUTED, linewidth=0.8, linestyle=":")
+    axes.annotate(said, (0.98, value), xycoords=("axes fraction", "data"),
+                  xytext=(0, offset_points), textcoords="offset points", ha="right", color=MUTED,
+                  fontsize="small")  # fmt: skip

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from experiments.figures.gridworld import LOWEST, measures_figure, visit_ticks
+from experiments.figures.gridworld import HIGHEST, LOWEST, measures_figure, visit_ticks
 from experiments.figures.learner_style import SPARE, STYLES, style_of
 
 
@@ -29,6 +29,16 @@ def test_what_lies_below_the_axis_is_drawn_at_its_edge_and_said():
     drawn = figure.axes[0].get_lines()[0].get_ydata()
     assert drawn[0] == LOWEST
     assert [text.get_text() for text in figure.axes[0].texts] == ["-4 or below"]
+
+
+def test_infinite_divergences_are_drawn_at_the_edge_and_said():
+    infinite = [
+        {"learner": "MDCE SERD", "size": size, "policy_divergence": value}
+        for size, value in ((1, np.inf), (3, 0.5))
+    ]
+    axes = measures_figure(infinite).axes[0]
+    assert list(axes.get_lines()[0].get_ydata()) == [HIGHEST, 0.5]
+    assert [text.get_text() for text in axes.texts] == ["100 or above"]
 
 
 def test_styles_differ_in_more_than_colour():
