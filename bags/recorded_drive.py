@@ -68,7 +68,8 @@ class DriveBuilder:
     def drive(self) -> RecordedDrive:
         """Everything so far; BagError where there are poses and none is finite."""
         rows = np.array(self._poses).reshape(-1, 3)
-        pose = _unique(finite_poses(rows, self._source))
+        finite = finite_poses(rows, self._source)
+        pose = _unique(finite)
         intent = _unique(np.array(self._intents).reshape(-1, 3))
         clear = np.isfinite(intent).all(axis=1)
         n_unclear = int((~clear).sum())
@@ -79,7 +80,7 @@ class DriveBuilder:
             intent_action=actions_of_directions(intent[clear, 1:]),
             episodes=spans_of_marks(self._marks, pose[:, 0], LONGEST_GAP_S),
             source=self._source,
-            n_bad_poses=len(rows) - int(np.isfinite(rows).all(axis=1).sum()),
+            n_bad_poses=len(rows) - len(finite),
             dropped={NOT_FINITE: n_unclear} if n_unclear else {},
         )
 

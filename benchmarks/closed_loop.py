@@ -12,11 +12,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from benchmarks.closed_loop_figure import closed_loop_figure
 from benchmarks.report import RESULTS, Row, save
 from report.canvas import png_bytes
+from serd_cli.progress import WorkProgress
 from sim.batch import run_batch
 from sim.batch_summary import ConditionSummary, summarise
 from sim.closed_loop import ClosedLoopPlan
@@ -40,7 +41,7 @@ FIGURE = ROOT / "docs" / "pictures" / "closed_loop.png"
 def run() -> None:
     """Drive all episodes that are missing, then write table and figure."""
     plan = ClosedLoopPlan()
-    progress = Progress(
+    progress = WorkProgress(
         TextColumn("closed loop"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     )
     with progress:

@@ -73,17 +73,21 @@ def test_a_right_side_of_zeros_has_the_solution_zero(random_problem):
     np.testing.assert_array_equal(Krylov().prepare(pattern, data).solve(zeros), 0)
 
 
-@pytest.mark.parametrize("solver", [Krylov(), Krylov(fill=10.0), BandedLu(), WIDE], ids=repr)
-def test_newton_reaches_its_accuracy_with_every_linear_solver(make_gridworld, solver):
-    case = make_gridworld(side=30, discount=0.99, n_episodes=1, n_steps=1)
+def posed_of(case):
     mdp = case.problem.mdp
-    posed = BellmanProblem(
+    return BellmanProblem(
         SoftBellman(),
         case.problem.features @ case.weights,
         transitions_of(mdp.transitions, case.probabilities),
         mdp.discount,
         mdp.available,
     )
+
+
+@pytest.mark.parametrize("solver", [Krylov(), Krylov(fill=10.0), BandedLu(), WIDE], ids=repr)
+def test_newton_reaches_its_accuracy_with_every_linear_solver(make_gridworld, solver):
+    case = make_gridworld(side=30, discount=0.99, n_episodes=1, n_steps=1)
+    mdp, posed = case.problem.mdp, posed_of(case)
     exact = Newton(linear_solver=SparseLu()).solve(mdp, posed)
     other = Newton(linear_solver=solver).solve(mdp, posed)
     assert other.converged
@@ -164,14 +168,7 @@ def test_newton_solves_cold_and_warm_starts_by_the_solvers_meant_for_them(make_g
             return SparseLu()
 
     case = make_gridworld(side=8, discount=0.95, n_episodes=1, n_steps=1)
-    mdp = case.problem.mdp
-    posed = BellmanProblem(
-        SoftBellman(),
-        case.problem.features @ case.weights,
-        transitions_of(mdp.transitions, case.probabilities),
-        mdp.discount,
-        mdp.available,
-    )
+    mdp, posed = case.problem.mdp, posed_of(case)
     Newton(linear_solver=Named()).solve(mdp, posed)
     assert used == ["cold"]
     Newton(linear_solver=Named()).solve(mdp, posed, np.zeros(mdp.n_states))
