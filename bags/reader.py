@@ -9,18 +9,18 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from bags.damage import Damage
 from bags.errors import BagError
-from bags.layout import BagLayout, bag_layout
-from bags.losses import FileCount, Losses, losses
-from bags.mcap_definitions import Definitions
-from bags.mcap_ending import file_ending
-from bags.mcap_scan import McapScan
-from bags.packed_messages import PackedMessages
-from bags.raw_message import RawMessage as RawMessage
-from bags.sqlite_scan import SqliteScan
-from bags.topic_info import TopicInfo as TopicInfo
-from bags.unpacked import UnpackedFiles
+from bags.health.damage import Damage
+from bags.health.losses import FileCount, Losses, losses
+from bags.mcap.definitions import Definitions
+from bags.mcap.ending import file_ending
+from bags.mcap.scan import McapScan
+from bags.rosbag2.layout import BagLayout, bag_layout
+from bags.rosbag2.packed_messages import PackedMessages
+from bags.rosbag2.raw_message import RawMessage as RawMessage
+from bags.rosbag2.topic_info import TopicInfo as TopicInfo
+from bags.rosbag2.unpacked import UnpackedFiles
+from bags.sqlite.scan import SqliteScan
 from storage.nearest import nearest_name
 
 

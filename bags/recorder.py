@@ -15,8 +15,8 @@ from typing import Literal
 from pydantic import Field
 
 from bags.errors import BagError
-from bags.plain_messages import diagnostic_array
-from bags.qos import RELIABLE, QosProfile
+from bags.messages.plain import diagnostic_array
+from bags.rosbag2.qos import RELIABLE, QosProfile
 from bags.writer import BagWriter
 from storage.errors import FileError
 from storage.yaml_config import StrictModel

@@ -7,10 +7,10 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from bags.mcap_writer import Compression
-from bags.qos import qos_of_text
+from bags.mcap.writer import Compression
 from bags.reader import BagReader
-from bags.topic_definition import kept_definition
+from bags.rosbag2.qos import qos_of_text
+from bags.rosbag2.topic_definition import kept_definition
 from bags.whole_folder import whole_folder
 from bags.writer import BagWriter
 

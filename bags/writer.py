@@ -8,11 +8,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from bags.errors import BagError
-from bags.mcap_writer import Compression, McapWriter
-from bags.message_types import MessageType, message_type
-from bags.metadata_file import FILE_NAME, ROOT_KEY, FileSpan, bag_metadata, metadata_text
-from bags.qos import RELIABLE, QosProfile
-from bags.topic import Topic
+from bags.mcap.writer import Compression, McapWriter
+from bags.rosbag2.message_types import MessageType, message_type
+from bags.rosbag2.metadata_file import FILE_NAME, ROOT_KEY, FileSpan, bag_metadata, metadata_text
+from bags.rosbag2.qos import RELIABLE, QosProfile
+from bags.rosbag2.topic import Topic
 from storage.atomic import atomic_write_text
 from storage.errors import FileError, disk_error
 from storage.nearest import hint

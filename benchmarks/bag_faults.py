@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bags.mcap_format import CHUNK, MAGIC, RECORD_HEAD
-from bags.mcap_scan import McapScan
+from bags.mcap.format import CHUNK, MAGIC, RECORD_HEAD
+from bags.mcap.scan import McapScan
 from bags.writer import BagWriter
 from storage.atomic import atomic_write_text
 

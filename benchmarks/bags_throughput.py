@@ -15,13 +15,13 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from bags.check import check_bag
-from bags.demonstrations import demonstrations_of_bag
+from bags.health.check import check_bag
 from bags.reader import BagReader
 from bags.writer import BagWriter
 from benchmarks.peak_memory import peak_memory_mb
 from benchmarks.report import Row, save
-from serd_core.grid import Grid
+from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_core.grid.grid import Grid
 
 _N_POSES = 200_000
 _PERIOD_S = 2.0

@@ -15,21 +15,21 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from benchmarks.closed_loop_figure import closed_loop_figure
+from benchmarks.closed_loop_plan import ClosedLoopPlan
 from benchmarks.report import RESULTS, Row, save
 from report.canvas import png_bytes
 from serd_cli.progress import WorkProgress
-from sim.batch import run_batch
-from sim.batch_summary import ConditionSummary, summarise
-from sim.closed_loop import ClosedLoopPlan
-from sim.command import Command
-from sim.drivers import make_driver
-from sim.episode import run_episode
-from sim.local_planner import LocalPlanner
-from sim.observation import Observation
-from sim.planners import make_planner, planner_names
-from sim.scenario import load_scenario
-from sim.waypoint import Waypoint
-from sim.world import HallwayWorld
+from sim.drivers.catalogue import make_driver
+from sim.episodes.batch import run_batch
+from sim.episodes.batch_summary import ConditionSummary, summarise
+from sim.episodes.episode import run_episode
+from sim.planning.catalogue import make_planner, planner_names
+from sim.planning.local_planner import LocalPlanner
+from sim.scenario.scenario import load_scenario
+from sim.world.command import Command
+from sim.world.observation import Observation
+from sim.world.waypoint import Waypoint
+from sim.world.world import HallwayWorld
 from storage.atomic import atomic_write_bytes
 
 PLAN_CALL_PEOPLE = 20

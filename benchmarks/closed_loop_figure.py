@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from report import style
 from report.canvas import new_figure
-from sim.batch_summary import ConditionSummary
+from sim.episodes.batch_summary import ConditionSummary
 
 _Measure = Callable[[ConditionSummary], float]
 _MEASURES: tuple[_Measure, ...] = (

@@ -19,7 +19,7 @@ from sim.crowd.crowd import Crowd, RobotBody
 from sim.crowd.routes import Routes
 from sim.crowd.social_force import model_named, model_names
 from sim.robot.lidar import Lidar
-from sim.settings import LidarSettings
+from sim.scenario.settings import LidarSettings
 
 PEOPLE = (30, 100, 200)
 WIDTH_M, LENGTH_M, STEP_S, RADIUS_M, SPEED_MPS = 6.0, 24.0, 0.05, 0.25, 1.34

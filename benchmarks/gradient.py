@@ -17,30 +17,30 @@ from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.demonstrations import Decisions
-from serd_core.dynamics.transitions import transitions_at
-from serd_core.estimation import estimate_dynamics
-from serd_core.fit_result import FitResult
-from serd_core.gradients.forward import (
+from serd_core.bellman.value_iteration import ValueIteration
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.derivatives.forward import (
     entry_jacobian,
     immediate_gradient,
     q_gradient_by_iteration,
     q_gradient_by_lu,
 )
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.dynamics.transitions import transitions_at
+from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.serd import SerdSettings, starting_parameters
 from serd_core.learners.staged_start import weights_under_initial_dynamics
-from serd_core.likelihood.observations import observe
-from serd_core.parameters import Parameters
+from serd_core.mdp.problem import Problem
 from serd_core.policies.mdce import MdcePolicy
 from serd_core.policies.solved_policy import soft_policy
-from serd_core.posterior import Posterior
+from serd_core.posterior.parameters import Parameters
+from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior
-from serd_core.problem import Problem
-from serd_core.simulation import sample_decisions
-from serd_core.solvers.value_iteration import ValueIteration
-from sim.scenario import load_scenario
-from sim.scenario_grid import navigation_problem_of
+from sim.scenario.grid import navigation_problem_of
+from sim.scenario.scenario import load_scenario
 
 ACCURACY = 1e-9
 HALLWAY_WEIGHTS = np.array([6.0, 1.0, -0.5])

@@ -5,9 +5,9 @@ import numpy as np
 from experiments.gridworld_problem import N_OUTCOMES, Gridworld, gridworld, true_dynamics
 from experiments.landscape import generated_landscape
 from serd_core.arrays import FloatArray
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.solved_policy import soft_policy
-from serd_core.simulation import sample_decisions
 
 WEIGHTS = np.array([6.0, 6.0])
 #: The thesis's dynamics, one part in a hundred of them uniform so that every outcome can happen.

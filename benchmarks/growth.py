@@ -31,12 +31,12 @@ from benchmarks.report import RESULTS, Row, save
 from report.canvas import new_figure, png_bytes
 from report.style import BLUE, MUTED, RED, report_style
 from serd_core.bellman.backup import BellmanProblem, backup
+from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.learners.serd import SerdSettings, starting_parameters
-from serd_core.likelihood.observations import observe
-from serd_core.parameters import Parameters
 from serd_core.policies.mdce import MdcePolicy
-from serd_core.posterior import Posterior
+from serd_core.posterior.parameters import Parameters
+from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior
 from storage.atomic import atomic_write_bytes
 

@@ -15,9 +15,9 @@ from benchmarks.report import Row, save
 from benchmarks.step_profile import StepProfile, profile_steps
 from serd_cli.node_commands import stack_processes
 from serd_cli.workspace import ros_environment
-from serd_ros.graph import find_stack
-from sim.planners import planner_names
-from sim.scenario import Scenario, load_scenario
+from serd_ros.graph.graph import find_stack
+from sim.planning.catalogue import planner_names
+from sim.scenario.scenario import Scenario, load_scenario
 from storage.atomic import atomic_write_text
 from storage.episode_table import load_episodes
 from storage.yaml_config import model_yaml

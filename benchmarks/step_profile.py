@@ -12,15 +12,15 @@ from typing import Any
 from unittest.mock import patch
 
 from sim.crowd.crowd import Crowd
-from sim.episode import run_episode
-from sim.expert import ScriptedExpert
-from sim.planners import make_planner
+from sim.drivers.expert import ScriptedExpert
+from sim.episodes.episode import run_episode
+from sim.planning.catalogue import make_planner
 from sim.planning.recovery import RecoveringPlanner
 from sim.robot.contacts import ContactCounter
 from sim.robot.lidar import Lidar
 from sim.robot.robot import Robot
-from sim.scenario import Scenario
-from sim.world import HallwayWorld
+from sim.scenario.scenario import Scenario
+from sim.world.world import HallwayWorld
 
 #: What belongs to each part: (class, method).
 PARTS: dict[str, tuple[tuple[type, str], ...]] = {

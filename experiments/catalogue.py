@@ -24,7 +24,7 @@ from experiments.summary import quartiles, welch_test
 from report.canvas import png_bytes
 from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 from storage.atomic import atomic_write_bytes
 
 Run = Callable[[Any, Path, Execution, Progress], list[Row]]

@@ -13,18 +13,18 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.beliefs import FixedBelief
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners.importance_samples import hoeffding_thresholds, sample_from_estimates
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.pm_serd import fit_pm_serd
 from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
-from serd_core.parameters import Block
+from serd_core.mdp.problem import TabularProblem
+from serd_core.posterior.beliefs import FixedBelief
+from serd_core.posterior.parameters import Block
 from serd_core.priors.entropy import EntropyPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import Prior
-from serd_core.problem import TabularProblem
 
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=150)
 #: Hoeffding's thresholds themselves allow all weights to be 0 up to fifty demonstrations.

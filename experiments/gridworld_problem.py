@@ -12,9 +12,9 @@ import numpy as np
 from experiments.landscape import Landscape
 from serd_core.arrays import BoolArray, FloatArray
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.grid import Action, Grid
-from serd_core.mdp import Mdp
-from serd_core.problem import TabularProblem
+from serd_core.grid.grid import Action, Grid
+from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import TabularProblem
 
 STAYING_MODEL, N_MODELS, N_OUTCOMES = 0, 9, 5
 #: Probability of moving as intended, and of each way that it may go wrong.

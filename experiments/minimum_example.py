@@ -15,19 +15,19 @@ from experiments.repetitions import Progress, Row, run_repetitions
 from experiments.setting import setting
 from serd_core.ascent.ascent import Ascent
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.beliefs import Belief, FixedBelief, TiedBelief
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.evaluation import fitted_policy
-from serd_core.fit_result import FitResult
+from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.mdp import Mdp, require_discount
-from serd_core.parameters import Block
+from serd_core.mdp.mdp import Mdp, require_discount
+from serd_core.mdp.problem import TabularProblem
+from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
+from serd_core.posterior.parameters import Block
 from serd_core.priors.norm import NormPrior
-from serd_core.problem import TabularProblem
-from serd_core.simulation import sample_decisions
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 
 FIRST, SECOND = 0, 1
 A, B, C = 0, 1, 2

@@ -17,12 +17,12 @@ from experiments.repetitions import Row
 from experiments.setting import setting
 from serd_core.arrays import FloatArray
 from serd_core.bellman.solution import BellmanSolution
+from serd_core.derivatives.adjoint import adjoint
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transitions import Transitions, transitions_of
 from serd_core.errors import SerdError
-from serd_core.gradients.adjoint import adjoint
-from serd_core.mdp import Mdp
-from serd_core.solvers.sparse_lu import SparseLu
+from serd_core.linear.sparse_lu import SparseLu
+from serd_core.mdp.mdp import Mdp
 
 #: Stated exponents of Table 4.2 by quantity; the adjoint's are this library's claim.
 STATED: dict[str, dict[str, float]] = {

@@ -14,7 +14,7 @@ from experiments.setting import setting
 from serd_core.arrays import FloatArray
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
-from serd_core.parameters import Block, Parameters
+from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.entropy import EntropyPrior
 from serd_core.priors.norm import NormPrior

@@ -16,7 +16,7 @@ from typing import Any
 
 from experiments.provenance import FILE_NAME
 from serd_core.errors import SerdError
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 from storage.atomic import atomic_write_text
 
 #: One line of a result table; None where a number does not apply.

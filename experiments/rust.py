@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from experiments.setting import setting
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
-from serd_core.fit_result import FitResult
+from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.mdp import Mdp, require_discount
-from serd_core.problem import TabularProblem
+from serd_core.mdp.mdp import Mdp, require_discount
+from serd_core.mdp.problem import TabularProblem
 from serd_core.uncertainty.information import fit_information
 from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors
 

@@ -5,8 +5,8 @@ import numpy as np
 from report.episode_row import EpisodeRow
 from report.figures.arrival import ArrivalCurve
 from serd_core.arrays import FloatArray
-from serd_core.arrival_bands import empirical_arrival_cdf, sampling_band
-from serd_core.arrival_law import ArrivalLaw
+from serd_core.arrival.bands import empirical_arrival_cdf, sampling_band
+from serd_core.arrival.law import ArrivalLaw
 
 
 def predicted_curve(predicted: ArrivalLaw, n_episodes: int) -> ArrivalCurve:

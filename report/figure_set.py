@@ -15,8 +15,8 @@ from report.figures.weights import draw_weights
 from report.inputs import ReportInputs
 from report.layout import layout_of
 from serd_core.arrays import BoolArray, IntArray
-from serd_core.demonstrations import state_counts
-from serd_core.trap_states import trap_states
+from serd_core.arrival.trap_states import trap_states
+from serd_core.demonstrations.decisions import state_counts
 
 
 def all_figures(inputs: ReportInputs) -> dict[str, Figure]:

@@ -8,12 +8,12 @@ from report.errors import ReportError
 from report.run_facts import FileLink, PhaseTiming, RunFacts
 from report.snapshot import CrowdSnapshot
 from serd_core.arrays import FloatArray, float_array, require_index
-from serd_core.arrival_law import ArrivalLaw
-from serd_core.demonstrations import Decisions
-from serd_core.fit_result import FitResult
-from serd_core.navigation import NavigationProblem
+from serd_core.arrival.law import ArrivalLaw
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.navigation import NavigationProblem
+from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import Policy
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 
 __all__ = ["FileLink", "PhaseTiming", "ReportInputs", "RunFacts"]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,9 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from bags.check import BagCheck
+from bags.health.check import BagCheck
+from bags.health.topic_check import TopicCheck
 from bags.rewrite import RewriteReport
-from bags.topic_check import TopicCheck
 from report.wording import counted, seconds_in_words
 
 

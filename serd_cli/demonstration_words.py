@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from rich.markup import escape
 from rich.table import Table
 
-from bags.discretise import OFF_GRID
-from bags.mapped_drive import UNMARKED
 from report.wording import counted
+from serd_app.demonstrations.discretise import OFF_GRID
+from serd_app.drives.mapped_drive import UNMARKED
 from serd_cli.recorded_demonstrations import RecordedDemonstrations
 from serd_cli.recording import Recording
 from serd_cli.short_names import short_names

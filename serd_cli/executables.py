@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from serd_cli.errors import UsageError
-from serd_ros.graph import PACKAGE, load_graph
+from serd_ros.graph.graph import PACKAGE, load_graph
 from storage.nearest import hint
 
 _MARKERS = "share/ament_index/resource_index/packages"

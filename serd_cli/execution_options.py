@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from sim.execution import BACKENDS
+from sim.episodes.execution import BACKENDS
 
 Jobs = Annotated[int, typer.Option(help="processes at a time, -1 for all cores")]
 Backend = Annotated[str, typer.Option(help=", ".join(BACKENDS))]

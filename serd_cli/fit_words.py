@@ -9,11 +9,11 @@ from typing import Any
 from rich.table import Table
 
 from report.wording import in_words
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
-from serd_core.fit_result import FitResult
-from serd_core.grid import Outcome
-from serd_core.navigation import NavigationProblem
+from serd_core.grid.grid import Outcome
+from serd_core.grid.navigation import NavigationProblem
+from serd_core.learners.fit_result import FitResult
 from serd_core.uncertainty.identifiability import Identifiability, identifiability
 from serd_core.uncertainty.information import fit_information
 from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors

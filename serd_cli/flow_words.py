@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from bags.flow_field import FlowField
+from serd_app.demonstrations.flow_field import FlowField
 from serd_core.arrays import IntArray
-from serd_core.navigation import NO_FLOW
+from serd_core.grid.navigation import NO_FLOW
 
 
 def flow_values(found: FlowField | None, own: IntArray | None) -> dict[str, int] | None:

@@ -7,23 +7,23 @@ from typing import Literal
 
 import numpy as np
 
-from bags.demonstrations import Demonstrations
-from bags.until_goal import last_states, n_reaching, until_goal
+from serd_app.demonstrations.decision_table import load_decisions
+from serd_app.demonstrations.demonstrations import Demonstrations
+from serd_app.demonstrations.flow_table import load_flow
+from serd_app.demonstrations.grid_file import load_grid
+from serd_app.demonstrations.record import DemonstrationRecord, load_record
+from serd_app.demonstrations.until_goal import last_states, n_reaching, until_goal
+from serd_app.learning.recipe import LearningTask
 from serd_cli.errors import UsageError
 from serd_cli.recorded_demonstrations import files_beside
 from serd_core.arrays import IntArray
-from serd_core.demonstrations import Decisions
-from serd_core.grid import Grid
-from serd_core.navigation import NO_FLOW, build_navigation_problem
-from serd_core.wall_distance import grid_wall_distance_m
-from serd_ros.learning import LearningTask
-from sim.scenario import Scenario, load_scenario
-from sim.scenario_grid import flow_of, goal_states_of, grid_of, wall_distance_of
-from storage.decision_table import load_decisions
-from storage.demonstration_record import DemonstrationRecord, load_record
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.grid import Grid
+from serd_core.grid.navigation import NO_FLOW, build_navigation_problem
+from serd_core.grid.wall_distance import grid_wall_distance_m
+from sim.scenario.grid import flow_of, goal_states_of, grid_of, wall_distance_of
+from sim.scenario.scenario import Scenario, load_scenario
 from storage.errors import FileError
-from storage.flow_table import load_flow
-from storage.grid_file import load_grid
 
 FlowSource = Literal["auto", "scenario", "recorded", "none"]
 

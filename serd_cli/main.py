@@ -2,7 +2,7 @@
 
 import sys
 
-from serd_ros.starting import starting
+from serd_ros.process.quiet_interrupt import starting
 
 
 def main() -> int:

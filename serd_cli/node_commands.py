@@ -8,7 +8,7 @@ import yaml
 from serd_cli.errors import UsageError
 from serd_cli.executables import find_command
 from serd_cli.supervisor import Process
-from serd_ros.graph import PACKAGE, Stack, stack_parameters
+from serd_ros.graph.graph import PACKAGE, Stack, stack_parameters
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

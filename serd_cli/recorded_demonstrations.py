@@ -7,30 +7,30 @@ from typing import Any
 
 import numpy as np
 
-from bags.demonstrations import demonstrations_of_drives
-from bags.discretise import DiscretisationReport
-from bags.episode_spans import DISCARDED
-from bags.fitted_grid import grid_around
-from bags.flow_field import FlowField
-from bags.joined_decisions import joined_decisions
-from bags.recorded_drive import RecordedDrive
 from report.canvas import png_bytes
 from report.figures.fitted_visitation import draw_fitted_visitation
 from report.figures.flow_map import draw_flow_map
 from report.figures.visitation import draw_visitation
 from report.layout import layout_of
+from serd_app.demonstrations.concatenate import joined_decisions
+from serd_app.demonstrations.decision_table import save_decisions
+from serd_app.demonstrations.demonstrations import demonstrations_of_drives
+from serd_app.demonstrations.discretise import DiscretisationReport
+from serd_app.demonstrations.fitted_grid import grid_around
+from serd_app.demonstrations.flow_field import FlowField
+from serd_app.demonstrations.flow_table import save_flow
+from serd_app.demonstrations.grid_file import save_grid
+from serd_app.demonstrations.record import BagRecord, DemonstrationRecord, save_record
+from serd_app.drives.episode_spans import DISCARDED
+from serd_app.drives.recorded_drive import RecordedDrive
 from serd_cli.errors import UsageError
 from serd_cli.recording import Recording
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.demonstrations import Decisions, state_counts
-from serd_core.grid import Grid
-from sim.scenario import Scenario
-from sim.scenario_grid import flow_of
+from serd_core.demonstrations.decisions import Decisions, state_counts
+from serd_core.grid.grid import Grid
+from sim.scenario.grid import flow_of
+from sim.scenario.scenario import Scenario
 from storage.atomic import atomic_write_bytes
-from storage.decision_table import save_decisions
-from storage.demonstration_record import BagRecord, DemonstrationRecord, save_record
-from storage.flow_table import save_flow
-from storage.grid_file import save_grid
 
 
 @dataclass(frozen=True, eq=False)

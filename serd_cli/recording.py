@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bags.drive_sessions import drives_in
-from bags.episode_spans import EPISODE
-from bags.losses import Losses
-from bags.mapped_drive import mapped_drive_in
-from bags.mapping import BagMapping
+from bags.health.losses import Losses
 from bags.reader import BagReader, topics_named
-from bags.recorded_drive import INTENT, POSE, RecordedDrive
+from serd_app.drives.episode_spans import EPISODE
+from serd_app.drives.mapped_drive import mapped_drive_in
+from serd_app.drives.mapping import BagMapping
+from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive
+from serd_app.drives.sessions import drives_in
 from serd_cli.errors import UsageError
 
 _OWN_TOPICS = (POSE, INTENT, EPISODE)

@@ -1,6 +1,6 @@
 """Runs the processes of a stack together with honcho: one ends, all end; Ctrl-C ends all.
 
-Nodes are told this process, so that they end too when it is killed (`serd_ros.starter`).
+Nodes watch this process and end when it is killed (`serd_ros.process.parent_watch`).
 """
 
 import os
@@ -14,7 +14,7 @@ from honcho.manager import SIGNALS, SYSTEM_PRINTER_NAME, Manager
 from honcho.printer import Message
 
 from serd_cli.errors import BAD_INPUT, FAILED, RunError
-from serd_ros.starter import VARIABLE
+from serd_ros.process.parent_watch import VARIABLE
 
 Line = Callable[[str, str], None]
 _KEPT_LINES = 15

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parent.parent
-LOOPBACK_PROFILE = PROJECT / "serd_ros" / "fastdds_loopback.xml"
+LOOPBACK_PROFILE = PROJECT / "serd_ros" / "process" / "fastdds_loopback.xml"
 _PREFIXES = "AMENT_PREFIX_PATH"
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"

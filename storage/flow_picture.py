@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from serd_core.arrays import IntArray
-from serd_core.grid import Action, Grid
-from serd_core.navigation import NO_FLOW
+from serd_core.grid.grid import Action, Grid
+from serd_core.grid.navigation import NO_FLOW
 
 _BLOCKED = "#"
 _SIGNS = {

@@ -11,9 +11,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.fit_result import FitResult
-from serd_core.grid import Grid, Outcome
-from serd_core.navigation import NavigationProblem
+from serd_core.grid.grid import Grid, Outcome
+from serd_core.grid.navigation import NavigationProblem
+from serd_core.learners.fit_result import FitResult
 from storage.atomic import atomic_write_text
 from storage.errors import FileError
 from storage.flow_picture import flow_of_picture, flow_picture

@@ -4,7 +4,7 @@ A tap counts for one period. A held key counts as long as it is held; a key that
 the period begins still counts as a tap.
 """
 
-from serd_core.grid import Action
+from serd_core.grid.grid import Action
 
 
 class DirectionChoice:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from sim.command import STOP, Command
+from sim.world.command import STOP, Command
 from storage.yaml_config import StrictModel, yaml_model
 from storage.yaml_text import write_yaml
 from teleop.parameter_file import read_parameters

@@ -2,7 +2,7 @@
 
 from enum import Enum
 
-from serd_core.grid import Action
+from serd_core.grid.grid import Action
 
 
 class KeyCommand(Enum):

@@ -9,9 +9,9 @@ Arrival and timeout end an episode by themselves. `save` ends one before its goa
 from dataclasses import dataclass
 from typing import Literal
 
-from sim.episode_progress import EpisodeProgress
-from sim.observation import Observation
-from sim.scenario import Scenario
+from sim.episodes.progress import EpisodeProgress
+from sim.scenario.scenario import Scenario
+from sim.world.observation import Observation
 from teleop.errors import TeleopError
 
 Phase = Literal["idle", "starting", "running", "ended"]

@@ -9,7 +9,7 @@ key stops. A terminal does not tell when a key is let go, so a key counts for a 
 repeat keeps it alive.
 """
 
-from sim.command import STOP, Command
+from sim.world.command import STOP, Command
 
 _MOVES = {
     "i": (1, 0), "o": (1, -1), "j": (0, 1), "l": (0, -1), "u": (1, 1),

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from sim.command import Command
+from sim.world.command import Command
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,12 @@ import pytest
 from domain_coordinator import domain_id
 
 from serd_cli.workspace import ros_environment
-from sim.scenario import load_scenario
-from sim.scenario_grid import grid_of
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import load_scenario
 from storage.model_file import FitRecord, GridSummary, ModelFile, OutcomeModel, save_model
 
 os.environ.update(ros_environment(os.environ))
+pytest_plugins = ["support.bag_messages"]
 ROOT = Path(__file__).resolve().parents[1]
 
 

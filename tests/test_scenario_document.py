@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from sim.scenario import Scenario, load_scenario
-from sim.scenario_grid import navigation_problem_of
+from sim.scenario.grid import navigation_problem_of
+from sim.scenario.scenario import Scenario, load_scenario
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,8 @@
 """Draw docs/pictures/packages.svg and topics_STACK.svg with Graphviz from their single sources.
 
 Packages: the layers of the import-linter contract in pyproject.toml, described by the first line of
-each package. Topics: serd_ros/graph.yaml, a picture for each stack of STACKS, since one of all
-nodes cannot be read. Run `make pictures` after changing either.
+each package. Topics: serd_ros/graph/graph.yaml, a picture for each stack of STACKS, since one of
+all nodes cannot be read. Run `make pictures` after changing either.
 """
 
 import ast
@@ -23,7 +23,7 @@ except ModuleNotFoundError:  # Python 3.10
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
-GRAPH_FILE = ROOT / "serd_ros" / "graph.yaml"
+GRAPH_FILE = ROOT / "serd_ros" / "graph" / "graph.yaml"
 #: The stacks that together show every node of interest.
 STACKS = ("demonstrate_and_learn", "navigate", "teleop", "replay_and_learn", "nav2")
 

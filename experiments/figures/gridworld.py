@@ -16,7 +16,7 @@ from experiments.summary import quartiles
 from report.canvas import new_figure
 from report.style import HAIRLINE, INK, MUTED, RED, VISITS_MAP
 from serd_core.arrays import FloatArray
-from serd_core.demonstrations import state_counts
+from serd_core.demonstrations.decisions import state_counts
 
 MEASURES = {
     "log_likelihood": "log-likelihood per decision",

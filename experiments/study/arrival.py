@@ -28,12 +28,12 @@ from experiments.study.seeds import Purpose, world_seed
 from experiments.study.settings import StudySettings
 from experiments.study.world import TRAIN_AREA, problem_of, scenario_of, start_shares
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.arrival import arrival_time_distribution
-from serd_core.navigation import NavigationProblem
-from serd_core.simulation import sample_decisions
-from serd_core.trajectories import trajectories_of
-from sim.policy_driver import PolicyDriver
-from sim.scenario import Scenario
+from serd_core.arrival.chain import arrival_time_distribution
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.demonstrations.trajectories import trajectories_of
+from serd_core.grid.navigation import NavigationProblem
+from sim.drivers.policy_driver import PolicyDriver
+from sim.scenario.scenario import Scenario
 from storage.atomic import atomic_write_text
 
 

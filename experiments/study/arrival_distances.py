@@ -22,7 +22,7 @@ from experiments.repetitions import Row
 from experiments.study.paired_statistics import bootstrap
 from experiments.study.settings import StatisticsSettings
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.arrival_bands import ROUNDING
+from serd_core.arrival.bands import ROUNDING
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
-from bags.demonstrations import demonstrations_of_bag
-from bags.discretise import OFF_GRID, DiscretisationReport
-from bags.joined_decisions import joined_decisions
 from experiments.study.demonstration_sets import DemonstrationSets
 from experiments.study.settings import StudySettings
 from experiments.study.world import TRANSFER_AREA, problem_of, scenario_of
-from serd_core.demonstrations import Decisions
+from serd_app.demonstrations.concatenate import joined_decisions
+from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.demonstrations.discretise import OFF_GRID, DiscretisationReport
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import explained
+from serd_core.demonstrations.trajectories import trajectories_of
 from serd_core.errors import SerdError
-from serd_core.likelihood.observations import explained
-from serd_core.navigation import NavigationProblem
-from serd_core.trajectories import trajectories_of
-from sim.scenario import Scenario
-from sim.scenario_grid import start_states_of
+from serd_core.grid.navigation import NavigationProblem
+from sim.scenario.grid import start_states_of
+from sim.scenario.scenario import Scenario
 
 #: Share of decisions outside the cells above which a bag is taken for that of another place.
 _MOST_OUTSIDE = 0.5

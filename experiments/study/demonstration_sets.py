@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from experiments.study.seeds import Purpose
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
 
 ROLES = {"training": Purpose.TRAINING, "test": Purpose.TEST, "transfer": Purpose.TRANSFER}
 

@@ -18,12 +18,12 @@ from experiments.study.reference import reference_dynamics
 from experiments.study.seeds import world_seed
 from experiments.study.settings import StudySettings
 from experiments.study.world import TRAIN_AREA, TRANSFER_AREA, problem_of, scenario_of
-from serd_core.navigation import NavigationProblem
-from sim.driver import Driver
-from sim.drivers import make_driver
-from sim.policy_driver import PolicyDriver
-from sim.scenario import Scenario
-from storage.decision_table import load_decisions, save_decisions
+from serd_app.demonstrations.decision_table import load_decisions, save_decisions
+from serd_core.grid.navigation import NavigationProblem
+from sim.drivers.catalogue import make_driver
+from sim.drivers.driver import Driver
+from sim.drivers.policy_driver import PolicyDriver
+from sim.scenario.scenario import Scenario
 
 
 def n_repetitions(settings: StudySettings, expert: str) -> int:

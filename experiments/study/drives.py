@@ -1,7 +1,7 @@
 """Episodes in process, turned into decisions by the same rule as recordings in bags.
 
 The world is bit for bit the one that runs through ROS, and the poses and intents collected here go
-through `bags.discretise`, so a seed gives the same decisions either way.
+through `serd_app.demonstrations.discretise`, so a seed gives the same decisions either way.
 """
 
 from collections.abc import Iterable
@@ -9,22 +9,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bags.discretise import decisions_from_drive
-from bags.episode_spans import EpisodeSpan
-from bags.recorded_drive import RecordedDrive
 from experiments.study.together import together
-from serd_core.demonstrations import Decisions
-from serd_core.grid import Action
-from serd_core.likelihood.observations import explained
-from serd_core.navigation import NavigationProblem
-from sim.command import Command
-from sim.decision import is_decision_tick
-from sim.driver import Driver
-from sim.episode import EpisodeRecord, run_episode
-from sim.observation import Observation
-from sim.planners import make_planner
-from sim.scenario import Scenario
-from sim.world import HallwayWorld
+from serd_app.demonstrations.discretise import decisions_from_drive
+from serd_app.drives.episode_spans import EpisodeSpan
+from serd_app.drives.recorded_drive import RecordedDrive
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import explained
+from serd_core.grid.grid import Action
+from serd_core.grid.navigation import NavigationProblem
+from sim.drivers.decision import is_decision_tick
+from sim.drivers.driver import Driver
+from sim.episodes.episode import EpisodeRecord, run_episode
+from sim.planning.catalogue import make_planner
+from sim.scenario.scenario import Scenario
+from sim.world.command import Command
+from sim.world.observation import Observation
+from sim.world.world import HallwayWorld
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from serd_core.grid import Action, Grid
-from sim.observation import Observation
-from sim.seeds import POLICY, episode_rng
+from serd_core.grid.grid import Action, Grid
+from sim.world.observation import Observation
+from sim.world.seeds import POLICY, episode_rng
 
 _CHANGES_MIND, _WAITS = 0.35, 0.1
 

@@ -19,9 +19,9 @@ from experiments.study.reference import reference_dynamics
 from experiments.study.settings import StudySettings
 from experiments.study.world import problem_of
 from serd_core.arrays import FloatArray
-from serd_core.demonstrations import Decisions, state_action_counts
+from serd_core.demonstrations.decisions import Decisions, state_action_counts
 from serd_core.evaluation import dynamics_divergence, policy_log_likelihood
-from serd_core.navigation import NavigationProblem
+from serd_core.grid.navigation import NavigationProblem
 from serd_core.selection.prior_weight import split_episodes
 from storage.atomic import atomic_write_text
 

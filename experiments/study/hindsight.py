@@ -22,10 +22,10 @@ from experiments.study.moves import decisions_of_moves
 from experiments.study.results import Results
 from experiments.study.world import TRAIN_AREA, start_shares
 from serd_core.arrays import FloatArray
-from serd_core.arrival import arrival_time_distribution
-from serd_core.estimation import estimate_dynamics
-from serd_core.grid import Outcome
-from serd_core.navigation import ACROSS_FLOW, WITH_FLOW
+from serd_core.arrival.chain import arrival_time_distribution
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.grid.grid import Outcome
+from serd_core.grid.navigation import ACROSS_FLOW, WITH_FLOW
 
 _COMPARED = ("measured_mean_s", "predicted_mean_s", "ks", "wasserstein_s", "crps_s")
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.fit_result import FitResult
-from serd_core.navigation import NavigationProblem
+from serd_core.grid.navigation import NavigationProblem
+from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 
 

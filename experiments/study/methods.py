@@ -16,27 +16,27 @@ from experiments.study.settings import LearningSettings
 from experiments.study.uniform_prior import uniform_prior
 from serd_core.arrays import FloatArray
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.beliefs import Belief, CoupledBelief, FreeBelief, TiedBelief
-from serd_core.demonstrations import Decisions, start_distribution
-from serd_core.estimation import estimate_dynamics
+from serd_core.demonstrations.decisions import Decisions, start_distribution
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.demonstrations.trajectories import trajectories_of
+from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.evaluation import policy_log_likelihood, validation_log_likelihood
-from serd_core.fit_result import FitResult
+from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.behavioural_cloning import clone_behaviour
+from serd_core.learners.fit_result import FitResult
 from serd_core.learners.importance_samples import hoeffding_thresholds
 from serd_core.learners.irl_result import IrlResult
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
 from serd_core.learners.staged_start import weights_under_initial_dynamics
-from serd_core.navigation import NavigationProblem
-from serd_core.parameters import Block
 from serd_core.policies.solved_policy import soft_policy
+from serd_core.posterior.beliefs import Belief, CoupledBelief, FreeBelief, TiedBelief
+from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import Prior
 from serd_core.selection.prior_weight import select_weight
-from serd_core.simulation import sample_decisions
-from serd_core.trajectories import trajectories_of
 
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=200)
 #: Decisions of a sampled trajectory: seven minutes, so that most arrive.

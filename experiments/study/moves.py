@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
 
 #: State, action, next state, how often.
 Move = tuple[int, int, int, int]

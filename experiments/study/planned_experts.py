@@ -10,8 +10,8 @@ from collections.abc import Callable
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.grid import Outcome
-from serd_core.navigation import ACROSS_FLOW, AGAINST_FLOW, WITH_FLOW, NavigationProblem
+from serd_core.grid.grid import Outcome
+from serd_core.grid.navigation import ACROSS_FLOW, AGAINST_FLOW, WITH_FLOW, NavigationProblem
 from serd_core.policies.solved_policy import soft_policy
 
 #: What one who fears the crowd believes of moves against it and across it: probability of standing.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.repetitions import claim_folder
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 
 #: Told (seconds of work done, seconds of work in all, what is being done), as estimated.
 OnWork = Callable[[float, float, str], None]

@@ -9,10 +9,10 @@ from experiments.study.experts import EXPERTS
 from experiments.study.reference import reference_decisions
 from experiments.study.results import Results
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.demonstrations import Decisions
-from serd_core.estimation import estimate_dynamics
-from serd_core.grid import Outcome
-from serd_core.navigation import NavigationProblem
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.grid.grid import Outcome
+from serd_core.grid.navigation import NavigationProblem
 
 
 def reference_table(results: Results) -> list[Row]:

@@ -15,14 +15,14 @@ from experiments.study.seeds import Purpose, world_seed
 from experiments.study.settings import StudySettings
 from experiments.study.together import together
 from experiments.study.world import TRAIN_AREA, TRANSFER_AREA, problem_of, scenario_of
+from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_core.arrays import FloatArray
-from serd_core.demonstrations import Decisions
-from serd_core.estimation import estimate_dynamics
-from serd_core.navigation import NavigationProblem
-from sim.driver import Driver
-from sim.drivers import make_driver
-from sim.scenario import Scenario
-from storage.decision_table import load_decisions, save_decisions
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.grid.navigation import NavigationProblem
+from sim.drivers.catalogue import make_driver
+from sim.drivers.driver import Driver
+from sim.scenario.scenario import Scenario
 
 _CHUNK = 10
 _PURPOSES = {

@@ -22,8 +22,8 @@ from experiments.study.fitting import load_fits
 from experiments.study.moves import Move, counted_moves
 from experiments.study.settings import StudySettings
 from experiments.study.world import problem_of, scenario_of
-from serd_core.navigation import NavigationProblem
-from sim.scenario import Scenario
+from serd_core.grid.navigation import NavigationProblem
+from sim.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True)

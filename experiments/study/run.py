@@ -20,7 +20,7 @@ from experiments.study.stages import stages_of
 from experiments.study.tables import all_tables
 from report.canvas import png_bytes, svg_bytes
 from serd_core.errors import SerdError
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 from storage.atomic import atomic_write_bytes, atomic_write_text
 from storage.yaml_config import load_yaml_model, model_yaml
 

@@ -11,8 +11,8 @@ from experiments.study.paired_statistics import mean_interval, paired_family
 from experiments.study.recordings_table import demonstrations_table, reference_table
 from experiments.study.results import Results
 from experiments.study.world import TRAIN_AREA
-from serd_core.trap_states import trap_states
-from sim.scenario_grid import start_states_of
+from serd_core.arrival.trap_states import trap_states
+from sim.scenario.grid import start_states_of
 
 MEASURES = ("test_log_likelihood", "transfer_log_likelihood", "dynamics_divergence")
 

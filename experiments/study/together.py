@@ -4,14 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
 
 
 def together(tables: Sequence[Decisions]) -> Decisions:
     """All rows of several tables, one after the other.
 
-    Episode numbers are kept, unlike in `bags.joined_decisions`: a seed and a number name an
-    episode.
+    Episode numbers are kept, unlike in `serd_app.demonstrations.concatenate`: a seed and a number
+    name an episode.
     """
     return Decisions(
         episode=np.concatenate([table.episode for table in tables]),

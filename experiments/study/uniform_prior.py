@@ -8,8 +8,8 @@ every model, over states and actions where no wall makes two outcomes one.
 import numpy as np
 
 from serd_core.errors import SerdError
-from serd_core.navigation import NavigationProblem
-from serd_core.parameters import Block
+from serd_core.grid.navigation import NavigationProblem
+from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 
 

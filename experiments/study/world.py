@@ -4,9 +4,9 @@ import numpy as np
 
 from experiments.study.settings import StudySettings
 from serd_core.arrays import FloatArray
-from serd_core.navigation import NavigationProblem
-from sim.scenario import Scenario, load_scenario
-from sim.scenario_grid import navigation_problem_of, start_states_of
+from serd_core.grid.navigation import NavigationProblem
+from sim.scenario.grid import navigation_problem_of, start_states_of
+from sim.scenario.scenario import Scenario, load_scenario
 
 TRAIN_AREA, TRANSFER_AREA = "train", "transfer"
 

@@ -9,7 +9,7 @@ from report.figures.map_axes import draw_cells, map_figure
 from report.layout import HallwayLayout
 from report.wording import in_words
 from serd_core.arrays import BoolArray, FloatArray, float_array
-from serd_core.grid import Action, Grid
+from serd_core.grid.grid import Action, Grid
 
 
 def draw_features(

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from report.canvas import new_figure
-from serd_core.grid import Grid
+from serd_core.grid.grid import Grid
 
 _LONGER_SIDE_IN, _SHORTEST_SIDE_IN = 5.5, 2.5
 _ROOM_IN = 1.2

@@ -10,8 +10,8 @@ from report.figures.map_axes import colour_bar, draw_cells, map_figure
 from report.figures.policy_map import draw_arrows
 from report.layout import HallwayLayout
 from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
-from serd_core.grid import Action, Grid
-from serd_core.navigation import NO_FLOW
+from serd_core.grid.grid import Action, Grid
+from serd_core.grid.navigation import NO_FLOW
 
 
 def draw_flow_map(

@@ -16,7 +16,7 @@ from report import style
 from report.canvas import new_figure
 from report.layout import HallwayLayout
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.grid import DIRECTION_VECTORS, Action, Grid
+from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 
 _MARGIN_M = 0.5
 _GAP_IN, _SIDE_IN, _FOOT_IN = 0.3, 0.85, 1.0

@@ -8,7 +8,7 @@ from report import style
 from report.canvas import new_figure
 from report.wording import counted, in_words
 from serd_core.arrays import FloatArray, IntArray, float_array
-from serd_core.grid import Outcome
+from serd_core.grid.grid import Outcome
 
 OUTCOME_LABELS = tuple(outcome.name.lower() for outcome in Outcome)
 _BAR_WIDTH = 0.38

@@ -16,7 +16,7 @@ from report.figures.map_axes import (
 from report.layout import HallwayLayout
 from report.wording import counted
 from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
-from serd_core.grid import DIRECTION_VECTORS, Action, Grid
+from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 
 
 def draw_policy_map(

@@ -12,8 +12,8 @@ from report.figures.map_axes import draw_areas, map_figure
 from report.layout import layout_of
 from serd_core.arrays import FloatArray
 from sim.crowd.routes import offset_loop
-from sim.polygon import edges_of
-from sim.scenario import Scenario
+from sim.geometry.polygon import edges_of
+from sim.scenario.scenario import Scenario
 
 _LOOKS = (
     (style.PERSON_COLOUR, "-"),

@@ -10,7 +10,7 @@ from report.figures.map_axes import colour_bar, draw_areas, draw_cells, map_figu
 from report.layout import HallwayLayout
 from report.wording import counted
 from serd_core.arrays import FloatArray, float_array
-from serd_core.grid import Grid
+from serd_core.grid.grid import Grid
 
 
 def draw_visitation(

@@ -6,11 +6,11 @@ from typing import Annotated, Literal
 
 import typer
 
-from bags.check import check_bag
-from bags.layout import storage_name
+from bags.health.check import check_bag
 from bags.rewrite import RewriteReport
 from bags.rewrite import convert as convert_bag
 from bags.rewrite import recover as recover_bag
+from bags.rosbag2.layout import storage_name
 from serd_cli.bag_tables import (
     bag_heading,
     check_table,

@@ -14,14 +14,14 @@ from rich.table import Table
 from serd_cli.errors import UsageError
 from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.json_output import print_json
-from serd_cli.kept import kept_in
 from serd_cli.progress import WorkProgress
+from serd_cli.resume_notice import kept_in
 from serd_cli.terminal import console
-from sim.batch import EpisodeTask, run_batch
-from sim.batch_summary import ConditionSummary, summarise
-from sim.drivers import driver_names
-from sim.execution import Execution
-from sim.planners import planner_names
+from sim.drivers.catalogue import driver_names
+from sim.episodes.batch import EpisodeTask, run_batch
+from sim.episodes.batch_summary import ConditionSummary, summarise
+from sim.episodes.execution import Execution
+from sim.planning.catalogue import planner_names
 
 
 def register(app: typer.Typer) -> None:

@@ -11,7 +11,7 @@ from serd_cli.demo.report import report_demo
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.errors import RunError
 from serd_cli.terminal import progress_console
-from sim.scenario import load_scenario
+from sim.scenario.scenario import load_scenario
 
 _DEFAULT = DemoSettings()
 

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from bags.discretise import OFF_GRID
-from bags.flow_field import PEDESTRIANS, flow_from_bags
-from bags.mapping import BagMapping
+from serd_app.demonstrations.discretise import OFF_GRID
+from serd_app.demonstrations.flow_field import PEDESTRIANS, flow_from_bags
+from serd_app.drives.mapping import BagMapping
 from serd_cli.demonstration_words import decisions_table, remarks
 from serd_cli.errors import UsageError
 from serd_cli.flow_words import flow_in_words, flow_values
@@ -24,8 +24,8 @@ from serd_cli.recorded_demonstrations import (
 )
 from serd_cli.recording import read_recording
 from serd_cli.terminal import console
-from sim.scenario import load_scenario
-from sim.scenario_grid import grid_of
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import load_scenario
 from storage.yaml_config import load_yaml_model
 
 _USUAL_PERIOD_S = 2.0

@@ -16,11 +16,11 @@ from experiments.provenance import recorded
 from experiments.repetitions import Row
 from experiments.settings import file_settings, is_required, make_config, settings_of
 from serd_cli.execution_options import Address, Backend, Jobs
-from serd_cli.kept import kept_in, remark_other_code
 from serd_cli.output_place import require_folder
 from serd_cli.progress import WorkProgress
+from serd_cli.resume_notice import kept_in, remark_other_code
 from serd_cli.terminal import console
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 
 _OWN = {
     "output": Annotated[Path, typer.Option(help="folder for tables and figures")],

@@ -10,7 +10,7 @@ from serd_cli.node_commands import parse_assignment, stack_processes
 from serd_cli.supervisor import run_together
 from serd_cli.terminal import console
 from serd_cli.workspace import ros_environment
-from serd_ros.graph import find_stack, load_graph
+from serd_ros.graph.graph import find_stack, load_graph
 
 
 def register(app: typer.Typer) -> None:

@@ -8,6 +8,11 @@ from pydantic import ValidationError
 from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from report.wording import counted
+from serd_app.learning.outcome_files import lesson_files, save_lesson
+from serd_app.learning.recipe import Lesson
+from serd_app.learning.recipe import learn as fit_lesson
+from serd_app.learning.settings import LessonSettings
+from serd_app.learning.summary import lesson_in_words, lesson_values
 from serd_cli.errors import FAILED, UsageError
 from serd_cli.fit_words import (
     Certainty,
@@ -24,12 +29,7 @@ from serd_cli.progress import WorkProgress
 from serd_cli.recorded_demonstrations import files_beside
 from serd_cli.terminal import console
 from serd_core.ascent.ascent import Step
-from serd_ros.learning import Lesson
-from serd_ros.learning import learn as fit_lesson
-from serd_ros.lesson_files import lesson_files, save_lesson
-from serd_ros.lesson_settings import LessonSettings
-from serd_ros.lesson_words import lesson_in_words, lesson_values
-from sim.goal import point_of
+from sim.scenario.goal import point_of
 from storage.validation_sentence import sentence_of
 
 

@@ -9,19 +9,19 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from report.canvas import png_bytes
+from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
-from serd_cli.kept import kept_in
 from serd_cli.navigate.comparison import compare, comparison_figure, comparison_table, remarks
 from serd_cli.navigate.in_process import drive_in_process
 from serd_cli.navigate.settings import NavigateSettings, claim_folder
 from serd_cli.navigate.through_ros import drive_through_ros
 from serd_cli.progress import WorkProgress
+from serd_cli.resume_notice import kept_in
 from serd_cli.terminal import console
-from serd_ros.strategy import Strategy, load_strategy
-from sim.goal import with_goal
-from sim.planners import make_planner, planner_names
-from sim.scenario_grid import grid_of, start_states_of
+from sim.planning.catalogue import make_planner, planner_names
+from sim.scenario.goal import with_goal
+from sim.scenario.grid import grid_of, start_states_of
 from storage.atomic import atomic_write_bytes
 from storage.episode_table import EpisodeResult, load_episodes
 from storage.model_file import load_model

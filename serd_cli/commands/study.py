@@ -17,12 +17,12 @@ from experiments.study.settings import StudySettings, study_settings
 from serd_cli.errors import UsageError
 from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.json_output import print_json
-from serd_cli.kept import kept_in, remark_other_code
 from serd_cli.output_place import require_folder
 from serd_cli.progress import WorkProgress
+from serd_cli.resume_notice import kept_in, remark_other_code
 from serd_cli.terminal import console
 from serd_cli.time_left import TimeLeftColumn
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 
 _FIGURES = ", ".join(figure.name for figure in FIGURES)
 

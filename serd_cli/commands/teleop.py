@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from bags.mapping import BagMapping
+from serd_app.drives.mapping import BagMapping
 from serd_cli.free_folder import free_folder
 from serd_cli.node_commands import stack_processes
 from serd_cli.supervisor import run_together
@@ -16,7 +16,7 @@ from serd_cli.teleop.summary import summarise_session
 from serd_cli.teleop.terminal_output import DriverLines, restored_terminal
 from serd_cli.terminal import progress_console
 from serd_cli.workspace import ros_environment
-from sim.scenario import load_scenario
+from sim.scenario.scenario import load_scenario
 from storage.atomic import atomic_write_text
 from storage.yaml_config import model_yaml
 

@@ -16,8 +16,8 @@ from serd_cli.errors import RunError
 from serd_cli.node_commands import stack_processes
 from serd_cli.supervisor import run_together
 from serd_cli.workspace import ros_environment
-from serd_ros.defaults import default_parameters
-from serd_ros.graph import find_stack
+from serd_ros.graph.graph import find_stack
+from serd_ros.parameters.defaults import default_parameters
 from storage.episode_table import EpisodeResult
 
 

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.messages import messages_of
+from bags.messages.decoded import messages_of
 from report.snapshot import CrowdSnapshot, snapshot_from_history
-from serd_ros import topics
 from serd_ros.convert.people import People, from_people_message
 from serd_ros.convert.pose import from_pose
 from serd_ros.convert.stamp import stamp_ns
+from serd_ros.endpoints import topics
 
 _GAP_S = 0.5
 _TRAIL_S = 4.0

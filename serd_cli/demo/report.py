@@ -17,17 +17,17 @@ from report.page import summary_rows
 from report.run_facts import FileLink, PhaseTiming, RunFacts
 from report.summary import summary_of
 from report.write import write_report
+from serd_app.demonstrations.decision_table import load_decisions
+from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_cli.demo.folder import DemoFolder
 from serd_cli.demo.recorded import busy_moment, read_recording
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.terminal import console
 from serd_core.arrays import FloatArray
-from serd_core.fit_result import FitResult
-from serd_core.navigation import NavigationProblem
-from serd_core.parameters import Parameters
-from serd_ros.strategy import load_strategy, start_distribution
-from sim.scenario import Scenario, load_scenario
-from storage.decision_table import load_decisions
+from serd_core.grid.navigation import NavigationProblem
+from serd_core.learners.fit_result import FitResult
+from serd_core.posterior.parameters import Parameters
+from sim.scenario.scenario import Scenario, load_scenario
 from storage.episode_table import EpisodeResult
 from storage.model_file import ModelFile, load_model
 

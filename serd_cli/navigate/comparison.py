@@ -13,12 +13,12 @@ from rich.table import Table
 from report.curves import predicted_curve
 from report.figures.arrival import ArrivalCurve, draw_arrival
 from report.wording import counted
+from serd_app.navigation.forecast_text import traps_in_words
+from serd_app.navigation.navigator import HALF, MOST
+from serd_app.navigation.strategy import Strategy, start_distribution
 from serd_cli.navigate.settings import NavigateSettings
-from serd_core.arrival_bands import clopper_pearson, empirical_arrival_cdf
-from serd_core.arrival_law import ArrivalLaw, largest_gap, law_in_seconds
-from serd_ros.navigator import HALF, MOST
-from serd_ros.outlook_words import traps_in_words
-from serd_ros.strategy import Strategy, start_distribution
+from serd_core.arrival.bands import clopper_pearson, empirical_arrival_cdf
+from serd_core.arrival.law import ArrivalLaw, largest_gap, law_in_seconds
 from storage.episode_table import EpisodeResult
 
 

@@ -5,16 +5,16 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from serd_app.navigation.arrival_log import append_arrival
+from serd_app.navigation.navigator import Navigator
+from serd_app.navigation.prediction import Prediction, arrival_row, prediction_of
 from serd_cli.navigate.settings import NavigateSettings
-from serd_core.grid import Action
-from serd_ros.navigator import Navigator
-from serd_ros.prediction import Prediction, arrival_row, prediction_of
-from sim.command import Command
-from sim.episode import EpisodeRecord, run_episode
-from sim.observation import Observation
-from sim.planners import make_planner
-from sim.world import HallwayWorld
-from storage.arrival_log import append_arrival
+from serd_core.grid.grid import Action
+from sim.episodes.episode import EpisodeRecord, run_episode
+from sim.planning.catalogue import make_planner
+from sim.world.command import Command
+from sim.world.observation import Observation
+from sim.world.world import HallwayWorld
 from storage.episode_table import EpisodeResult, save_episodes
 
 Told = Callable[[EpisodeResult], None]

@@ -8,10 +8,10 @@ from pydantic import Field
 
 from serd_cli.errors import UsageError
 from serd_cli.output_place import require_folder
-from serd_ros.configs import StrategyConfig
-from serd_ros.defaults import default_parameters
-from serd_ros.params import validated
-from sim.scenario import Scenario, load_scenario, scenario_digest
+from serd_ros.parameters.configs import StrategyConfig
+from serd_ros.parameters.defaults import default_parameters
+from serd_ros.parameters.params import validated
+from sim.scenario.scenario import Scenario, load_scenario, scenario_digest
 from storage.atomic import atomic_write_text
 from storage.text_file import read_text
 from storage.yaml_config import StrictModel, load_yaml_model, model_yaml

@@ -10,7 +10,7 @@ from serd_cli.navigate.settings import NavigateSettings
 from serd_cli.node_commands import stack_processes
 from serd_cli.supervisor import run_together
 from serd_cli.workspace import ros_environment
-from serd_ros.graph import find_stack
+from serd_ros.graph.graph import find_stack
 from storage.episode_table import EpisodeResult, load_episodes
 
 

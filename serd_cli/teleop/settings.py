@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from serd_cli.errors import UsageError
-from serd_ros.graph import Stack, find_stack
+from serd_ros.graph.graph import Stack, find_stack
 from teleop.page.access import PageAccess, read_token
 
 KEYBOARD, PAGE = "teleop_keyboard", "teleop_page"

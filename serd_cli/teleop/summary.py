@@ -4,13 +4,13 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from bags.demonstrations import demonstrations_of_drives
-from bags.drive_sessions import read_drives
-from bags.episode_spans import DISCARDED
 from report.wording import counted, in_words
+from serd_app.demonstrations.demonstrations import demonstrations_of_drives
+from serd_app.drives.episode_spans import DISCARDED
+from serd_app.drives.sessions import read_drives
 from serd_core.errors import SerdError
-from sim.scenario import load_scenario
-from sim.scenario_grid import grid_of
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import load_scenario
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray, first_index
-from serd_core.differences import gradient_differences
+from serd_core.derivatives.differences import gradient_differences
 from serd_core.errors import SerdError
 
 #: Why an ascent ended.

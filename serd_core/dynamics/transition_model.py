@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.differences import gradient_differences
+from serd_core.derivatives.differences import gradient_differences
 from serd_core.dynamics.structure import with_numbers
 from serd_core.dynamics.transition_groups import TransitionGroups, group_entries
 from serd_core.errors import SerdError

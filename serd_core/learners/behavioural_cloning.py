@@ -10,10 +10,10 @@ Nothing is said about states never visited: there the policy is uniform.
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError
-from serd_core.likelihood.observations import observe
-from serd_core.problem import Problem
+from serd_core.mdp.problem import Problem
 
 
 def clone_behaviour(

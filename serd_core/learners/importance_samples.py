@@ -9,13 +9,13 @@ sampling policy are the same and drop out (3.46).
 import numpy as np
 
 from serd_core.arrays import FloatArray, float_array, weighted_counts
-from serd_core.demonstrations import Decisions, start_distribution
+from serd_core.demonstrations.decisions import Decisions, start_distribution
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.demonstrations.trajectories import trajectories_of
+from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.errors import SerdError
-from serd_core.estimation import estimate_dynamics
 from serd_core.learners.behavioural_cloning import clone_behaviour
-from serd_core.problem import Problem
-from serd_core.simulation import sample_decisions
-from serd_core.trajectories import trajectories_of
+from serd_core.mdp.problem import Problem
 
 
 def sample_from_estimates(

@@ -21,13 +21,17 @@ import numpy as np
 from serd_core.arrays import FloatArray, IntArray, weighted_counts
 from serd_core.ascent.ascent import Ascent, FunctionObjective
 from serd_core.ascent.lbfgs import Lbfgs
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
+from serd_core.demonstrations.trajectories import (
+    absorption_features,
+    feature_counts,
+    trajectories_of,
+)
 from serd_core.dynamics.transitions import Transitions, transitions_of
 from serd_core.learners.irl_result import IrlResult, irl_result
 from serd_core.learners.serd import initial_weights_or_sample, known_dynamics_or_estimate
-from serd_core.likelihood.observations import observe
-from serd_core.problem import Problem
-from serd_core.trajectories import absorption_features, feature_counts, trajectories_of
+from serd_core.mdp.problem import Problem
 
 LBFGS = Lbfgs()
 

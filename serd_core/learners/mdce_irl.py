@@ -19,22 +19,22 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, FunctionObjective
 from serd_core.ascent.lbfgs import Lbfgs
-from serd_core.beliefs import FixedBelief
 from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.newton import Newton
 from serd_core.bellman.soft import SoftBellman
 from serd_core.bellman.solution import BellmanSolution
-from serd_core.demonstrations import Decisions, start_distribution
+from serd_core.demonstrations.decisions import Decisions, start_distribution
+from serd_core.demonstrations.observations import observe
+from serd_core.demonstrations.trajectories import feature_counts
 from serd_core.dynamics.transitions import Transitions, transitions_of
-from serd_core.fit_result import FitResult
+from serd_core.learners.fit_result import FitResult
 from serd_core.learners.irl_result import IrlResult, irl_result
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.serd import initial_weights_or_sample, known_dynamics_or_estimate
-from serd_core.likelihood.observations import observe
-from serd_core.occupancy import state_action_occupancy
+from serd_core.mdp.occupancy import state_action_occupancy
+from serd_core.mdp.problem import Problem
+from serd_core.posterior.beliefs import FixedBelief
 from serd_core.priors.prior import Prior, UniformPrior, require_weight
-from serd_core.problem import Problem
-from serd_core.solvers.newton import Newton
-from serd_core.trajectories import feature_counts
 
 UNIFORM, LBFGS = UniformPrior(), Lbfgs()
 

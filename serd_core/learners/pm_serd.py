@@ -13,9 +13,8 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent
 from serd_core.ascent.kinked import KinkedAscent
-from serd_core.beliefs import Belief
-from serd_core.demonstrations import Decisions
-from serd_core.fit_result import FitResult
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import (
     TIED,
     UNIFORM,
@@ -25,9 +24,10 @@ from serd_core.learners.serd import (
     initial_dynamics_or_estimate,
     initial_weights_or_sample,
 )
+from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_matching import PolicyMatchingPolicy
+from serd_core.posterior.beliefs import Belief
 from serd_core.priors.prior import Prior
-from serd_core.problem import Problem
 
 KINKED = KinkedAscent()
 

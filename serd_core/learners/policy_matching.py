@@ -20,18 +20,18 @@ from serd_core.ascent.ascent import Ascent, FunctionObjective
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.hard import HardBellman
+from serd_core.bellman.newton import Newton
 from serd_core.bellman.soft import boltzmann
 from serd_core.bellman.solution import BellmanSolution
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
+from serd_core.derivatives.adjoint import adjoint
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
-from serd_core.gradients.adjoint import adjoint
 from serd_core.learners.irl_result import IrlResult, irl_result
 from serd_core.learners.serd import initial_weights_or_sample, known_dynamics_or_estimate
-from serd_core.likelihood.observations import observe
-from serd_core.problem import Problem
-from serd_core.solvers.automatic import Automatic
-from serd_core.solvers.newton import Newton
+from serd_core.linear.automatic import Automatic
+from serd_core.mdp.problem import Problem
 
 
 class MatchingObjective(ABC):

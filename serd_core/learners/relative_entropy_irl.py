@@ -27,14 +27,14 @@ import numpy as np
 import scipy.optimize
 
 from serd_core.arrays import FloatArray, float_array
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
+from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
 from serd_core.errors import SerdError
 from serd_core.learners.importance_samples import hoeffding_thresholds, importance_log_weights
 from serd_core.learners.irl_result import IrlResult
 from serd_core.learners.serd import initial_weights_or_sample, known_dynamics_or_estimate
-from serd_core.likelihood.observations import observe
-from serd_core.problem import Problem
-from serd_core.trajectories import feature_counts, trajectories_of
+from serd_core.mdp.problem import Problem
 
 
 def fit_relative_entropy_irl(

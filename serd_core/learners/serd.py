@@ -13,24 +13,24 @@ import numpy as np
 from serd_core.arrays import FloatArray, float_array
 from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step
 from serd_core.ascent.lbfgs import Lbfgs
-from serd_core.beliefs import Belief, TiedBelief
-from serd_core.curvature.posterior_hessian import posterior_hessian, vector_hessian
-from serd_core.demonstrations import Decisions
+from serd_core.bellman.bellman_solver import BellmanSolver
+from serd_core.bellman.newton import Newton
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
+from serd_core.derivatives.posterior_hessian import posterior_hessian, vector_hessian
+from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
-from serd_core.estimation import estimate_dynamics
-from serd_core.fit_result import Assumptions, FitResult
-from serd_core.likelihood.dynamics import require_possible
-from serd_core.likelihood.observations import observe
-from serd_core.parameters import Parameters
+from serd_core.learners.fit_result import Assumptions, FitResult
+from serd_core.linear.automatic import Automatic
+from serd_core.linear.linear_solver import LinearSolver
+from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
-from serd_core.posterior import Posterior, PosteriorValue
+from serd_core.posterior.beliefs import Belief, TiedBelief
+from serd_core.posterior.dynamics_likelihood import require_possible
+from serd_core.posterior.parameters import Parameters
+from serd_core.posterior.posterior import Posterior, PosteriorValue
 from serd_core.priors.prior import Prior, UniformPrior
-from serd_core.problem import Problem
-from serd_core.solvers.automatic import Automatic
-from serd_core.solvers.bellman_solver import BellmanSolver
-from serd_core.solvers.linear_solver import LinearSolver
-from serd_core.solvers.newton import Newton
 
 #: Told after each step (J per decision); returning True stops the fit there.
 OnStep = Callable[[Step], bool | None]

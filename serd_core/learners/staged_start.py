@@ -11,12 +11,12 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
-from serd_core.parameters import Block
+from serd_core.mdp.problem import Problem
+from serd_core.posterior.parameters import Block
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import Prior
-from serd_core.problem import Problem
 
 #: Wide, but enough to keep weights finite where every demonstration agrees.
 WIDE = GaussianPrior(100.0, Block.REWARD)

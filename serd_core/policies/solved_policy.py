@@ -9,15 +9,15 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.bellman_solver import BellmanSolver
 from serd_core.bellman.equation import BellmanEquation
 from serd_core.bellman.hard import HardBellman
+from serd_core.bellman.newton import Newton
 from serd_core.bellman.soft import SoftBellman, boltzmann
 from serd_core.bellman.solution import BellmanSolution
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
-from serd_core.problem import Problem, rewards
-from serd_core.solvers.bellman_solver import BellmanSolver
-from serd_core.solvers.newton import Newton
+from serd_core.mdp.problem import Problem, rewards
 
 NEWTON = Newton()
 

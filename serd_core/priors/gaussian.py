@@ -7,7 +7,7 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
-from serd_core.parameters import Block, Parameters
+from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.prior import LogPrior, Prior
 
 

@@ -7,20 +7,20 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step, StepObserver, largest
-from serd_core.beliefs import Belief
-from serd_core.demonstrations import Decisions
+from serd_core.bellman.newton import Newton
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.transitions import Transitions
 from serd_core.errors import SerdError
-from serd_core.fit_result import FitResult
+from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import OnStep, SerdSettings, fit_serd, starting_parameters
-from serd_core.likelihood.observations import observe
-from serd_core.parameters import Parameters
+from serd_core.linear.automatic import Automatic
+from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
-from serd_core.posterior import Posterior, expected_log_policy
+from serd_core.posterior.beliefs import Belief
+from serd_core.posterior.parameters import Parameters
+from serd_core.posterior.posterior import Posterior, expected_log_policy
 from serd_core.priors.prior import UniformPrior
-from serd_core.problem import Problem
-from serd_core.solvers.automatic import Automatic
-from serd_core.solvers.newton import Newton
 
 
 @dataclass(frozen=True)

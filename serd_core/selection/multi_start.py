@@ -15,7 +15,7 @@ import scipy.cluster.hierarchy
 
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.errors import SerdError
-from serd_core.fit_result import FitResult
+from serd_core.learners.fit_result import FitResult
 
 
 @dataclass(frozen=True, eq=False)

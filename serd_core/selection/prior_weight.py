@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, first_index, float_array
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
-from serd_core.fit_result import FitResult
+from serd_core.learners.fit_result import FitResult
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,19 +12,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.beliefs import Belief
-from serd_core.curvature.posterior_hessian import posterior_hessian, vector_hessian
-from serd_core.demonstrations import Decisions
+from serd_core.bellman.newton import Newton
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
+from serd_core.derivatives.posterior_hessian import posterior_hessian, vector_hessian
 from serd_core.errors import SerdError
-from serd_core.fit_result import Assumptions, FitResult
-from serd_core.likelihood.observations import observe
-from serd_core.parameters import Block, Parameters
+from serd_core.learners.fit_result import Assumptions, FitResult
+from serd_core.linear.automatic import Automatic
+from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
-from serd_core.posterior import Posterior
+from serd_core.posterior.beliefs import Belief
+from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import Prior
-from serd_core.problem import Problem
-from serd_core.solvers.automatic import Automatic
-from serd_core.solvers.newton import Newton
 from serd_core.uncertainty.scores import decision_scores, score_sizes
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.curvature.log_transitions import transition_jacobian
-from serd_core.curvature.posterior_hessian import curvature_parts
-from serd_core.likelihood.observations import Observations
-from serd_core.parameters import Block, Parameters
-from serd_core.posterior import Posterior, PosteriorValue
+from serd_core.demonstrations.observations import Observations
+from serd_core.derivatives.log_transitions import transition_jacobian
+from serd_core.derivatives.posterior_hessian import curvature_parts
+from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.posterior import Posterior, PosteriorValue
 
 
 def decision_scores(

@@ -17,8 +17,8 @@ import scipy.stats
 
 from serd_core.arrays import FloatArray, first_index
 from serd_core.errors import SerdError
-from serd_core.parameters import Block
-from serd_core.problem import Problem
+from serd_core.mdp.problem import Problem
+from serd_core.posterior.parameters import Block
 from serd_core.uncertainty.information import Information
 from serd_core.uncertainty.spectrum import NULL_SHARE, Spectrum, spectrum
 

@@ -11,7 +11,7 @@ import array
 import numpy as np
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
-from serd_core.arrival_law import ArrivalLaw
+from serd_core.arrival.law import ArrivalLaw
 
 _SMALLEST_STEP = 1e-3
 

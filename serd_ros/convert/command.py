@@ -2,9 +2,9 @@
 
 from geometry_msgs.msg import Twist, TwistStamped
 
-from serd_ros import topics
 from serd_ros.convert.stamp import to_stamp
-from sim.command import Command
+from serd_ros.endpoints import topics
+from sim.world.command import Command
 
 
 def to_twist(command: Command) -> Twist:

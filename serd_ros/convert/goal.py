@@ -3,10 +3,10 @@
 import numpy as np
 from geometry_msgs.msg import Point32, PolygonStamped, PoseStamped
 
-from serd_ros import topics
 from serd_ros.convert.stamp import to_stamp
+from serd_ros.endpoints import topics
 from serd_ros.errors import NodeError
-from sim.goal import Area
+from sim.scenario.goal import Area
 
 
 def from_goal_message(message: PoseStamped) -> tuple[float, float]:

@@ -2,10 +2,10 @@
 
 from geometry_msgs.msg import Vector3Stamped
 
-from serd_core.directions import action_of_direction, direction_of_action
-from serd_core.grid import Action
-from serd_ros import topics
+from serd_core.grid.directions import action_of_direction, direction_of_action
+from serd_core.grid.grid import Action
 from serd_ros.convert.stamp import to_stamp
+from serd_ros.endpoints import topics
 
 
 def to_intent(action: Action, time_s: float) -> Vector3Stamped:

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from serd_core.grid import DIRECTION_VECTORS, Action
-from serd_ros import topics
+from serd_core.grid.grid import DIRECTION_VECTORS, Action
 from serd_ros.convert.people import People
 from serd_ros.convert.pose import to_pose
 from serd_ros.convert.stamp import to_stamp
+from serd_ros.endpoints import topics
 
 _ARROW = ColorRGBA(r=0.1, g=0.1, b=0.1, a=0.9)
 _TRAP = ColorRGBA(r=0.85, g=0.2, b=0.1, a=0.6)

@@ -5,10 +5,10 @@ import array
 import numpy as np
 from nav_msgs.msg import OccupancyGrid
 
-from serd_ros import topics
 from serd_ros.convert.pose import to_pose
 from serd_ros.convert.stamp import to_stamp
-from sim.occupancy import OccupancyRaster
+from serd_ros.endpoints import topics
+from sim.geometry.occupancy import OccupancyRaster
 
 
 def to_occupancy_grid(raster: OccupancyRaster, time_s: float) -> OccupancyGrid:

@@ -5,11 +5,11 @@ The pose is that of the wheels alone, which may drift away from the true one of 
 
 from nav_msgs.msg import Odometry
 
-from serd_ros import topics
 from serd_ros.convert.frames import Pose
 from serd_ros.convert.pose import to_pose
 from serd_ros.convert.stamp import to_stamp
-from sim.observation import Observation
+from serd_ros.endpoints import topics
+from sim.world.observation import Observation
 
 
 def to_odometry(observation: Observation, odometry_pose: Pose) -> Odometry:

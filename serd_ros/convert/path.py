@@ -4,9 +4,9 @@ import numpy as np
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
 
-from serd_ros import topics
 from serd_ros.convert.pose import to_pose_stamped
 from serd_ros.convert.stamp import to_stamp
+from serd_ros.endpoints import topics
 
 
 def to_path(points_m: NDArray[np.float64], time_s: float) -> Path:

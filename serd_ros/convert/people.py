@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 
-from serd_ros import topics
 from serd_ros.convert.stamp import to_stamp
+from serd_ros.endpoints import topics
 from serd_ros.errors import NodeError
-from sim.observation import Observation
+from sim.world.observation import Observation
 
 _NAMES = ("x", "y", "z", "vx", "vy")
 _ROW = np.dtype([(name, "<f4") for name in _NAMES] + [("id", "<i4")])

@@ -4,9 +4,9 @@ import math
 
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 
-from serd_ros import topics
 from serd_ros.convert.stamp import to_stamp
-from sim.waypoint import Waypoint
+from serd_ros.endpoints import topics
+from sim.world.waypoint import Waypoint
 
 
 def to_quaternion(yaw_rad: float) -> Quaternion:

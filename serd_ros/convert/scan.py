@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan
 
-from serd_ros import topics
 from serd_ros.convert.stamp import to_stamp
-from sim.settings import LidarSettings
+from serd_ros.endpoints import topics
+from sim.scenario.settings import LidarSettings
 
 
 def to_scan(ranges_m: NDArray[np.float32], settings: LidarSettings, time_s: float) -> LaserScan:

@@ -13,17 +13,17 @@ from std_srvs.srv import SetBool
 from bags.excerpt import Excerpt, named_topics
 from bags.playback import Playback
 from bags.reader import BagReader, RawMessage
-from serd_ros import qos, topics
-from serd_ros.configs import BagReplayConfig
 from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.convert.stamp import to_stamp
+from serd_ros.endpoints import qos, topics
 from serd_ros.errors import NodeError
-from serd_ros.graph_readiness import Readiness
-from serd_ros.replay_keys import RATE_FACTORS, ReplayKey, ReplayKeys
-from serd_ros.replay_publishers import ReplayPublishers
-from serd_ros.run_node import run_node
-from serd_ros.serd_node import SerdNode
-from serd_ros.until_damage import UntilDamage
+from serd_ros.graph.readiness import Readiness
+from serd_ros.parameters.configs import BagReplayConfig
+from serd_ros.process.run_node import run_node
+from serd_ros.process.serd_node import SerdNode
+from serd_ros.replay.keys import RATE_FACTORS, ReplayKey, ReplayKeys
+from serd_ros.replay.publishers import ReplayPublishers
+from serd_ros.replay.until_damage import UntilDamage
 
 _TURN_S = 0.005
 _AT_ONCE = 200

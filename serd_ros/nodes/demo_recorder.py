@@ -13,18 +13,18 @@ from pathlib import Path
 
 from std_srvs.srv import Trigger
 
+from bags.messages.stamp import message_stamp_ns
 from bags.recorder import BagRecorder, RecorderSettings
-from bags.stamp import message_stamp_ns
 from serd_core.errors import SerdError
-from serd_ros import topics
-from serd_ros.bag_topics import bag_qos
-from serd_ros.configs import DemoRecorderConfig
 from serd_ros.convert.diagnostics import ERROR, OK, WARN
+from serd_ros.endpoints import topics
+from serd_ros.endpoints.bag_topics import bag_qos
+from serd_ros.endpoints.followed_topic import FollowedTopic
+from serd_ros.endpoints.topic_types import named_topic
 from serd_ros.errors import NodeError
-from serd_ros.followed_topic import FollowedTopic
-from serd_ros.run_node import run_node
-from serd_ros.serd_node import SerdNode
-from serd_ros.topic_types import named_topic
+from serd_ros.parameters.configs import DemoRecorderConfig
+from serd_ros.process.run_node import run_node
+from serd_ros.process.serd_node import SerdNode
 
 _POLL_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 1.0

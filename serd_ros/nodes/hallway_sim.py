@@ -5,18 +5,18 @@ import sys
 from geometry_msgs.msg import PolygonStamped
 from std_srvs.srv import SetBool, Trigger
 
-from serd_ros import qos, topics
-from serd_ros.configs import HallwaySimConfig
 from serd_ros.convert.goal import from_goal_area_message
 from serd_ros.convert.reset_reply import ResetReply, to_reset_sentence
-from serd_ros.graph_readiness import Readiness
-from serd_ros.run_node import run_node
-from serd_ros.serd_node import SerdNode
-from serd_ros.world_loop import LiveLoop, LockstepLoop, WorldLoop
-from serd_ros.world_publisher import WorldPublisher
-from sim.goal import with_goal
-from sim.scenario import load_scenario
-from sim.world import HallwayWorld
+from serd_ros.endpoints import qos, topics
+from serd_ros.graph.readiness import Readiness
+from serd_ros.parameters.configs import HallwaySimConfig
+from serd_ros.process.run_node import run_node
+from serd_ros.process.serd_node import SerdNode
+from serd_ros.world.loop import LiveLoop, LockstepLoop, WorldLoop
+from serd_ros.world.publisher import WorldPublisher
+from sim.scenario.goal import with_goal
+from sim.scenario.scenario import load_scenario
+from sim.world.world import HallwayWorld
 
 
 class HallwaySim(SerdNode[HallwaySimConfig]):

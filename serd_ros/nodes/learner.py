@@ -10,22 +10,22 @@ from pathlib import Path
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from bags.demonstrations import Demonstrations, demonstrations_of_bag
+from serd_app.demonstrations.decision_table import save_decisions
+from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
+from serd_app.learning.learner_memory import LearnerMemory
+from serd_app.learning.outcome_files import save_lesson
+from serd_app.learning.recipe import Lesson, check_enough, learn, task_in
+from serd_app.learning.summary import lesson_in_words, lesson_values
+from serd_app.learning.worker import LessonWorker, Progress
 from serd_core.errors import SerdError
-from serd_ros import qos, topics
-from serd_ros.configs import LearnerConfig
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.learner_memory import LearnerMemory
-from serd_ros.learning import Lesson, check_enough, learn, task_in
-from serd_ros.lesson_files import save_lesson
-from serd_ros.lesson_words import lesson_in_words, lesson_values
-from serd_ros.lesson_worker import LessonWorker, Progress
-from serd_ros.run_node import run_node
-from serd_ros.serd_node import SerdNode
-from serd_ros.topic_types import topic_type
-from sim.scenario import load_scenario
-from sim.scenario_grid import grid_of
-from storage.decision_table import save_decisions
+from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.topic_types import topic_type
+from serd_ros.parameters.configs import LearnerConfig
+from serd_ros.process.run_node import run_node
+from serd_ros.process.serd_node import SerdNode
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import load_scenario
 from storage.yaml_config import model_yaml
 
 _LOOK_PERIOD_S = 0.1
@@ -62,7 +62,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
         return bool(self.config.bag) and self.config.exit_when_done
 
     def _listen(self) -> LearnerMemory:
-        memory = LearnerMemory(self._scenario, self.config)
+        memory = LearnerMemory(self._scenario, _checkpoint_folder(self.config))
         self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
         for topic in (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE):
             kind = topic_type(topic, stamped_cmd_vel=False)
@@ -194,6 +194,14 @@ class LearnerNode(SerdNode[LearnerConfig]):
             return
         self.get_logger().warning(f"not learned: {reason}")
         self.report(0.0, {"model": self.config.output}, level=WARN, message=reason)
+
+
+def _checkpoint_folder(config: LearnerConfig) -> Path:
+    """The parameter `state`, or a folder named after the output."""
+    if config.state:
+        return Path(config.state)
+    output = Path(config.output)
+    return output.with_name(f"{output.stem}_learner")
 
 
 def main() -> int:

@@ -10,29 +10,29 @@ import sys
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, Vector3Stamped
 from sensor_msgs.msg import LaserScan
 
-from serd_core.grid import Action
-from serd_ros import qos, topics
-from serd_ros.changeable_parameters import accept_changes
-from serd_ros.configs import LocalPlannerConfig
+from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.intent import from_intent
 from serd_ros.convert.pose import from_waypoint_message
 from serd_ros.convert.scan import ranges_of
 from serd_ros.convert.stamp import stamp_ns, to_stamp
-from serd_ros.graph_readiness import Readiness
-from serd_ros.observation_endpoints import subscribe_observations
-from serd_ros.planner_parameters import of_scenario, planned_scenario
-from serd_ros.run_node import run_node
-from serd_ros.scan_matcher import ScanMatcher
-from serd_ros.serd_node import SerdNode
-from sim.command import STOP, Command
-from sim.decision import is_decision_tick, waypoint_of_intent
-from sim.observation import Observation
-from sim.planners import make_planner
+from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.observation import subscribe_observations
+from serd_ros.endpoints.scan_matcher import ScanMatcher
+from serd_ros.graph.readiness import Readiness
+from serd_ros.parameters.changeable import accept_changes
+from serd_ros.parameters.configs import LocalPlannerConfig
+from serd_ros.parameters.planner import of_scenario, planned_scenario
+from serd_ros.process.run_node import run_node
+from serd_ros.process.serd_node import SerdNode
+from sim.drivers.decision import is_decision_tick, waypoint_of_intent
+from sim.planning.catalogue import make_planner
 from sim.planning.planner_status import PlannerStatus
-from sim.scenario_grid import grid_of
-from sim.waypoint import Waypoint
+from sim.scenario.grid import grid_of
+from sim.world.command import STOP, Command
+from sim.world.observation import Observation
+from sim.world.waypoint import Waypoint
 
 
 class LocalPlannerNode(SerdNode[LocalPlannerConfig]):

@@ -14,16 +14,16 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.action import ActionClient
 
-from serd_ros import qos, topics
-from serd_ros.configs import Nav2BridgeConfig
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.frames import Pose, odom_in_map, to_transform
 from serd_ros.convert.pose import from_pose, to_pose_stamped
 from serd_ros.convert.stamp import stamp_ns
+from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.nav2_goals import Nav2Goals, Target
 from serd_ros.errors import NodeError
-from serd_ros.nav2_goals import Nav2Goals, Target
-from serd_ros.run_node import run_node
-from serd_ros.serd_node import SerdNode
+from serd_ros.parameters.configs import Nav2BridgeConfig
+from serd_ros.process.run_node import run_node
+from serd_ros.process.serd_node import SerdNode
 
 _WATCH_S = 0.5
 

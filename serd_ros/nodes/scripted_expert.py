@@ -4,15 +4,15 @@ import sys
 
 from geometry_msgs.msg import Vector3Stamped
 
-from serd_core.grid import Action
-from serd_ros import qos, topics
-from serd_ros.configs import ScriptedExpertConfig
+from serd_core.grid.grid import Action
 from serd_ros.convert.intent import to_intent
-from serd_ros.episode_driver import EpisodeDriverNode
-from serd_ros.run_node import run_node
-from sim.driver import Driver
-from sim.drivers import make_driver
-from sim.observation import Observation
+from serd_ros.endpoints import qos, topics
+from serd_ros.episodes.driver import EpisodeDriverNode
+from serd_ros.parameters.configs import ScriptedExpertConfig
+from serd_ros.process.run_node import run_node
+from sim.drivers.catalogue import make_driver
+from sim.drivers.driver import Driver
+from sim.world.observation import Observation
 
 
 class ScriptedExpertNode(EpisodeDriverNode[ScriptedExpertConfig]):

@@ -12,21 +12,21 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 
+from serd_app.navigation.arrival_records import ArrivalRecords
+from serd_app.navigation.navigator import Navigator
 from serd_core.errors import SerdError
-from serd_core.grid import Action
-from serd_ros import qos, topics
-from serd_ros.arrival_records import ArrivalRecords
-from serd_ros.changeable_parameters import accept_changes
-from serd_ros.configs import StrategyConfig
+from serd_core.grid.grid import Action
 from serd_ros.convert.goal import from_goal_message
 from serd_ros.convert.pose import to_waypoint_message
-from serd_ros.episode_driver import EpisodeDriverNode
-from serd_ros.goal_episodes import UNCOUNTED, GoalEpisodes
-from serd_ros.navigator import Navigator
-from serd_ros.run_node import run_node
-from serd_ros.strategy_voice import StrategyVoice
-from sim.driver import Driver
-from sim.observation import Observation
+from serd_ros.display.strategy_reporter import StrategyVoice
+from serd_ros.endpoints import qos, topics
+from serd_ros.episodes.driver import EpisodeDriverNode
+from serd_ros.episodes.goal_episodes import UNCOUNTED, GoalEpisodes
+from serd_ros.parameters.changeable import accept_changes
+from serd_ros.parameters.configs import StrategyConfig
+from serd_ros.process.run_node import run_node
+from sim.drivers.driver import Driver
+from sim.world.observation import Observation
 from storage.episode_table import EpisodeResult
 from storage.file_watch import FileWatch
 from storage.model_file import ModelFile

@@ -5,11 +5,11 @@ import sys
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Joy
 
-from serd_ros import qos, topics
-from serd_ros.configs import TeleopJoyConfig
 from serd_ros.convert.command import to_twist
-from serd_ros.run_node import run_node
-from serd_ros.serd_node import SerdNode
+from serd_ros.endpoints import qos, topics
+from serd_ros.parameters.configs import TeleopJoyConfig
+from serd_ros.process.run_node import run_node
+from serd_ros.process.serd_node import SerdNode
 from teleop.joy_mapping import JoyDriver, load_joy_mapping
 
 

@@ -3,9 +3,9 @@
 import signal
 import sys
 
-from serd_ros.configs import TeleopKeyboardConfig
-from serd_ros.hand_driver import HandDriverNode
-from serd_ros.run_node import run_node
+from serd_ros.episodes.hand_driver import HandDriverNode
+from serd_ros.parameters.configs import TeleopKeyboardConfig
+from serd_ros.process.run_node import run_node
 from teleop.errors import TeleopError
 from teleop.key_names import KeyNames
 from teleop.keyboard import HELP, KEY_COMMANDS, KEY_DIRECTIONS, KeyCommand

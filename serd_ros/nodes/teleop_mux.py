@@ -11,12 +11,12 @@ from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
-from serd_ros import qos, topics
-from serd_ros.configs import TeleopMuxConfig
 from serd_ros.convert.command import from_twist, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.run_node import run_node
-from serd_ros.serd_node import SerdNode
+from serd_ros.endpoints import qos, topics
+from serd_ros.parameters.configs import TeleopMuxConfig
+from serd_ros.process.run_node import run_node
+from serd_ros.process.serd_node import SerdNode
 from teleop.mux_settings import load_mux
 from teleop.twist_mux import MuxOutput, TwistMux
 from teleop.velocity_limits import VelocityLimits

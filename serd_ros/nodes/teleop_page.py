@@ -9,14 +9,14 @@ from typing import Any
 
 from sensor_msgs.msg import Joy
 
-from serd_core.grid import Action
-from serd_ros import qos, topics
-from serd_ros.configs import TeleopPageConfig
+from serd_core.grid.grid import Action
 from serd_ros.convert.joy import to_joy
-from serd_ros.hand_driver import HandDriverNode
-from serd_ros.page_view import PageView
-from serd_ros.run_node import run_node
-from sim.command import Command
+from serd_ros.endpoints import qos, topics
+from serd_ros.episodes.hand_driver import HandDriverNode
+from serd_ros.episodes.page_view import PageView
+from serd_ros.parameters.configs import TeleopPageConfig
+from serd_ros.process.run_node import run_node
+from sim.world.command import Command
 from teleop.errors import TeleopError
 from teleop.page.access import PageAccess, read_token
 from teleop.page.scene import scene_of

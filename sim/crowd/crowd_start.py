@@ -6,7 +6,7 @@ from serd_core.arrays import FloatArray
 from sim.crowd.crowd import Crowd
 from sim.crowd.routes import Routes, offset_loop
 from sim.crowd.social_force import model_named
-from sim.settings import Loop, PedestrianSettings
+from sim.scenario.settings import Loop, PedestrianSettings
 
 _SPEED_DEVIATIONS = 2.0
 _SLOWEST_MPS = 0.3

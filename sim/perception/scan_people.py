@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
-from sim.occupancy import WallDistanceRaster
+from sim.geometry.occupancy import WallDistanceRaster
 
 Pose = tuple[float, float, float]
 

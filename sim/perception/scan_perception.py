@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 from serd_core.arrays import FloatArray
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
-from sim.observation import Observation, make_observation
-from sim.occupancy import wall_distance_raster
+from sim.geometry.occupancy import wall_distance_raster
 from sim.perception.people_tracker import PeopleTracker, TrackerState
 from sim.perception.scan_people import people_in_scan
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
+from sim.world.observation import Observation, make_observation
 
 
 class ScanPerception:

@@ -7,14 +7,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.command import Command
-from sim.observation import Observation
 from sim.perception.people_tracker import TrackerState
 from sim.perception.scan_perception import ScanPerception
 from sim.planning.planner_status import PlannerStatus
 from sim.planning.recovery import RecoveringPlanner
-from sim.scenario import Scenario
-from sim.waypoint import Waypoint
+from sim.scenario.scenario import Scenario
+from sim.world.command import Command
+from sim.world.observation import Observation
+from sim.world.waypoint import Waypoint
 
 #: Gives the scan taken at an observation, None when there is no new one.
 ScanSource = Callable[[Observation], NDArray[np.float32] | None]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 
 _HIGHEST_M = 1.75
 _FILLED = 0.96

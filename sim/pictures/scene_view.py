@@ -10,7 +10,7 @@ from sim.pictures.camera import Camera, chase_camera, overview_camera
 from sim.pictures.trajectory import Trajectory
 from sim.pictures.view import Frame
 from sim.robot.physics import Physics
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 
 
 class SceneView:

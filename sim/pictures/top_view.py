@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
 from sim.crowd.social_force import model_named
-from sim.occupancy import wall_distance_raster
+from sim.geometry.occupancy import wall_distance_raster
+from sim.geometry.polygon import contains
 from sim.pictures.trajectory import Trajectory
 from sim.pictures.view import Frame
-from sim.polygon import contains
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 
 Colour = tuple[int, int, int]
 

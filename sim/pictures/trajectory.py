@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.grid import Action
-from sim.command import Command
+from serd_core.grid.grid import Action
 from sim.errors import SimError
-from sim.observation import Observation
+from sim.world.command import Command
+from sim.world.observation import Observation
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ Positions are arrays of any shape whose last axis is time.
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.occupancy import WallDistanceRaster
+from sim.geometry.occupancy import WallDistanceRaster
 
 
 def gap_to_people_m(

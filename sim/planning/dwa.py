@@ -16,15 +16,15 @@ import math
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.command import STOP, Command
-from sim.observation import Observation
 from sim.planning.clearance import cannot_stop_before, up_to_last
 from sim.planning.dwa_settings import DwaSettings, reachable_window
 from sim.planning.rollout_costs import PeopleAround, RolloutCosts
 from sim.planning.rollouts import Rollouts, roll_out
 from sim.planning.stopping import REACTION_S, require_foresight
-from sim.scenario import Scenario
-from sim.waypoint import Waypoint
+from sim.scenario.scenario import Scenario
+from sim.world.command import STOP, Command
+from sim.world.observation import Observation
+from sim.world.waypoint import Waypoint
 
 _FORBIDDEN = 1e6
 _SLOWEST_MPS = 1e-3

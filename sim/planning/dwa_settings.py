@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from sim.errors import SimError
 from sim.planning.cost_settings import CostSettings
-from sim.settings import RobotSettings
+from sim.scenario.settings import RobotSettings
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """Commands that keep to accelerations lower than those the robot keeps to by itself."""
 
-from sim.command import Command
-from sim.observation import Observation
 from sim.robot.unicycle import limited_velocity
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
+from sim.world.command import Command
+from sim.world.observation import Observation
 
 
 class GentleCommands:

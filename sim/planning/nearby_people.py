@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.observation import Observation
+from sim.world.observation import Observation
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from sim.errors import SimError
-from sim.observation import Observation
+from sim.world.observation import Observation
 
 
 @dataclass(frozen=True)

@@ -11,18 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from sim.command import STOP, Command
 from sim.crowd.social_force import model_named
-from sim.local_planner import LocalPlanner
-from sim.observation import Observation
-from sim.occupancy import wall_distance_raster
+from sim.geometry.occupancy import wall_distance_raster
 from sim.planning.gentle_commands import GentleCommands
+from sim.planning.local_planner import LocalPlanner
 from sim.planning.planner_status import PlannerStatus
 from sim.planning.progress_checker import ProgressChecker, ProgressState
 from sim.planning.recovery_settings import RecoverySettings
-from sim.scenario import Scenario
-from sim.settings import RobotSettings
-from sim.waypoint import Waypoint
+from sim.scenario.scenario import Scenario
+from sim.scenario.settings import RobotSettings
+from sim.world.command import STOP, Command
+from sim.world.observation import Observation
+from sim.world.waypoint import Waypoint
 
 
 @dataclass(frozen=True)

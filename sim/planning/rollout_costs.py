@@ -12,13 +12,13 @@ import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
 from sim.crowd.social_force import model_named
-from sim.observation import Observation
-from sim.occupancy import wall_distance_raster
+from sim.geometry.occupancy import wall_distance_raster
 from sim.planning.clearance import gap_to_people_m, gap_to_walls_m
 from sim.planning.cost_settings import CostSettings
 from sim.planning.nearby_people import PredictedPeople, predict_nearby
-from sim.scenario import Scenario
-from sim.waypoint import Waypoint
+from sim.scenario.scenario import Scenario
+from sim.world.observation import Observation
+from sim.world.waypoint import Waypoint
 
 _NO_NEARER_M = 1e-3
 

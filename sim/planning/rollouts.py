@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.settings import RobotSettings
+from sim.scenario.settings import RobotSettings
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """How soon the robot can stand, which is how far ahead a planner has to look."""
 
 from sim.errors import SimError
-from sim.settings import RobotSettings
+from sim.scenario.settings import RobotSettings
 
 #: Time (s) that passes before the robot brakes.
 REACTION_S = 0.3

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
-from sim.settings import LidarSettings
+from sim.scenario.settings import LidarSettings
 
 Pose = tuple[float, float, float]
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.settings import OdometrySettings
+from sim.scenario.settings import OdometrySettings
 
 Pose = tuple[float, float, float]
 

@@ -17,8 +17,8 @@ from serd_core.arrays import FloatArray
 from sim.errors import SimError
 from sim.pictures.camera import Camera, as_frame, overview_camera
 from sim.robot.quiet_pybullet import pybullet
-from sim.scenario import Scenario
-from sim.settings import RobotSettings
+from sim.scenario.scenario import Scenario
+from sim.scenario.settings import RobotSettings
 
 _WALL_THICKNESS_M = 0.1
 _WALL_HEIGHT_M = 0.8

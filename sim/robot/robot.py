@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.command import Command
 from sim.crowd.crowd import RobotBody
 from sim.crowd.wall_geometry import WallGeometry
 from sim.robot.physics import Physics
 from sim.robot.unicycle import chord_velocity, limited_velocity
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
+from sim.world.command import Command
 
 Pose = tuple[float, float, float]
 

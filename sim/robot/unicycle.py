@@ -2,8 +2,8 @@
 
 import math
 
-from sim.command import Command
-from sim.settings import RobotSettings
+from sim.scenario.settings import RobotSettings
+from sim.world.command import Command
 
 
 def limited_velocity(

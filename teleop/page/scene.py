@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from serd_core.grid import Grid
+from serd_core.grid.grid import Grid
 from sim.crowd.social_force import model_named
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 
 
 def scene_of(scenario: Scenario, grid: Grid) -> dict[str, Any]:

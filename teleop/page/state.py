@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_core.grid import Action
-from sim.observation import Observation
-from sim.scenario import Scenario
-from sim.waypoint import Waypoint
+from serd_core.grid.grid import Action
+from sim.scenario.scenario import Scenario
+from sim.world.observation import Observation
+from sim.world.waypoint import Waypoint
 
 _CENTIMETRES = 2
 _MILLIRADIANS = 3

@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bags.errors import BagError
-from bags.mcap_format import MAGIC, RECORD_HEAD
+from bags.mcap.format import MAGIC, RECORD_HEAD
 from bags.reader import BagReader
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from bags.errors import BagError
 from bags.excerpt import Excerpt, named_topics
-from bags.qos import QosProfile, qos_of_yaml, qos_yaml
 from bags.reader import BagReader
+from bags.rosbag2.qos import QosProfile, qos_of_yaml, qos_yaml
 
 
 @pytest.fixture(scope="module")

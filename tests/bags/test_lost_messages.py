@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from bags.check import check_bag
 from bags.errors import BagError
-from bags.mcap_summary import SummaryBuilder
+from bags.health.check import check_bag
+from bags.mcap.summary import SummaryBuilder
 from bags.reader import BagReader
 from bags.rewrite import recover
 from bags.writer import BagWriter

@@ -11,13 +11,13 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from bags import mcap_writer
-from bags.check import check_bag
 from bags.errors import BagError
-from bags.message_types import MessageType, message_type
-from bags.qos import qos_of_text
+from bags.health.check import check_bag
+from bags.mcap import writer as mcap_writer
 from bags.reader import BagReader
 from bags.rewrite import convert, recover
+from bags.rosbag2.message_types import MessageType, message_type
+from bags.rosbag2.qos import qos_of_text
 from bags.writer import BagWriter
 
 REAL_BAG = Path(__file__).parents[2].parent / "shared" / "data" / "bags" / "test-bag"

@@ -8,8 +8,8 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from bags.check import check_bag
 from bags.errors import BagError
+from bags.health.check import check_bag
 from bags.reader import BagReader
 from bags.rewrite import convert, recover
 

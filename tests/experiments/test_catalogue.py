@@ -9,7 +9,7 @@ from experiments.policy_cost import PolicyCostConfig
 from experiments.priors import PriorsConfig
 from experiments.rust import RustConfig
 from serd_core.errors import SerdError
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rust1987"
 

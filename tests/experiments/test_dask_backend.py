@@ -6,7 +6,7 @@ import pytest
 
 from experiments.minimum_example import MinimumExampleConfig, fit_sets
 from experiments.repetitions import run_repetitions
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 
 distributed = pytest.importorskip("distributed", reason="pip install distributed to test Dask")
 

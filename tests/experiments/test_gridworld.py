@@ -15,7 +15,7 @@ from experiments.gridworld_learners import Estimate
 from experiments.gridworld_problem import true_dynamics
 from experiments.summary import quartiles, welch_test
 from serd_core.errors import SerdError
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 
 SMALL = GridworldConfig(side=8, sizes=(8,), n_steps=15, n_test_episodes=50, n_repetitions=3)
 

@@ -9,7 +9,7 @@ from experiments.minimum_example import (
     run_minimum_example,
 )
 from serd_core.errors import SerdError
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 
 CONFIG = MinimumExampleConfig(n_sets=24, sizes=(12, 30))
 

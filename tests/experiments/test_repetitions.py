@@ -6,7 +6,7 @@ import pytest
 from experiments.minimum_example import MinimumExampleConfig, fit_sets
 from experiments.repetitions import run_repetitions, write_table
 from serd_core.errors import SerdError
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 
 
 def square(number):

@@ -10,17 +10,17 @@ from report.inputs import ReportInputs
 from report.layout import HallwayLayout, layout_of
 from report.run_facts import FileLink, PhaseTiming, RunFacts
 from report.snapshot import CrowdSnapshot
-from serd_core.arrival import arrival_time_distribution
-from serd_core.arrival_law import law_in_seconds
-from serd_core.demonstrations import Decisions
-from serd_core.fit_result import FitResult
+from serd_core.arrival.chain import arrival_time_distribution
+from serd_core.arrival.law import law_in_seconds
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.grid.navigation import NavigationProblem
+from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.navigation import NavigationProblem
 from serd_core.policies.solved_policy import Policy, optimal_policy
 from serd_core.priors.divergence import KldPrior
-from serd_core.simulation import sample_decisions
-from sim.scenario import Scenario
-from sim.scenario_grid import navigation_problem_of, start_states_of
+from sim.scenario.grid import navigation_problem_of, start_states_of
+from sim.scenario.scenario import Scenario
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ import pytest
 from report.curves import at_times, largest_gap, measured_curve, predicted_curve, time_reaching
 from report.episode_row import EpisodeRow
 from report.figures.arrival import ArrivalCurve
-from serd_core.arrival_law import ArrivalLaw
+from serd_core.arrival.law import ArrivalLaw
 from serd_core.errors import SerdError
 
 

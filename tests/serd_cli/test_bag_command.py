@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from bags import mcap_writer
+from bags.mcap import writer as mcap_writer
 from bags.reader import BagReader
 from bags.writer import BagWriter
 

@@ -7,13 +7,13 @@ import pytest
 
 from bags.reader import BagReader
 from bags.writer import BagWriter
-from serd_core.grid import Action
-from sim.scenario import load_scenario
-from sim.scenario_grid import grid_of
-from storage.decision_table import load_decisions
-from storage.demonstration_record import load_record
-from storage.flow_table import load_flow
-from storage.grid_file import load_grid
+from serd_app.demonstrations.decision_table import load_decisions
+from serd_app.demonstrations.flow_table import load_flow
+from serd_app.demonstrations.grid_file import load_grid
+from serd_app.demonstrations.record import load_record
+from serd_core.grid.grid import Action
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import load_scenario
 
 
 def test_a_recording_becomes_a_table_beside_its_grid_and_picture(serd, drive_bag, tmp_path):

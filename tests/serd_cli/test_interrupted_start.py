@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from serd_ros.starting import starting
+from serd_ros.process.quiet_interrupt import starting
 
 #: Takes the place of a library, so that its import is under way for long.
 _SLOW = "import time\nprint('importing', flush=True)\ntime.sleep(60)\n"
@@ -17,7 +17,7 @@ _SLOW = "import time\nprint('importing', flush=True)\ntime.sleep(60)\n"
     ("library", "words"),
     [
         ("typer", ["serd_cli.main", "--help"]),
-        ("rclpy", ["serd_ros.executable", "hallway_sim"]),
+        ("rclpy", ["serd_ros.process.executable", "hallway_sim"]),
     ],
 )
 def test_ctrl_c_during_an_import_ends_quietly(root, tmp_path, library, words):

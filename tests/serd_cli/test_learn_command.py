@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from serd_app.demonstrations.decision_table import load_decisions, save_decisions
+from serd_app.demonstrations.flow_table import save_flow
+from serd_app.demonstrations.grid_file import save_grid
+from serd_app.demonstrations.record import BagRecord, DemonstrationRecord, save_record
+from serd_app.navigation.usable_model import usable_model
 from serd_cli.learning_files import read_learning_files
+from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.solved_policy import soft_policy
-from serd_core.simulation import sample_decisions
-from serd_ros.usable_model import usable_model
-from sim.scenario import load_scenario
-from sim.scenario_grid import flow_of, grid_of, navigation_problem_of, start_states_of
-from storage.decision_table import load_decisions, save_decisions
-from storage.demonstration_record import BagRecord, DemonstrationRecord, save_record
-from storage.flow_table import save_flow
-from storage.grid_file import save_grid
+from sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of
+from sim.scenario.scenario import load_scenario
 from storage.model_file import load_model
 from tests.conftest import OUTCOMES
 

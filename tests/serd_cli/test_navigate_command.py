@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import sim.scenario
+import sim.scenario.scenario
 from report.wording import counted
+from serd_app.navigation.arrival_log import load_arrivals
+from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_cli.navigate.comparison import compare, remarks
 from serd_cli.navigate.settings import NavigateSettings
-from serd_core.arrival_law import law_in_seconds
-from serd_ros.strategy import load_strategy, start_distribution
-from sim.goal import with_goal
-from sim.scenario import load_scenario
-from storage.arrival_log import load_arrivals
+from serd_core.arrival.law import law_in_seconds
+from sim.scenario.goal import with_goal
+from sim.scenario.scenario import load_scenario
 from storage.episode_table import EpisodeResult, load_episodes
 
 
@@ -100,7 +100,7 @@ def test_a_folder_begun_with_other_content_of_the_same_files_is_refused(
     serd, save_model_of, tmp_path
 ):
     folder, scenario = tmp_path / "drive", tmp_path / "own.yaml"
-    built_in = Path(sim.scenario.__file__).parent / "scenarios" / "hallway.yaml"
+    built_in = Path(sim.scenario.scenario.__file__).parent / "scenarios" / "hallway.yaml"
     scenario.write_text(built_in.read_text())
     path = save_model_of()
     words = ("--scenario", scenario, "--goal", "4.5,4.5", "--episodes", "1", "--output", folder)

@@ -5,8 +5,8 @@ import json
 import pytest
 from PIL import Image
 
-from sim.scenario import Scenario, builtin_scenarios, load_scenario
-from sim.scenario_grid import grid_of
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
 from storage.yaml_config import model_yaml
 
 

@@ -53,7 +53,7 @@ def test_an_executable_is_found_by_the_ament_index(workspace):
 def test_without_a_workspace_our_own_nodes_are_run_by_this_python(workspace):
     assert workspace.exists()
     found = find_command("serd_ros", "hallway_sim", ros_environment({}))
-    assert found == [sys.executable, "-m", "serd_ros.executable", "hallway_sim"]
+    assert found == [sys.executable, "-m", "serd_ros.process.executable", "hallway_sim"]
 
 
 @pytest.mark.parametrize(

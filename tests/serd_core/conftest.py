@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.grid import Grid
-from serd_core.mdp import Mdp
+from serd_core.grid.grid import Grid
+from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import soft_policy
-from serd_core.problem import TabularProblem
-from serd_core.simulation import sample_decisions
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from types import ModuleType
 
 import pytest
 
-from serd_ros.graph import find_stack, stack_parameters
+from serd_ros.graph.graph import find_stack, stack_parameters
 
 
 class Kept:

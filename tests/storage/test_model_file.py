@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from serd_core.grid import Grid
+from serd_app.demonstrations.grid_file import save_grid
+from serd_core.grid.grid import Grid
 from storage.errors import FileError
-from storage.grid_file import save_grid
 from storage.model_file import (
     FitRecord,
     GridSummary,

@@ -14,7 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from serd_cli.node_commands import stack_processes
-from serd_ros.graph import find_stack
+from serd_ros.graph.graph import find_stack
 
 ENDING_S = 15.0
 

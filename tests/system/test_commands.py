@@ -109,5 +109,9 @@ def test_the_workspace_builds_with_plain_colcon(tmp_path):
     assert (prefix / "share/serd_ros/launch/serd.launch.py").exists()
     assert (prefix / "share/serd_ros/config/nodes.yaml").exists()
     installed = next((prefix / "lib").glob("python3*")) / "site-packages"
-    for name in ("sim/scenarios/hallway.yaml", "serd_ros/graph.yaml", "teleop/page/static"):
+    for name in (
+        "sim/scenario/scenarios/hallway.yaml",
+        "serd_ros/graph/graph.yaml",
+        "teleop/page/static",
+    ):
         assert (installed / name).exists(), name

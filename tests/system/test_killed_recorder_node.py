@@ -17,7 +17,7 @@ from rclpy.time import Time
 from bags.reader import BagReader
 from bags.rewrite import recover
 from serd_cli.node_commands import node_command
-from serd_ros import qos
+from serd_ros.endpoints import qos
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 TOPICS = [f"/pose_{number}" for number in range(5)]

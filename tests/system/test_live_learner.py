@@ -9,12 +9,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from bags.demonstrations import Demonstrations, demonstrations_of_bag
-from serd_ros import qos
-from sim.scenario import load_scenario
-from sim.scenario_grid import grid_of
-from storage.decision_table import save_decisions
-from storage.learner_checkpoint import CheckpointFolder, LearnerCheckpoint
+from serd_app.demonstrations.decision_table import save_decisions
+from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
+from serd_app.learning.checkpoint import CheckpointFolder, LearnerCheckpoint
+from serd_ros.endpoints import qos
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import load_scenario
 from storage.model_file import ModelFile, load_model
 from storage.yaml_config import yaml_model
 

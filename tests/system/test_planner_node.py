@@ -10,11 +10,11 @@ from geometry_msgs.msg import Twist, Vector3Stamped
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
-from serd_core.grid import Action
-from serd_ros import qos
+from serd_core.grid.grid import Action
 from serd_ros.convert.intent import to_intent
-from serd_ros.observation_endpoints import ObservationPublisher
-from sim.observation import make_observation
+from serd_ros.endpoints import qos
+from serd_ros.endpoints.observation import ObservationPublisher
+from sim.world.observation import make_observation
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 

@@ -14,9 +14,9 @@ from std_srvs.srv import Trigger
 from bags.reader import BagReader
 from bags.rewrite import recover
 from serd_cli.node_commands import node_command
-from serd_ros import qos
 from serd_ros.convert.diagnostics import ERROR
 from serd_ros.convert.stamp import to_stamp
+from serd_ros.endpoints import qos
 from serd_ros.nodes.demo_recorder import DemoRecorderNode
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]

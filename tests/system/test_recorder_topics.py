@@ -10,13 +10,13 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu
 from std_msgs.msg import String
 
-from bags.qos import qos_of_yaml
 from bags.reader import BagReader
+from bags.rosbag2.qos import qos_of_yaml
 from serd_cli.executables import find_command
 from serd_cli.node_commands import node_command
-from serd_ros import qos
 from serd_ros.convert.diagnostics import WARN
 from serd_ros.convert.stamp import to_stamp
+from serd_ros.endpoints import qos
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 IMU = "/base/imu:sensor_msgs/msg/Imu"

@@ -8,13 +8,13 @@ from geometry_msgs.msg import PoseStamped
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
-from bags.demonstrations import demonstrations_of_bag
 from bags.reader import BagReader
+from serd_app.demonstrations.decision_table import save_decisions
+from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_cli.node_commands import node_command
-from serd_ros import qos
-from sim.scenario import load_scenario
-from sim.scenario_grid import grid_of
-from storage.decision_table import save_decisions
+from serd_ros.endpoints import qos
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import load_scenario
 
 
 @pytest.fixture(scope="module")

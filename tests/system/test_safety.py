@@ -7,12 +7,12 @@ from geometry_msgs.msg import PoseStamped, Twist, Vector3Stamped
 from nav_msgs.msg import Odometry
 from visualization_msgs.msg import MarkerArray
 
-from serd_core.grid import Action
-from serd_ros import qos
+from serd_core.grid.grid import Action
 from serd_ros.convert.intent import to_intent
 from serd_ros.convert.odometry import speeds_of
 from serd_ros.convert.pose import from_pose
 from serd_ros.convert.stamp import stamp_s
+from serd_ros.endpoints import qos
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 STOPPED_MPS = 1e-6

@@ -5,12 +5,12 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from serd_cli.demo.recorded import read_recording
-from sim.episode import run_episode
-from sim.expert import ScriptedExpert
-from sim.planner_settings import PlannerSettings
-from sim.planners import make_planner, planner_in_world
-from sim.scenario import load_scenario
-from sim.world import HallwayWorld
+from sim.drivers.expert import ScriptedExpert
+from sim.episodes.episode import run_episode
+from sim.planning.catalogue import make_planner, planner_in_world
+from sim.planning.settings import PlannerSettings
+from sim.scenario.scenario import load_scenario
+from sim.world.world import HallwayWorld
 from storage.episode_table import load_episodes
 from storage.yaml_config import model_yaml
 

@@ -10,14 +10,14 @@ from rclpy.parameter_client import AsyncParameterClient
 from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
+from serd_app.navigation.arrival_log import load_arrivals
 from serd_cli.navigate.in_process import drive_in_process
 from serd_cli.navigate.settings import NavigateSettings
-from serd_ros import qos
 from serd_ros.convert.arrival import from_arrival_message
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.episode_mark import END, from_episode_message
 from serd_ros.convert.pose import from_pose, to_pose_stamped
-from storage.arrival_log import load_arrivals
+from serd_ros.endpoints import qos
 from storage.episode_table import load_episodes
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]

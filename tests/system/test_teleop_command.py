@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from bags.drive_sessions import read_drives
+from serd_app.drives.sessions import read_drives
 
 ENDING_S = 30.0
 SERD = str(Path(sys.executable).with_name("serd"))

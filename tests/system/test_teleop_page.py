@@ -18,18 +18,18 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from bags.demonstrations import demonstrations_of_bag
-from bags.drive_sessions import read_drives
+from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.drives.sessions import read_drives
 from serd_cli.node_commands import stack_processes
-from serd_core.grid import Action
-from serd_ros import qos
+from serd_core.grid.grid import Action
 from serd_ros.convert.intent import from_intent
 from serd_ros.convert.odometry import speeds_of
 from serd_ros.convert.pose import from_pose
 from serd_ros.convert.stamp import stamp_s
-from serd_ros.graph import find_stack
-from sim.scenario import load_scenario
-from sim.scenario_grid import grid_of
+from serd_ros.endpoints import qos
+from serd_ros.graph.graph import find_stack
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import load_scenario
 
 SERD = str(Path(sys.executable).with_name("serd"))
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_core.grid import Action
+from serd_core.grid.grid import Action
 from teleop.direction_choice import DirectionChoice
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sim.command import STOP, Command
+from sim.world.command import STOP, Command
 from storage.errors import FileError
 from teleop.joy_mapping import JoyDriver, JoyMapping, load_joy_mapping
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.command import STOP, Command
+from sim.world.command import STOP, Command
 from teleop.errors import TeleopError
 from teleop.key_names import KeyNames
 from teleop.raw_terminal import RawTerminal

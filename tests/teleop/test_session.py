@@ -2,8 +2,8 @@
 
 import pytest
 
-from sim.observation import make_observation
-from sim.scenario import load_scenario
+from sim.scenario.scenario import load_scenario
+from sim.world.observation import make_observation
 from teleop.episode_tally import EpisodeTally
 from teleop.errors import TeleopError
 from teleop.session import DISCARDED, END, START, Session

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.command import STOP, Command
+from sim.world.command import STOP, Command
 from storage.errors import FileError
 from teleop.mux_settings import MuxLock, MuxSettings, MuxTopic, load_mux
 from teleop.twist_mux import TwistMux

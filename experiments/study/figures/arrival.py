@@ -14,7 +14,7 @@ from experiments.study.results import Results
 from report import style
 from report.canvas import new_figure
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.arrival_bands import clopper_pearson, sampling_band
+from serd_core.arrival.bands import clopper_pearson, sampling_band
 
 #: Times of arrival span a decade: a logarithmic axis shows the bulk and the stragglers alike.
 _MARKS = 36

@@ -7,7 +7,7 @@ from experiments.repetitions import Row
 from experiments.study.figures.context import FigureContext
 from experiments.study.results import Results
 from report.figures.features import draw_features
-from serd_core.grid import Action
+from serd_core.grid.grid import Action
 
 
 def rows(results: Results) -> list[Row]:

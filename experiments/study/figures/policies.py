@@ -18,7 +18,7 @@ from report.figures.map_axes import draw_areas, draw_cells, map_figure, outline_
 from report.figures.policy_map import draw_arrows
 from report.wording import counted
 from serd_core.arrays import BoolArray, IntArray
-from serd_core.trap_states import trap_states
+from serd_core.arrival.trap_states import trap_states
 
 
 def rows(results: Results) -> list[Row]:

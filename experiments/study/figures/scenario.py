@@ -14,9 +14,9 @@ from experiments.study.results import Results
 from report import style
 from report.figures.map_axes import draw_areas, map_figure
 from serd_core.arrays import FloatArray
-from serd_core.demonstrations import Decisions
-from serd_core.grid import Grid
-from sim.world import HallwayWorld
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.grid import Grid
+from sim.world.world import HallwayWorld
 
 SHORTEST, TYPICAL, PERSON = "shortest way", "typical way", "person"
 _ORANGE = "#e07b00"

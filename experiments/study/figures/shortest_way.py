@@ -7,8 +7,8 @@ import scipy.sparse
 import scipy.sparse.csgraph
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.polygon import contains
-from sim.scenario import Scenario
+from sim.geometry.polygon import contains
+from sim.scenario.scenario import Scenario
 
 _STEP_M = 0.05
 

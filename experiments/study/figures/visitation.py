@@ -12,7 +12,7 @@ from experiments.study.fitting import trials
 from experiments.study.results import Results
 from report import style
 from report.figures.map_axes import colour_bar, draw_areas, draw_cells, map_figure
-from serd_core.demonstrations import state_counts
+from serd_core.demonstrations.decisions import state_counts
 
 SETS = ("training", "validation", "test", "transfer")
 

@@ -31,6 +31,6 @@ setup(
         (f"share/{PACKAGE}/rviz", files("rviz")),
     ],
     entry_points={
-        "console_scripts": [f"{node} = serd_ros.executable:main" for node in NODES],
+        "console_scripts": [f"{node} = serd_ros.process.executable:main" for node in NODES],
     },
 )

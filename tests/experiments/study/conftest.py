@@ -2,11 +2,11 @@ from pathlib import Path
 
 import pytest
 
-from bags.demonstrations import demonstrations_of_bag
 from experiments.study.bag_sets import sets_from_bags
 from experiments.study.demonstration_sets import ROLES
 from experiments.study.settings import study_settings
 from experiments.study.world import problem_of, scenario_of
+from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 
 SETTINGS = study_settings()
 BAGS = Path(__file__).parents[3] / "bags" / "data" / "hallway"

@@ -4,8 +4,8 @@ import pytest
 from experiments.study.arrival import measured_cdf, sampled_cdf
 from experiments.study.arrival_distances import ArrivalTables, distance_row, ks_p_value
 from experiments.study.world import TRAIN_AREA, start_shares
-from serd_core.arrival import arrival_time_distribution
-from serd_core.estimation import estimate_dynamics
+from serd_core.arrival.chain import arrival_time_distribution
+from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.policies.solved_policy import optimal_policy
 
 PERIOD_S = 2.0

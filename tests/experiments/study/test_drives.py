@@ -5,10 +5,10 @@ from experiments.study.bag_sets import sets_from_bags
 from experiments.study.exploring_driver import ExploringDriver
 from experiments.study.figures.scenario import typical_way
 from experiments.study.figures.shortest_way import shortest_way
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
-from serd_core.grid import Action
-from sim.observation import make_observation
+from serd_core.grid.grid import Action
+from sim.world.observation import make_observation
 
 
 def seen_in(grid, state):

@@ -20,7 +20,7 @@ from experiments.study.methods import (
     serd_coupled,
     serd_free,
 )
-from serd_core.estimation import estimate_dynamics
+from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.evaluation import policy_log_likelihood, validation_log_likelihood
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 

@@ -1,7 +1,7 @@
 import numpy as np
 
 from experiments.study.moves import counted_moves, decisions_of_moves
-from serd_core.estimation import estimate_dynamics
+from serd_core.dynamics.estimation import estimate_dynamics
 
 
 def test_counted_decisions_estimate_the_same_dynamics(problem, shipped_training):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from experiments.study.planned_experts import BELIEFS, planned_policy
-from serd_core.navigation import ACROSS_FLOW, AGAINST_FLOW, WAITING, WITH_FLOW
+from serd_core.grid.navigation import ACROSS_FLOW, AGAINST_FLOW, WAITING, WITH_FLOW
 
 TRUTH = np.array(
     [

@@ -4,7 +4,7 @@ import pytest
 
 from experiments.study.products import Stage, Task, make_products
 from serd_core.errors import SerdError
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 
 ALONE = Execution(n_jobs=1)
 

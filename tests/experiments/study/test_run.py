@@ -18,7 +18,7 @@ from experiments.study.run import redraw, run_study
 from experiments.study.settings import study_settings
 from experiments.study.stages import stages_of
 from serd_core.errors import SerdError
-from sim.execution import Execution
+from sim.episodes.execution import Execution
 
 TINY = """
 scenario: {scenario}
@@ -30,7 +30,7 @@ beliefs: {{repetitions: 2, sizes: [2], episodes: 1}}
 arrival: {{episodes: 1, sampled: 20}}
 statistics: {{bootstrap: 20}}
 """
-SCENARIOS = Path(sim.__file__).parent / "scenarios"
+SCENARIOS = Path(sim.__file__).parent / "scenario" / "scenarios"
 NEAR_STARTS = {
     "train: [[0, 0], [2, 0], [2, 3], [0, 3]]": "train: [[4, 14], [6, 14], [6, 16], [4, 16]]",
     "transfer: [[4, 0], [6, 0], [6, 3], [4, 3]]": "transfer: [[2, 14], [4, 14], [4, 16], [2, 16]]",

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bags.demonstrations import demonstrations_of_bag
 from experiments.study.demonstration_sets import ROLES
 from experiments.study.demonstrations import start_area_of
 from experiments.study.drives import drive_episodes
@@ -13,7 +12,8 @@ from experiments.study.experts import PEOPLE
 from experiments.study.seeds import world_seed
 from experiments.study.settings import study_settings
 from experiments.study.world import problem_of, scenario_of
-from sim.drivers import make_driver
+from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from sim.drivers.catalogue import make_driver
 
 BAGS = Path(__file__).parents[3] / "bags" / "data" / "hallway"
 SETTINGS = study_settings()

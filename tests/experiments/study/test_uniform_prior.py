@@ -3,8 +3,8 @@ import pytest
 
 from experiments.study.methods import Trial, serd_free
 from experiments.study.uniform_prior import uniform_prior
-from serd_core.estimation import estimate_dynamics
-from serd_core.parameters import Block, Parameters
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.posterior.parameters import Block, Parameters
 from serd_core.selection.prior_weight import split_episodes
 
 

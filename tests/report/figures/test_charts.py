@@ -12,7 +12,7 @@ from report.figures.outcomes import draw_outcomes
 from report.figures.progress import draw_progress
 from report.figures.weights import draw_weights
 from serd_core.errors import SerdError
-from serd_core.navigation import FEATURE_NAMES, MODEL_NAMES
+from serd_core.grid.navigation import FEATURE_NAMES, MODEL_NAMES
 
 
 def bars(figure: Figure, panel: int = 0) -> list[BarContainer]:

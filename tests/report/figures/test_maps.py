@@ -19,9 +19,9 @@ from report.figures.visitation import draw_visitation
 from report.layout import HallwayLayout, layout_of
 from report.snapshot import CrowdSnapshot
 from serd_core.errors import SerdError
-from serd_core.grid import Action
-from serd_core.navigation import NavigationProblem
-from sim.scenario import load_scenario
+from serd_core.grid.grid import Action
+from serd_core.grid.navigation import NavigationProblem
+from sim.scenario.scenario import load_scenario
 
 
 def artists(figure: Figure, kind: type, gid: str) -> list:

@@ -6,7 +6,7 @@ from matplotlib.text import Annotation
 
 from report.canvas import png_bytes
 from report.figures.scenario_plan import draw_scenario_plan
-from sim.scenario import builtin_scenarios, load_scenario
+from sim.scenario.scenario import builtin_scenarios, load_scenario
 
 HALLWAY = load_scenario("hallway")
 

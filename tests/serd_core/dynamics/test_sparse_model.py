@@ -2,15 +2,15 @@ import numpy as np
 import pytest
 
 from serd_core.ascent.lbfgs import Lbfgs
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.sparse_model import SparseModel, fixed_transitions
 from serd_core.dynamics.transitions import transitions_at
 from serd_core.errors import SerdError
 from serd_core.learners.maxent_irl import fit_maxent_irl
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
 from serd_core.learners.policy_matching import fit_policy_matching
-from serd_core.mdp import Mdp
-from serd_core.problem import TabularProblem
+from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import TabularProblem
 
 
 def test_entries_in_any_order_give_the_same_matrix():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.behavioural_cloning import clone_behaviour
 

@@ -3,13 +3,13 @@ from itertools import product
 import numpy as np
 import pytest
 
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.sparse_model import fixed_transitions
 from serd_core.dynamics.transitions import transitions_at, transitions_of
 from serd_core.learners.maxent_irl import TrajectoryModel, fit_maxent_irl
-from serd_core.mdp import Mdp
-from serd_core.problem import TabularProblem
-from serd_core.simulation import sample_decisions
+from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import TabularProblem
 
 
 def brute_force(problem, table, weights, start, length):

@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.demonstrations import Decisions, start_distribution
+from serd_core.demonstrations.decisions import Decisions, start_distribution
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
 from serd_core.learners.mdce_irl import (
@@ -13,8 +15,6 @@ from serd_core.learners.mdce_irl import (
 )
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.policies.solved_policy import soft_policy
-from serd_core.simulation import sample_decisions
-from serd_core.trajectories import feature_counts, trajectories_of
 
 
 @pytest.fixture(scope="module")

@@ -4,19 +4,19 @@ import pytest
 from serd_core.ascent.gradient_ascent import GradientAscent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.beliefs import CoupledBelief, FixedBelief, FreeBelief
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.errors import SerdError
-from serd_core.estimation import estimate_dynamics
 from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.mdp import Mdp
-from serd_core.parameters import Block
+from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import soft_policy
+from serd_core.posterior.beliefs import CoupledBelief, FixedBelief, FreeBelief
+from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
-from serd_core.problem import TabularProblem
-from serd_core.simulation import sample_decisions
 from serd_core.uncertainty.identifiability import identifiability
 from serd_core.uncertainty.information import fit_information
 

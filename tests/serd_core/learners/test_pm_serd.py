@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from serd_core.ascent.trust_region import TrustRegion
+from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
 from serd_core.learners.pm_serd import fit_pm_serd
-from serd_core.parameters import Block
 from serd_core.policies.solved_policy import boltzmann_policy
+from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
-from serd_core.simulation import sample_decisions
 
 #: Says nothing about the ratio of rewards and temperature, which is all that policies depend on.
 SCALE = GaussianPrior(0.1, Block.POLICY, mean=1.0)

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
 from serd_core.learners.policy_matching import (
     MeanLogLikelihood,
@@ -9,7 +10,6 @@ from serd_core.learners.policy_matching import (
     fit_policy_matching,
 )
 from serd_core.policies.solved_policy import boltzmann_policy
-from serd_core.simulation import sample_decisions
 
 OBJECTIVES = [SquaredLoss(), MeanLogLikelihood()]
 EACH_OBJECTIVE = pytest.mark.parametrize("objective", OBJECTIVES, ids=repr)

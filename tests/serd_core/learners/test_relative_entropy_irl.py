@@ -3,10 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_core.demonstrations import Decisions
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.demonstrations.trajectories import feature_counts
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
-from serd_core.grid import Grid
+from serd_core.grid.grid import Grid
+from serd_core.grid.navigation import build_navigation_problem
 from serd_core.learners.importance_samples import (
     hoeffding_thresholds,
     importance_log_weights,
@@ -14,9 +17,6 @@ from serd_core.learners.importance_samples import (
 )
 from serd_core.learners.maxent_irl import TrajectoryModel
 from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
-from serd_core.navigation import build_navigation_problem
-from serd_core.simulation import sample_decisions
-from serd_core.trajectories import feature_counts
 
 
 def uniform_samples(case, n_episodes, seed=0):

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from serd_core.bellman.value_iteration import ValueIteration
 from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import boltzmann_policy, optimal_policy, soft_policy
-from serd_core.solvers.value_iteration import ValueIteration
 
 
 def test_the_optimal_policy_takes_the_action_of_highest_value(gridworld):

@@ -4,24 +4,24 @@ import numpy as np
 import pytest
 
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.beliefs import FixedBelief, FreeBelief, TiedBelief
-from serd_core.demonstrations import Decisions
+from serd_core.bellman.newton import Newton
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
+from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.pm_serd import fit_pm_serd
-from serd_core.likelihood.observations import observe
-from serd_core.parameters import Block, Parameters
+from serd_core.linear.sparse_lu import SparseLu
+from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.mdce import MdcePolicy
 from serd_core.policies.policy_matching import PolicyMatchingPolicy
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
-from serd_core.posterior import Posterior
+from serd_core.posterior.beliefs import FixedBelief, FreeBelief, TiedBelief
+from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.posterior import Posterior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import UniformPrior
-from serd_core.problem import TabularProblem
-from serd_core.simulation import sample_decisions
-from serd_core.solvers.newton import Newton
-from serd_core.solvers.sparse_lu import SparseLu
 from serd_core.uncertainty.identifiability import identifiability
 from serd_core.uncertainty.information import fit_information
 from serd_core.uncertainty.scores import decision_scores

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from visualization_msgs.msg import Marker
 
-from serd_core.arrival_law import ArrivalLaw
-from serd_core.grid import Action
+from serd_core.arrival.law import ArrivalLaw
+from serd_core.grid.grid import Action
 from serd_ros.convert.arrival import from_arrival_message, to_arrival_message
 from serd_ros.convert.command import from_twist, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import to_diagnostics, values_of
@@ -41,13 +41,13 @@ from serd_ros.convert.pose import (
 from serd_ros.convert.reset_reply import ResetReply, from_reset_sentence, to_reset_sentence
 from serd_ros.convert.scan import ranges_of, to_scan
 from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
+from serd_ros.endpoints.inbox import ObservationInbox
 from serd_ros.errors import NodeError
-from serd_ros.inbox import ObservationInbox
-from sim.command import Command
-from sim.observation import make_observation
-from sim.occupancy import OccupancyRaster
-from sim.settings import LidarSettings
-from sim.waypoint import Waypoint
+from sim.geometry.occupancy import OccupancyRaster
+from sim.scenario.settings import LidarSettings
+from sim.world.command import Command
+from sim.world.observation import make_observation
+from sim.world.waypoint import Waypoint
 
 metres = st.floats(-1e3, 1e3, allow_nan=False)
 angles = st.floats(-3.1415, 3.1415)

@@ -9,8 +9,8 @@ from sim.crowd.crowd import RobotBody
 from sim.crowd.crowd_start import people_per_loop, start_crowd
 from sim.crowd.routes import offset_loop
 from sim.crowd.social_force import model_names
-from sim.polygon import contains, distance_to_segments_m
-from sim.scenario import load_scenario
+from sim.geometry.polygon import contains, distance_to_segments_m
+from sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
 

@@ -13,8 +13,8 @@ from sim.crowd.lane_order import lane_order, shuffled_lane_order
 from sim.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
 from sim.crowd.routes import Routes
 from sim.crowd.social_force import model_named, model_names
-from sim.polygon import contains, edges_of
-from sim.scenario import load_scenario
+from sim.geometry.polygon import contains, edges_of
+from sim.scenario.scenario import load_scenario
 
 REAL_CORRIDOR = (
     Path(__file__).parents[4] / "shared" / "data" / "pedestrians" / "bi_corr_400_b_03.txt"

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.episode import run_episode
-from sim.expert import ScriptedExpert
-from sim.observation import make_observation
-from sim.occupancy import wall_distance_raster
+from sim.drivers.expert import ScriptedExpert
+from sim.episodes.episode import run_episode
+from sim.geometry.occupancy import wall_distance_raster
 from sim.perception.people_tracker import PeopleTracker
 from sim.perception.scan_people import people_in_scan
 from sim.perception.scan_perception import ScanPerception
 from sim.perception.scanning_planner import ScanningPlanner
-from sim.planners import make_planner, planner_in_world, planner_names
+from sim.planning.catalogue import make_planner, planner_in_world, planner_names
 from sim.robot.lidar import Lidar
-from sim.scenario import load_scenario
-from sim.settings import LidarSettings
-from sim.waypoint import Waypoint
-from sim.world import HallwayWorld
+from sim.scenario.scenario import load_scenario
+from sim.scenario.settings import LidarSettings
+from sim.world.observation import make_observation
+from sim.world.waypoint import Waypoint
+from sim.world.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway")
 NOBODY = np.zeros((0, 2))

@@ -8,15 +8,15 @@ import pytest
 from PIL import Image
 
 from serd_core.errors import SerdError
-from sim.command import STOP, Command
 from sim.pictures.camera import Camera, chase_camera
 from sim.pictures.caption import with_caption
 from sim.pictures.movie import save_gif, save_mp4, save_png
 from sim.pictures.scene_view import SceneView
 from sim.pictures.top_view import TopView
 from sim.pictures.trajectory import TrajectoryRecorder
-from sim.scenario import load_scenario
-from sim.world import HallwayWorld
+from sim.scenario.scenario import load_scenario
+from sim.world.command import STOP, Command
+from sim.world.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway").with_pedestrian_count(5)
 VIEW = TopView(HALLWAY, pixels_per_m=20.0)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.command import Command
 from sim.planning.dwa_settings import DwaSettings, reachable_window
 from sim.planning.mppi_settings import MppiSettings
 from sim.planning.rollouts import roll_out
 from sim.robot.unicycle import chord_velocity, limited_velocity
-from sim.settings import RobotSettings
+from sim.scenario.settings import RobotSettings
+from sim.world.command import Command
 
 ROBOT = RobotSettings()
 

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from serd_core.grid import Action
-from sim.command import STOP
-from sim.decision import waypoint_of_intent
-from sim.observation import make_observation
-from sim.planners import make_planner, planner_names
+from serd_core.grid.grid import Action
+from sim.drivers.decision import waypoint_of_intent
+from sim.planning.catalogue import make_planner, planner_names
 from sim.planning.planner_status import PlannerStatus
 from sim.robot.unicycle import chord_velocity, limited_velocity
-from sim.scenario import load_scenario
-from sim.scenario_grid import grid_of
-from sim.waypoint import Waypoint
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import load_scenario
+from sim.world.command import STOP
+from sim.world.observation import make_observation
+from sim.world.waypoint import Waypoint
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.batch import EpisodeTask, run_task
-from sim.observation import make_observation
-from sim.planners import make_planner, planner_names
-from sim.scenario import load_scenario
-from sim.waypoint import Waypoint
+from sim.episodes.batch import EpisodeTask, run_task
+from sim.planning.catalogue import make_planner, planner_names
+from sim.scenario.scenario import load_scenario
+from sim.world.observation import make_observation
+from sim.world.waypoint import Waypoint
 
 HALLWAY = load_scenario("hallway")
 PLANNERS = {name: make_planner(name, HALLWAY) for name in planner_names()}

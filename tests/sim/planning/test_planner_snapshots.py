@@ -6,10 +6,10 @@ import sys
 
 import pytest
 
-from sim.planners import PEOPLE_SOURCES, planner_in_world, planner_names
-from sim.scenario import load_scenario
-from sim.waypoint import Waypoint
-from sim.world import HallwayWorld
+from sim.planning.catalogue import PEOPLE_SOURCES, planner_in_world, planner_names
+from sim.scenario.scenario import load_scenario
+from sim.world.waypoint import Waypoint
+from sim.world.world import HallwayWorld
 
 NOISY = load_scenario("hallway")
 NOISY = NOISY.model_copy(
@@ -23,8 +23,8 @@ AHEAD = Waypoint(3.0, 12.0)
 RESTORING_PROGRAM = """
 import pickle, sys
 from tests.sim.planning.test_planner_snapshots import AHEAD, NOISY, drive
-from sim.planners import planner_in_world
-from sim.world import HallwayWorld
+from sim.planning.catalogue import planner_in_world
+from sim.world.world import HallwayWorld
 with HallwayWorld(NOISY, seed=5) as world:
     planner = planner_in_world(sys.argv[1], world, sys.argv[2])
     world_state, planner_state = pickle.load(sys.stdin.buffer)

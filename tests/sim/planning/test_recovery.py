@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.command import STOP, Command
-from sim.observation import make_observation
 from sim.planning.planner_status import PlannerStatus
 from sim.planning.progress_checker import ProgressChecker
 from sim.planning.recovery import RecoveringPlanner, RecoverySettings
-from sim.scenario import load_scenario
-from sim.waypoint import Waypoint
+from sim.scenario.scenario import load_scenario
+from sim.world.command import STOP, Command
+from sim.world.observation import make_observation
+from sim.world.waypoint import Waypoint
 
 HALLWAY = load_scenario("hallway")
 AHEAD = Waypoint(3.0, 10.0)

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_core.errors import SerdError
-from sim.observation import make_observation
 from sim.planning.rollout_costs import CostSettings, RolloutCosts
-from sim.scenario import load_scenario
-from sim.waypoint import Waypoint
+from sim.scenario.scenario import load_scenario
+from sim.world.observation import make_observation
+from sim.world.waypoint import Waypoint
 
 TIME_S = np.array([0.5, 1.0])
 SETTINGS = CostSettings()

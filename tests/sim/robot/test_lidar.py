@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from sim.command import STOP
 from sim.robot.lidar import Lidar
 from sim.robot.physics import Physics
-from sim.scenario import load_scenario
-from sim.settings import LidarSettings
-from sim.world import HallwayWorld
+from sim.scenario.scenario import load_scenario
+from sim.scenario.settings import LidarSettings
+from sim.world.command import STOP
+from sim.world.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway")
 LIDAR = Lidar(LidarSettings(), HALLWAY.wall_segments_m, 0.25)

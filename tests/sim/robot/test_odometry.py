@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from sim.command import Command
 from sim.robot.odometry import Odometry
-from sim.scenario import load_scenario
-from sim.settings import OdometrySettings
-from sim.world import HallwayWorld
+from sim.scenario.scenario import load_scenario
+from sim.scenario.settings import OdometrySettings
+from sim.world.command import Command
+from sim.world.world import HallwayWorld
 
 EMPTY = load_scenario("hallway").with_pedestrian_count(0)
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.command import Command
 from sim.robot.unicycle import chord_velocity, limited_velocity
-from sim.settings import RobotSettings
+from sim.scenario.settings import RobotSettings
+from sim.world.command import Command
 
 ROBOT = RobotSettings()
 

@@ -1,7 +1,7 @@
 """ros2 launch serd_ros serd.launch.py stack:=live seed:=3
 
-Starts a stack of serd_ros/graph.yaml, the description that `serd launch` uses too. Every parameter
-that a node of the stack has is a launch argument; empty means the stack's own value.
+Starts a stack of serd_ros/graph/graph.yaml, the description that `serd launch` uses too. Every
+parameter that a node of the stack has is a launch argument; empty means the stack's own value.
 """
 
 import yaml
@@ -11,8 +11,8 @@ from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from serd_ros.defaults import default_parameters
-from serd_ros.graph import PACKAGE, find_stack, load_graph, stack_parameters
+from serd_ros.graph.graph import PACKAGE, find_stack, load_graph, stack_parameters
+from serd_ros.parameters.defaults import default_parameters
 
 
 def parameter_names():

@@ -1,0 +1,1 @@
+"""Checks of a recording: damage, losses, rates, gaps and clocks."""

@@ -1,0 +1,142 @@
+"""What is good and bad about a recording: damage, counts, gaps, clocks.
+
+Stamps are those at the beginning of each message that has a std_msgs/Header first; log times are
+when the recorder received it. Stamps that step back, jump or drift against the log times tell of
+two clocks.
+"""
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from bags.errors import BagError
+from bags.health.topic_check import TopicCheck, check_topic
+from bags.health.two_clocks import TwoClocks
+from bags.reader import BagReader, RawMessage, nearest_topic, topics_named
+from bags.rosbag2.layout import storage_name
+from bags.rosbag2.message_types import ENCODING
+from bags.rosbag2.topic_definition import kept_definition
+from bags.rosbag2.topic_info import TopicInfo
+
+_SECOND_NS = 1_000_000_000
+_NO_CHECKSUMS = (
+    "sqlite3 files have no checksums: changed bytes within messages cannot be noticed;"
+    " 'serd bag convert' gives the messages some"
+)
+
+
+@dataclass(frozen=True)
+class BagCheck:
+    """faults: what makes the bag wrong; remarks: what to know before learning from it."""
+
+    path: Path
+    topics: tuple[TopicCheck, ...]
+    faults: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.faults
+
+    @property
+    def n_messages(self) -> int:
+        """Readable messages."""
+        return sum(topic.n_messages for topic in self.topics)
+
+
+def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
+    """Read the whole bag; `required`: topics that must have messages.
+
+    A name that begins with "/" means that topic, any other a topic of that name in any namespace.
+    """
+    reader = BagReader(path, tolerant=True, thorough=True)
+    times = {name: (array("q"), array("q")) for name in reader.topics}
+    stamped = {name: _has_header(topic) for name, topic in reader.topics.items()}
+    faults: list[str] = []
+    try:
+        for message in reader.messages():
+            logs, stamps = times[message.topic]
+            logs.append(message.log_time_ns)
+            if stamped[message.topic]:
+                stamps.append(_stamp_ns(message))
+    except BagError as error:
+        faults.append(str(error))
+    faults += [each.sentence() for each in reader.damage]
+    known = sorted(reader.topics.items())
+    topics = tuple(check_topic(topic, *times[name]) for name, topic in known)
+    faults += _missing(topics, required)
+    remarks = _remarks(topics)
+    if any(storage_name(file).endswith(".db3") for file in reader.layout.files):
+        remarks.append(_NO_CHECKSUMS)
+    return BagCheck(Path(path), topics, tuple(faults), tuple(remarks))
+
+
+def _missing(topics: Sequence[TopicCheck], required: Sequence[str]) -> list[str]:
+    filled = [topic.name for topic in topics if topic.n_messages]
+    empty = [topic.name for topic in topics if not topic.n_messages]
+    faults = []
+    for name in required:
+        if not topics_named(filled, name):
+            near = None if topics_named(empty, name) else nearest_topic(filled, name)
+            fix = f"; did you mean {near!r}?" if near else ""
+            faults.append(f"topic {name} has no message{fix}")
+    return faults
+
+
+def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
+    remarks = []
+    for topic in topics:
+        if not topic.n_messages:
+            remarks.append(f"{topic.name}: no message")
+        if topic.n_gaps:
+            gaps = "1 gap" if topic.n_gaps == 1 else f"{topic.n_gaps} gaps"
+            remarks.append(f"{topic.name}: {gaps}, the longest {topic.longest_gap_s:.2f} s")
+        if topic.n_log_steps_back:
+            remarks.append(f"{topic.name}: log time steps back {_times(topic.n_log_steps_back)}")
+        if topic.n_stamp_steps_back:
+            remarks.append(f"{topic.name}: stamps step back {_times(topic.n_stamp_steps_back)}")
+        remarks += [f"{topic.name}: {words}" for words in _clock_words(topic.clocks)]
+    return remarks
+
+
+def _clock_words(clocks: TwoClocks) -> list[str]:
+    words = []
+    if clocks.jumps_s:
+        largest_s = max(clocks.jumps_s, key=abs)
+        way = "forward" if largest_s > 0 else "back"
+        often = "" if len(clocks.jumps_s) == 1 else f" {_times(len(clocks.jumps_s))}, the largest"
+        words.append(f"stamps jump against log times{often} {way} by {abs(largest_s):.2f} s")
+    if clocks.drift_s:
+        way = "ahead of" if clocks.drift_s > 0 else "behind"
+        words.append(
+            f"stamps run {way} log times by {abs(clocks.drift_s):.2f} s in {clocks.span_s:.0f} s"
+        )
+    return words
+
+
+def _times(number: int) -> str:
+    return "once" if number == 1 else f"{number} times"
+
+
+def _has_header(topic: TopicInfo) -> bool:
+    definition = kept_definition(topic)
+    return definition.encoding == ENCODING and _begins_with_header(definition.text)
+
+
+@cache
+def _begins_with_header(text: str) -> bool:
+    fields = (line.split("#")[0].split() for line in text.splitlines())
+    first: list[str] = next((words for words in fields if len(words) >= 2), [])
+    return bool(first) and first[0] in ("std_msgs/Header", "std_msgs/msg/Header", "Header")
+
+
+def _stamp_ns(message: RawMessage) -> int:
+    data = message.data
+    if len(data) < 12:
+        return 0
+    little = bool(data[1] & 1)
+    second = int.from_bytes(data[4:8], "little" if little else "big", signed=True)
+    return second * _SECOND_NS + int.from_bytes(data[8:12], "little" if little else "big")

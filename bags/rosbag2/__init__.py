@@ -1,0 +1,1 @@
+"""What rosbag2 keeps around the messages: files, metadata, topics, types, quality of service."""

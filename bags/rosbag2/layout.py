@@ -1,0 +1,119 @@
+"""Which files make up a bag, with or without its metadata.yaml."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from bags.errors import BagError
+from bags.rosbag2.metadata_file import FILE_NAME, ROOT_KEY
+from bags.rosbag2.unpacked import PACKED
+from storage.errors import FileError
+from storage.text_file import read_text
+
+_SUFFIXES = (".mcap", ".db3")
+_ENDINGS = (*_SUFFIXES, *(suffix + PACKED for suffix in _SUFFIXES))
+
+
+@dataclass(frozen=True)
+class BagLayout:
+    """told: what stands below the root key of metadata.yaml, None where it cannot be read.
+
+    fault: why metadata.yaml is missing or does not fit the files, empty where it is well.
+    """
+
+    path: Path
+    files: tuple[Path, ...]
+    told: dict[str, Any] | None
+    fault: str = ""
+
+    @property
+    def n_messages(self) -> int | None:
+        """Messages of the whole bag."""
+        return _count((self.told or {}).get("message_count"))
+
+    @property
+    def messages_by_file(self) -> dict[str, int]:
+        """Messages of each file, by its name as it is called unpacked."""
+        entries = _dicts((self.told or {}).get("files"))
+        counts = {str(each.get("path")): _count(each.get("message_count")) for each in entries}
+        return {storage_name(name): count for name, count in counts.items() if count is not None}
+
+    @property
+    def messages_by_topic(self) -> dict[str, int]:
+        """Messages of each topic."""
+        counts: dict[str, int] = {}
+        for entry in _dicts((self.told or {}).get("topics_with_message_count")):
+            topic, count = entry.get("topic_metadata"), _count(entry.get("message_count"))
+            if isinstance(topic, dict) and count is not None:
+                name = str(topic.get("name"))
+                counts[name] = counts.get(name, 0) + count
+        return counts
+
+
+def bag_layout(path: str | Path) -> BagLayout:
+    """The layout of a bag folder or of a single storage file; BagError where there is no bag."""
+    path = Path(path)
+    if path.is_file() and path.name.endswith(_ENDINGS):
+        return BagLayout(path, (path,), None)
+    if not path.is_dir():
+        raise BagError(f"bag {path} must be a folder or a .mcap or .db3 file; check the path")
+    metadata = None
+    try:
+        metadata = _metadata(path)
+        return BagLayout(path, _listed(path, metadata), metadata)
+    except FileError as error:
+        files = _found(path)
+        if not files:
+            kinds = " or ".join(_SUFFIXES)
+            raise BagError(f"bag {path} must hold {kinds} files, got none; {error}") from None
+        return BagLayout(path, files, metadata, str(error))
+
+
+def storage_name(path: Path | str) -> str:
+    """The name of a storage file without the ending of a compressed one."""
+    return Path(path).name.removesuffix(PACKED)
+
+
+def _metadata(path: Path) -> dict[str, Any]:
+    text = read_text(path / FILE_NAME)
+    try:
+        values = yaml.safe_load(text)[ROOT_KEY]
+        names = values["relative_file_paths"]
+        if not isinstance(values, dict) or not all(isinstance(name, str) for name in names):
+            raise TypeError("relative_file_paths must be a list of names")
+    except (yaml.YAMLError, KeyError, TypeError, RecursionError, ValueError) as error:
+        reason = str(error).splitlines()[0]
+        raise BagError(f"{path / FILE_NAME} is no rosbag2 metadata ({reason})") from None
+    return dict(values)
+
+
+def _listed(path: Path, metadata: dict[str, Any]) -> tuple[Path, ...]:
+    files = tuple(path / Path(name).name for name in metadata["relative_file_paths"])
+    missing = [file.name for file in files if not file.is_file()]
+    if missing:
+        raise BagError(f"{path / FILE_NAME} lists {missing[0]}, which is missing")
+    unlisted = sorted({file.name for file in _found(path)} - {file.name for file in files})
+    if unlisted and files:
+        raise BagError(f"{path / FILE_NAME} does not list {unlisted[0]}")
+    return files
+
+
+def _found(path: Path) -> tuple[Path, ...]:
+    files = (file for file in path.iterdir() if file.name.endswith(_ENDINGS))
+    return tuple(sorted(files, key=_by_number))
+
+
+def _by_number(file: Path) -> tuple[int, str]:
+    number = re.search(r"_(\d+)$", Path(storage_name(file.name)).stem)
+    return int(number[1]) if number else 0, file.name
+
+
+def _dicts(values: Any) -> list[dict[str, Any]]:
+    return [each for each in values if isinstance(each, dict)] if isinstance(values, list) else []
+
+
+def _count(value: Any) -> int | None:
+    return value if isinstance(value, int) and value >= 0 else None

@@ -1,0 +1,1 @@
+"""The sqlite3 storage of rosbag2, whole or damaged."""

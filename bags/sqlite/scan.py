@@ -1,0 +1,178 @@
+"""All messages of one .db3 file (SQLite, the storage before MCAP), whole or damaged.
+
+A sound file is read by SQLite in the order it was written. SQLite knows no checksums: what it calls
+sound may hold flipped bits within messages. Of a damaged file its pages are read one by one.
+"""
+
+import mmap
+import shutil
+import sqlite3
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+
+from bags.errors import BagError
+from bags.health.damage import Damage
+from bags.rosbag2.message_types import ENCODING
+from bags.rosbag2.raw_message import RawMessage
+from bags.rosbag2.topic_info import TopicInfo
+from bags.sqlite.pages import SqlitePages
+from storage.errors import disk_error
+
+#: What SQLite keeps beside a file that was not closed.
+_UNFINISHED = ("-wal", "-journal")
+
+#: topic number, log time, data
+_Row = tuple[int, int, bytes]
+
+
+class SqliteScan:
+    """One walk through one file; `damage` and `counts` are complete after `messages`."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.damage: list[Damage] = []
+        self.counts: Counter[str] = Counter()
+        self.expected: int | None = None
+
+    def fault(self) -> str:
+        """Why SQLite does not take the file for sound, empty where it does."""
+        with _reachable(self.path) as path:
+            return _fault(path)
+
+    def topics(self) -> dict[int, TopicInfo]:
+        """Topics by number; of a damaged file those whose rows are left."""
+        with _reachable(self.path) as path:
+            return self._topics(path)
+
+    def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
+        """Messages of the given topics, None for all; published when they were logged."""
+        n_unknown = 0
+        with _reachable(self.path) as path:
+            fault = _fault(path)
+            if fault:
+                self._note(fault)
+            known = self._topics(path)
+            for number, time_ns, data in self._salvaged(path) if fault else _rows(path):
+                topic = known.get(number)
+                if topic is None or not isinstance(data, bytes):
+                    n_unknown += 1
+                    continue
+                self.counts[topic.name] += 1
+                if topics is None or topic.name in topics:
+                    yield RawMessage(topic.name, topic.type_name, data, time_ns, time_ns)
+        if n_unknown:
+            self._note(f"{n_unknown} messages have lost their topic or their content")
+
+    def _topics(self, path: Path) -> dict[int, TopicInfo]:
+        try:
+            with closing(_connection(path)) as connection:
+                return _named_topics(connection)
+        except sqlite3.Error:
+            rows = _left(path).rows()
+            return dict(each for number, row in rows for each in _topic_row(number, row))
+
+    def _salvaged(self, path: Path) -> Iterator[_Row]:
+        """Rows of messages, each once."""
+        pages = _left(path)
+        seen: set[int] = set()
+        for number, row in pages.rows():
+            match row:
+                case (None, int(topic), int(time_ns), bytes(data)) if time_ns >= 0:
+                    if number not in seen:
+                        seen.add(number)
+                        yield topic, time_ns, data
+        if pages.n_cut:
+            self._note(f"{pages.n_cut} rows are cut off or damaged")
+
+    def _note(self, what: str) -> None:
+        self.damage.append(Damage(self.path, None, what))
+
+
+def _connection(path: Path) -> sqlite3.Connection:
+    uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+    connection = sqlite3.connect(uri, uri=True, check_same_thread=False)
+    connection.text_factory = lambda text: text.decode("utf-8", errors="replace")
+    return connection
+
+
+def _fault(path: Path) -> str:
+    """Why SQLite does not take the file for sound, empty where it does."""
+    try:
+        with closing(_connection(path)) as connection:
+            (verdict,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+            connection.execute("SELECT id, topic_id, timestamp, data FROM messages LIMIT 1")
+            connection.execute("SELECT id, name, type FROM topics LIMIT 1")
+    except sqlite3.Error as error:
+        return f"the database cannot be read ({error})"
+    words = " ".join(str(verdict).removeprefix("*** in database main ***").split())
+    return "" if words == "ok" else f"the database is damaged ({words})"
+
+
+def _rows(path: Path) -> Iterator[_Row]:
+    try:
+        with closing(_connection(path)) as connection:
+            yield from connection.execute("SELECT topic_id, timestamp, data FROM messages")
+    except sqlite3.Error as error:
+        raise BagError(f"{path} cannot be read any further ({error})") from None
+
+
+def _left(path: Path) -> SqlitePages:
+    try:
+        with path.open("rb") as stream:
+            size = path.stat().st_size
+            content = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if size else b""
+            return SqlitePages(content)
+    except OSError as error:
+        raise BagError(str(disk_error("read", path, error))) from None
+
+
+def _named_topics(connection: sqlite3.Connection) -> dict[int, TopicInfo]:
+    """Older schemas know no type hashes, still older ones no QoS."""
+    columns = {row[1] for row in connection.execute("PRAGMA table_info(topics)")}
+    qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
+    digest = "type_description_hash" if "type_description_hash" in columns else "''"
+    texts = _texts(connection)
+    query = f"SELECT id, name, type, serialization_format, {qos}, {digest} FROM topics"
+    found = {}
+    for number, name, type_name, encoding, profiles, type_hash in connection.execute(query):
+        text_encoding, text = texts.get(type_name, (ENCODING, ""))
+        found[number] = TopicInfo(
+            name, type_name, text, type_hash, profiles, encoding, text_encoding
+        )
+    return found
+
+
+def _texts(connection: sqlite3.Connection) -> dict[str, tuple[str, str]]:
+    """(encoding, definition) by type; none in files of before Iron."""
+    if not connection.execute("PRAGMA table_info(message_definitions)").fetchall():
+        return {}
+    query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+    return {name: (encoding, text) for name, encoding, text in connection.execute(query)}
+
+
+def _topic_row(number: int, row: tuple[object, ...]) -> Iterator[tuple[int, TopicInfo]]:
+    """The topic a row is about, if it is about one."""
+    match row:
+        case (None, str(name), str(type_name), "cdr", *rest) if name.startswith("/"):
+            qos, digest = [*(str(each) for each in rest), "", ""][:2]
+            yield number, TopicInfo(name, type_name, type_hash=digest, qos=qos)
+
+
+@contextmanager
+def _reachable(path: Path) -> Iterator[Path]:
+    """The file; where it was not closed a copy, in which SQLite puts its last messages."""
+    beside = [path.with_name(path.name + ending) for ending in _UNFINISHED]
+    unfinished = [file for file in beside if file.is_file() and file.stat().st_size]
+    if not unfinished:
+        yield path
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        for file in (path, *unfinished):
+            shutil.copy(file, folder)
+        copy = Path(folder) / path.name
+        with suppress(sqlite3.Error), closing(sqlite3.connect(copy)) as connection:
+            connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        yield copy

@@ -1,0 +1,1 @@
+"""What the product does without ROS: drives, demonstrations, learning and navigation."""

@@ -1,0 +1,218 @@
+"""From a recorded drive to decisions (s, a, s') on a grid.
+
+Every recorded intent inside an episode is one decision: s is the cell of the robot at its stamp, a
+the direction it names, s' what the rule of `decision_rule` makes of the place one decision period
+later, or at the arrival if that comes first. Of intents closer together than a decision period the
+first counts. Nothing is dropped without being counted.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from bags.errors import BagError
+from serd_app.demonstrations.decision_rule import Move, next_state_of
+from serd_app.drives.episode_spans import CUT_OFF, DISCARDED, EpisodeSpan
+from serd_app.drives.recorded_drive import RecordedDrive
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.grid import Grid
+
+OUTSIDE_EPISODE = "outside any episode"
+AFTER_CUT_OFF = "after an episode whose end is not recorded"
+IN_DISCARDED = "in a discarded episode"
+WITHIN_PERIOD = "within the period of the decision before"
+CUT_SHORT = "cut short by the end of its episode"
+NO_POSE = "no pose recorded then"
+OFF_GRID = "robot off the grid"
+UNEXPLAINED = "no neighbouring cell explains the move"
+REPEATED = "of an episode that was there before"
+_STAMP_TOLERANCE_S = 1e-6
+
+
+@dataclass(frozen=True)
+class DiscretisationReport:
+    """n_decisions kept; of those, diagonal and far moves assigned to a neighbour; dropped: why.
+
+    n_bad_poses: poses that were left out because a number in them is not finite.
+    n_unplaced_poses: those left out because no transform was recorded about their time.
+    n_bad_commands: velocity commands left out because a number in them is not finite.
+    """
+
+    n_decisions: int
+    n_episodes: int
+    n_diagonal: int
+    n_far: int
+    dropped: dict[str, int] = field(default_factory=dict)
+    n_bad_poses: int = 0
+    n_unplaced_poses: int = 0
+    n_bad_commands: int = 0
+
+    @property
+    def n_intents(self) -> int:
+        """Recorded intents, each either a decision or dropped."""
+        return self.n_decisions + sum(self.dropped.values())
+
+    def without_repeated(self, kept: Decisions) -> "DiscretisationReport":
+        """The same once the decisions of episodes that were known before are dropped."""
+        n_repeated = self.n_decisions - len(kept)
+        if not n_repeated:
+            return self
+        dropped = {**self.dropped, REPEATED: n_repeated}
+        n_episodes = len(kept.episodes)
+        return replace(self, n_decisions=len(kept), n_episodes=n_episodes, dropped=dropped)
+
+    def __str__(self) -> str:
+        """One sentence with every count."""
+        dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(self.dropped.items()))
+        return (
+            f"{self.n_decisions} decisions in {self.n_episodes} episodes; assigned to a neighbour: "
+            f"{self.n_diagonal} diagonal and {self.n_far} far moves; dropped: {dropped or 'none'}"
+            + (f"; {self.n_bad_poses} poses not finite" if self.n_bad_poses else "")
+            + (f"; {self.n_unplaced_poses} poses without /tf" if self.n_unplaced_poses else "")
+            + (f"; {self.n_bad_commands} commands not finite" if self.n_bad_commands else "")
+        )
+
+
+def joined_reports(reports: Sequence[DiscretisationReport]) -> DiscretisationReport:
+    """The counts of several drives together."""
+    return DiscretisationReport(
+        n_decisions=sum(each.n_decisions for each in reports),
+        n_episodes=sum(each.n_episodes for each in reports),
+        n_diagonal=sum(each.n_diagonal for each in reports),
+        n_far=sum(each.n_far for each in reports),
+        dropped=dict(sum((Counter(each.dropped) for each in reports), Counter())),
+        n_bad_poses=sum(each.n_bad_poses for each in reports),
+        n_unplaced_poses=sum(each.n_unplaced_poses for each in reports),
+        n_bad_commands=sum(each.n_bad_commands for each in reports),
+    )
+
+
+def decisions_from_drive(
+    drive: RecordedDrive, grid: Grid, decision_period_s: float
+) -> tuple[Decisions, DiscretisationReport]:
+    """Decisions of a recorded drive on a grid, and what became of every intent."""
+    if not decision_period_s > 0:
+        raise BagError(f"decision_period_s must be above 0, got {decision_period_s}")
+    fates = _Fates(len(drive.intent_time_s), drive.dropped)
+    span = _spans_of(drive, fates, decision_period_s)
+    end_s = _ends(drive, span, fates, decision_period_s)
+    start_m, start_known = _positions(drive, drive.intent_time_s)
+    end_m, end_known = _positions(drive, end_s)
+    fates.drop(~(start_known & end_known), NO_POSE)
+    state, reached = grid.states_at(start_m), grid.states_at(end_m)
+    fates.drop((state < 0) | (reached < 0), OFF_GRID)
+    moves = _assign(grid, state, reached, end_m, fates)
+    kept = np.flatnonzero(fates.kept)
+    numbers = np.array([each.number for each in drive.episodes], dtype=np.int64)
+    decisions = Decisions(
+        episode=numbers[span[kept]],
+        time_s=drive.intent_time_s[kept],
+        state=state[kept],
+        action=drive.intent_action[kept],
+        next_state=reached[kept],
+        source=drive.source,
+    )
+    return decisions, DiscretisationReport(
+        n_decisions=len(kept),
+        n_episodes=len(decisions.episodes),
+        n_diagonal=moves[Move.DIAGONAL],
+        n_far=moves[Move.FAR],
+        dropped=dict(fates.dropped),
+        n_bad_poses=drive.n_bad_poses,
+        n_unplaced_poses=drive.n_unplaced_poses,
+        n_bad_commands=drive.n_bad_commands,
+    )
+
+
+class _Fates:
+    """Which intents are still decisions, and why the others are not; the first reason counts."""
+
+    def __init__(self, count: int, dropped: Mapping[str, int]) -> None:
+        self.kept: BoolArray = np.ones(count, dtype=bool)
+        self.dropped: Counter[str] = Counter(dropped)
+
+    def drop(self, rows: BoolArray, reason: str) -> None:
+        """Drop those of the rows that are not dropped yet."""
+        count = int(np.count_nonzero(self.kept & rows))
+        if count:
+            self.dropped[reason] += count
+        self.kept = self.kept & ~rows
+
+
+def _spans_of(drive: RecordedDrive, fates: _Fates, period_s: float) -> IntArray:
+    """(N,) index of the episode of each intent; drops those outside and those too close."""
+    starts_s, ends_s, _ = _columns(drive.episodes)
+    if not len(starts_s):
+        fates.drop(np.ones_like(fates.kept), OUTSIDE_EPISODE)
+        return np.zeros(len(fates.kept), dtype=np.int64)
+    time_s = drive.intent_time_s + _STAMP_TOLERANCE_S
+    span = np.searchsorted(starts_s, time_s, side="right") - 1
+    inside = (span >= 0) & (time_s < ends_s[span])
+    cut_off = np.array([each.outcome == CUT_OFF for each in drive.episodes])
+    fates.drop((span >= 0) & ~inside & cut_off[span], AFTER_CUT_OFF)
+    fates.drop(~inside, OUTSIDE_EPISODE)
+    discarded = np.array([each.outcome == DISCARDED for each in drive.episodes])
+    fates.drop(discarded[span], IN_DISCARDED)
+    fates.drop(_too_close(drive.intent_time_s, span, inside, period_s), WITHIN_PERIOD)
+    return span
+
+
+def _too_close(time_s: FloatArray, span: IntArray, inside: BoolArray, period_s: float) -> BoolArray:
+    close = np.zeros(len(time_s), dtype=bool)
+    last_s, last_span = -np.inf, -1
+    for row in np.flatnonzero(inside):
+        if span[row] == last_span and time_s[row] < last_s + period_s - _STAMP_TOLERANCE_S:
+            close[row] = True
+        else:
+            last_s, last_span = time_s[row], int(span[row])
+    return close
+
+
+def _ends(drive: RecordedDrive, span: IntArray, fates: _Fates, period_s: float) -> FloatArray:
+    """(N,) when each decision's period ends; drops those whose episode ends before, not arrived."""
+    due_s = drive.intent_time_s + period_s
+    if not drive.episodes:
+        return due_s
+    _, ends_s, arrived = _columns(drive.episodes)
+    early = ends_s[span] < due_s - _STAMP_TOLERANCE_S
+    fates.drop(early & ~arrived[span], CUT_SHORT)
+    return np.minimum(due_s, ends_s[span])
+
+
+def _columns(episodes: Sequence[EpisodeSpan]) -> tuple[FloatArray, FloatArray, BoolArray]:
+    starts_s = np.array([span.start_s for span in episodes], dtype=np.float64)
+    ends_s = np.array([span.end_s for span in episodes], dtype=np.float64)
+    return starts_s, ends_s, np.array([span.outcome == "arrived" for span in episodes], dtype=bool)
+
+
+def _positions(drive: RecordedDrive, times_s: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """(N, 2) places interpolated between recorded poses; (N,) false across a gap of them."""
+    recorded_s = drive.pose_time_s
+    if not len(recorded_s):
+        return np.full((len(times_s), 2), np.nan), np.zeros(len(times_s), dtype=bool)
+    after = np.searchsorted(recorded_s, times_s - _STAMP_TOLERANCE_S)
+    within = after < len(recorded_s)
+    after = np.minimum(after, len(recorded_s) - 1)
+    exact = np.abs(recorded_s[after] - times_s) <= _STAMP_TOLERANCE_S
+    gap_s = recorded_s[after] - recorded_s[np.maximum(after - 1, 0)]
+    known = within & (exact | ((after > 0) & (gap_s <= drive.longest_gap_s)))
+    columns = [np.interp(times_s, recorded_s, column) for column in drive.position_m.T]
+    return np.stack(columns, axis=1), known
+
+
+def _assign(
+    grid: Grid, state: IntArray, reached: IntArray, end_m: FloatArray, fates: _Fates
+) -> Counter[Move]:
+    """Put the next state of the rule in place of the cell reached, where that is no neighbour."""
+    moves: Counter[Move] = Counter()
+    adjacent = (reached == state) | (grid.neighbours[state] == reached[:, None]).any(axis=1)
+    unexplained = np.zeros(len(state), dtype=bool)
+    for row in np.flatnonzero(fates.kept & ~adjacent):
+        reached[row], move = next_state_of(grid, int(state[row]), int(reached[row]), end_m[row])
+        unexplained[row] = reached[row] < 0
+        moves[move] += int(reached[row] >= 0)
+    fates.drop(unexplained, UNEXPLAINED)
+    return moves

@@ -1,0 +1,49 @@
+"""A grid for a place nobody has drawn: where the robot has been is walkable, and around it."""
+
+import numpy as np
+
+from bags.errors import BagError
+from serd_core.arrays import FloatArray
+from serd_core.grid.grid import Grid
+
+#: 1 km² in cells of half a metre; anything larger is a pose gone wrong.
+_MOST_CELLS = 4_000_000
+
+
+def grid_around(position_m: FloatArray, cell_size_m: float, margin_cells: int = 1) -> Grid:
+    """Grid whose walkable cells are those of (N, 2) positions and those up to the margin away.
+
+    Cell borders lie on whole multiples of the cell size, so that grids of several bags agree.
+    """
+    if not len(position_m):
+        raise BagError("position_m must hold at least one position to fit a grid, got none")
+    if not cell_size_m > 0:
+        raise BagError(f"cell_size_m must be above 0, got {cell_size_m}")
+    places = np.asarray(position_m, dtype=np.float64)
+    _require_one_place(places, cell_size_m)
+    low = np.floor(places.min(axis=0) / cell_size_m) - margin_cells
+    origin_m = (float(low[0] * cell_size_m), float(low[1] * cell_size_m))
+    cells = np.floor((places - origin_m) / cell_size_m).astype(np.int64)
+    columns, rows = cells.max(axis=0) + 1 + margin_cells
+    walkable = np.zeros((rows, columns), dtype=bool)
+    for column, row in np.unique(cells, axis=0):
+        walkable[
+            row - margin_cells : row + margin_cells + 1,
+            column - margin_cells : column + margin_cells + 1,
+        ] = True
+    return Grid(origin_m, cell_size_m, walkable)
+
+
+def _require_one_place(places: FloatArray, cell_size_m: float) -> None:
+    """One pose far away would make a grid that no memory holds, or numbers that overflow."""
+    with np.errstate(over="ignore"):
+        n_cells = float(np.prod(np.ptp(places, axis=0) / cell_size_m + 1.0))
+        if n_cells <= _MOST_CELLS:
+            return
+        distance_m = np.abs(places - np.median(places, axis=0)).max(axis=1)
+    x_m, y_m = places[int(distance_m.argmax())]
+    raise BagError(
+        f"a grid fitted to the poses must have at most {_MOST_CELLS} cells, theirs would have"
+        f" {n_cells:.3g}: the pose ({x_m:g}, {y_m:g}) m lies farthest from the others;"
+        " take larger cells, or a scenario, off whose grid poses are dropped and counted"
+    )

@@ -1,0 +1,124 @@
+"""In which direction people walk in each cell, from recorded people.
+
+The flow of a cell is the axis nearest to the sum of the velocities seen in it; there is none where
+fewer than a number of people were seen, or where they do not walk in one direction: the order
+|sum v| / sum |v| is 1 when all walk the same way and 0 when they cancel.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import blake2b
+from pathlib import Path
+
+import numpy as np
+
+from bags.errors import BagError
+from bags.messages.point_cloud import point_cloud
+from bags.reader import BagReader, topic_named, topics_named
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.grid.directions import action_of_direction
+from serd_core.grid.grid import Grid
+from serd_core.grid.navigation import NO_FLOW
+
+PEDESTRIANS = "pedestrians"
+_CLOUD = "sensor_msgs/msg/PointCloud2"
+_PAIRS = (("x", "y"), ("vx", "vy"))
+_FIELDS = _PAIRS[0] + _PAIRS[1]
+
+
+@dataclass(frozen=True)
+class FlowRule:
+    """minimum_count: sightings below which a cell has no flow; minimum_order: 0 to 1."""
+
+    minimum_count: int = 20
+    minimum_order: float = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class FlowField:
+    """flow (S,) an `Action` or -1; mean_velocity_mps (S, 2); order (S,) 0 to 1; count (S,)."""
+
+    flow: IntArray
+    mean_velocity_mps: FloatArray
+    order: FloatArray
+    count: IntArray
+
+
+class FlowEstimator:
+    """Adds up velocities per cell, message by message."""
+
+    def __init__(self, grid: Grid) -> None:
+        self._grid = grid
+        self._sum_mps = np.zeros((grid.n_states, 2))
+        self._speed_mps = np.zeros(grid.n_states)
+        self._count = np.zeros(grid.n_states, dtype=np.int64)
+
+    def add(self, position_m: FloatArray, velocity_mps: FloatArray) -> None:
+        """People at (N, 2) with velocities (N, 2); those off the grid or not finite are left."""
+        state = self._grid.states_at(position_m)
+        seen = (state >= 0) & np.isfinite(velocity_mps).all(axis=1)
+        state, velocity = state[seen], velocity_mps[seen]
+        np.add.at(self._sum_mps, state, velocity)
+        np.add.at(self._speed_mps, state, np.hypot(velocity[:, 0], velocity[:, 1]))
+        np.add.at(self._count, state, 1)
+
+    def field(self, rule: FlowRule | None = None) -> FlowField:
+        """The flow so far."""
+        rule = rule or FlowRule()
+        length = np.hypot(self._sum_mps[:, 0], self._sum_mps[:, 1])
+        order = np.divide(length, self._speed_mps, out=np.zeros_like(length), where=length > 0)
+        known = (self._count >= rule.minimum_count) & (order >= rule.minimum_order) & (length > 0)
+        flow = np.full(self._grid.n_states, NO_FLOW, dtype=np.int64)
+        for state in np.flatnonzero(known):
+            flow[state] = action_of_direction(*(self._sum_mps[state] / length[state]))
+        mean = self._sum_mps / np.maximum(self._count, 1)[:, None]
+        return FlowField(flow, mean, order, self._count.copy())
+
+
+def flow_from_bags(
+    paths: Sequence[str | Path],
+    grid: Grid,
+    *,
+    topic: str = PEDESTRIANS,
+    rule: FlowRule | None = None,
+    tolerant: bool = False,
+) -> FlowField | None:
+    """The flow of the people in all bags that hold the topic; None where none of them does.
+
+    A cloud that several of them hold, or one holds twice, counts once.
+
+    topic: a PointCloud2 with the fields x, y, vx, vy in the frame of the grid. tolerant: use what
+    broken bags still hold.
+    """
+    estimator = FlowEstimator(grid)
+    seen: set[bytes] = set()
+    for path in paths:
+        _add_bag(estimator, path, topic, tolerant, seen)
+    return estimator.field(rule) if seen else None
+
+
+def _add_bag(
+    estimator: FlowEstimator, path: str | Path, topic: str, tolerant: bool, seen: set[bytes]
+) -> None:
+    """Add the clouds whose digests are not among those seen, to which theirs are added."""
+    reader = BagReader(path, tolerant=tolerant)
+    named = topics_named(reader.topics, topic)
+    if not named:
+        return
+    name = topic_named(reader.topics, topic)
+    if reader.topics[name].type_name != _CLOUD:
+        raise BagError(
+            f"bag {path}: people on {name} must be of type {_CLOUD}, got"
+            f" {reader.topics[name].type_name}; name the topic of people in the mapping"
+        )
+    for message in reader.messages([name]):
+        time = message.log_time_ns.to_bytes(8, "little", signed=True)
+        digest = blake2b(message.data + time, digest_size=16).digest()
+        if digest in seen:
+            continue
+        seen.add(digest)
+        fields = point_cloud(message.data, _FIELDS).fields
+        position_m, velocity_mps = (
+            np.stack([fields[each] for each in pair], axis=1) for pair in _PAIRS
+        )
+        estimator.add(position_m, velocity_mps)

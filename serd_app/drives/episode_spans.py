@@ -1,0 +1,127 @@
+"""Episodes out of their marks: a start and an end, each with the number of its episode.
+
+An episode whose own end is not recorded is cut off at the first gap in the poses after its start:
+whatever was lost in the gap, nobody can tell to which episode that what follows belongs. Without a
+gap it is cut off at the mark that cannot be its own, or at the last pose.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from bags.errors import BagError
+from bags.messages.plain import diagnostic_array
+from serd_core.arrays import FloatArray
+
+EPISODE = "episode"
+START, END = "start", "end"
+CUT_OFF, DISCARDED = "cut_off", "discarded"
+_MOST_DIGITS = 9
+
+
+@dataclass(frozen=True)
+class EpisodeSpan:
+    """One marked episode; outcome: arrived, timeout, aborted, discarded, or cut_off where the
+    recording has no end of it."""
+
+    number: int
+    start_s: float
+    end_s: float
+    outcome: str
+
+
+@dataclass(frozen=True)
+class EpisodeMark:
+    """event: start or end; outcome: empty at the start."""
+
+    time_s: float
+    event: str
+    number: int
+    outcome: str = ""
+
+
+def marks_of(data: bytes, log_time_ns: int = 0) -> list[EpisodeMark]:
+    """Those in a diagnostic_msgs/DiagnosticArray, whose other statuses are left."""
+    report = diagnostic_array(data)
+    time_s = (report.header.stamp_ns or log_time_ns) / 1e9
+    return [
+        EpisodeMark(time_s, each.message, _number(each.values), each.values.get("outcome", ""))
+        for each in report.statuses
+        if each.name == EPISODE and each.message in (START, END)
+    ]
+
+
+def spans_of_marks(
+    marks: Iterable[EpisodeMark], pose_time_s: FloatArray, longest_gap_s: float
+) -> tuple[EpisodeSpan, ...]:
+    """The episodes in order; marks that were sent again count once. pose_time_s: (T,) increasing.
+
+    An episode that has ended can be taken back: a second end mark with its number and the outcome
+    discarded, whenever it comes, counts in the place of the first. An episode whose number was
+    there before is another one, and is given the number after the highest.
+    """
+    found = _Spans(pose_time_s, longest_gap_s)
+    for mark in sorted(dict.fromkeys(marks), key=lambda each: each.time_s):
+        found.take(mark)
+    found.cut_off(float(pose_time_s[-1]) if len(pose_time_s) else 0.0)
+    return tuple(span for _, span in found.closed)
+
+
+class _Spans:
+    """closed: the number that was marked, and the episode."""
+
+    def __init__(self, pose_time_s: FloatArray, longest_gap_s: float) -> None:
+        gaps = np.flatnonzero(np.diff(pose_time_s) > longest_gap_s)
+        self._gap_start_s, self._gap_end_s = pose_time_s[gaps], pose_time_s[gaps + 1]
+        self._open: EpisodeMark | None = None
+        self._highest = -1
+        self._numbers: set[int] = set()
+        self.closed: list[tuple[int, EpisodeSpan]] = []
+
+    def take(self, mark: EpisodeMark) -> None:
+        """The next mark in time."""
+        if mark.event == START:
+            self.cut_off(mark.time_s)
+            self._open = mark
+        elif self._open is not None and mark.number == self._open.number:
+            self._close(self._open, mark.time_s, mark.outcome)
+        elif not (mark.outcome == DISCARDED and self._taken_back(mark.number)):
+            self.cut_off(mark.time_s)
+
+    def cut_off(self, until_s: float) -> None:
+        """The open episode, if any, ends at the first gap after its start, or then."""
+        if self._open is None:
+            return
+        start_s = self._open.time_s
+        gap = int(np.searchsorted(self._gap_end_s, start_s, side="right"))
+        if gap < len(self._gap_start_s):
+            until_s = min(until_s, float(self._gap_start_s[gap]))
+        self._close(self._open, max(until_s, start_s), CUT_OFF)
+
+    def _close(self, start: EpisodeMark, end_s: float, outcome: str) -> None:
+        number = self._highest + 1 if start.number in self._numbers else start.number
+        self._numbers.add(number)
+        self._highest = max(self._highest, number)
+        self.closed.append((start.number, EpisodeSpan(number, start.time_s, end_s, outcome)))
+        self._open = None
+
+    def _taken_back(self, marked: int) -> bool:
+        """Discard the latest episode marked with that number; whether there is one."""
+        for row in reversed(range(len(self.closed))):
+            if self.closed[row][0] == marked:
+                span = self.closed[row][1]
+                taken = EpisodeSpan(span.number, span.start_s, span.end_s, DISCARDED)
+                self.closed[row] = marked, taken
+                return True
+        return False
+
+
+def _number(values: dict[str, str]) -> int:
+    text = values.get("episode", "")
+    if not text.isdecimal() or len(text) > _MOST_DIGITS:
+        raise BagError(
+            f"episode mark must carry the episode's number, of at most {_MOST_DIGITS} digits, got"
+            f" {text!r}; look at what published it"
+        )
+    return int(text)

@@ -1,0 +1,141 @@
+"""Decisions out of the action topic of a mapping: what it says, or what its messages amount to."""
+
+from array import array
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bags.errors import BagError
+from bags.messages.plain import pose_stamped, twist, vector3_stamped
+from bags.reader import RawMessage
+from serd_app.drives.episode_spans import EpisodeSpan
+from serd_app.drives.inferred_actions import actions_of_velocities, actions_of_waypoints
+from serd_app.drives.mapping import BagMapping
+from serd_app.drives.recorded_drive import NOT_FINITE, actions_of_directions
+from serd_core.arrays import FloatArray, IntArray
+
+NO_COMMAND = "no command recorded then"
+_STAMP_TOLERANCE_S = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTrack:
+    """log_s, time_s (T,), time_s increasing; poses (T, 3) in the frame of the grid."""
+
+    log_s: FloatArray
+    time_s: FloatArray
+    poses: FloatArray
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        """(N, 2) places, those at the ends before and after them."""
+        columns = [np.interp(time_s, self.time_s, each) for each in self.poses[:, :2].T]
+        return np.stack(columns, axis=1)
+
+    def aligned(self, log_s: FloatArray) -> FloatArray:
+        """(N,) times on the clock of the poses of messages logged then."""
+        order = np.argsort(self.log_s, kind="stable")
+        return np.asarray(np.interp(log_s, self.log_s[order], self.time_s[order]))
+
+
+@dataclass(frozen=True, eq=False)
+class MappedIntents:
+    """time_s, action (N,); dropped and n_bad_commands: see `RecordedDrive`."""
+
+    time_s: FloatArray
+    action: IntArray
+    dropped: dict[str, int] = field(default_factory=dict)
+    n_bad_commands: int = 0
+
+
+class MappedActions:
+    """Collects the messages of the action topic."""
+
+    def __init__(self, mapping: BagMapping, topic: str, source: str) -> None:
+        self._mapping, self._topic, self._source = mapping, topic, source
+        self._rows = array("d")
+
+    def take(self, message: RawMessage) -> None:
+        """One of them; BagError where its type does not fit the mapping."""
+        self._rows.extend((message.log_time_ns / 1e9, *self._row(message)))
+
+    def intents(
+        self, track: PoseTrack, spans: tuple[EpisodeSpan, ...], period_s: float
+    ) -> MappedIntents:
+        """The decisions; BagError where the topic has no message."""
+        rows = np.array(self._rows).reshape(-1, 4)
+        if not len(rows):
+            raise BagError(
+                f"{self._source}: action_topic {self._topic} must hold messages, it holds none;"
+                " name the topic in the mapping that the robot was driven by"
+            )
+        at_s = np.where(np.isnan(rows[:, 1]), track.aligned(rows[:, 0]), rows[:, 1])
+        order = np.argsort(at_s, kind="stable")
+        at_s, vectors = at_s[order], rows[order, 2:]
+        clear = np.isfinite(vectors).all(axis=1)
+        n_unclear = int((~clear).sum())
+        at_s, vectors = at_s[clear], vectors[clear]
+        if self._mapping.action_from == "velocity":
+            return self._driven(at_s, vectors, n_unclear, track, _ticks(spans, period_s), period_s)
+        dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
+        return MappedIntents(at_s, self._said(at_s, vectors, track), dropped)
+
+    def _said(self, at_s: FloatArray, vectors: FloatArray, track: PoseTrack) -> IntArray:
+        if self._mapping.action_from == "intent":
+            return actions_of_directions(vectors)
+        return actions_of_waypoints(
+            position_m=track.at(at_s),
+            waypoint_m=vectors,
+            reached_m=self._mapping.waypoint_reached_m,
+        )
+
+    def _driven(
+        self,
+        at_s: FloatArray,
+        commands_mps: FloatArray,
+        n_bad_commands: int,
+        track: PoseTrack,
+        decided_s: FloatArray,
+        period_s: float,
+    ) -> MappedIntents:
+        actions, heard = actions_of_velocities(
+            decision_time_s=decided_s,
+            period_s=period_s,
+            command_time_s=at_s,
+            command_mps=commands_mps,
+            pose_time_s=track.time_s,
+            yaw_rad=track.poses[:, 2],
+            hold_s=self._mapping.hold_s,
+            minimum_speed_mps=self._mapping.minimum_speed_mps,
+        )
+        if self._mapping.silence == "wait":
+            heard = np.ones_like(heard)
+        n_unheard = int((~heard).sum())
+        dropped = {NO_COMMAND: n_unheard} if n_unheard else {}
+        return MappedIntents(decided_s[heard], actions[heard], dropped, n_bad_commands)
+
+    def _row(self, message: RawMessage) -> tuple[float, float, float]:
+        """(stamp in s or NaN, x, y)."""
+        kind = self._mapping.action_from, message.type_name.rsplit("/", 1)[-1]
+        if kind == ("velocity", "Twist"):
+            return (np.nan, *twist(message.data))
+        if kind == ("waypoint", "PoseStamped"):
+            pose = pose_stamped(message.data)
+            return _stamp_s(pose.header.stamp_ns), pose.x_m, pose.y_m
+        if kind in (("velocity", "TwistStamped"), ("intent", "Vector3Stamped")):
+            vector = vector3_stamped(message.data)
+            return _stamp_s(vector.header.stamp_ns), vector.x, vector.y
+        raise BagError(
+            f"action_topic {message.topic} must carry Twist or TwistStamped (velocity),"
+            f" PoseStamped (waypoint) or Vector3Stamped (intent), got {message.type_name} for"
+            f" {self._mapping.action_from}"
+        )
+
+
+def _ticks(spans: tuple[EpisodeSpan, ...], period_s: float) -> FloatArray:
+    """Decision times: every period from the start of each episode."""
+    ticks = [np.arange(span.start_s, span.end_s - _STAMP_TOLERANCE_S, period_s) for span in spans]
+    return np.concatenate(ticks) if ticks else np.zeros(0)
+
+
+def _stamp_s(stamp_ns: int) -> float:
+    return stamp_ns / 1e9 if stamp_ns else float("nan")

@@ -1,0 +1,123 @@
+"""Runs of the clock in what is heard or read: each is a drive of its own.
+
+A stamp that falls back within its topic begins another session: the world was restarted, or a bag
+is played once more. Topics may run ahead of each other by any time, so each has its own session.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from bags.errors import BagError
+from bags.messages.plain import pose_position
+from bags.messages.stamp import message_stamp_ns
+from bags.reader import BagReader, RawMessage, topic_named
+from serd_app.drives.episode_spans import END, EPISODE, marks_of
+from serd_app.drives.recorded_drive import INTENT, POSE, DriveBuilder, RecordedDrive, source_of
+
+_RESTART_NS = 1_000_000_000
+
+
+@dataclass(eq=False)
+class Session:
+    """One run of the clock; the newest stamps of poses and of ends of episodes in it."""
+
+    builder: DriveBuilder
+    newest_pose_ns: int = 0
+    newest_end_ns: int = 0
+
+
+class DriveSessions:
+    """Collects robot_pose, intent and episode.
+
+    n_ended: end marks of episodes that came so far. n_late: intents that came after the end mark of
+    their episode, so that what was gathered then lacks them.
+    """
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self.sessions = [Session(DriveBuilder(source))]
+        self.n_ended = self.n_late = 0
+        self._session_of_poses = self.sessions[0]
+        self._session_of = dict.fromkeys((POSE, INTENT, EPISODE), 0)
+        self._newest_ns = dict.fromkeys((POSE, INTENT, EPISODE), 0)
+
+    def take(self, topic: str, data: bytes, log_time_ns: int = 0) -> None:
+        """One message of `robot_pose`, `intent` or `episode`; BagError for one that is damaged.
+
+        log_time_ns: stands in for a stamp of 0; live there is none, and worlds begin at 0.
+        """
+        if topic == POSE:
+            self._take_pose(data, log_time_ns)
+            return
+        stamp_ns = message_stamp_ns(data) or log_time_ns
+        session = self._session(topic, stamp_ns)
+        if topic == INTENT:
+            session.builder.add_intent(data, stamp_ns)
+            self.n_late += stamp_ns < session.newest_end_ns
+        else:
+            session.builder.add_mark(data, stamp_ns)
+            if any(mark.event == END for mark in marks_of(data)):
+                session.newest_end_ns = max(session.newest_end_ns, stamp_ns)
+                self.n_ended += 1
+
+    def _take_pose(self, data: bytes, log_time_ns: int) -> None:
+        """Nearly all messages are poses: this decides how fast a bag is read."""
+        stamp_ns, x_m, y_m = pose_position(data)
+        stamp_ns = stamp_ns or log_time_ns
+        session = self._session_of_poses
+        if stamp_ns < session.newest_pose_ns - _RESTART_NS:
+            session = self._session_of_poses = self._session(POSE, stamp_ns)
+        session.builder.add_position(stamp_ns, x_m, y_m)
+        if stamp_ns > session.newest_pose_ns:
+            session.newest_pose_ns = self._newest_ns[POSE] = stamp_ns
+
+    @property
+    def caught_up(self) -> bool:
+        """Whether the robot's poses have come as far as the newest end of an episode."""
+        newest = self.sessions[self._session_of[EPISODE]]
+        return newest.newest_pose_ns >= newest.newest_end_ns
+
+    def _session(self, topic: str, stamp_ns: int) -> Session:
+        """That of the topic, or the next one where its clock has fallen back."""
+        if stamp_ns < self._newest_ns[topic] - _RESTART_NS:
+            self._session_of[topic] += 1
+            self._newest_ns[topic] = 0
+            if self._session_of[topic] == len(self.sessions):
+                self.sessions.append(Session(DriveBuilder(self.source)))
+        elif self._is_of_a_later_session(topic, stamp_ns):
+            self._session_of[topic] = len(self.sessions) - 1
+        self._newest_ns[topic] = max(self._newest_ns[topic], stamp_ns)
+        return self.sessions[self._session_of[topic]]
+
+    def _is_of_a_later_session(self, topic: str, stamp_ns: int) -> bool:
+        """Whether a topic that had too few messages to fall back belongs where the poses are."""
+        own, newest = self._session_of[topic], len(self.sessions) - 1
+        if topic == POSE or own == newest or self._session_of[POSE] != newest:
+            return False
+        distance_ns = [abs(each.newest_pose_ns - stamp_ns) for each in self.sessions]
+        return distance_ns[newest] < distance_ns[own]
+
+
+def read_drives(directory: str | Path, *, tolerant: bool = False) -> tuple[RecordedDrive, ...]:
+    """The drives of a bag; BagError names a topic that is missing or a message that is damaged.
+
+    tolerant: read what a broken bag still holds.
+    """
+    return drives_in(BagReader(directory, tolerant=tolerant))
+
+
+def drives_in(reader: BagReader) -> tuple[RecordedDrive, ...]:
+    """The drives of an opened bag, whose `damage` then says what could not be read."""
+    found = DriveSessions(source_of(reader.path))
+    kinds = {topic_named(reader.topics, kind): kind for kind in (POSE, INTENT, EPISODE)}
+    for message in reader.messages(kinds):
+        _take(found, kinds[message.topic], message)
+    return tuple(session.builder.drive() for session in found.sessions)
+
+
+def _take(found: DriveSessions, kind: str, message: RawMessage) -> None:
+    try:
+        found.take(kind, message.data, message.log_time_ns)
+    except BagError as error:
+        where = f"{found.source}, {message.topic} at {message.log_time_ns} ns"
+        raise BagError(f"{where}: {error}") from None

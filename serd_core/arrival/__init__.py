@@ -1,0 +1,1 @@
+"""Times of arrival: predicted by absorbing chains, measured, with bands; trap states."""

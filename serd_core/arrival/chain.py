@@ -1,0 +1,88 @@
+"""Time of arrival: predicted by the absorbing chain of a policy, and measured (Fig. 5.10).
+
+The chain P_pi[s, s'] = sum_a pi(a|s) P(s'|s,a) moves the start distribution one decision period at
+a time; what has reached a goal state has arrived. Goals absorb, whatever the policy does there.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse
+
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrival.absorption import probability_of_ever_arriving
+from serd_core.dynamics.transitions import transitions_of
+from serd_core.errors import SerdError
+from serd_core.mdp.distributions import checked_distribution, checked_policy
+from serd_core.mdp.mdp import Mdp
+
+
+class GoalProblem(Protocol):
+    """An MDP with goal states, such as `NavigationProblem`."""
+
+    @property
+    def mdp(self) -> Mdp:
+        """The MDP."""
+
+    @property
+    def goal_states(self) -> IntArray:
+        """Indices of the states that count as arrived."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArrivalTimes:
+    """Predicted arrival.
+
+    periods: (n_periods + 1,) 0, 1, ...; cdf: probability of having arrived by each period.
+    arrival_probability: probability of ever arriving.
+    """
+
+    periods: IntArray
+    cdf: FloatArray
+    arrival_probability: float
+
+
+def arrival_time_distribution(
+    problem: GoalProblem,
+    policy: FloatArray,
+    outcome_probabilities: FloatArray,
+    start_distribution: FloatArray,
+    n_periods: int,
+) -> ArrivalTimes:
+    """Distribution of the number of decision periods until a goal state is reached.
+
+    policy: (S, A) probabilities; start_distribution: (S,) probabilities.
+    """
+    chain = policy_chain(problem.mdp, policy, outcome_probabilities)
+    share = checked_distribution("start_distribution", start_distribution, problem.mdp.n_states)
+    if n_periods < 0:
+        raise SerdError(f"n_periods must not be negative, got {n_periods}; use the time-out's")
+    goal = np.zeros(problem.mdp.n_states, dtype=np.bool_)
+    goal[problem.goal_states] = True
+    cdf = np.empty(n_periods + 1)
+    moving, arrived = np.where(goal, 0.0, share), float(share[goal].sum())
+    cdf[0] = arrived
+    onward = chain.T.tocsr()
+    for period in range(1, n_periods + 1):
+        moving = onward @ moving
+        arrived += float(moving[goal].sum())
+        moving[goal] = 0.0
+        cdf[period] = arrived
+    return ArrivalTimes(
+        periods=np.arange(n_periods + 1),
+        cdf=np.minimum(cdf, 1.0),
+        arrival_probability=float(np.dot(share, probability_of_ever_arriving(chain, goal))),
+    )
+
+
+def policy_chain(
+    mdp: Mdp, policy: FloatArray, outcome_probabilities: FloatArray
+) -> scipy.sparse.csr_array:
+    """(S, S) Markov chain of an (S, A) policy."""
+    choice = checked_policy("policy", policy, mdp)
+    transitions = transitions_of(mdp.transitions, np.asarray(outcome_probabilities, np.float64))
+    entries = transitions.entries * choice.ravel()[mdp.transitions.row]
+    state = mdp.transitions.row // mdp.n_actions
+    shape = (mdp.n_states, mdp.n_states)
+    return scipy.sparse.csr_array((entries, (state, mdp.transitions.successor)), shape=shape)

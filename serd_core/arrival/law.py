@@ -1,0 +1,150 @@
+"""Time of arrival in seconds, from an arrival counted in decision periods.
+
+The chain of `arrival` counts decision periods of length D and, as in the thesis, dates an arrival
+in the N-th to its end, N D. In truth the robot enters the goal area in the middle of that period.
+With U in (0, D] the time from the beginning of the last period to the entry,
+
+    T = (N - 1) D + U,    P(T <= t) = sum_n P(N = n) P(U <= t - (n - 1) D)
+
+where U is taken as independent of N. Its distribution is that of the entry times seen in
+demonstrations, each as likely as the other. The thesis is the case U = D.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from serd_core.arrays import FloatArray, first_index, float_array
+from serd_core.arrival.chain import ArrivalTimes
+from serd_core.errors import SerdError
+
+# A time that was meant to be a step of the law may miss it by rounding.
+_SAME_TIME_S = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class ArrivalLaw:
+    """A step function: cdf (n,) from each of times_s (n,) up to the next, 0 before the first.
+
+    arrival_probability: of ever arriving, which cdf approaches.
+    """
+
+    times_s: FloatArray
+    cdf: FloatArray
+    arrival_probability: float
+
+    def probability_by(self, time_s: ArrayLike) -> FloatArray:
+        """Probability of having arrived by a time, or by each of several."""
+        asked = np.asarray(time_s, dtype=np.float64) + _SAME_TIME_S
+        index = np.searchsorted(self.times_s, asked, side="right")
+        return np.asarray(np.concatenate([[0.0], self.cdf])[index])
+
+    def quantile_s(self, share: float) -> float | None:
+        """First time by which a share of all robots has arrived, None where that never happens."""
+        reached = np.flatnonzero(self.cdf >= share - 1e-12)
+        return float(self.times_s[reached[0]]) if reached.size else None
+
+    def delayed(self, delay_s: float) -> "ArrivalLaw":
+        """The same law counted from `delay_s` before: remaining time as time since the start."""
+        return ArrivalLaw(self.times_s + delay_s, self.cdf, self.arrival_probability)
+
+    def given_not_arrived_by(self, elapsed_s: float) -> "ArrivalLaw":
+        """The law of the time that remains after `elapsed_s` without arriving.
+
+        P(T - e <= t | T > e) = (F(e + t) - F(e)) / (1 - F(e)). Raises SerdError where the law says
+        that it has surely arrived by then.
+        """
+        done = float(self.probability_by(elapsed_s))
+        if done >= 1.0:
+            raise SerdError(
+                f"not having arrived by {elapsed_s} s must be possible, but its probability is 0"
+                "; the law is that of another episode"
+            )
+        to_come = self.times_s > elapsed_s + _SAME_TIME_S
+        rest = (self.cdf[to_come] - done) / (1.0 - done)
+        ever = (self.arrival_probability - done) / (1.0 - done)
+        return ArrivalLaw(
+            times_s=np.concatenate([[0.0], self.times_s[to_come] - elapsed_s]),
+            cdf=np.concatenate([[0.0], np.clip(rest, 0.0, 1.0)]),
+            arrival_probability=float(np.clip(ever, 0.0, 1.0)),
+        )
+
+
+def law_in_seconds(
+    arrival: ArrivalTimes, *, period_s: float, entry_times_s: ArrayLike = ()
+) -> ArrivalLaw:
+    """The law of the time of arrival in seconds.
+
+    entry_times_s: times within the last period at which demonstrations entered the goal area; none
+    for the thesis's end of the period.
+    """
+    _require_period(period_s)
+    entry_s = _checked_entries(entry_times_s, period_s)
+    begun = np.arange(len(arrival.cdf) - 1)
+    # Within period n the CDF climbs from F(n-1) to F(n), by equal steps at the entry times.
+    distinct_s, counts = np.unique(entry_s, return_counts=True)
+    share = np.cumsum(counts) / len(entry_s)
+    steps = arrival.cdf[:-1, None] + np.diff(arrival.cdf)[:, None] * share[None, :]
+    times_s = period_s * begun[:, None] + distinct_s[None, :]
+    return ArrivalLaw(
+        times_s=np.concatenate([[0.0], times_s.ravel()]),
+        cdf=np.concatenate([arrival.cdf[:1], steps.ravel()]),
+        arrival_probability=arrival.arrival_probability,
+    )
+
+
+def largest_gap(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
+    """Kolmogorov-Smirnov distance of a law and measured times, inf where it did not arrive.
+
+    The largest difference of the two step functions up to the law's last step, looked at on both
+    sides of every step.
+    """
+    measured = np.sort(np.asarray(arrival_times_s, dtype=np.float64))
+    if not measured.size or np.isnan(measured).any():
+        raise SerdError(
+            f"arrival_times_s must hold at least one time and no NaN, got {measured.tolist()}"
+            "; use inf for an episode that did not arrive"
+        )
+    steps = np.unique(np.concatenate([law.times_s, measured[measured <= law.times_s[-1]]]))
+    after = np.searchsorted(measured, steps + _SAME_TIME_S, side="right") / len(measured)
+    before = np.searchsorted(measured, steps - _SAME_TIME_S, side="right") / len(measured)
+    after_gap = np.abs(law.probability_by(steps) - after)
+    before_gap = np.abs(law.probability_by(steps - 2 * _SAME_TIME_S) - before)
+    return float(np.maximum(after_gap, before_gap).max())
+
+
+def entry_times_s(arrival_times_s: ArrayLike, period_s: float) -> FloatArray:
+    """(N,) time of each measured arrival since the beginning of its decision period, in (0, D].
+
+    arrival_times_s: (N,) since the start of the episode, which begins a period.
+    """
+    _require_period(period_s)
+    time_s = float_array("arrival_times_s", arrival_times_s, (None,))
+    bad = first_index(~(time_s > 0))
+    if bad is not None:
+        raise SerdError(
+            f"arrival_times_s{list(bad)} must be above 0, got {time_s[bad]}"
+            "; leave out episodes that began at the goal, they entered it in no period"
+        )
+    whole = np.ceil(time_s / period_s - _SAME_TIME_S) - 1.0
+    return np.minimum(time_s - period_s * np.maximum(whole, 0.0), period_s)
+
+
+def _require_period(period_s: float) -> None:
+    if not 0 < period_s < np.inf:
+        raise SerdError(
+            f"period_s must be above 0 and finite, got {period_s}; use the decision period"
+        )
+
+
+def _checked_entries(entry_times_s: ArrayLike, period_s: float) -> FloatArray:
+    given = float_array("entry_times_s", entry_times_s, (None,))
+    entry_s = given if given.size else np.array([period_s])
+    bad = first_index(~((entry_s > 0) & (entry_s <= period_s + _SAME_TIME_S)))
+    if bad is not None:
+        raise SerdError(
+            f"entry_times_s{list(bad)} must be above 0 and at most period_s = {period_s},"
+            f" got {entry_s[bad]}; measure from the beginning of the last decision period"
+        )
+    return entry_s

@@ -1,0 +1,67 @@
+"""What every Bellman solver offers, and when a residual is small enough."""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, float_array
+from serd_core.bellman.backup import Backup, BellmanProblem, backup_rounding
+from serd_core.bellman.solution import BellmanSolution
+from serd_core.errors import SerdError
+from serd_core.mdp.mdp import Mdp
+
+#: Multiple of the rounding unit below which a residual cannot be expected to fall.
+ROUNDING_STEPS = 16.0
+SMALLEST_SHARE = ROUNDING_STEPS * float(np.finfo(np.float64).eps)
+
+
+class BellmanSolver(ABC):
+    """A bounded iteration for V = T V."""
+
+    @abstractmethod
+    def solve(
+        self, mdp: Mdp, problem: BellmanProblem, initial_value: FloatArray | None = None
+    ) -> BellmanSolution:
+        """Solve from `initial_value` (S,), or from zero."""
+
+
+def residual_target(discount: float, accuracy: float, last: Backup) -> float:
+    """Residual at which a solver may stop, for an error of accuracy * max(1, max |V|).
+
+    Never less than rounding lets residuals fall to. Near a discount of 1 that is more than the
+    accuracy asks for, and the rounding of the backup comes on top: how near V* the solution is
+    certified to be is in its error bound, not in the accuracy.
+    """
+    return last.scale * max(accuracy * (1.0 - discount), SMALLEST_SHARE)
+
+
+def require_limits(accuracy: float, max_steps: int) -> None:
+    """SerdError unless a solver with these limits can do a step and end."""
+    if not accuracy >= 0:
+        raise SerdError(f"accuracy must not be negative or NaN, got {accuracy}; use 1e-10")
+    if not max_steps >= 1:
+        raise SerdError(f"the bound of steps must be at least 1, got {max_steps}; use 1000")
+
+
+def starting_value(mdp: Mdp, initial_value: FloatArray | None) -> FloatArray:
+    """(S,) the given start, checked, or zero."""
+    if initial_value is None:
+        return np.zeros(mdp.n_states)
+    return float_array("initial_value", initial_value, (mdp.n_states,))
+
+
+def solution_from(
+    problem: BellmanProblem, last: Backup, *, steps: int, linear_solves: int, converged: bool
+) -> BellmanSolution:
+    """Record of a finished iteration; the value is T V, no further from V* than V was."""
+    certified = last.residual + backup_rounding(problem, last)
+    return BellmanSolution(
+        value=last.target,
+        q=last.q,
+        policy=problem.equation.policy(last.q),
+        steps=steps,
+        linear_solves=linear_solves,
+        residual=last.residual,
+        error_bound=certified / (1.0 - problem.discount),
+        converged=converged,
+    )

@@ -1,0 +1,101 @@
+"""Newton's method for the Bellman equation, which is (soft) policy iteration.
+
+    V <- V + (I - gamma P_pi)^-1 (T V - V),   pi = policy of the present Q
+
+T is convex and monotone, so from the second step on V grows towards V* at least as fast as under
+value iteration, and close to V* quadratically. A few value-iteration sweeps before the first step
+make a cold start cheaper, and a sweep replaces every step that went wrong numerically. While steps
+shrink the residual well, the policy hardly changes, and the next step keeps the last one's matrix.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.bellman.backup import Backup, BellmanProblem, backup
+from serd_core.bellman.bellman_solver import (
+    BellmanSolver,
+    require_limits,
+    residual_target,
+    solution_from,
+    starting_value,
+)
+from serd_core.bellman.solution import BellmanSolution
+from serd_core.linear.automatic import Automatic
+from serd_core.linear.linear_solver import LinearSolver, LinearSystem
+from serd_core.mdp.mdp import Mdp
+
+#: Relative residual an iterative solver may leave in a correction; the next step removes it. A
+#: third fewer products with the matrix than with 1e-3 at 100,000 states.
+FORCING = 3e-2
+#: Share of the residual by which values may fall in a step that counts as rising.
+FALL = 1e-2
+#: A step that shrinks the residual to this share was good enough to keep its matrix.
+KEEP = 0.1
+
+
+@dataclass(frozen=True)
+class Newton(BellmanSolver):
+    """Safeguarded Newton iteration.
+
+    accuracy: wanted error of V relative to max(1, max |V|).
+    max_steps: bound of sweeps and Newton steps together; cold_sweeps: sweeps before a cold start.
+    """
+
+    linear_solver: LinearSolver = field(default_factory=Automatic)
+    accuracy: float = 1e-12
+    max_steps: int = 1_000
+    cold_sweeps: int = 2
+
+    def __post_init__(self) -> None:
+        require_limits(self.accuracy, self.max_steps)
+
+    def solve(
+        self, mdp: Mdp, problem: BellmanProblem, initial_value: FloatArray | None = None
+    ) -> BellmanSolution:
+        """Solve from `initial_value`, or from zero after `cold_sweeps` sweeps."""
+        latest = backup(problem, starting_value(mdp, initial_value))
+        cold = initial_value is None
+        sweeps_due = self.cold_sweeps if cold else 0
+        solver = self.linear_solver.for_cold_start() if cold else self.linear_solver
+        steps, linear_solves = 1, 0
+        system: LinearSystem | None = None
+        while not (done := self._done(problem, latest)) and steps < self.max_steps:
+            steps += 1
+            if sweeps_due > 0:
+                latest, sweeps_due = backup(problem, latest.target), sweeps_due - 1
+                continue
+            linear_solves += 1
+            system = system or _prepared(solver, mdp, problem, latest)
+            correction = system.solve(latest.gap, relative_residual=FORCING)
+            proposed = backup(problem, latest.target - latest.gap + correction)
+            good = proposed.residual <= KEEP * latest.residual
+            system = system if good else None
+            if good or _acceptable(proposed, latest):
+                latest = proposed
+            else:
+                latest, sweeps_due = backup(problem, latest.target), self.cold_sweeps
+        return solution_from(
+            problem, latest, steps=steps, linear_solves=linear_solves, converged=done
+        )
+
+    def _done(self, problem: BellmanProblem, latest: Backup) -> bool:
+        return latest.residual <= residual_target(problem.discount, self.accuracy, latest)
+
+
+def _prepared(
+    solver: LinearSolver, mdp: Mdp, problem: BellmanProblem, latest: Backup
+) -> LinearSystem:
+    pattern = mdp.policy_pattern
+    policy = problem.equation.policy(latest.q)
+    data = pattern.system_data(policy, problem.transitions.entries, problem.discount)
+    return solver.prepare(pattern, data)
+
+
+def _acceptable(proposed: Backup, latest: Backup) -> bool:
+    """Whether a step may be kept: it shrank the residual, or rose monotonically as theory says."""
+    if not np.isfinite(proposed.residual):
+        return False
+    rises = float(np.min(proposed.gap)) >= -FALL * proposed.residual
+    return proposed.residual < latest.residual or rises

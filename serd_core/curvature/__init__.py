@@ -1,1 +1,0 @@
-"""Exact second derivatives of the log posterior, and first derivatives per decision."""

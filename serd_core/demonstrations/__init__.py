@@ -1,0 +1,1 @@
+"""Demonstrations as tables and trajectories, and sampling them."""

@@ -1,0 +1,85 @@
+"""Sample demonstrations from a policy in known dynamics."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.dynamics.transitions import Transitions, transitions_of
+from serd_core.errors import SerdError
+from serd_core.mdp.distributions import checked_distribution, checked_policy
+from serd_core.mdp.mdp import Mdp
+
+
+def sample_decisions(
+    mdp: Mdp,
+    policy: FloatArray,
+    outcome_probabilities: FloatArray,
+    start_distribution: FloatArray,
+    *,
+    n_episodes: int,
+    n_steps: int,
+    rng: np.random.Generator,
+    source: str = "sampled",
+) -> Decisions:
+    """Episodes of at most `n_steps` decisions; one ends in a final state (`Mdp.final`).
+
+    policy: (S, A); start_distribution: (S,). Time counts in decisions. Episodes that start in a
+    final state have no decisions.
+    """
+    if n_episodes < 1 or n_steps < 1:
+        raise SerdError(
+            f"n_episodes and n_steps must be at least 1, got {n_episodes} and {n_steps}"
+        )
+    choice = checked_policy("policy", policy, mdp)
+    starts = checked_distribution("start_distribution", start_distribution, mdp.n_states)
+    transitions = transitions_of(mdp.transitions, np.asarray(outcome_probabilities, np.float64))
+    state = _draw(np.broadcast_to(starts, (n_episodes, mdp.n_states)), rng)
+    moving = np.flatnonzero(~mdp.final[state])
+    rows: list[tuple[IntArray, ...]] = []
+    for step in range(n_steps):
+        if not moving.size:
+            break
+        present = state[moving]
+        action = _draw(choice[present], rng)
+        following = _successors(transitions, present * mdp.n_actions + action, rng)
+        rows.append((moving, np.full(len(moving), step), present, action, following))
+        state[moving] = following
+        moving = moving[~mdp.final[following]]
+    return _decisions(rows, source)
+
+
+def _draw(probabilities: FloatArray, rng: np.random.Generator) -> IntArray:
+    """One index per row of a table of probabilities."""
+    cumulative = np.cumsum(probabilities, axis=1)
+    level = rng.random(len(cumulative)) * cumulative[:, -1]
+    return np.asarray(np.sum(cumulative <= level[:, None], axis=1), dtype=np.int64)
+
+
+def _successors(transitions: Transitions, row: IntArray, rng: np.random.Generator) -> IntArray:
+    start = transitions.model.row_start
+    cumulative = np.concatenate([[0.0], np.cumsum(transitions.entries)])
+    first, last = cumulative[start[row]], cumulative[start[row + 1]]
+    level = first + rng.random(len(row)) * (last - first)
+    entry = np.searchsorted(cumulative, level, side="right") - 1
+    entry = np.clip(entry, start[row], start[row + 1] - 1)
+    return np.asarray(transitions.model.successor[entry])
+
+
+def _decisions(rows: Sequence[tuple[IntArray, ...]], source: str) -> Decisions:
+    if not rows:
+        empty = np.zeros(0, dtype=np.int64)
+        return Decisions(empty, empty.astype(np.float64), empty, empty, empty, source)
+    episode, step, state, action, following = (
+        np.concatenate(column) for column in zip(*rows, strict=True)
+    )
+    order = np.lexsort((step, episode))
+    return Decisions(
+        episode=episode[order],
+        time_s=step[order].astype(np.float64),
+        state=state[order],
+        action=action[order],
+        next_state=following[order],
+        source=source,
+    )

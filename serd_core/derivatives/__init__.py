@@ -1,0 +1,1 @@
+"""First and second derivatives of Q-functions and posteriors."""

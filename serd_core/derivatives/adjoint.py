@@ -1,0 +1,57 @@
+"""Gradient by every reward and every transition probability from one transposed solve.
+
+For an objective J with g(s, a) = dJ/dQ(s, a) at the converged Q and the policy pi along which the
+equation propagates gradients (Boltzmann for soft, greedy for hard):
+
+    (I - gamma P_pi^T) y = gamma P^T g,    lambda(s, a) = g(s, a) + pi(a | s) y(s)
+    dJ/dR(s, a) = lambda(s, a),            dJ/dP(s' | s, a) = gamma lambda(s, a) V(s')
+
+This is the transpose of the Q-gradient (4.21), (4.66) of the thesis: its cost does not grow with
+the number of parameters.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.bellman.solution import BellmanSolution
+from serd_core.dynamics.transitions import Transitions
+from serd_core.linear.linear_solver import LinearSolver
+from serd_core.mdp.mdp import Mdp
+
+
+@dataclass(frozen=True, eq=False)
+class Adjoint:
+    """dJ/dR as (S, A), dJ/d(entries of P) as (E,), and the state part y as (S,)."""
+
+    reward_gradient: FloatArray
+    entry_gradient: FloatArray
+    state_gradient: FloatArray
+
+
+def adjoint(
+    mdp: Mdp,
+    transitions: Transitions,
+    solution: BellmanSolution,
+    q_gradient: FloatArray,
+    linear_solver: LinearSolver,
+) -> Adjoint:
+    """Gradient of an objective with the given (S, A) gradient by the converged Q."""
+    pattern = mdp.policy_pattern
+    data = pattern.system_data(solution.policy, transitions.entries, mdp.discount)
+    system = linear_solver.prepare(pattern, data)
+    state_gradient = system.solve_transposed(mdp.discount * transitions.flow(q_gradient))
+    reward_gradient = q_gradient + solution.policy * state_gradient[:, None]
+    return Adjoint(
+        reward_gradient=reward_gradient,
+        entry_gradient=_entry_gradient(mdp, reward_gradient, solution.value),
+        state_gradient=state_gradient,
+    )
+
+
+def _entry_gradient(mdp: Mdp, reward_gradient: FloatArray, value: FloatArray) -> FloatArray:
+    model = mdp.transitions
+    weights = np.take(reward_gradient.ravel(), model.row)
+    weights *= np.take(value, model.successor)
+    return np.asarray(mdp.discount * weights)

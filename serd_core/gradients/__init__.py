@@ -1,1 +1,0 @@
-"""Derivatives of the converged Q-function: by adjoint, and the thesis's forward recursions."""

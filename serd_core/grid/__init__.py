@@ -1,0 +1,1 @@
+"""The coarse grid, its directions, and the navigation problem on it."""

@@ -1,0 +1,181 @@
+"""The high-level navigation problem in a populated hallway (section 5.1 of the thesis).
+
+States are grid cells, actions the four directions and waiting. One decision period has an outcome
+relative to the intended direction (Table 5.1); its probabilities depend on how the action lies to
+the human flow of the cell: with it, against it, across it, or waiting. Moves in cells without flow
+count as across it: nobody walks along there. Outcomes of waiting are relative to the flow of
+the cell, so that they can learn being carried along by the crowd (north where there is no flow).
+A blocked outcome leaves the robot in its cell. Goal states absorb: their one action is WAIT.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import (
+    FloatArray,
+    IntArray,
+    first_index,
+    float_array,
+    int_array,
+    require_index,
+)
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Action, Grid, Outcome
+from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import unique_names
+
+MODEL_NAMES = ("with_flow", "against_flow", "across_flow", "waiting")
+FEATURE_NAMES = ("goal", "social_norm", "inverse_wall_distance")
+
+WITH_FLOW, AGAINST_FLOW, ACROSS_FLOW, WAITING = range(4)
+NO_FLOW = -1
+
+
+@dataclass(frozen=True, eq=False)
+class NavigationProblem:
+    """Section 5.1 as a learning problem; fits the `Problem` protocol.
+
+    grid: the cells; flow: (S,) direction people walk in (`Action.NORTH`..`WEST`) or -1.
+    goal_states: sorted indices; mdp: outcome models of `model_names`; features: (S, A, F).
+    """
+
+    grid: Grid
+    flow: IntArray
+    goal_states: IntArray
+    mdp: Mdp
+    outcome_models: OutcomeModels
+    features: FloatArray
+    feature_names: tuple[str, ...]
+    model_names: tuple[str, ...] = MODEL_NAMES
+
+
+def build_navigation_problem(
+    *,
+    grid: Grid,
+    flow: IntArray,
+    goal_states: Sequence[int] | IntArray,
+    wall_distance_m: FloatArray,
+    discount: float,
+    beta: float = 1.0,
+    features: Sequence[str] = FEATURE_NAMES,
+) -> NavigationProblem:
+    """Assemble the problem of section 5.1 on a grid.
+
+    flow: (S,); wall_distance_m: (S,) distance of each cell's centre to the nearest wall;
+    features: names out of `FEATURE_NAMES`, in the wanted order.
+    """
+    flow = _checked_flow(flow, grid.n_states)
+    goals = _checked_goals(goal_states, grid.n_states)
+    distance_m = float_array("wall_distance_m", wall_distance_m, (grid.n_states,))
+    outcome_models = _outcome_models(grid, flow, goals, beta)
+    available_features = _feature_table(grid.n_states, flow, goals, distance_m)
+    return NavigationProblem(
+        grid=grid,
+        flow=flow,
+        goal_states=goals,
+        mdp=Mdp(outcome_models, discount),
+        outcome_models=outcome_models,
+        features=_selected_features(available_features, features),
+        feature_names=unique_names(tuple(features)),
+    )
+
+
+def absolute_direction(action: IntArray, flow: IntArray) -> IntArray:
+    """Direction (`Action`) that outcome FORWARD means: the action, or the flow when waiting."""
+    flow_or_north = np.where(flow == NO_FLOW, int(Action.NORTH), flow)
+    return np.where(action == Action.WAIT, flow_or_north, action)
+
+
+def _outcome_models(grid: Grid, flow: IntArray, goals: IntArray, beta: float) -> OutcomeModels:
+    actions = np.arange(len(Action))[None, :]
+    successors = _successors(grid, absolute_direction(actions, flow[:, None]))
+    successors[goals] = goals[:, None, None]
+    available = np.ones((grid.n_states, len(Action)), dtype=np.bool_)
+    available[goals] = actions[0] == Action.WAIT
+    return OutcomeModels(
+        successors=successors,
+        model_of=_model_of(actions, flow[:, None]),
+        available=available,
+        n_models=len(MODEL_NAMES),
+        beta=beta,
+    )
+
+
+def _successors(grid: Grid, direction: IntArray) -> IntArray:
+    """(S, A, K) next states when FORWARD means `direction` (S, A)."""
+    states = np.arange(grid.n_states)[:, None]
+    table = np.empty((*direction.shape, len(Outcome)), dtype=np.int64)
+    table[:, :, Outcome.STAY] = states
+    for quarter_turns, outcome in enumerate(list(Outcome)[1:]):
+        turned = (direction - 1 + quarter_turns) % 4 + 1
+        table[:, :, outcome] = grid.neighbours[states, turned]
+    return table
+
+
+def _model_of(action: IntArray, flow: IntArray) -> IntArray:
+    opposite = (flow + 1) % 4 + 1
+    moving = np.where(
+        action == flow, WITH_FLOW, np.where(action == opposite, AGAINST_FLOW, ACROSS_FLOW)
+    )
+    moving = np.where(flow == NO_FLOW, ACROSS_FLOW, moving)
+    return np.where(action == Action.WAIT, WAITING, moving)
+
+
+def _feature_table(
+    n_states: int, flow: IntArray, goals: IntArray, distance_m: FloatArray
+) -> dict[str, FloatArray]:
+    """(S, A) of each feature of section 5.1.3."""
+    shape = (n_states, len(Action))
+    goal = np.zeros(shape)
+    goal[goals] = 1.0
+    norm_of_model = np.array([1.0, -1.0, 0.0, 1.0])
+    model = _model_of(np.arange(len(Action))[None, :], flow[:, None])
+    inverse = np.broadcast_to(normalised_inverse_distance(distance_m)[:, None], shape)
+    return {
+        "goal": goal,
+        "social_norm": norm_of_model[model],
+        "inverse_wall_distance": inverse,
+    }
+
+
+def normalised_inverse_distance(distance_m: FloatArray) -> FloatArray:
+    """(S,) 1 / distance, scaled so that the cell nearest to a wall has 1."""
+    bad = first_index(~(distance_m > 0))
+    if bad is not None:
+        raise SerdError(
+            f"wall_distance_m[{bad[0]}] must be above 0, got {distance_m[bad]}"
+            "; measure from the cell's centre"
+        )
+    return np.asarray(distance_m.min() / distance_m)
+
+
+def _selected_features(table: dict[str, FloatArray], names: Sequence[str]) -> FloatArray:
+    for name in names:
+        if name not in table:
+            raise SerdError(f"features must be among {', '.join(table)}, got {name!r}")
+    if not names:
+        raise SerdError(f"features must name at least one of {', '.join(table)}, got none")
+    return float_array("features", np.stack([table[name] for name in names], axis=2))
+
+
+def _checked_flow(flow: IntArray, n_states: int) -> IntArray:
+    checked = int_array("flow", flow, (n_states,))
+    allowed = (checked == NO_FLOW) | ((checked >= Action.NORTH) & (checked <= Action.WEST))
+    bad = first_index(~allowed)
+    if bad is not None:
+        raise SerdError(
+            f"flow[{bad[0]}] must be 1 to 4 (north, east, south, west) or -1 for none,"
+            f" got {checked[bad]}"
+        )
+    return checked
+
+
+def _checked_goals(goal_states: Sequence[int] | IntArray, n_states: int) -> IntArray:
+    goals = int_array("goal_states", np.unique(np.asarray(goal_states)), (None,))
+    if not goals.size:
+        raise SerdError("goal_states must name at least one state, got none")
+    require_index("goal_states", goals, n_states, "a state")
+    return goals

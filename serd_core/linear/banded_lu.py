@@ -1,0 +1,60 @@
+"""LU factorisation of the S x S system as a band matrix (LAPACK's gbtrf).
+
+States reordered by reverse Cuthill-McKee lie near their successors: in a hallway of w cells across
+the band is about w wide, in a square of n states sqrt(n). The work n * width^2 grows faster than
+that of a sparse factor with little fill, but it is plain arithmetic without any bookkeeping, which
+is what small and narrow problems would spend their time on.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg.lapack
+
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.errors import SerdError
+from serd_core.linear.linear_solver import LinearSolver, LinearSystem
+from serd_core.linear.policy_pattern import Band, PolicyPattern
+
+
+@dataclass(frozen=True)
+class BandedLu(LinearSolver):
+    """LAPACK on the reordered band."""
+
+    def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
+        """Factorise the matrix with the given numbers; SerdError where it is singular."""
+        band = pattern.band
+        factor, pivots, failed = scipy.linalg.lapack.dgbtrf(
+            band.filled(data), band.below, band.above, overwrite_ab=1
+        )
+        if failed:
+            raise SerdError(
+                f"I - gamma P_pi must be invertible, but pivot {failed} of its band is 0; check"
+                " that the transition probabilities are finite"
+            )
+        return BandedFactor(factor=factor, pivots=pivots, band=band)
+
+
+@dataclass(frozen=True, eq=False)
+class BandedFactor(LinearSystem):
+    """Factor of the reordered band, as LAPACK keeps it."""
+
+    factor: FloatArray
+    pivots: IntArray
+    band: Band
+
+    def solve(self, right_side: FloatArray, relative_residual: float = 0.0) -> FloatArray:
+        """Solve with the matrix, to rounding."""
+        del relative_residual
+        return self._solved(right_side, transposed=0)
+
+    def solve_transposed(self, right_side: FloatArray) -> FloatArray:
+        """Solve with the transposed matrix."""
+        return self._solved(right_side, transposed=1)
+
+    def _solved(self, right_side: FloatArray, transposed: int) -> FloatArray:
+        band = self.band
+        reordered, _ = scipy.linalg.lapack.dgbtrs(
+            self.factor, band.below, band.above, right_side[band.order], self.pivots, transposed
+        )
+        return np.asarray(reordered[band.rank])

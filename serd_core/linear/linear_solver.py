@@ -1,0 +1,33 @@
+"""Linear systems (I - gamma P_pi) x = b, and with the transposed matrix."""
+
+from abc import ABC, abstractmethod
+
+from serd_core.arrays import FloatArray
+from serd_core.linear.policy_pattern import PolicyPattern
+
+
+class LinearSystem(ABC):
+    """One matrix I - gamma P_pi, prepared for several right-hand sides."""
+
+    @abstractmethod
+    def solve(self, right_side: FloatArray, relative_residual: float = 0.0) -> FloatArray:
+        """x with (I - gamma P_pi) x = b for b of shape (S,) or (S, n).
+
+        An iterative solver may stop at |b - A x| <= relative_residual |b|; 0 asks for its best.
+        """
+
+    @abstractmethod
+    def solve_transposed(self, right_side: FloatArray) -> FloatArray:
+        """x with (I - gamma P_pi)^T x = b for b of shape (S,) or (S, n)."""
+
+
+class LinearSolver(ABC):
+    """A way to solve such systems."""
+
+    def for_cold_start(self) -> "LinearSolver":
+        """The same, for the rough and quickly changing matrices of a solve from nothing."""
+        return self
+
+    @abstractmethod
+    def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
+        """Prepare the matrix with the given numbers (`PolicyPattern.system_data`)."""

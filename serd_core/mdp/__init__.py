@@ -1,0 +1,1 @@
+"""Markov decision processes without reward, and learning problems on them."""

@@ -1,0 +1,83 @@
+"""Markov decision processes without reward: M \\ R (section 2.4 and Table 4.1 of the thesis).
+
+Index order: [s, a] for rewards, features and policies, [s, a, k] for outcomes and [s, a, s'] for
+transitions. Actions may be unavailable in a state; absorbing states are those nothing leaves.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from serd_core.arrays import BoolArray, first_index
+from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.errors import SerdError
+from serd_core.linear.policy_pattern import PolicyPattern, policy_pattern
+
+
+@dataclass(frozen=True, eq=False)
+class Mdp:
+    """A discounted MDP whose transition model still has parameters.
+
+    transitions: P(s' | s, a) up to its parameters.
+    discount: gamma in [0, 1).
+    """
+
+    transitions: TransitionModel
+    discount: float
+
+    def __post_init__(self) -> None:
+        require_discount(self.discount)
+        stuck = first_index(~self.available.any(axis=1))
+        if stuck is not None:
+            raise SerdError(
+                f"state {stuck[0]} must have at least one available action, got none"
+                "; give an absorbing state one action that stays"
+            )
+        empty = np.diff(self.transitions.row_start).reshape(self.available.shape) == 0
+        wrong = first_index(empty & self.available)
+        if wrong is not None:
+            raise SerdError(
+                f"state {wrong[0]}, action {wrong[1]} must have a successor, got none"
+                "; add one or mark the action unavailable"
+            )
+
+    @property
+    def available(self) -> BoolArray:
+        """(S, A) which actions exist in which states."""
+        return self.transitions.available
+
+    @property
+    def n_states(self) -> int:
+        """Number of states S."""
+        return self.transitions.n_states
+
+    @property
+    def n_actions(self) -> int:
+        """Number of actions A."""
+        return self.transitions.n_actions
+
+    @cached_property
+    def absorbing(self) -> BoolArray:
+        """(S,) states that no action can leave."""
+        return self.transitions.absorbing
+
+    @cached_property
+    def final(self) -> BoolArray:
+        """(S,) absorbing states with one action: an episode is over, as nothing is left to decide.
+
+        Experts that stay for good but choose between actions go on making decisions.
+        """
+        return np.asarray(self.absorbing & (self.available.sum(axis=1) == 1))
+
+    @cached_property
+    def policy_pattern(self) -> PolicyPattern:
+        """Symbolic structure of I - gamma P_pi, set up once for all policies and parameters."""
+        model = self.transitions
+        return policy_pattern(model.row, model.successor, self.n_states, self.n_actions)
+
+
+def require_discount(discount: float) -> None:
+    """SerdError unless 0 <= discount < 1."""
+    if not 0.0 <= discount < 1.0:
+        raise SerdError(f"discount must be in [0, 1), got {discount}; use for example 0.99")

@@ -1,0 +1,63 @@
+"""What a learner is given besides demonstrations: an MDP without reward, and reward features.
+
+R(s, a) = theta_R . f(s, a)
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, float_array
+from serd_core.errors import SerdError
+from serd_core.mdp.mdp import Mdp
+
+
+class Problem(Protocol):
+    """Anything with an MDP and named features; see `TabularProblem` for the plain one."""
+
+    @property
+    def mdp(self) -> Mdp:
+        """The MDP without its reward."""
+
+    @property
+    def features(self) -> FloatArray:
+        """(S, A, F) finite features f(s, a); those of unavailable actions count nowhere."""
+
+    @property
+    def feature_names(self) -> tuple[str, ...]:
+        """(F,) one name per feature."""
+
+
+@dataclass(frozen=True, eq=False)
+class TabularProblem:
+    """An MDP with (S, A, F) features and their names.
+
+    Features of unavailable actions may be anything, NaN too; they are kept as 0.
+    """
+
+    mdp: Mdp
+    features: FloatArray
+    feature_names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        shape = (self.mdp.n_states, self.mdp.n_actions, len(self.feature_names))
+        given = np.asarray(self.features)
+        if given.shape == shape:
+            given = np.where(self.mdp.available[:, :, None], given, 0.0)
+        object.__setattr__(self, "features", float_array("features", given, shape))
+        object.__setattr__(self, "feature_names", unique_names(self.feature_names))
+
+
+def unique_names(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The names as a tuple; SerdError where two are equal."""
+    for position, name in enumerate(names):
+        if name in names[:position]:
+            raise SerdError(f"feature_names must differ from each other, got {name!r} twice")
+    return tuple(names)
+
+
+def rewards(problem: Problem, reward_weights: FloatArray) -> FloatArray:
+    """(S, A) rewards theta_R . f(s, a) for (F,) weights."""
+    weights = float_array("reward_weights", reward_weights, (len(problem.feature_names),))
+    return problem.features @ weights

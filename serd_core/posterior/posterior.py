@@ -1,0 +1,126 @@
+"""The log posterior of the SERD problem and its gradient (Eqs. 4.5 to 4.9).
+
+J(theta) = sum_D log pi_theta(a | s) + sum_D log P_T(s' | s, a) + log P(theta)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.bellman_solver import BellmanSolver
+from serd_core.bellman.solution import BellmanSolution
+from serd_core.demonstrations.observations import Observations
+from serd_core.derivatives.adjoint import Adjoint, adjoint
+from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.dynamics.transitions import Transitions, transitions_at
+from serd_core.linear.linear_solver import LinearSolver
+from serd_core.mdp.problem import Problem
+from serd_core.policies.policy_model import PolicyModel
+from serd_core.posterior.dynamics_likelihood import dynamics_log_likelihood
+from serd_core.posterior.parameters import Parameters
+from serd_core.priors.prior import Prior
+
+
+@dataclass(frozen=True, eq=False)
+class PosteriorValue:
+    """J in its three parts, its gradient by all blocks, the solved equation and its adjoint."""
+
+    policy_log_likelihood: float
+    dynamics_log_likelihood: float
+    log_prior: float
+    gradient: Parameters
+    solution: BellmanSolution
+    adjoint: Adjoint
+
+    @property
+    def objective(self) -> float:
+        """J(theta)."""
+        return self.policy_log_likelihood + self.dynamics_log_likelihood + self.log_prior
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """J of one problem, one set of demonstrations and one policy model."""
+
+    problem: Problem
+    observations: Observations
+    policy_model: PolicyModel
+    prior: Prior
+    solver: BellmanSolver
+    linear_solver: LinearSolver
+
+    def evaluate(
+        self, parameters: Parameters, initial_value: FloatArray | None = None
+    ) -> PosteriorValue:
+        """Lines 5 to 8 of Algorithm 1: Q, policy, Q-gradient, objective gradient."""
+        believed = transitions_at(self._model, parameters.belief)
+        solution = self.q_iteration(parameters, believed, initial_value)
+        log_policy = self.policy_model.log_probabilities(parameters.policy, solution.q)
+        gradients = self._q_gradient(parameters, believed, solution, np.exp(log_policy))
+        tied = parameters.truth is parameters.belief
+        true = believed if tied else transitions_at(self._model, parameters.truth)
+        dynamics_value, by_truth = self._dynamics(parameters.truth, true)
+        log_prior = self.prior.evaluate(self._model, parameters)
+        gradient = Parameters(
+            reward=np.tensordot(gradients.reward_gradient, self.problem.features, axes=2),
+            belief=self._by_dynamics(parameters.belief, gradients.entry_gradient),
+            truth=by_truth,
+            policy=self.policy_model.parameter_gradient(
+                parameters.policy, solution.q, self._counts
+            ),
+        )
+        return PosteriorValue(
+            policy_log_likelihood=expected_log_policy(self._counts, log_policy),
+            dynamics_log_likelihood=dynamics_value,
+            log_prior=log_prior.value,
+            gradient=gradient + log_prior.gradient,
+            solution=solution,
+            adjoint=gradients,
+        )
+
+    def q_iteration(
+        self, parameters: Parameters, believed: Transitions, initial_value: FloatArray | None
+    ) -> BellmanSolution:
+        """Line 5 of Algorithm 1: the Bellman equation under the believed transitions."""
+        mdp = self.problem.mdp
+        bellman = BellmanProblem(
+            equation=self.policy_model.equation,
+            rewards=self.problem.features @ parameters.reward,
+            transitions=believed,
+            discount=mdp.discount,
+            available=mdp.available,
+        )
+        return self.solver.solve(mdp, bellman, initial_value)
+
+    @property
+    def _model(self) -> TransitionModel:
+        return self.problem.mdp.transitions
+
+    @property
+    def _counts(self) -> FloatArray:
+        return self.observations.state_action
+
+    def _q_gradient(
+        self,
+        parameters: Parameters,
+        believed: Transitions,
+        solution: BellmanSolution,
+        policy: FloatArray,
+    ) -> Adjoint:
+        by_q = self.policy_model.q_gradient(parameters.policy, policy, self._counts)
+        return adjoint(self.problem.mdp, believed, solution, by_q, self.linear_solver)
+
+    def _dynamics(self, theta: FloatArray, true: Transitions) -> tuple[float, FloatArray]:
+        value, entry_gradient = dynamics_log_likelihood(self.observations, true.entries)
+        return value, self._by_dynamics(theta, entry_gradient)
+
+    def _by_dynamics(self, theta: FloatArray, entry_gradient: FloatArray) -> FloatArray:
+        return self._model.pull_back(theta, self._model.gather(entry_gradient))
+
+
+def expected_log_policy(counts: FloatArray, log_policy: FloatArray) -> float:
+    """sum n(s,a) log pi(a|s) over the pairs that were observed."""
+    seen = counts > 0
+    return float(np.sum(counts[seen] * log_policy[seen]))

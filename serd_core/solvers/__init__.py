@@ -1,1 +1,0 @@
-"""How Bellman equations and their linear systems are solved; choose by object."""

@@ -1,0 +1,1 @@
+"""Publishers and subscriptions: topics, types, quality of service."""

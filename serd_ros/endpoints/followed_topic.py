@@ -1,0 +1,99 @@
+"""A topic heard raw, with whatever quality of service its publishers offer.
+
+A reader hears a publisher only where it asks for no more than is offered: for messages sent again
+(reliable) or from before it came (transient local). So it asks for what all publishers offer.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+
+from serd_ros.endpoints.bag_topics import recording_qos
+from serd_ros.endpoints.qos import STATE_DEPTH
+from serd_ros.endpoints.topic_types import TopicType
+from serd_ros.endpoints.waiting_messages import waiting_messages
+
+_RELIABLE = ReliabilityPolicy.RELIABLE
+_LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
+
+
+def common_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
+    """The most a reader may ask for to hear every one of the publishers."""
+    profiles = tuple(offered)
+    reliable = all(each.reliability == _RELIABLE for each in profiles)
+    latched = all(each.durability == _LATCHED for each in profiles)
+    return QoSProfile(
+        depth=STATE_DEPTH,
+        reliability=_RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=_LATCHED if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def asks_too_much(asked: QoSProfile, offered: QoSProfile) -> bool:
+    """Whether a reader that asks so would not hear a publisher that offers so."""
+    sent_again = asked.reliability == _RELIABLE and offered.reliability != _RELIABLE
+    return sent_again or (asked.durability == _LATCHED and offered.durability != _LATCHED)
+
+
+class FollowedTopic:
+    """Subscribes at once where the type says how, else as soon as there is a publisher.
+
+    name: in full; take: called with (name, message) for each message; offered: by the publishers
+    there were when it began to listen.
+    """
+
+    def __init__(
+        self, node: Node, name: str, kind: TopicType, take: Callable[[str, bytes], None]
+    ) -> None:
+        self.name, self.kind, self.stamped = name, kind, kind.stamped
+        self.offered: tuple[QoSProfile, ...] = ()
+        self._others: list[str] = []
+        self._node, self._take = node, take
+        self._subscription: Subscription | None = None
+        if kind.qos is not None:
+            self.offered = (kind.qos,)
+            self._subscribe(recording_qos(kind.qos))
+
+    @property
+    def heard(self) -> bool:
+        """Whether it listens."""
+        return self._subscription is not None
+
+    def look(self) -> bool:
+        """Follow the publishers; whether it has begun to listen just now."""
+        found = self._node.get_publishers_info_by_topic(self.name)
+        offered = [each.qos_profile for each in found if each.topic_type == self.kind.name]
+        self._others = [] if offered else sorted({each.topic_type for each in found})
+        if not offered:
+            return False
+        if self._subscription is None:
+            self.offered = tuple(offered)
+            self._subscribe(common_qos(offered))
+            return True
+        self._ask_for_less(self._subscription, common_qos(offered))
+        return False
+
+    @property
+    def silence(self) -> str:
+        """Why nothing can be heard, as far as is known, else empty."""
+        if self._others:
+            return f"{self.name} is {', '.join(self._others)}, not {self.kind.name}"
+        return "" if self.heard else f"{self.name} has no publisher"
+
+    def _ask_for_less(self, subscription: Subscription, offered: QoSProfile) -> None:
+        if asks_too_much(subscription.qos_profile, offered):
+            for data in self.waiting():
+                self._take(self.name, data)
+            self._node.destroy_subscription(subscription)
+            self._subscribe(offered)
+
+    def waiting(self) -> Iterator[bytes]:
+        """What has come in but was not looked at yet."""
+        return iter(()) if self._subscription is None else waiting_messages(self._subscription)
+
+    def _subscribe(self, asks: QoSProfile) -> None:
+        self._subscription = self._node.create_subscription(
+            self.kind.message, self.name, lambda data: self._take(self.name, data), asks, raw=True
+        )

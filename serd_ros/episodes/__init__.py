@@ -1,0 +1,1 @@
+"""Nodes that drive episodes: resets, marks, results."""

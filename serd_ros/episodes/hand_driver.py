@@ -1,0 +1,134 @@
+"""What the keyboard and the page share: a person drives, by directions or by velocities.
+
+By directions the choice becomes an `intent` at each decision tick: in an episode of this driver's
+from the first direction on, waits included, and else only when something is chosen. By velocities
+`cmd_vel_teleop` is published. As long as somebody is there to drive by directions, `driver_gone`
+says false; else the mux locks the planner, within its timeout even when this process has died.
+While the mux reports the e-stop nothing is decided: what the robot does then is nobody's wish.
+"""
+
+from abc import abstractmethod
+from typing import TypeVar
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist, Vector3Stamped
+from std_msgs.msg import Bool
+
+from serd_core.grid.grid import Action
+from serd_ros.convert.command import to_twist
+from serd_ros.convert.diagnostics import values_of
+from serd_ros.convert.intent import to_intent
+from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.observation import subscribe_observations
+from serd_ros.episodes.control import EpisodeControl
+from serd_ros.parameters.configs import HandDriverConfig
+from serd_ros.process.serd_node import SerdNode
+from sim.drivers.decision import is_decision_tick
+from sim.scenario.scenario import load_scenario
+from sim.world.command import STOP, Command
+from sim.world.observation import Observation
+from teleop.direction_choice import DirectionChoice
+from teleop.mode import Mode
+
+Config = TypeVar("Config", bound=HandDriverConfig)
+_BEAT_PERIOD_S = 0.05
+
+
+class HandDriverNode(SerdNode[Config]):
+    """A front end reads its person's wishes in `attend`, called 20 times a second."""
+
+    def __init__(self, kind: str, config_class: type[Config]) -> None:
+        super().__init__(kind, config_class)
+        self.scenario = load_scenario(self.config.scenario)
+        self.mode: Mode = self.config.mode
+        self.choice = DirectionChoice()
+        self.observation: Observation | None = None
+        self.episodes = EpisodeControl(
+            self,
+            self.scenario,
+            driver=self.config.driver,
+            timeout_s=self.config.timeout_s,
+            required_nodes=self.config.required_nodes,
+            tell=self.tell,
+        )
+        self._was_there = self._has_decided = self._is_moving = self._is_e_stopped = False
+        self._intents = self.create_publisher(Vector3Stamped, topics.INTENT, qos.STATE)
+        self._velocities = self.create_publisher(Twist, topics.CMD_VEL_TELEOP, qos.COMMAND)
+        self._gone = self.create_publisher(Bool, topics.DRIVER_GONE, qos.COMMAND)
+        self._e_stop = self.create_publisher(Bool, topics.E_STOP, qos.COMMAND)
+        subscribe_observations(self, self.scenario.control_period_s, self._on_observation)
+        self.create_subscription(
+            DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
+        )
+        self.create_timer(_BEAT_PERIOD_S, self._beat, clock=self.wall_clock)
+
+    @abstractmethod
+    def attend(self) -> bool:
+        """Read what the person wants; whether somebody is there to drive."""
+
+    @abstractmethod
+    def tell(self, sentence: str) -> None:
+        """Say something to the person."""
+
+    def set_e_stop(self, engaged: bool) -> None:
+        """Engage the emergency stop, or release it."""
+        if engaged:
+            self._stop_moving()
+        self._e_stop.publish(Bool(data=engaged))
+
+    def set_mode(self, mode: Mode) -> None:
+        """Drive by directions or by velocities; the robot stops in between."""
+        if mode != self.mode:
+            self._stop_moving()
+            self.mode, self._has_decided = mode, False
+
+    def drive(self, command: Command) -> None:
+        """Send a velocity."""
+        self._velocities.publish(to_twist(command))
+
+    def _beat(self) -> None:
+        there = self.attend()
+        if there and self.mode == "directions" and self._has_decided:
+            self._gone.publish(Bool(data=False))
+        if self._was_there and not there:
+            self._stop_moving()
+        self._was_there = there
+
+    def _stop_moving(self) -> None:
+        """Whatever moves the robot for this driver ends now."""
+        self.choice.clear()
+        if self.mode == "velocity":
+            self.drive(STOP)
+            return
+        self._gone.publish(Bool(data=True))
+        if self._is_moving and self.observation is not None:
+            self._publish_intent(Action.WAIT, self.observation)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        values = values_of(message, "teleop_mux")
+        if values is not None:
+            self._is_e_stopped = values["e_stop"] == str(True)
+
+    def _on_observation(self, observation: Observation) -> None:
+        if self.observation is None:
+            self.tell("the world runs: drive, or start an episode")
+        self.observation = observation
+        self.episodes.see(observation)
+        if self.mode == "directions" and is_decision_tick(observation, self.scenario):
+            self._decide(observation)
+
+    def _decide(self, observation: Observation) -> None:
+        if not self._was_there or self._is_e_stopped or self.episodes.other_driver:
+            return
+        action = self.choice.decide()
+        chosen = action != Action.WAIT
+        if self.episodes.is_running:
+            if self.episodes.n_decisions or chosen:  # waiting to begin is no decision to wait
+                self.episodes.n_decisions += 1
+                self._publish_intent(action, observation)
+        elif chosen or self._is_moving:
+            self._publish_intent(action, observation)
+
+    def _publish_intent(self, action: Action, observation: Observation) -> None:
+        self._intents.publish(to_intent(action, observation.time_s))
+        self._is_moving, self._has_decided = action != Action.WAIT, True

@@ -1,0 +1,1 @@
+"""The node graph as data, and whether all its endpoints are connected."""

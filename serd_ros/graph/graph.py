@@ -1,0 +1,119 @@
+"""The node graph as data, read from graph.yaml: which node has which endpoints, which run together.
+
+No rclpy in here: the launcher, the ROS launch file and the pictures use it.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, model_validator
+
+from serd_ros.errors import NodeError
+from serd_ros.parameters.configs import CONFIGS
+from serd_ros.parameters.defaults import default_parameters
+from storage.nearest import hint
+from storage.yaml_config import StrictModel, load_yaml_model
+
+GRAPH_YAML = Path(__file__).with_name("graph.yaml")
+PACKAGE = "serd_ros"
+Parameters = dict[str, Any]
+
+
+class NodeEndpoints(StrictModel):
+    """Names of the topics and services of one node.
+
+    may_subscribe: topics it listens to when a parameter says so, for which nobody waits.
+    """
+
+    publishes: tuple[str, ...] = ()
+    subscribes: tuple[str, ...] = ()
+    may_subscribe: tuple[str, ...] = ()
+    serves: tuple[str, ...] = ()
+    calls: tuple[str, ...] = ()
+
+
+class Stack(StrictModel):
+    """Nodes that run together; `shared` goes to every node that has the parameter.
+
+    parameters: of one node each; only `node.parameter` changes them, so that a name which means
+    something else in another node (a bag played, a bag learned from) reaches the right one.
+    remappings: for each node its topics that have another name in this stack.
+    """
+
+    about: str
+    nodes: tuple[str, ...]
+    shared: dict[str, Any] = Field(default_factory=dict)
+    parameters: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    remappings: dict[str, dict[str, str]] = Field(default_factory=dict)
+
+
+class Graph(StrictModel):
+    """All nodes and all stacks."""
+
+    nodes: dict[str, NodeEndpoints]
+    stacks: dict[str, Stack]
+
+    @model_validator(mode="after")
+    def _names_are_known(self) -> "Graph":
+        for name, stack in self.stacks.items():
+            for node in (*stack.nodes, *stack.parameters, *stack.remappings):
+                if node not in self.nodes:
+                    raise ValueError(f"stack {name} names node {node!r}; {hint(node, self.nodes)}")
+        return self
+
+
+@cache
+def load_graph() -> Graph:
+    """The graph of this package."""
+    return load_yaml_model(GRAPH_YAML, Graph)
+
+
+def find_stack(name: str) -> Stack:
+    """The stack of that name; NodeError with the nearest right one."""
+    stacks = load_graph().stacks
+    if name not in stacks:
+        raise NodeError(f"there is no stack {name!r}; {hint(name, stacks)}")
+    return stacks[name]
+
+
+def stack_parameters(stack: Stack, given: Mapping[str, Any]) -> dict[str, Parameters]:
+    """Parameters of each node of the stack: `shared`, the stack's own, then what was given.
+
+    given: keys are a parameter's name, for every node that has it and to which the stack gives no
+    value of its own, or `node.parameter`. Raises NodeError for a name that reaches no node.
+    """
+    layers: dict[str, Parameters] = {
+        node: {**_known(node, stack.shared), **stack.parameters.get(node, {})}
+        for node in stack.nodes
+    }
+    for key, value in given.items():
+        for node, name in _addressees(stack, key):
+            layers[node][name] = value
+    return layers
+
+
+def _known(node: str, values: Mapping[str, Any]) -> Parameters:
+    return {name: value for name, value in values.items() if name in CONFIGS[node].model_fields}
+
+
+def _addressees(stack: Stack, key: str) -> list[tuple[str, str]]:
+    node, dot, name = key.rpartition(".")
+    if dot:
+        if node not in stack.nodes:
+            raise NodeError(f"{key!r} names no node of this stack; {hint(node, stack.nodes)}")
+        if name not in default_parameters()[node]:
+            raise NodeError(
+                f"{node} has no parameter {name!r}; {hint(name, default_parameters()[node])}"
+            )
+        return [(node, name)]
+    having = [each for each in stack.nodes if key in default_parameters()[each]]
+    if not having:
+        everything = {known for each in stack.nodes for known in default_parameters()[each]}
+        raise NodeError(f"no node of this stack has a parameter {key!r}; {hint(key, everything)}")
+    found = [(each, key) for each in having if key not in stack.parameters.get(each, {})]
+    if not found:
+        names = " or ".join(f"{each}.{key}" for each in having)
+        raise NodeError(f"the stack itself sets {key!r} for each node; name the node: {names}")
+    return found

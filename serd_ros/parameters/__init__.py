@@ -1,0 +1,1 @@
+"""Node parameters: their models, defaults, and how a node declares and checks them."""

@@ -1,0 +1,1 @@
+"""A node as a process: start, spin, end, and the command that started it."""

@@ -1,0 +1,1 @@
+"""A bag on its topics again."""

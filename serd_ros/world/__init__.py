@@ -1,0 +1,1 @@
+"""The simulated world on topics: lock-step or live."""

@@ -1,0 +1,1 @@
+"""Drivers decide once per decision period: the scripted expert and learned policies."""

@@ -1,0 +1,62 @@
+"""Drivers by name, for tables and command lines; the file of a learned model is a name too."""
+
+from collections.abc import Callable
+from functools import partial
+
+from sim.drivers.driver import Driver
+from sim.drivers.expert import ExpertSettings, ScriptedExpert
+from sim.drivers.expert_styles import STYLES, VariedExpert
+from sim.drivers.model_driver import MODEL_SUFFIXES, model_driver
+from sim.errors import SimError
+from sim.scenario.scenario import Scenario
+from storage.nearest import nearest_name
+
+
+def _expert(scenario: Scenario, seed: int) -> Driver:
+    return ScriptedExpert(scenario, seed)
+
+
+def _with_flow(scenario: Scenario, seed: int) -> Driver:
+    return ScriptedExpert(scenario, seed, _resolute(goes_with_flow=True))
+
+
+def _against_flow(scenario: Scenario, seed: int) -> Driver:
+    return ScriptedExpert(scenario, seed, _resolute(goes_with_flow=False))
+
+
+def _in_style(scenario: Scenario, seed: int, *, style: str) -> Driver:
+    return ScriptedExpert(scenario, seed, STYLES[style])
+
+
+def _resolute(*, goes_with_flow: bool) -> ExpertSettings:
+    """One who never wavers nor waits, so that the planner alone is measured."""
+    return ExpertSettings(
+        waver_probability=0.0, wait_probability=0.0, goes_with_flow=goes_with_flow
+    )
+
+
+_DRIVERS: dict[str, Callable[[Scenario, int], Driver]] = {
+    "expert": _expert,
+    "expert_with_flow": _with_flow,
+    "expert_against_flow": _against_flow,
+    "varied_expert": VariedExpert,
+    **{f"{style}_expert": partial(_in_style, style=style) for style in STYLES},
+}
+
+
+def driver_names() -> tuple[str, ...]:
+    """Names `make_driver` knows."""
+    return tuple(_DRIVERS)
+
+
+def make_driver(name: str, scenario: Scenario, seed: int) -> Driver:
+    """The driver of that name or model file; SimError with the nearest name when there is none."""
+    if name.endswith(MODEL_SUFFIXES):
+        return model_driver(name, scenario, seed)
+    if name not in _DRIVERS:
+        meant = nearest_name(name, driver_names()) or driver_names()[0]
+        raise SimError(
+            f"driver must be one of {', '.join(_DRIVERS)} or the .yaml file of a model, "
+            f"got {name!r}; did you mean {meant!r}?"
+        )
+    return _DRIVERS[name](scenario, seed)

@@ -1,0 +1,1 @@
+"""Episodes in process: one, or many over many processes, and their measures."""

@@ -1,0 +1,149 @@
+"""Many episodes over many processes, resumable, one row per episode in a CSV or Parquet file.
+
+Rows are written as they come; a run that is started again skips the episodes whose rows are there.
+An episode's result depends on its task only, not on the process or the order. Scenario and model
+files may change between runs: their digest stands in the row and must be the same.
+"""
+
+import hashlib
+from collections.abc import Callable, Iterable
+from contextlib import closing
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+
+from sim.drivers.catalogue import make_driver
+from sim.drivers.model_driver import MODEL_SUFFIXES
+from sim.episodes.episode import run_episode
+from sim.episodes.execution import Execution
+from sim.episodes.metrics import MetricsObserver
+from sim.errors import SimError
+from sim.planning.catalogue import make_planner, planner_in_world, require_people_source
+from sim.scenario.grid import grid_of, start_states_of
+from sim.scenario.scenario import Scenario, load_scenario
+from sim.world.world import HallwayWorld
+from storage.row_table import Key, Row, RowTable, as_text
+from storage.text_file import read_text
+
+Progress = Callable[[int, int], None]
+#: Column of the digest of everything that files say about an episode.
+INPUTS = "inputs"
+
+
+@dataclass(frozen=True)
+class EpisodeTask:
+    """What defines one episode. n_people: the scenario's own number when None.
+
+    driver: a name of `sim.drivers.catalogue` or the file of a learned model. people_from: a name of
+    `sim.planning.catalogue.PEOPLE_SOURCES`.
+    """
+
+    scenario: str
+    seed: int
+    episode: int = 0
+    n_people: int | None = None
+    start_area: str = "train"
+    planner: str = "dwa"
+    driver: str = "expert_with_flow"
+    people_from: str = "given"
+
+    @property
+    def key(self) -> Key:
+        """The task as the strings that stand in its row."""
+        return tuple(as_text(getattr(self, each.name)) for each in fields(self))
+
+
+TASK_COLUMNS = tuple(each.name for each in fields(EpisodeTask))
+
+
+def run_task(task: EpisodeTask) -> Row:
+    """Run one episode; its row."""
+    scenario = scenario_of(task.scenario, task.n_people)
+    observer = MetricsObserver(scenario)
+    with HallwayWorld(scenario, seed=task.seed) as world:
+        planner = planner_in_world(task.planner, world, task.people_from)
+        record = run_episode(
+            world,
+            planner,
+            make_driver(task.driver, scenario, task.seed),
+            episode=task.episode,
+            start_area=task.start_area,
+            observer=observer.see,
+        )
+    return {
+        **{name: getattr(task, name) for name in TASK_COLUMNS},
+        INPUTS: inputs_digest(task.scenario, task.driver),
+        "outcome": record.outcome,
+        "time_of_arrival_s": record.time_of_arrival_s,
+        "duration_s": record.duration_s,
+        "distance_m": record.distance_m,
+        "n_decisions": len(record.decisions),
+        "minimum_person_distance_m": record.minimum_person_distance_m,
+        **asdict(record.contacts),
+        "planner_status": planner.status.name,
+        "n_recoveries": planner.n_recoveries,
+        **asdict(observer.metrics),
+    }
+
+
+def run_batch(
+    tasks: Iterable[EpisodeTask],
+    path: str | Path,
+    *,
+    execution: Execution | None = None,
+    on_progress: Progress | None = None,
+) -> list[Row]:
+    """Rows of all tasks, from the file where they are there already, else run and added to it.
+
+    A task that is listed twice is one task. execution: where episodes run, all cores of this
+    machine when None. on_progress: called with (done, all) at the start and after every episode.
+    """
+    wanted = list(dict.fromkeys(tasks))
+    require_runnable(wanted)
+    with RowTable(path, TASK_COLUMNS) as table:
+        _require_same_inputs(wanted, table)
+        missing = [task for task in wanted if task.key not in table.rows]
+        done, total = len(wanted) - len(missing), len(wanted)
+        if on_progress is not None:
+            on_progress(done, total)
+        with closing((execution or Execution()).results(run_task, missing)) as results:
+            for row in results:
+                table.append(row)
+                done += 1
+                if on_progress is not None:
+                    on_progress(done, total)
+        return [table.rows[task.key] for task in wanted]
+
+
+def scenario_of(name: str, n_people: int | None) -> Scenario:
+    """The scenario, with another number of people when one is given."""
+    scenario = load_scenario(name)
+    return scenario if n_people is None else scenario.with_pedestrian_count(n_people)
+
+
+def inputs_digest(scenario: str, driver: str) -> str:
+    """Digest of what the scenario, and the model if one drives, consist of."""
+    text = load_scenario(scenario).model_dump_json()
+    if driver.endswith(MODEL_SUFFIXES):
+        text += read_text(driver)
+    return f"sha256:{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+
+def require_runnable(tasks: Iterable[EpisodeTask]) -> None:
+    """Raise now what would otherwise end a batch in its middle: bad names, files and areas."""
+    for alike in {replace(task, seed=0, episode=0) for task in tasks}:
+        place = scenario_of(alike.scenario, alike.n_people)
+        start_states_of(place, grid_of(place), alike.start_area)
+        make_planner(alike.planner, place)
+        require_people_source(alike.people_from)
+        make_driver(alike.driver, place, 0)
+
+
+def _require_same_inputs(tasks: list[EpisodeTask], table: RowTable) -> None:
+    known = [task for task in tasks if task.key in table.rows]
+    digests = {pair: inputs_digest(*pair) for pair in {(t.scenario, t.driver) for t in known}}
+    for task in known:
+        if table.rows[task.key].get(INPUTS) != digests[task.scenario, task.driver]:
+            raise SimError(
+                f"{table.path} holds episodes of another version of {task.scenario} or "
+                f"{task.driver}; choose another file or delete it"
+            )

@@ -1,0 +1,45 @@
+"""Where an episode stands, for anyone who sees the observations: in process or behind ROS."""
+
+import math
+from typing import Literal
+
+from sim.geometry.polygon import contains_point
+from sim.scenario.goal import Area
+from sim.scenario.scenario import Scenario
+from sim.world.observation import Observation
+
+Ending = Literal["arrived", "timeout", "aborted"]
+
+
+class EpisodeProgress:
+    """Follows one episode from its first observation on. timeout_s: simulated seconds."""
+
+    def __init__(self, scenario: Scenario, start: Observation, timeout_s: float) -> None:
+        self.start = start
+        self.distance_m = 0.0
+        self._last = start
+        self._period_s = scenario.control_period_s
+        self._goal_area: Area = scenario.goal_area_m
+        self._n_ticks = round(timeout_s / scenario.control_period_s)
+
+    def aim(self, goal_area_m: Area) -> None:
+        """Let another area count as the goal from now on."""
+        self._goal_area = goal_area_m
+
+    def see(self, observation: Observation) -> Ending | None:
+        """Take the next observation; how the episode ends with it, None when it goes on."""
+        before, self._last = self._last, observation
+        self.distance_m += math.hypot(observation.x_m - before.x_m, observation.y_m - before.y_m)
+        if contains_point(self._goal_area, observation.x_m, observation.y_m):
+            return "arrived"
+        return "timeout" if self.n_ticks >= self._n_ticks else None
+
+    @property
+    def n_ticks(self) -> int:
+        """Control periods since the start."""
+        return self._last.tick - self.start.tick
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated seconds since the start."""
+        return self.n_ticks * self._period_s

@@ -1,0 +1,1 @@
+"""Plane geometry and the map as a raster."""

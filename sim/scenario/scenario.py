@@ -1,0 +1,186 @@
+"""A scenario: the place, its walkers, the robot and its task, as one YAML file (metres, seconds).
+
+The walkable area is one simple polygon; its edges and those of the obstacles are the walls. Loops
+are written as right-hand traffic walks them; `flow_convention: left_hand` walks them backwards.
+"""
+
+import hashlib
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from serd_core.arrays import FloatArray
+from sim.errors import SimError
+from sim.geometry.polygon import edges_of, signed_area_m2, without_straight_corners
+from sim.planning.settings import PlannerSettings
+from sim.scenario import rules
+from sim.scenario.settings import (
+    LidarSettings,
+    Loop,
+    OdometrySettings,
+    Outline,
+    PedestrianSettings,
+    RobotSettings,
+)
+from sim.scenario.walkable_cells import WalkableCells, walkable_cells
+from storage.nearest import nearest_name
+from storage.yaml_config import StrictModel, load_yaml_model
+
+_BUILTIN_FOLDER = Path(__file__).parent / "scenarios"
+
+
+class Obstacle(StrictModel):
+    """Something solid inside the walkable area."""
+
+    name: str
+    outline_m: Outline
+
+
+class Scenario(StrictModel):
+    """Everything that defines one world; the same for every run of it but for the seed."""
+
+    name: str
+    description: str = ""
+    cell_size_m: float = Field(default=1.0, gt=0)
+    decision_period_s: float = Field(default=2.0, gt=0)
+    control_period_s: float = Field(default=0.05, gt=0)
+    episode_timeout_s: float = Field(default=420.0, gt=0)
+    walkable_area_m: Outline
+    obstacles: tuple[Obstacle, ...] = ()
+    goal_area_m: Outline
+    start_areas_m: dict[str, Outline]
+    flow_convention: Literal["right_hand", "left_hand"] = "right_hand"
+    pedestrians: PedestrianSettings = PedestrianSettings()
+    robot: RobotSettings = RobotSettings()
+    lidar: LidarSettings = LidarSettings()
+    odometry: OdometrySettings = OdometrySettings()
+    local_planner: PlannerSettings = PlannerSettings()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Scenario":
+        rules.require_control_period(self.control_period_s, self.robot)
+        rules.require_whole_periods(
+            "decision_period_s", self.decision_period_s, self.control_period_s
+        )
+        rules.require_timeout(self.episode_timeout_s, self.decision_period_s)
+        rules.require_lidar(self.lidar, self.control_period_s)
+        self.local_planner.require_within(self.robot, self.control_period_s)
+        if "train" not in self.start_areas_m:
+            raise ValueError(f"start_areas_m must have 'train', got {sorted(self.start_areas_m)}")
+        solids = [obstacle.outline_m for obstacle in self.obstacles]
+        rules.require_in_place(self.walkable_area_m, solids)
+        rules.require_cell_count(self.walkable_area_m, self.cell_size_m)
+        self._require_usable_areas()
+        rules.require_walkable_crowd(self.pedestrians.count, self.cells)
+        if self.pedestrians.count and not self.pedestrians.loops:
+            raise ValueError("pedestrians.loops must not be empty when pedestrians.count is not 0")
+        for number, loop in enumerate(self.pedestrians.loops):
+            name = f"pedestrians.loops[{number}]"
+            rules.require_lane(name, loop, self.walkable_area_m, solids, self.wall_segments_m)
+        return self
+
+    def _require_usable_areas(self) -> None:
+        cells, radius_m = self.cells, self.robot.radius_m
+        rules.require_cells("goal_area_m", self.goal_area_m, cells)
+        for key, area in self.start_areas_m.items():
+            name = f"start_areas_m.{key}"
+            rules.require_cells(name, area, cells)
+            rules.require_room(name, area, cells, self.wall_segments_m, radius_m)
+            rules.require_way(name, area, self.goal_area_m, cells)
+            rules.require_outside_goal(name, area, self.goal_area_m, cells)
+
+    @property
+    def ticks_per_decision(self) -> int:
+        """Control periods in one decision period."""
+        return round(self.decision_period_s / self.control_period_s)
+
+    @property
+    def ticks_per_scan(self) -> int:
+        """Control periods between two scans."""
+        return max(1, round(1.0 / (self.lidar.rate_hz * self.control_period_s)))
+
+    @property
+    def wall_polygons_m(self) -> list[FloatArray]:
+        """Outline of the walkable area, then of each obstacle, as (n, 2) arrays.
+
+        Corners are ordered so that the free side is to the left of every edge. Corners amid a
+        straight wall are left out: people keep away from each edge, however a wall is cut.
+        """
+        outline = without_straight_corners(np.array(self.walkable_area_m))
+        solids = [without_straight_corners(np.array(each.outline_m)) for each in self.obstacles]
+        return [
+            outline if signed_area_m2(outline) > 0 else outline[::-1],
+            *(solid if signed_area_m2(solid) < 0 else solid[::-1] for solid in solids),
+        ]
+
+    @cached_property
+    def wall_segments_m(self) -> FloatArray:
+        """(W, 2, 2) start and end points of all walls."""
+        return np.concatenate([edges_of(polygon) for polygon in self.wall_polygons_m])
+
+    @cached_property
+    def cells(self) -> WalkableCells:
+        """The coarse cells of the walkable area."""
+        solids = [obstacle.outline_m for obstacle in self.obstacles]
+        return walkable_cells(self.walkable_area_m, solids, self.cell_size_m)
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """(x_min, y_min, x_max, y_max) of the walkable area."""
+        corners = np.array(self.walkable_area_m)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    @property
+    def directed_loops(self) -> tuple[Loop, ...]:
+        """The loops in the order of walking under this scenario's flow convention."""
+        if self.flow_convention == "right_hand":
+            return self.pedestrians.loops
+        return tuple(
+            loop.model_copy(update={"waypoints_m": loop.waypoints_m[::-1]})
+            for loop in self.pedestrians.loops
+        )
+
+    def with_pedestrian_count(self, count: int) -> "Scenario":
+        """The same scenario with another number of people."""
+        if count < 0:
+            raise SimError(f"the number of people must be at least 0, got {count}; use 0 for none")
+        pedestrians = self.pedestrians.model_dump() | {"count": count}
+        return type(self).model_validate(self.model_dump() | {"pedestrians": pedestrians})
+
+    def with_local_planner(self, parameters: PlannerSettings) -> "Scenario":
+        """The same scenario with other parameters of the local planners."""
+        try:
+            parameters.require_within(self.robot, self.control_period_s)
+        except ValueError as error:
+            raise SimError(str(error)) from None
+        return self.model_copy(update={"local_planner": parameters})
+
+
+def builtin_scenarios() -> tuple[str, ...]:
+    """Names of the scenarios that come with the package."""
+    return tuple(sorted(path.stem for path in _BUILTIN_FOLDER.glob("*.yaml")))
+
+
+def scenario_digest(scenario: Scenario) -> str:
+    """Digest of all that a scenario says."""
+    return hashlib.sha256(scenario.model_dump_json().encode()).hexdigest()[:12]
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """Scenario by the name of a built-in one or by the path of a YAML file."""
+    path = Path(name_or_path)
+    if path.suffix in {".yaml", ".yml"}:
+        return load_yaml_model(path, Scenario)
+    name = str(name_or_path)
+    if name in builtin_scenarios():
+        return load_yaml_model(_BUILTIN_FOLDER / f"{name}.yaml", Scenario)
+    meant = nearest_name(name, builtin_scenarios())
+    known = ", ".join(builtin_scenarios())
+    hint = (
+        f"did you mean {meant!r}?" if meant else f"built in are {known}; name the file of another"
+    )
+    raise SimError(f"scenario must be a built-in name or a .yaml file, got {name!r}; {hint}")

@@ -1,0 +1,1 @@
+"""The world and what passes between it and whoever drives: observations, commands, waypoints."""

@@ -1,0 +1,40 @@
+"""Values out of CDR bytes equal those rosbags put in."""
+
+import math
+
+import pytest
+
+from bags.errors import BagError
+from bags.messages.plain import diagnostic_array, pose_position, pose_stamped, vector3_stamped
+
+
+@pytest.mark.parametrize("little_endian", [True, False])
+@pytest.mark.parametrize("frame", ["", "m", "map", "base_link", "a/very/long/frame"])
+def test_poses_and_vectors_read_as_written(messages, little_endian, frame):
+    data = messages.pose(1.25, 3.5, -2.0, little_endian=little_endian, frame=frame)
+    pose = pose_stamped(data)
+    assert (pose.header.stamp_ns, pose.header.frame) == (1_250_000_000, frame)
+    assert (pose.x_m, pose.y_m) == (3.5, -2.0)
+    assert pose.yaw_rad == pytest.approx(math.pi / 2)
+    assert pose_position(data) == (1_250_000_000, 3.5, -2.0)
+    vector = vector3_stamped(messages.intent(2.0, 0.0, -1.0, little_endian=little_endian))
+    assert (vector.header.stamp_ns, vector.x, vector.y) == (2_000_000_000, 0.0, -1.0)
+
+
+def test_diagnostics_read_as_written(messages):
+    report = diagnostic_array(messages.mark(3.0, "end", 7, "arrived"))
+    (status,) = report.statuses
+    assert report.header.stamp_ns == 3_000_000_000
+    assert (status.name, status.message) == ("episode", "end")
+    assert status.values == {"episode": "7", "driver": "test", "outcome": "arrived"}
+
+
+def test_cut_messages_get_a_sentence_at_every_length(messages):
+    for read, data in (
+        (pose_position, messages.pose(1.0, 2.0, 3.0)),
+        (vector3_stamped, messages.intent(1.0, 2.0, 3.0)),
+        (diagnostic_array, messages.mark(1.0, "end", 1, "arrived")),
+    ):
+        for length in range(len(data) - 3):
+            with pytest.raises(BagError, match="must"):
+                read(data[:length])

@@ -1,0 +1,275 @@
+"""Decisions from drives: hand-made cases, and laws that hold for every drive."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bags.errors import BagError
+from bags.reader import BagReader
+from bags.writer import BagWriter
+from serd_app.demonstrations import discretise
+from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.demonstrations.discretise import decisions_from_drive
+from serd_app.drives.episode_spans import EpisodeSpan
+from serd_app.drives.recorded_drive import NOT_FINITE, DriveBuilder, RecordedDrive
+from serd_app.drives.sessions import DriveSessions, read_drives
+from serd_core.grid.grid import Action, Grid
+
+POSE = "geometry_msgs/msg/PoseStamped"
+VECTOR = "geometry_msgs/msg/Vector3Stamped"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+PERIOD_S = 2.0
+GRID = Grid((0.0, 0.0), 1.0, np.array([[1, 1, 1, 1], [1, 1, 0, 1], [1, 1, 1, 1]], dtype=bool))
+
+
+def drive(places, intents, end_s=None, outcome="arrived"):
+    """A drive through `places` (x, y), one per second, with intents (time, action)."""
+    time_s = np.arange(len(places), dtype=float)
+    fine_s = np.arange(0.0, time_s[-1] + 1e-9, 0.25)
+    x, y = np.array(places, dtype=float).T
+    return RecordedDrive(
+        pose_time_s=fine_s,
+        position_m=np.stack([np.interp(fine_s, time_s, x), np.interp(fine_s, time_s, y)], axis=1),
+        intent_time_s=np.array([time for time, _ in intents], dtype=float),
+        intent_action=np.array([int(action) for _, action in intents], dtype=np.int64),
+        episodes=(EpisodeSpan(3, 0.0, time_s[-1] if end_s is None else end_s, outcome),),
+        source="hand",
+    )
+
+
+def only(recorded, grid=GRID):
+    """(state, action, next state) of the one decision, and the report."""
+    decisions, report = decisions_from_drive(recorded, grid, PERIOD_S)
+    assert len(decisions) == 1
+    row = decisions.state[0], decisions.action[0], decisions.next_state[0]
+    return tuple(int(each) for each in row), report
+
+
+@pytest.mark.parametrize(
+    ("end_m", "next_m"),
+    [
+        ((0.5, 0.5), (0.5, 0.5)),
+        ((0.9, 0.1), (0.5, 0.5)),
+        ((1.5, 0.5), (1.5, 0.5)),
+        ((0.5, 1.5), (0.5, 1.5)),
+    ],
+)
+def test_the_next_state_is_the_cell_one_period_later(end_m, next_m):
+    middle = tuple(np.mean([(0.5, 0.5), end_m], axis=0))
+    recorded = drive([(0.5, 0.5), middle, end_m, (3.5, 2.5)], [(0.0, Action.EAST)])
+    row, report = only(recorded)
+    assert row == (GRID.state_at(0.5, 0.5), Action.EAST, GRID.state_at(*next_m))
+    assert (report.n_diagonal, report.n_far, report.dropped) == (0, 0, {})
+
+
+@pytest.mark.parametrize(
+    ("start_m", "end_m", "next_m", "diagonal", "far"),
+    [
+        ((0.5, 0.5), (1.9, 1.4), (1.5, 0.5), 1, 0),  # farther east than north
+        ((0.5, 0.5), (1.2, 1.9), (0.5, 1.5), 1, 0),  # farther north than east
+        ((1.5, 1.5), (2.8, 2.1), (1.5, 2.5), 1, 0),  # farther east, but that cell is a wall
+        ((0.5, 0.5), (2.6, 0.5), (1.5, 0.5), 0, 1),
+        ((0.5, 0.5), (3.5, 2.5), (1.5, 0.5), 0, 1),
+    ],
+)
+def test_diagonal_and_far_moves_count_as_the_neighbour_of_the_larger_displacement(
+    start_m, end_m, next_m, diagonal, far
+):
+    recorded = drive([start_m, start_m, end_m], [(0.0, Action.NORTH)])
+    row, report = only(recorded)
+    assert row[2] == GRID.state_at(*next_m)
+    assert (report.n_diagonal, report.n_far) == (diagonal, far)
+
+
+def test_the_decision_that_arrives_ends_at_the_arrival_and_nothing_follows():
+    places = [(0.5, 0.5), (1.0, 0.5), (1.5, 0.5), (2.5, 0.5), (3.5, 0.5)]
+    intents = [(0.0, 2), (2.0, 2), (4.0, 2)]
+    decisions, report = decisions_from_drive(drive(places, intents, end_s=3.0), GRID, PERIOD_S)
+    assert decisions.time_s.tolist() == [0.0, 2.0]
+    assert decisions.next_state.tolist() == [1, 2]
+    assert set(decisions.episode) == {3}
+    assert report.dropped == {discretise.OUTSIDE_EPISODE: 1}
+
+
+@pytest.mark.parametrize("outcome", ["timeout", "aborted", "cut_off"])
+def test_a_decision_cut_short_without_arrival_is_dropped(outcome):
+    places = [(0.5, 0.5), (1.0, 0.5), (1.5, 0.5), (2.5, 0.5)]
+    recorded = drive(places, [(0.0, 2), (2.0, 2)], outcome=outcome)
+    decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
+    assert decisions.time_s.tolist() == [0.0]
+    assert report.dropped == {discretise.CUT_SHORT: 1}
+
+
+def test_of_intents_within_a_period_the_first_counts():
+    places = [(0.5, 0.5)] * 5
+    intents = [(0.0, 1), (0.5, 2), (1.9, 2), (2.0, 3), (3.0, 1)]
+    decisions, report = decisions_from_drive(drive(places, intents), GRID, PERIOD_S)
+    assert decisions.action.tolist() == [1, 3]
+    assert report.dropped == {discretise.WITHIN_PERIOD: 3}
+
+
+def test_a_discarded_episode_gives_nothing():
+    recorded = drive([(0.5, 0.5)] * 5, [(0.0, 1), (2.0, 1)], outcome="discarded")
+    decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
+    assert len(decisions) == 0
+    assert report.dropped == {discretise.IN_DISCARDED: 2}
+
+
+def test_walls_outside_and_gaps_are_dropped_with_their_reason():
+    off = drive([(2.5, 1.5), (2.5, 1.5), (2.5, 2.5)], [(0.0, 1)])
+    assert decisions_from_drive(off, GRID, PERIOD_S)[1].dropped == {discretise.OFF_GRID: 1}
+    left = drive([(0.5, 0.5), (0.5, 0.5), (-0.5, 0.5)], [(0.0, 1)])
+    assert decisions_from_drive(left, GRID, PERIOD_S)[1].dropped == {discretise.OFF_GRID: 1}
+    whole = drive([(0.5, 0.5)] * 4, [(0.1, 1)])
+    kept = (whole.pose_time_s < 2.0) | (whole.pose_time_s > 2.6)
+    gap = RecordedDrive(
+        whole.pose_time_s[kept],
+        whole.position_m[kept],
+        whole.intent_time_s,
+        whole.intent_action,
+        whole.episodes,
+    )
+    assert decisions_from_drive(gap, GRID, PERIOD_S)[1].dropped == {discretise.NO_POSE: 1}
+
+
+def test_a_drive_without_poses_or_episodes_gives_nothing():
+    empty = RecordedDrive(np.zeros(0), np.zeros((0, 2)), np.array([1.0]), np.array([1]), ())
+    decisions, report = decisions_from_drive(empty, GRID, PERIOD_S)
+    assert len(decisions) == 0
+    assert report.dropped == {discretise.OUTSIDE_EPISODE: 1}
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    places=st.lists(st.tuples(st.floats(-0.4, 4.4), st.floats(-0.4, 3.4)), min_size=2, max_size=9),
+    intents=st.lists(st.tuples(st.floats(-1, 10), st.integers(0, 4)), max_size=12, unique=True),
+    outcome=st.sampled_from(["arrived", "timeout", "discarded"]),
+)
+def test_every_intent_is_counted_and_every_decision_fits_the_mdp(places, intents, outcome):
+    recorded = drive(places, sorted(intents), outcome=outcome)
+    decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
+    assert report.n_intents == len(intents)
+    assert report.n_decisions == len(decisions)
+    for state, following in zip(decisions.state, decisions.next_state, strict=True):
+        assert following == state or following in GRID.neighbours[state]
+    assert np.all(np.diff(decisions.time_s) >= PERIOD_S - 1e-5)
+    assert report.n_diagonal + report.n_far <= report.n_decisions
+
+
+@pytest.fixture
+def recorded_bag(tmp_path, messages):
+    """A bag of a straight drive east over four cells with intents, ended by arrival."""
+    writer = BagWriter(tmp_path / "drive")
+    for name, kind in (("/robot_pose", POSE), ("/intent", VECTOR), ("/episode", DIAGNOSTICS)):
+        writer.add_topic(name, kind)
+    writer.write("/episode", messages.mark(100.0, "start", 5), 1)
+    for tick in range(61):
+        time_s = 100.0 + 0.1 * tick
+        writer.write("/robot_pose", messages.pose(time_s, 0.5 + 0.05 * tick, 0.5), 2 + tick)
+        if tick % 20 == 0:
+            writer.write("/intent", messages.intent(time_s, 1.0, 0.0), 2 + tick)
+    writer.write("/episode", messages.mark(106.0, "end", 5, "arrived"), 99)
+    return writer
+
+
+def test_a_bag_becomes_decisions_by_its_header_stamps(recorded_bag):
+    recorded_bag.close()
+    found, report = demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S)
+    decisions = found.decisions
+    assert decisions.time_s.tolist() == [100.0, 102.0, 104.0]
+    assert decisions.state.tolist() == [0, 1, 2]
+    assert decisions.next_state.tolist() == [1, 2, 3]
+    assert decisions.source == f"bag {recorded_bag.directory}"
+    assert str(report) == (
+        "3 decisions in 1 episodes; assigned to a neighbour: 0 diagonal and 0 far moves;"
+        " dropped: 1 outside any episode"
+    )
+
+
+def test_a_broken_bag_is_refused_unless_tolerated(recorded_bag):
+    recorded_bag.flush()
+    recorded_bag.abandon()
+    with pytest.raises(BagError, match=r"metadata.yaml: it does not exist.*recover"):
+        demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S)
+    found, _ = demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S, tolerant=True)
+    decisions = found.decisions
+    assert len(decisions) == 3
+
+
+def test_a_missing_topic_and_a_bag_without_decisions_get_a_sentence(tmp_path, small_bag):
+    with pytest.raises(BagError, match="must hold the topic 'episode', it holds /intent, /robot_p"):
+        demonstrations_of_bag(small_bag(), GRID, PERIOD_S)
+    with BagWriter(tmp_path / "empty") as writer:
+        for name, kind in (("/robot_pose", POSE), ("/intent", VECTOR), ("/episode", DIAGNOSTICS)):
+            writer.add_topic(name, kind)
+    with pytest.raises(BagError, match="holds no decision to learn from: 0 decisions"):
+        demonstrations_of_bag(tmp_path / "empty", GRID, PERIOD_S)
+
+
+def test_a_message_that_is_cut_short_is_named_with_its_bag_topic_and_time(recorded_bag):
+    recorded_bag.write("/robot_pose", b"\x00\x01\x00\x00abc", 1234)
+    recorded_bag.close()
+    with pytest.raises(BagError, match=r"bag .*drive, /robot_pose at 1234 ns: message must have"):
+        read_drives(recorded_bag.directory)
+
+
+@pytest.mark.parametrize("content", [b"", b"hello", bytes(200)])
+def test_of_a_file_that_is_no_bag_the_damage_is_told_and_not_a_missing_topic(tmp_path, content):
+    path = tmp_path / "broken.mcap"
+    path.write_bytes(content)
+    with pytest.raises(BagError, match=r"at byte 0: .*; repair it with 'serd bag recover'"):
+        read_drives(path)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_pose_that_is_not_finite_is_left_out_and_counted(recorded_bag, messages, bad):
+    sound, _ = decisions_from_drive(tolerated(recorded_bag), GRID, PERIOD_S)
+    recorded_bag.write("/robot_pose", messages.pose(105.95, bad, 0.0), 100)
+    recorded_bag.write("/robot_pose", messages.pose(107.0, 0.5, bad), 101)
+    recorded_bag.close()
+    found, report = demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S)
+    decisions = found.decisions
+    assert np.array_equal(decisions.next_state, sound.next_state)
+    assert report.n_bad_poses == 2
+    assert str(report).endswith("; 2 poses not finite")
+
+
+def tolerated(writer):
+    """The drive as far as it is recorded."""
+    writer.flush()
+    return read_drives(writer.directory, tolerant=True)[0]
+
+
+def test_a_bag_of_nothing_but_poses_that_are_not_finite_is_refused():
+    builder = DriveBuilder("bag x")
+    for time_s in (1.0, 2.0):
+        builder.add_position(round(time_s * 1e9), np.nan, 0.0)
+    with pytest.raises(BagError, match="bag x must hold poses that are finite, none of its 2 is"):
+        builder.drive()
+
+
+def test_an_intent_without_a_direction_is_dropped_and_counted(recorded_bag, messages):
+    recorded_bag.write("/intent", messages.intent(106.05, np.nan, 0.0), 100)
+    recorded_bag.write("/intent", messages.intent(106.05, np.nan, 0.0), 101)
+    recorded_bag.close()
+    found, report = demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S)
+    assert found.decisions.time_s.tolist() == [100.0, 102.0, 104.0]
+    assert report.dropped == {discretise.OUTSIDE_EPISODE: 1, NOT_FINITE: 1}
+    assert report.n_intents == 5
+
+
+def test_live_messages_give_the_same_drive_as_the_file(recorded_bag, messages):
+    recorded_bag.write("/intent", messages.intent(106.05, np.inf, 0.0), 100)
+    recorded_bag.close()
+    live = DriveSessions("bag drive")
+    for message in BagReader(recorded_bag.directory).messages():
+        live.take(message.topic[1:], message.data, message.log_time_ns)
+    from_file, from_topics = (
+        read_drives(recorded_bag.directory)[0],
+        live.sessions[0].builder.drive(),
+    )
+    assert from_topics.episodes == from_file.episodes
+    assert from_topics.dropped == from_file.dropped == {NOT_FINITE: 1}
+    for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
+        assert np.array_equal(getattr(from_topics, name), getattr(from_file, name))

@@ -1,0 +1,65 @@
+"""Flow per cell in files: the table beside demonstrations and the picture inside a model."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from serd_app.demonstrations.flow_table import load_flow, save_flow
+from serd_core.grid.grid import Grid
+from storage.errors import FileError
+from storage.flow_picture import flow_of_picture, flow_picture
+
+GRID = Grid((-1.0, 2.0), 0.5, np.array([[True, False, True], [True, True, True]]))
+
+
+def save(path, grid, flow):
+    zeros = np.zeros(grid.n_states)
+    velocity = np.zeros((grid.n_states, 2))
+    save_flow(path, grid, flow=flow, order=zeros, count=zeros, mean_velocity_mps=velocity)
+
+
+@settings(deadline=None)
+@given(arrays(bool, (3, 4)).filter(lambda cells: cells.any()), st.data())
+def test_table_and_picture_give_back_the_flow(tmp_path_factory, walkable, data):
+    grid = Grid((0.1, -7.3), 0.3, walkable)
+    directions = st.sampled_from([-1, 1, 2, 3, 4])
+    flow = np.array([data.draw(directions) for _ in range(grid.n_states)])
+    path = tmp_path_factory.mktemp("flow") / "flow.csv"
+    save(path, grid, flow)
+    assert load_flow(path, grid).tolist() == flow.tolist()
+    assert flow_of_picture(flow_picture(grid, flow), grid).tolist() == flow.tolist()
+
+
+def test_the_picture_has_north_above_and_walls():
+    assert flow_picture(GRID, np.array([1, 2, 3, 4, -1])) == ("v<.", "^#>")
+
+
+@pytest.mark.parametrize(
+    "rows", [("v<.",), ("v<.", "^#>", "..."), ("v<", "^#"), ("v<.", "^.>"), ("v<.", "^#x")]
+)
+def test_what_is_no_picture_of_the_grid_is_none(rows):
+    assert flow_of_picture(rows, GRID) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda _: "", "line 1 must be state,x_m,y_m,flow,order,count,vx_mps,vy_mps, got an"),
+        (lambda text: text.replace("flow", "direction"), "line 1 must be"),
+        (lambda text: text.replace("north", "nort"), "line 2, flow must be a direction or none,"
+         " got 'nort'; did you mean 'north'?"),
+        (lambda text: text.replace("-0.75,", "east,", 1), "line 2, x_m and y_m must be numbers"),
+        (lambda text: text.replace("-0.75,", "9.0,", 1), "line 2 must be the cell at"),
+        (lambda text: text.replace(",0.0,0.0\n", "\n", 1), "line 2 must have 8 columns, got 6"),
+        (lambda text: text.rsplit("\n", 2)[0], "must have one line for each of the grid's 5"),
+    ],
+)  # fmt: skip
+def test_a_table_that_does_not_fit_gets_a_sentence(tmp_path, change, sentence):
+    path = tmp_path / "flow.csv"
+    save(path, GRID, np.array([1, 2, 3, 4, -1]))
+    path.write_text(change(path.read_text()))
+    with pytest.raises(FileError, match="flow") as caught:
+        load_flow(path, GRID)
+    assert sentence in str(caught.value)

@@ -1,0 +1,390 @@
+"""Anybody's bag by a mapping file: frames, clocks, inferred actions, a fitted grid."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bags.errors import BagError
+from bags.messages.plain import Header, PlanarPose, PlanarTransform
+from bags.writer import BagWriter
+from serd_app.demonstrations.discretise import decisions_from_drive
+from serd_app.demonstrations.fitted_grid import grid_around
+from serd_app.drives.episode_spans import EpisodeSpan
+from serd_app.drives.inferred_actions import actions_of_velocities, actions_of_waypoints
+from serd_app.drives.mapped_actions import NO_COMMAND
+from serd_app.drives.mapped_drive import read_mapped_drive
+from serd_app.drives.mapping import BagMapping
+from serd_app.drives.recorded_drive import NOT_FINITE
+from serd_app.drives.transforms import TransformTree, composed, inverse
+from serd_core.grid.grid import Action
+from storage.yaml_config import yaml_model
+
+REAL_BAG = Path(__file__).parents[3].parent / "shared" / "data" / "bags" / "test-bag"
+POSE = "geometry_msgs/msg/PoseStamped"
+TWIST = "geometry_msgs/msg/Twist"
+VECTOR = "geometry_msgs/msg/Vector3Stamped"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+TF = "tf2_msgs/msg/TFMessage"
+number = st.floats(-10, 10)
+pose_of_numbers = st.tuples(number, number, number)
+
+
+def transform(parent, child, time_s, x, y, yaw):
+    header = Header(round(time_s * 1e9), parent)
+    return PlanarTransform(PlanarPose(header, x, y, yaw), child)
+
+
+def velocity_actions(commands, yaw_rad=0.0, hold_s=0.5):
+    """Actions at 0 s and 2 s for commands (time, forward, left), None where none held."""
+    rows = np.array(commands, dtype=float).reshape(-1, 3)
+    actions, heard = actions_of_velocities(
+        decision_time_s=np.array([0.0, 2.0]),
+        period_s=2.0,
+        command_time_s=rows[:, 0],
+        command_mps=rows[:, 1:],
+        pose_time_s=np.array([0.0, 4.0]),
+        yaw_rad=np.full(2, yaw_rad),
+        hold_s=hold_s,
+    )
+    return [action if known else None for action, known in zip(actions, heard, strict=True)]
+
+
+def test_velocity_commands_mean_the_direction_they_drive_to():
+    steady = [(0.1 * tick, 0.5, 0.0) for tick in range(41)]
+    assert velocity_actions(steady) == [Action.EAST, Action.EAST]
+    assert velocity_actions(steady, math.pi / 2) == [Action.NORTH, Action.NORTH]
+    assert velocity_actions(steady, math.pi) == [Action.WEST, Action.WEST]
+    backwards = [(time_s, -speed, left) for time_s, speed, left in steady]
+    assert velocity_actions(backwards) == [Action.WEST, Action.WEST]
+
+
+def test_a_command_that_is_not_repeated_ends_after_its_hold_time():
+    assert velocity_actions([(0.0, 0.5, 0.0)]) == [Action.EAST, None]
+    assert velocity_actions([(0.0, 0.5, 0.0)], hold_s=0.1) == [Action.WAIT, None]
+    assert velocity_actions([(1.75, 0.5, 0.0)]) == [Action.EAST, Action.EAST]
+
+
+def test_where_no_command_held_nobody_decided_to_wait():
+    assert velocity_actions([]) == [None, None]
+    assert velocity_actions([(2.1, 0.0, 0.0)]) == [None, Action.WAIT]
+    assert velocity_actions([(-0.5, 0.5, 0.0), (4.0, 0.5, 0.0)]) == [None, None]
+
+
+def test_waypoints_mean_the_direction_to_them():
+    actions = actions_of_waypoints(
+        position_m=np.zeros((3, 2)),
+        waypoint_m=np.array([[1.0, 0.2], [0.1, -0.8], [0.1, 0.1]]),
+        reached_m=0.25,
+    )
+    assert actions.tolist() == [Action.EAST, Action.SOUTH, Action.WAIT]
+
+
+@given(pose_of_numbers, pose_of_numbers)
+def test_a_transform_and_its_inverse_cancel(outer, inner):
+    outer, inner = np.array([outer]), np.array([inner])
+    back = composed(inverse(outer), composed(outer, inner))
+    np.testing.assert_allclose(back, inner, atol=1e-9)
+
+
+def test_poses_go_through_a_moving_and_a_static_frame():
+    tree = TransformTree()
+    tree.add(transform("map", "odom", 0.0, 1.0, 0.0, 0.0), static=False)
+    tree.add(transform("map", "odom", 2.0, 1.0, 2.0, math.pi / 2), static=False)
+    tree.add(transform("map", "other", 0.0, 0.0, 5.0, 0.0), static=True)
+    poses, times_s = np.array([[1.0, 0.0, 0.0]] * 2), np.array([0.0, 2.0])
+    into_map = tree.into("map", "/odom", poses, times_s)
+    np.testing.assert_allclose(into_map, [[2.0, 0.0, 0.0], [1.0, 3.0, math.pi / 2]], atol=1e-12)
+    into_other = tree.into("other", "odom", poses, times_s)
+    np.testing.assert_allclose(into_other[:, :2], [[2.0, -5.0], [1.0, -2.0]], atol=1e-12)
+    np.testing.assert_allclose(tree.into("odom", "map", into_map, times_s), poses, atol=1e-12)
+
+
+def test_frames_that_are_not_joined_get_a_sentence():
+    tree = TransformTree()
+    tree.add(transform("map", "odom", 0.0, 0.0, 0.0, 0.0), static=False)
+    with pytest.raises(BagError, match=r"'base' must be joined with 'mpa' by /tf.*mean 'map'"):
+        tree.into("mpa", "base", np.zeros((1, 3)), np.zeros(1))
+
+
+@given(st.lists(st.tuples(number, number), min_size=1, max_size=20), st.integers(0, 2))
+def test_a_fitted_grid_holds_every_position(places, margin):
+    grid = grid_around(np.array(places), 0.5, margin)
+    assert (grid.states_at(places) >= 0).all()
+
+
+def twist(messages, x):
+    make = messages.make
+    zero = make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+    return messages.encode(make(TWIST, make("geometry_msgs/msg/Vector3", x, 0.0, 0.0), zero), TWIST)
+
+
+def tf(messages, time_s, x):
+    make = messages.make
+    moved = make(
+        "geometry_msgs/msg/Transform",
+        make("geometry_msgs/msg/Vector3", x, 0.0, 0.0),
+        make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
+    )
+    stamped = make(
+        "geometry_msgs/msg/TransformStamped", messages.header(time_s, "map"), "odom", moved
+    )
+    return messages.encode(make(TF, [stamped]), TF)
+
+
+@pytest.fixture
+def foreign_bag(tmp_path, messages):
+    """A robot that looks north and drives so, in a frame 10 m off the map, at ten times real time:
+    stamps are simulated time, log times wall time, velocity commands have no stamp."""
+    with BagWriter(tmp_path / "foreign") as writer:
+        writer.add_topic("/robot/pose", POSE)
+        writer.add_topic("/robot/cmd_vel", TWIST)
+        writer.add_topic("/tf", TF)
+        for tick in range(81):
+            time_s = 50.0 + 0.1 * tick
+            log_ns = 10**18 + tick * 10**7
+            writer.write("/tf", tf(messages, time_s, 10.0), log_ns)
+            data = messages.pose(time_s, 0.5, 0.5 + 0.05 * tick, frame="odom")
+            writer.write("/robot/pose", data, log_ns)
+            if tick < 40:
+                writer.write("/robot/cmd_vel", twist(messages, 0.5), log_ns)
+    return tmp_path / "foreign"
+
+
+def bag_with_tf(path, messages, tf_times_s):
+    with BagWriter(path) as writer:
+        for topic, kind in (("/pose", POSE), ("/cmd_vel", TWIST), ("/tf", TF)):
+            writer.add_topic(topic, kind)
+        for time_s in tf_times_s:
+            writer.write("/tf", tf(messages, time_s, 10.0), round(time_s * 1e9))
+        for tick in range(81):
+            time_s = 50.0 + 0.1 * tick
+            data = messages.pose(time_s, 0.5, 0.5 + 0.05 * tick, frame="odom")
+            writer.write("/pose", data, round(time_s * 1e9))
+            writer.write("/cmd_vel", twist(messages, 0.5), round(time_s * 1e9))
+    return BagMapping(
+        pose_topic="/pose", action_from="velocity", action_topic="/cmd_vel", frame="map"
+    )
+
+
+def test_poses_that_no_transform_reaches_are_left_out_and_counted(tmp_path, messages):
+    mapping = bag_with_tf(tmp_path / "late", messages, np.arange(53.0, 56.01, 0.5))
+    drive = read_mapped_drive(tmp_path / "late", mapping, 2.0)
+    assert drive.n_unplaced_poses == 20 + 10
+    assert (drive.pose_time_s[0], drive.pose_time_s[-1]) == pytest.approx((52.0, 57.0))
+    np.testing.assert_allclose(drive.position_m[:, 0], 10.5)
+    grid = grid_around(drive.position_m, 0.5, 1)
+    _, report = decisions_from_drive(drive, grid, 2.0)
+    assert report.n_unplaced_poses == 30
+    assert "; 30 poses without /tf" in str(report)
+
+
+def test_transforms_of_another_clock_place_no_pose_and_that_is_said(tmp_path, messages):
+    mapping = bag_with_tf(tmp_path / "other", messages, np.arange(0.0, 3.0, 0.5))
+    with pytest.raises(BagError, match=r"/tf must join 'odom' with 'map' .* it never does; record"):
+        read_mapped_drive(tmp_path / "other", mapping, 2.0)
+
+
+def written(path, kinds, *rows):
+    """A bag of messages (topic, time, bytes) in the order of time."""
+    with BagWriter(path) as writer:
+        for topic, kind in kinds.items():
+            writer.add_topic(topic, kind)
+        for topic, time_s, data in sorted(rows, key=lambda row: row[1]):
+            writer.write(topic, data, round(time_s * 1e9))
+    return path
+
+
+def drive_east(messages, frame="map", seconds=8.0, step_s=0.1):
+    """Rows of poses of a robot that drives along x from 0 at 1 m/s, and of its commands."""
+    times_s = np.arange(0.0, seconds + 1e-9, step_s) + 50.0
+    for time_s in times_s:
+        yield "/pose", time_s, messages.pose(time_s, time_s - 50.0, 0.5, frame=frame)
+        yield "/cmd_vel", time_s, twist(messages, 0.5)
+
+
+KINDS = {"/pose": POSE, "/cmd_vel": TWIST, "/tf": TF}
+DRIVEN = BagMapping(pose_topic="/pose", action_from="velocity", action_topic="/cmd_vel")
+
+
+def test_poses_given_in_several_frames_are_each_brought_from_their_own(tmp_path, messages):
+    rows = [*drive_east(messages, "odom")]
+    rows += [("/tf", 50.0 + tick, tf(messages, 50.0 + tick, 10.0)) for tick in range(9)]
+    in_map = [
+        (topic, time_s, messages.pose(time_s, 10.0 + time_s - 50.0, 0.5))
+        if topic == "/pose" and time_s > 55.0
+        else (topic, time_s, data)
+        for topic, time_s, data in rows
+    ]
+    mapping = DRIVEN.model_copy(update={"frame": "map"})
+    one = read_mapped_drive(written(tmp_path / "one", KINDS, *rows), mapping, 2.0)
+    two_path = written(tmp_path / "two", KINDS, *in_map)
+    two = read_mapped_drive(two_path, mapping, 2.0)
+    np.testing.assert_allclose(one.position_m, two.position_m, atol=1e-9)
+    np.testing.assert_allclose(two.position_m[[0, -1], 0], [10.0, 18.0])
+    assert one.intent_action.tolist() == two.intent_action.tolist()
+    with pytest.raises(BagError, match="in one frame where the mapping names none, got 'odom', 'm"):
+        read_mapped_drive(two_path, DRIVEN, 2.0)
+
+
+def test_a_topic_of_actions_without_a_message_is_refused(tmp_path, messages):
+    poses = [row for row in drive_east(messages) if row[0] == "/pose"]
+    path = written(tmp_path / "silent", KINDS, *poses)
+    with pytest.raises(BagError, match="action_topic /cmd_vel must hold messages, it holds none"):
+        read_mapped_drive(path, DRIVEN, 2.0)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_command_that_is_not_finite_is_left_out_and_counted(tmp_path, messages, bad):
+    rows = [*drive_east(messages)]
+    sound = read_mapped_drive(written(tmp_path / "sound", KINDS, *rows), DRIVEN, 2.0)
+    rows.append(("/cmd_vel", 53.05, twist(messages, bad)))
+    drive = read_mapped_drive(written(tmp_path / "bad", KINDS, *rows), DRIVEN, 2.0)
+    assert (sound.n_bad_commands, drive.n_bad_commands) == (0, 1)
+    assert drive.intent_action.tolist() == sound.intent_action.tolist()
+    _, report = decisions_from_drive(drive, grid_around(drive.position_m, 1.0), 2.0)
+    assert str(report).endswith("; 1 commands not finite")
+
+
+def test_an_intent_or_waypoint_that_is_not_finite_is_dropped_and_counted(tmp_path, messages):
+    poses = [row for row in drive_east(messages) if row[0] == "/pose"]
+    for kind, source in ((VECTOR, "intent"), (POSE, "waypoint")):
+        make = messages.intent if source == "intent" else messages.pose
+        wishes = [("/wish", 50.0 + 2 * n, make(50.0 + 2 * n, 99.0, 0.5)) for n in range(3)]
+        wishes[1] = ("/wish", 52.0, make(52.0, np.nan, 0.5))
+        path = written(tmp_path / source, KINDS | {"/wish": kind}, *poses, *wishes)
+        mapping = BagMapping(pose_topic="/pose", action_from=source, action_topic="/wish")
+        drive = read_mapped_drive(path, mapping, 2.0)
+        assert drive.dropped == {NOT_FINITE: 1}
+        assert drive.intent_time_s.tolist() == [50.0, 54.0]
+        assert drive.intent_action.tolist() == [Action.EAST, Action.EAST]
+
+
+@pytest.mark.parametrize(
+    ("step_s", "gap_s", "n_episodes"), [(0.1, 0.6, 2), (0.2, 0.9, 1), (0.2, 1.2, 2)]
+)
+def test_what_counts_as_a_gap_follows_how_often_poses_come(
+    tmp_path, messages, step_s, gap_s, n_episodes
+):
+    rows = [
+        (topic, time_s, data)
+        for topic, time_s, data in drive_east(messages, step_s=step_s)
+        if topic != "/pose" or not 54.05 < time_s < 54.0 + gap_s - 0.05
+    ]
+    drive = read_mapped_drive(written(tmp_path / "gap", KINDS, *rows), DRIVEN, 2.0)
+    assert drive.longest_gap_s == pytest.approx(max(0.5, 5 * step_s))
+    assert len(drive.episodes) == n_episodes
+    given = DRIVEN.model_copy(update={"longest_gap_s": 0.3})
+    assert len(read_mapped_drive(tmp_path / "gap", given, 2.0).episodes) == 2
+
+
+def test_diagnostics_of_other_things_are_no_marks(tmp_path, messages):
+    status = messages.make("diagnostic_msgs/msg/DiagnosticStatus", 0, "battery", "start", "t", [])
+    array = messages.make(DIAGNOSTICS, messages.header(51.0), [status])
+    rows = [
+        *drive_east(messages),
+        ("/diagnostics", 50.0, messages.mark(50.0, "start", 3)),
+        ("/diagnostics", 51.0, messages.encode(array, DIAGNOSTICS)),
+        ("/diagnostics", 56.0, messages.mark(56.0, "end", 3, "arrived")),
+    ]
+    path = written(tmp_path / "marked", KINDS | {"/diagnostics": DIAGNOSTICS}, *rows)
+    mapping = DRIVEN.model_copy(update={"episode_topic": "/diagnostics"})
+    drive = read_mapped_drive(path, mapping, 2.0)
+    assert drive.episodes == (EpisodeSpan(3, 50.0, 56.0, "arrived"),)
+
+
+@pytest.mark.parametrize("far_m", [3e4, 1e6, 1e300, -1.7e308])
+def test_a_pose_far_from_the_others_is_named_and_no_grid_fitted(far_m):
+    places = np.array([[1.0, 2.0], [1.5, 2.0], [far_m, -far_m], [2.0, 2.0]])
+    farthest = f"must have at most 4000000 cells, .* the pose ({far_m:g}, {-far_m:g}) m lies"
+    with pytest.raises(BagError, match=re.escape(farthest).replace(r"\.\*", ".*")):
+        grid_around(places, 0.5)
+
+
+def test_a_building_of_a_kilometre_still_fits():
+    grid = grid_around(np.array([[0.0, 0.0], [990.0, 990.0]]), 0.5)
+    assert grid.walkable.shape == (1983, 1983)
+
+
+@pytest.mark.parametrize(("back_s", "refused"), [(0.85, False), (3.0, True)])
+def test_poses_of_two_runs_of_a_clock_are_never_mixed(tmp_path, messages, back_s, refused):
+    with BagWriter(tmp_path / "two") as writer:
+        writer.add_topic("/pose", POSE)
+        writer.add_topic("/cmd_vel", TWIST)
+        for tick in range(40):
+            time_s = 10.0 + 0.1 * tick - (back_s if tick >= 35 else 0.0)
+            writer.write("/pose", messages.pose(time_s, 0.5, 0.1 * tick), tick * 10**8)
+            writer.write("/cmd_vel", twist(messages, 0.5), tick * 10**8)
+    mapping = BagMapping(pose_topic="/pose", action_from="velocity", action_topic="/cmd_vel")
+    if refused:
+        with pytest.raises(
+            BagError, match=r"that of pose 36 does by 2\.9 s: the world was started"
+        ):
+            read_mapped_drive(tmp_path / "two", mapping, 2.0)
+    else:
+        assert len(read_mapped_drive(tmp_path / "two", mapping, 2.0).pose_time_s) > 35
+
+
+def test_simulated_time_and_frames_are_put_right(foreign_bag):
+    mapping = BagMapping(
+        pose_topic="/robot/pose",
+        frame="map",
+        action_from="velocity",
+        action_topic="cmd_vel",
+        minimum_speed_mps=0.15,  # the last command is held for 0.4 s of the third period
+    )
+    drive = read_mapped_drive(foreign_bag, mapping, 2.0)
+    decisions, report = decisions_from_drive(drive, grid_around(drive.position_m, 1.0), 2.0)
+    assert drive.position_m[0].tolist() == [10.5, 0.5]
+    assert decisions.time_s.tolist() == [50.0, 52.0, 54.0]
+    assert decisions.action.tolist() == [Action.NORTH] * 2 + [Action.WAIT]
+    assert report.dropped == {NO_COMMAND: 1}
+    assert report.n_intents == 4
+    silent = mapping.model_copy(update={"silence": "wait"})
+    _, report = decisions_from_drive(
+        read_mapped_drive(foreign_bag, silent, 2.0), grid_around(drive.position_m, 1.0), 2.0
+    )
+    assert (report.n_decisions, report.dropped) == (4, {})
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("pose_topic: /tf\naction_topic: cmd_vel", "pose_topic /tf must be of one of the types"),
+        ("pose_topic: pose\naction_topic: cmd_vel", "must carry Twist or TwistStamped .velocity."),
+        ("pose_topic: nose\naction_topic: cmd_vel", "must hold the topic 'nose', it holds /rob"),
+        (
+            "pose_topic: pose\naction_from: velocity\naction_topic: cmd_vel\nframe: world",
+            "frame 'odom' must be joined with 'world' by /tf",
+        ),
+    ],
+)
+def test_a_mapping_that_does_not_fit_the_bag_gets_a_sentence(foreign_bag, text, sentence):
+    with pytest.raises(BagError, match=sentence):
+        read_mapped_drive(foreign_bag, yaml_model(text, BagMapping, name="x.yaml"), 2.0)
+
+
+@pytest.mark.skipif(
+    not REAL_BAG.is_dir(), reason="the real robot bag is not in ../shared/data/bags"
+)
+def test_the_real_robot_becomes_demonstrations():
+    mapping = BagMapping(
+        pose_topic="/odom", action_from="velocity", action_topic="/cmd_vel", silence="wait"
+    )
+    drive = read_mapped_drive(REAL_BAG, mapping, 2.0)
+    grid = grid_around(drive.position_m, 0.5)
+    decisions, report = decisions_from_drive(drive, grid, 2.0)
+    assert len(drive.pose_time_s) == 290
+    assert len(drive.episodes) == 1
+    assert report.n_decisions == len(decisions) >= 25
+    assert report.n_intents == math.ceil((drive.pose_time_s[-1] - drive.pose_time_s[0]) / 2.0)
+    moved = decisions.select(decisions.state != decisions.next_state)
+    assert len(moved) >= 4
+    assert set(decisions.action) > {Action.WAIT}
+    unknown = read_mapped_drive(REAL_BAG, mapping.model_copy(update={"silence": "unknown"}), 2.0)
+    assert unknown.dropped == {NO_COMMAND: 12}
+    assert len(unknown.intent_time_s) + 12 == report.n_intents

@@ -1,0 +1,109 @@
+"""The log of arrivals: appended, whole after a kill, faults by line."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arrivals
+from storage.errors import FileError
+
+
+def row(episode=0, **changes):
+    values = {
+        "episode": episode,
+        "seed": 3,
+        "start_x_m": 0.1 + 0.2,
+        "start_y_m": 1 / 3,
+        "goal_x_m": 12.0,
+        "goal_y_m": 18.0,
+        "model": "a, model.yaml",
+        "outcome": "arrived",
+        "reason": "",
+        "predicted_probability": 0.99,
+        "predicted_median_s": 51.05,
+        "predicted_most_s": 1e-17,
+        "time_of_arrival_s": 48.9,
+        "predicted_share": 0.25,
+    }
+    return ArrivalRow(**(values | changes))
+
+
+def test_rows_are_appended_and_survive_exactly(tmp_path):
+    path = tmp_path / "new" / "arrivals.csv"
+    rows = tuple(row(episode) for episode in range(3))
+    for each in rows:
+        append_arrival(path, each)
+    assert load_arrivals(path) == rows
+
+
+def test_a_drive_that_did_not_arrive_has_no_time(tmp_path):
+    path = tmp_path / "arrivals.csv"
+    append_arrival(path, row(outcome="aborted", reason="no progress", time_of_arrival_s=math.nan))
+    (back,) = load_arrivals(path)
+    assert math.isnan(back.time_of_arrival_s)
+    assert back.reason == "no progress"
+
+
+@pytest.mark.parametrize("cut", [1, 5, 40])
+def test_a_last_row_cut_short_is_dropped_and_the_next_one_whole(tmp_path, cut):
+    path = tmp_path / "arrivals.csv"
+    append_arrival(path, row(0))
+    append_arrival(path, row(1))
+    path.write_bytes(path.read_bytes()[:-cut])
+    assert load_arrivals(path) == (row(0),)
+    append_arrival(path, row(2))
+    assert load_arrivals(path) == (row(0), row(2))
+
+
+def test_a_file_that_is_just_being_begun_has_no_rows(tmp_path):
+    path = tmp_path / "arrivals.csv"
+    for begun in ("", "episode,se"):
+        path.write_text(begun)
+        assert load_arrivals(path) == ()
+
+
+def test_names_cut_short_are_written_again(tmp_path):
+    path = tmp_path / "arrivals.csv"
+    path.write_text("episode,se")
+    append_arrival(path, row(0))
+    assert load_arrivals(path) == (row(0),)
+
+
+_WRITE_FOR_EVER = """
+import sys
+from itertools import count
+from serd_app.navigation.arrival_log import ArrivalRow, append_arrival
+for episode in count():
+    append_arrival(sys.argv[1], ArrivalRow(episode, 1, *[0.0] * 4, "m", "arrived", "", *[1.0] * 5))
+    print(episode, flush=True)
+"""
+
+
+def test_what_was_told_before_a_kill_is_there_after_it(tmp_path):
+    path = tmp_path / "arrivals.csv"
+    command = [sys.executable, "-c", _WRITE_FOR_EVER, str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if int(line) >= 20:
+                break
+        os.kill(process.pid, signal.SIGKILL)
+    episodes = [each.episode for each in load_arrivals(path)]
+    assert episodes == list(range(len(episodes)))
+    assert len(episodes) > 20
+
+
+def test_another_table_is_refused_and_so_is_a_row_that_is_none(tmp_path):
+    path = tmp_path / "arrivals.csv"
+    path.write_text("a,b\n1,2\n")
+    with pytest.raises(FileError, match=r"must have the columns episode, seed, .*got a, b"):
+        load_arrivals(path)
+    append_arrival(tmp_path / "good.csv", row())
+    text = (tmp_path / "good.csv").read_text()
+    path.write_text(text.replace("0,3,", "x,3,"))
+    with pytest.raises(FileError, match="line 2: is no row of arrivals"):
+        load_arrivals(path)

@@ -1,0 +1,133 @@
+"""From decisions to a model file to a strategy, without ROS."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
+from serd_app.demonstrations.flow_table import save_flow
+from serd_app.learning.learner_memory import LearnerMemory
+from serd_app.learning.recipe import learn, task_in
+from serd_app.navigation.strategy import load_strategy, start_distribution
+from serd_cli.demo.report import fit_of
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.policies.solved_policy import soft_policy
+from serd_ros.parameters.configs import LearnerConfig
+from serd_ros.parameters.defaults import default_parameters
+from sim.scenario.grid import grid_of, navigation_problem_of
+from sim.scenario.scenario import load_scenario
+from storage.errors import FileError
+from storage.model_file import load_model, save_model
+
+HALLWAY = load_scenario("hallway")
+SHIPPED = Path(__file__).parents[2] / "bags" / "data" / "hallway" / "training"
+TRUTH = np.array(
+    [
+        [0.05, 0.85, 0.04, 0.02, 0.04],
+        [0.5, 0.3, 0.08, 0.04, 0.08],
+        [0.2, 0.6, 0.08, 0.04, 0.08],
+        [0.8, 0.05, 0.05, 0.05, 0.05],
+    ]
+)
+CONFIG = LearnerConfig(**{**default_parameters()["learner"], "bag": "sampled", "starts": 2})
+
+
+@pytest.fixture(scope="module")
+def lesson():
+    problem = navigation_problem_of(HALLWAY, CONFIG.discount)
+    expert = soft_policy(problem, np.array([5.0, 1.0, 0.2]), TRUTH)
+    decisions = sample_decisions(
+        problem.mdp,
+        expert.probabilities,
+        TRUTH,
+        start_distribution(HALLWAY, "train"),
+        n_episodes=20,
+        n_steps=40,
+        rng=np.random.default_rng(4),
+    )
+    told = []
+    task = task_in(HALLWAY, CONFIG.discount)
+    return learn(task, Demonstrations(decisions), CONFIG, lambda start, _: told.append(start)), told
+
+
+def test_every_start_is_told_of_and_the_likeliest_is_kept(lesson):
+    found, told = lesson
+    assert set(told) == {0, 1}
+    assert found.fit.objective == max(found.objectives)
+    assert found.fit.converged
+
+
+def test_the_trace_lists_every_step_with_its_objective(lesson):
+    lines = lesson[0].trace_table().splitlines()
+    assert lines[0] == "step,objective"
+    assert [float(line.split(",")[1]) for line in lines[1:]] == list(lesson[0].fit.objective_trace)
+
+
+def test_a_model_file_gives_the_fit_and_the_policy_back(lesson, tmp_path):
+    path, fit = tmp_path / "model.yaml", lesson[0].fit
+    save_model(path, lesson[0].model)
+    strategy = load_strategy(str(path), HALLWAY, "optimal")
+    back = fit_of(load_model(path), strategy.problem, fit.objective_trace)
+    assert np.array_equal(back.reward_weights, fit.reward_weights)
+    assert np.array_equal(back.outcome_probabilities, fit.outcome_probabilities)
+    assert (back.objective, back.converged) == (fit.objective, fit.converged)
+    local = strategy.problem.outcome_models.local_probabilities(back.outcome_parameters.ravel())
+    assert local == pytest.approx(fit.outcome_probabilities, abs=1e-12)
+    arrival = strategy.predicted_arrival(start_distribution(HALLWAY, "train"), 200)
+    assert (np.diff(arrival.cdf) >= 0).all()
+    assert arrival.cdf[-1] > 0.9
+
+
+def test_the_intended_path_leads_through_neighbours_to_the_goal(lesson, tmp_path):
+    path = tmp_path / "model.yaml"
+    save_model(path, lesson[0].model)
+    strategy = load_strategy(str(path), HALLWAY, "optimal")
+    grid = strategy.problem.grid
+    way_m = strategy.intended_path_m(grid.state_at(0.5, 0.5))
+    assert np.abs(np.diff(way_m, axis=0)).sum(axis=1) == pytest.approx(grid.cell_size_m)
+    assert grid.state_at(*way_m[-1]) in set(strategy.problem.goal_states.tolist())
+
+
+def test_a_model_of_another_grid_is_refused_with_the_difference(lesson, tmp_path):
+    path = tmp_path / "model.yaml"
+    save_model(path, lesson[0].model)
+    with pytest.raises(FileError, match="was made for another grid of the scenario 'hallway'"):
+        load_strategy(str(path), load_scenario("corridor"), "optimal")
+
+
+def test_a_task_takes_the_flow_of_a_table_in_place_of_the_scenario_s(tmp_path):
+    grid, own = grid_of(HALLWAY), task_in(HALLWAY, CONFIG.discount)
+    turned = np.roll(own.problem.flow, 1)
+    zeros = np.zeros((grid.n_states, 2))
+    columns = {"order": zeros[:, 0], "count": zeros[:, 0], "mean_velocity_mps": zeros}
+    save_flow(tmp_path / "flow.csv", grid, flow=turned, **columns)
+    found = task_in(HALLWAY, CONFIG.discount, str(tmp_path / "flow.csv"))
+    assert (found.own_flow, own.own_flow) == (True, False)
+    assert found.problem.flow.tolist() == turned.tolist()
+
+
+def first_episodes(number):
+    everything = demonstrations_of_bag(SHIPPED, grid_of(HALLWAY), HALLWAY.decision_period_s)[0]
+    table = everything.decisions
+    return Demonstrations(table.select_episodes(table.episodes[:number]))
+
+
+def test_one_episode_gives_weights_that_are_finite_and_from_which_later_fits_come_back():
+    task = task_in(HALLWAY, CONFIG.discount)
+    one = learn(task, first_episodes(1), CONFIG, lambda *_: None)
+    assert one.fit.converged
+    assert np.abs(one.fit.reward_weights).max() < 100.0
+    warm = learn(task, first_episodes(5), CONFIG, lambda *_: None, one.fit.reward_weights)
+    cold = learn(task, first_episodes(5), CONFIG, lambda *_: None)
+    assert warm.fit.converged
+    assert warm.fit.reward_weights == pytest.approx(cold.fit.reward_weights, rel=0.01)
+
+
+def test_a_fit_that_found_no_end_is_no_start_for_the_next(lesson, tmp_path):
+    memory = LearnerMemory(HALLWAY, tmp_path / "state")
+    memory.note_learned(lesson[0].fit)
+    assert memory.warm_weights.tolist() == lesson[0].fit.reward_weights.tolist()
+    memory.note_learned(replace(lesson[0].fit, converged=False))
+    assert memory.warm_weights is None

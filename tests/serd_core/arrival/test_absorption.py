@@ -1,0 +1,99 @@
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import scipy.sparse
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from serd_core.arrival.absorption import probability_of_ever_arriving
+
+
+def ever_arriving(chain, goals):
+    goal = np.isin(np.arange(len(chain)), goals)
+    return probability_of_ever_arriving(scipy.sparse.csr_array(np.asarray(chain, float)), goal)
+
+
+def with_stays(ways_out):
+    """A chain from its off-diagonal entries, staying as rounded as a policy's would be."""
+    chain = np.array(ways_out, dtype=np.float64)
+    np.fill_diagonal(chain, 0.0)
+    np.fill_diagonal(chain, 1.0 - chain.sum(axis=1))
+    return chain
+
+
+def exact(chain, goals):
+    """h of a chain that always ends in a goal or in the last state, by Gauss in fractions."""
+    n = len(chain)
+    inner = [s for s in range(n - 1) if s not in goals]
+    rows = []
+    for s in inner:
+        out = {z: Fraction(float(chain[s, z])) for z in range(n) if z != s}
+        row = [sum(out.values()) if z == s else -out[z] for z in inner]
+        rows.append([*row, sum((out[goal] for goal in goals), Fraction(0))])
+    for k, pivot in enumerate(rows):
+        rows[k] = [entry / pivot[k] for entry in pivot]
+        for i, other in enumerate(rows):
+            if i != k:
+                rows[i] = [a - other[k] * b for a, b in zip(other, rows[k], strict=True)]
+    return [float(row[-1]) for row in rows], inner
+
+
+@pytest.mark.parametrize("chance", [1e-10, 1e-15, 1e-17, 1e-30, 1e-300])
+def test_leaving_however_rarely_towards_the_goal_only_is_certain_to_arrive(chance):
+    chain = [[1 - chance, chance, 0], [0.5, 0.5 - chance, chance], [0, 0, 1]]
+    np.testing.assert_array_equal(ever_arriving(chain, [2]), [1, 1, 1])
+
+
+@pytest.mark.parametrize("chance", [0.1, 1e-6, 1e-13, 1e-15, 3e-16, 1e-18, 1e-200])
+def test_two_exits_share_by_their_odds_however_rare_they_are(chance):
+    chain = with_stays([[0, chance, 2 * chance], [0, 0, 0], [0, 0, 0]])
+    assert ever_arriving(chain, [1])[0] == pytest.approx(1 / 3, rel=1e-13)
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=st.integers(0, 10**6), n_states=st.integers(3, 9), rarest=st.integers(0, 40))
+def test_random_chains_agree_with_exact_fractions_in_every_digit(seed, n_states, rarest):
+    rng = np.random.default_rng(seed)
+    chain = with_stays(10.0 ** rng.uniform(-rarest - 1, -1, size=(n_states, n_states)))
+    chain[-1] = np.eye(n_states)[-1]
+    wanted, inner = exact(chain, [0])
+    np.testing.assert_allclose(ever_arriving(chain, [0])[inner], wanted, rtol=1e-12)
+
+
+def test_gamblers_ruin_in_any_order_of_the_states():
+    """Along a line of 200 with odds 0.55 to 0.45, from r: (1 - q^r) / (1 - q^n)."""
+    n_states, forward = 201, 0.55
+    position = np.random.default_rng(0).permutation(n_states)
+    chain = np.zeros((n_states, n_states))
+    for state, r in enumerate(position):
+        for step, chance in ((1, forward), (-1, 1 - forward)):
+            if 0 < r < n_states - 1:
+                chain[state, np.flatnonzero(position == r + step)] = chance
+            else:
+                chain[state, state] = 1.0
+    ratio = (1 - forward) / forward
+    wanted = (1 - ratio**position) / (1 - ratio ** (n_states - 1))
+    goal = np.flatnonzero(position == n_states - 1)
+    np.testing.assert_allclose(ever_arriving(chain, goal), wanted, rtol=1e-12)
+
+
+def test_a_goal_absorbs_whatever_its_own_row_says():
+    chain = [[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 0], [0, 0.5, 0.5, 0]]
+    np.testing.assert_array_equal(ever_arriving(chain, [1]), [1, 1, 0, 0.5])
+
+
+def test_no_goal_is_reached_by_nobody():
+    np.testing.assert_array_equal(ever_arriving([[0.5, 0.5], [1, 0]], []), [0, 0])
+
+
+def test_chances_below_the_smallest_number_still_share_by_their_odds():
+    """A line with a goal at one end and a trap at the other, each behind two steps of 1e-200."""
+    rare = 1e-200
+    line = np.zeros((7, 7))
+    line[[1, 2, 3, 4, 5], [2, 3, 4, 3, 4]] = [1, 1, 0.5, 1, 1]
+    line[3, 2] = 0.5
+    line[[1, 2, 4, 5], [0, 1, 5, 6]] = [rare, rare, rare, 3 * rare]
+    for goal, wanted in ((0, 0.25), (6, 0.75)):
+        share = ever_arriving(with_stays(line), [goal])
+        np.testing.assert_allclose(share[2:5], wanted, rtol=1e-12)

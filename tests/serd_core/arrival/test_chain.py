@@ -1,0 +1,173 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from serd_core.arrival.bands import clopper_pearson, empirical_arrival_cdf, sampling_band
+from serd_core.arrival.chain import arrival_time_distribution
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Action, Grid
+from serd_core.grid.navigation import build_navigation_problem
+
+
+def corridor(length: int = 6):
+    grid = Grid(origin_m=(0, 0), cell_size_m=1.0, walkable=np.ones((length, 1), bool))
+    return build_navigation_problem(
+        grid=grid,
+        flow=np.full(length, Action.NORTH),
+        goal_states=[length - 1],
+        wall_distance_m=np.ones(length),
+        discount=0.95,
+    )
+
+
+def always(problem, action):
+    policy = np.zeros(problem.mdp.available.shape)
+    policy[:, action] = 1.0
+    policy[problem.goal_states] = np.eye(5)[Action.WAIT]
+    return policy
+
+
+def outcomes(forward):
+    """Go forward with that probability, else stay, whatever the model."""
+    return np.tile([1 - forward, forward, 0, 0, 0], (4, 1))
+
+
+def test_certain_moves_arrive_after_as_many_periods_as_cells():
+    problem = corridor()
+    arrival = arrival_time_distribution(
+        problem, always(problem, Action.NORTH), outcomes(1.0), np.eye(6)[0], 7
+    )
+    np.testing.assert_allclose(arrival.cdf, [0, 0, 0, 0, 0, 1, 1, 1])
+    assert arrival.arrival_probability == pytest.approx(1.0)
+
+
+def test_one_step_to_go_gives_the_geometric_distribution():
+    problem = corridor()
+    arrival = arrival_time_distribution(
+        problem, always(problem, Action.NORTH), outcomes(0.3), np.eye(6)[4], 20
+    )
+    np.testing.assert_allclose(arrival.cdf, 1 - 0.7 ** np.arange(21), atol=1e-12)
+
+
+def test_walking_away_never_arrives():
+    problem = corridor()
+    arrival = arrival_time_distribution(
+        problem, always(problem, Action.SOUTH), outcomes(0.5), np.eye(6)[2], 50
+    )
+    assert arrival.cdf[-1] == 0
+    assert arrival.arrival_probability == 0
+
+
+def test_a_trap_is_left_out_of_the_probability_of_ever_arriving():
+    """Forward 0.6, back 0.4 with everybody below cell 2 walking away: gambler's ruin."""
+    problem = corridor()
+    table = np.tile([0, 0.6, 0, 0.4, 0], (4, 1))
+    policy = always(problem, Action.NORTH)
+    policy[:2] = np.eye(5)[Action.WAIT]
+    table[3] = [1, 0, 0, 0, 0]
+    arrival = arrival_time_distribution(problem, policy, table, np.eye(6)[2], 500)
+    ratio = 0.4 / 0.6
+    assert arrival.arrival_probability == pytest.approx((1 - ratio) / (1 - ratio**4))
+    assert arrival.cdf[-1] == pytest.approx(arrival.arrival_probability)
+
+
+def test_starting_at_the_goal_has_arrived_at_once():
+    problem = corridor()
+    arrival = arrival_time_distribution(
+        problem, always(problem, Action.NORTH), outcomes(0.5), np.eye(6)[5], 0
+    )
+    np.testing.assert_allclose(arrival.cdf, [1.0])
+
+
+def test_sampled_episodes_stay_within_the_predicted_band():
+    problem = corridor()
+    policy = always(problem, Action.NORTH)
+    arrival = arrival_time_distribution(problem, policy, outcomes(0.4), np.eye(6)[0], 40)
+    decisions = sample_decisions(
+        problem.mdp,
+        policy,
+        outcomes(0.4),
+        np.eye(6)[0],
+        n_episodes=500,
+        n_steps=400,
+        rng=np.random.default_rng(7),
+    )
+    lengths = np.bincount(decisions.episode)
+    measured = empirical_arrival_cdf(lengths, lengths > 40, 40.0)
+    lower, upper = sampling_band(arrival.cdf, 500, coverage=0.999)
+    shares = [measured.cdf[measured.times_s <= period][-1] for period in arrival.periods]
+    assert np.all((shares >= lower) & (shares <= upper))
+
+
+def test_the_empirical_cdf_counts_time_outs_as_not_arrived():
+    measured = empirical_arrival_cdf([3.0, 1.0, 3.0, 99.0], [False, False, False, True], 10.0)
+    np.testing.assert_allclose(measured.times_s, [0, 1, 3, 10])
+    np.testing.assert_allclose(measured.cdf, [0, 0.25, 0.75, 0.75])
+    assert (measured.n_arrived, measured.n_episodes) == (3, 4)
+
+
+def test_clopper_pearson_has_its_closed_form_at_the_ends():
+    lower, upper = clopper_pearson([0, 10], 10)
+    assert lower[0] == 0
+    assert upper[0] == pytest.approx(1 - 0.025 ** (1 / 10))
+    assert upper[1] == 1
+    assert lower[1] == pytest.approx(0.025 ** (1 / 10))
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(1, 60), st.floats(0.01, 0.99))
+def test_the_exact_interval_covers_at_least_as_often_as_it_says(n_trials, probability):
+    counts = np.arange(n_trials + 1)
+    lower, upper = clopper_pearson(counts, n_trials)
+    covered = (lower <= probability) & (probability <= upper)
+    assert binom.pmf(counts, n_trials, probability)[covered].sum() >= 0.95 - 1e-9
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(1, 60), st.floats(1e-6, 1.0) | st.just(0.0))
+def test_the_sampling_band_holds_the_share_of_episodes_as_often_as_it_says(n_episodes, probability):
+    counts = np.arange(n_episodes + 1)
+    lower, upper = sampling_band(np.array([probability]), n_episodes)
+    inside = (counts / n_episodes >= lower[0] - 1e-12) & (counts / n_episodes <= upper[0] + 1e-12)
+    assert binom.pmf(counts, n_episodes, probability)[inside].sum() >= 0.95 - 1e-9
+
+
+def test_wrong_arguments_are_refused_by_name():
+    problem = corridor()
+    good = always(problem, Action.NORTH)
+    start = np.eye(6)[0]
+    with pytest.raises(SerdError, match=r"start_distribution must sum to 1, got a sum of 2.0"):
+        arrival_time_distribution(problem, good, outcomes(0.5), start * 2, 3)
+    with pytest.raises(SerdError, match=r"policy\[5, 1\] must be a probability of an available"):
+        arrival_time_distribution(problem, np.tile(np.eye(5)[1], (6, 1)), outcomes(1), start, 3)
+    with pytest.raises(SerdError, match=r"policy\[0\] must sum to 1, got 0.5"):
+        arrival_time_distribution(problem, good * 0.5, outcomes(1), start, 3)
+    with pytest.raises(SerdError, match="n_periods must not be negative, got -1"):
+        arrival_time_distribution(problem, good, outcomes(1), start, -1)
+    with pytest.raises(SerdError, match="coverage must be between 0 and 1, got 95"):
+        empirical_arrival_cdf([1.0], [False], 10.0, coverage=95)
+    with pytest.raises(SerdError, match="at least one episode"):
+        empirical_arrival_cdf([], [], 10.0)
+    with pytest.raises(SerdError, match="n_episodes must be at least 1"):
+        sampling_band(np.array([0.5]), 0)
+    with pytest.raises(SerdError, match=r"cdf\[1\] must be a probability, got 2.0"):
+        sampling_band(np.array([0.5, 2.0]), 3)
+    with pytest.raises(SerdError, match=r"times_s must have one entry per episode \(1 as in timed"):
+        empirical_arrival_cdf([1.0, 2.0], [False], 10.0)
+    for horizon_s in (np.nan, np.inf, -1.0):
+        with pytest.raises(SerdError, match="horizon_s must be finite and not negative, got"):
+            empirical_arrival_cdf([1.0, 5.0], [False, True], horizon_s)
+    with pytest.raises(SerdError, match=r"successes\[0\] must be from 0 to n_trials = 3, got 5.0"):
+        clopper_pearson([5], 3)
+    with pytest.raises(SerdError, match="n_trials must be at least 1, got 0"):
+        clopper_pearson([0], 0)
+
+
+def test_what_starts_at_the_goal_has_arrived_once_and_for_all():
+    problem, policy = corridor(), always(corridor(), Action.NORTH)
+    half = np.array([0.5, 0, 0, 0, 0, 0.5])
+    arrival = arrival_time_distribution(problem, policy, outcomes(1.0), half, 6)
+    np.testing.assert_allclose(arrival.cdf, [0.5, 0.5, 0.5, 0.5, 0.5, 1.0, 1.0])

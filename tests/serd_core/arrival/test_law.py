@@ -1,0 +1,166 @@
+"""Arrival in seconds: the thesis's as a special case, convolution by brute force, conditioning."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import ks_2samp
+
+from serd_core.arrival.chain import ArrivalTimes
+from serd_core.arrival.law import ArrivalLaw, entry_times_s, largest_gap, law_in_seconds
+from serd_core.errors import SerdError
+
+
+def counted(probabilities, ever=None):
+    """An arrival in n periods with probabilities[n]."""
+    cdf = np.cumsum(probabilities)
+    return ArrivalTimes(np.arange(len(cdf)), cdf, float(cdf[-1] if ever is None else ever))
+
+
+@st.composite
+def arrivals(draw):
+    """Counted arrivals that may fail, and entry times in a period of 2 s."""
+    rng = np.random.default_rng(draw(st.integers(0, 10_000)))
+    weights = rng.dirichlet(np.ones(draw(st.integers(2, 12))))
+    never = draw(st.floats(0.0, 0.5))
+    entries = draw(st.lists(st.floats(0.05, 2.0), max_size=6))
+    return counted((1 - never) * weights), tuple(entries)
+
+
+def test_without_entry_times_arrivals_are_at_the_ends_of_periods_as_in_the_thesis():
+    law = law_in_seconds(counted([0.0, 0.5, 0.25]), period_s=2.0)
+    assert law.times_s.tolist() == [0, 2, 4]
+    assert law.probability_by([1.99, 2.0, 3.99, 4.0]).tolist() == [0, 0.5, 0.5, 0.75]
+    assert law.arrival_probability == 0.75
+
+
+def test_entry_times_spread_each_arrival_within_its_period():
+    law = law_in_seconds(counted([0.0, 0.5, 0.5]), period_s=2.0, entry_times_s=(1.5, 0.5))
+    np.testing.assert_allclose(law.times_s, [0, 0.5, 1.5, 2.5, 3.5])
+    np.testing.assert_allclose(law.cdf, [0, 0.25, 0.5, 0.75, 1.0])
+
+
+@settings(deadline=None, max_examples=40)
+@given(arrivals(), st.floats(0.0, 30.0))
+def test_the_law_is_the_sum_over_periods_of_the_share_of_entries(case, time_s):
+    """P(T <= t) = sum_n P(N = n) P(U <= t - (n - 1) D), written out."""
+    arrival, entries = case
+    law = law_in_seconds(arrival, period_s=2.0, entry_times_s=entries)
+    mass = np.diff(arrival.cdf, prepend=0.0)
+    expected = mass[0]
+    for n in range(1, len(mass)):
+        for entry_s in entries or (2.0,):
+            reached = 2.0 * (n - 1) + entry_s <= time_s + 1e-9
+            expected += mass[n] * reached / len(entries or (2.0,))
+    assert float(law.probability_by(time_s)) == pytest.approx(expected, abs=1e-12)
+
+
+@settings(deadline=None, max_examples=20)
+@given(arrivals(), st.integers(0, 1000))
+def test_drawn_arrivals_follow_the_law(case, seed):
+    arrival, entries = case
+    rng = np.random.default_rng(seed)
+    mass = np.diff(arrival.cdf, prepend=0.0)
+    periods = rng.choice(len(mass) + 1, size=4000, p=np.append(mass, max(0, 1 - mass.sum())))
+    entry_s = rng.choice(entries or (2.0,), size=4000)
+    times_s = np.where(periods == 0, 0.0, 2.0 * (periods - 1) + entry_s)
+    times_s[periods == len(mass)] = np.inf
+    law = law_in_seconds(arrival, period_s=2.0, entry_times_s=entries)
+    measured = (times_s[:, None] <= law.times_s + 1e-9).mean(axis=0)
+    # Dvoretzky-Kiefer-Wolfowitz: exceeded once in 10^6.
+    assert np.abs(measured - law.cdf).max() < np.sqrt(np.log(2e6) / 8000)
+
+
+@settings(deadline=None, max_examples=40)
+@given(arrivals(), st.floats(0.0, 20.0), st.floats(0.0, 20.0))
+def test_waiting_twice_is_waiting_once_for_the_sum(case, first_s, second_s):
+    law = law_in_seconds(case[0], period_s=2.0, entry_times_s=case[1])
+    if float(law.probability_by(first_s + second_s)) > 1 - 1e-6:
+        return
+    twice = law.given_not_arrived_by(first_s).given_not_arrived_by(second_s)
+    once = law.given_not_arrived_by(first_s + second_s)
+    grid_s = np.linspace(0.003, 30.003, 61)
+    np.testing.assert_allclose(twice.probability_by(grid_s), once.probability_by(grid_s), atol=1e-6)
+    assert twice.arrival_probability == pytest.approx(once.arrival_probability, abs=1e-6)
+
+
+@settings(deadline=None, max_examples=40)
+@given(arrivals(), st.floats(0.0, 20.0), st.floats(0.01, 20.0))
+def test_conditioning_is_bayes_rule_and_delaying_undoes_its_shift(case, elapsed_s, more_s):
+    law = law_in_seconds(case[0], period_s=2.0, entry_times_s=case[1])
+    before = float(law.probability_by(elapsed_s))
+    if before > 1 - 1e-6:
+        return
+    after = law.given_not_arrived_by(elapsed_s)
+    joint = float(law.probability_by(elapsed_s + more_s)) - before
+    assert float(after.probability_by(more_s)) == pytest.approx(joint / (1 - before), abs=1e-9)
+    since_start = after.delayed(elapsed_s)
+    assert float(since_start.probability_by(elapsed_s + more_s)) == pytest.approx(
+        float(after.probability_by(more_s)), abs=1e-9
+    )
+
+
+def test_the_quantile_is_the_first_time_by_which_that_share_has_arrived():
+    law = ArrivalLaw(np.array([0.0, 1.0, 3.0]), np.array([0.0, 0.4, 0.8]), 0.9)
+    assert law.quantile_s(0.4) == 1.0
+    assert law.quantile_s(0.41) == 3.0
+    assert law.quantile_s(0.81) is None
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 10_000))
+def test_the_largest_gap_is_the_kolmogorov_smirnov_statistic(seed):
+    """Against scipy's two-sample statistic, with the law as a sample of its own step times."""
+    rng = np.random.default_rng(seed)
+    predicted = np.sort(rng.choice(np.arange(1, 60) / 4, size=40))
+    measured = rng.choice(np.arange(1, 60) / 4, size=25)
+    times_s, counts = np.unique(predicted, return_counts=True)
+    law = ArrivalLaw(np.append(0.0, times_s), np.append(0.0, np.cumsum(counts) / 40), 1.0)
+    within = measured[measured <= times_s[-1]]
+    expected = ks_2samp(predicted, measured).statistic
+    if len(within) == len(measured):
+        assert largest_gap(law, measured) == pytest.approx(expected)
+
+
+def test_those_who_never_arrive_leave_a_gap_at_the_end():
+    law = ArrivalLaw(np.array([0.0, 2.0, 4.0]), np.array([0.0, 0.5, 1.0]), 1.0)
+    assert largest_gap(law, [2.0, np.inf]) == 0.5
+    assert largest_gap(law, [2.0, 4.0]) == 0.0
+
+
+def test_entry_times_are_what_exceeds_the_whole_periods_before():
+    np.testing.assert_allclose(entry_times_s([0.5, 2.0, 51.05, 4.0], 2.0), [0.5, 2.0, 1.05, 2.0])
+
+
+def test_wrong_arguments_are_refused_by_name():
+    arrival = counted([0.0, 1.0])
+    for period_s in (0.0, float("nan"), float("inf")):
+        with pytest.raises(SerdError, match="period_s must be above 0 and finite, got"):
+            law_in_seconds(arrival, period_s=period_s)
+        with pytest.raises(SerdError, match="period_s must be above 0 and finite, got"):
+            entry_times_s([1.0], period_s)
+    with pytest.raises(SerdError, match=r"entry_times_s\[1\] must be above 0 and at most period_s"):
+        law_in_seconds(arrival, period_s=2.0, entry_times_s=(1.0, 2.5))
+    with pytest.raises(SerdError, match=r"not having arrived by 2\.0 s must be possible"):
+        law_in_seconds(arrival, period_s=2.0).given_not_arrived_by(2.0)
+
+
+@pytest.mark.parametrize("time_s", [0.0, -1.0])
+def test_an_arrival_before_the_first_period_has_no_entry_time(time_s):
+    with pytest.raises(SerdError, match=rf"arrival_times_s\[1\] must be above 0, got {time_s}"):
+        entry_times_s([3.0, time_s], 2.0)
+
+
+def test_a_law_takes_the_entry_times_of_measured_arrivals_as_they_come():
+    measured_s = [0.5, 3.0, 7.5, 2.0 + 5e-10]
+    law = law_in_seconds(
+        counted([0.0, 1.0]), period_s=2.0, entry_times_s=entry_times_s(measured_s, 2.0)
+    )
+    np.testing.assert_allclose(law.times_s, [0, 0.5, 1.0, 1.5, 2.0])
+
+
+@pytest.mark.parametrize("times_s", [[], [1.0, np.nan]])
+def test_a_gap_to_no_measurement_is_refused(times_s):
+    law = law_in_seconds(counted([0.0, 1.0]), period_s=2.0)
+    with pytest.raises(SerdError, match="arrival_times_s must hold at least one time and no NaN"):
+        largest_gap(law, times_s)

@@ -1,0 +1,64 @@
+"""Trap states: where following the arrows never ends at the goal."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from serd_core.arrival.trap_states import find_traps, trap_states
+from serd_core.errors import SerdError
+
+CORRIDOR = np.array([[max(i - 1, 0), i, min(i + 1, 5)] for i in range(6)])
+LEFT, STAY, RIGHT = 0, 1, 2
+
+
+def test_arrows_that_all_lead_to_the_goal_leave_no_trap() -> None:
+    assert not trap_states(CORRIDOR, np.full(6, RIGHT), np.array([5])).any()
+
+
+def test_waiting_and_walking_to_and_fro_are_traps() -> None:
+    greedy = np.array([STAY, LEFT, RIGHT, LEFT, RIGHT, STAY])
+    trapped = trap_states(CORRIDOR, greedy, np.array([5]))
+    assert trapped.tolist() == [True, True, True, True, False, False]
+
+
+def test_a_goal_is_no_trap_even_if_its_arrow_leads_away() -> None:
+    assert not trap_states(CORRIDOR, np.full(6, LEFT), np.array([0, 5])).any()
+
+
+@given(st.data())
+def test_it_agrees_with_walking_along_the_arrows(data: st.DataObject) -> None:
+    n_states = data.draw(st.integers(1, 40))
+    states = st.integers(0, n_states - 1)
+    successor = np.array(data.draw(st.lists(states, min_size=n_states, max_size=n_states)))
+    goal = data.draw(states)
+    trapped = trap_states(successor[:, None], np.zeros(n_states, dtype=int), np.array([goal]))
+    for first in range(n_states):
+        state = first
+        for _ in range(n_states):
+            if state != goal:
+                state = int(successor[state])
+        assert trapped[first] == (state != goal)
+
+
+def test_a_loop_that_chance_leaves_and_an_unlikely_arrival_are_told_apart() -> None:
+    greedy = np.array([STAY, LEFT, LEFT, RIGHT, RIGHT, STAY])
+    likely = np.array([0.9, 0.9, 0.2, 0.2, 1.0, 1.0])
+    traps = find_traps(CORRIDOR, greedy, np.array([5]), likely, threshold=0.5)
+    assert np.flatnonzero(traps.looping).tolist() == [0, 1, 2]
+    assert np.flatnonzero(traps.unlikely).tolist() == [2, 3]
+    assert traps.states.tolist() == [0, 1, 2, 3]
+    assert 3 in traps
+    assert 4 not in traps
+
+
+def test_a_threshold_that_is_no_probability_is_refused() -> None:
+    with pytest.raises(SerdError, match="threshold must be a probability, got 50"):
+        find_traps(CORRIDOR, np.full(6, RIGHT), np.array([5]), np.ones(6), threshold=50)
+
+
+def test_an_arrival_probability_that_is_no_number_is_refused_with_its_place() -> None:
+    with pytest.raises(SerdError, match=r"arrival_probability\[1\] must be finite, got nan"):
+        find_traps(
+            np.array([[0], [1]]), np.zeros(2, int), np.array([0]), np.array([1.0, np.nan]), 0.5
+        )

@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+from serd_core.demonstrations.decisions import (
+    Decisions,
+    start_distribution,
+    state_action_counts,
+    state_counts,
+)
+from serd_core.errors import SerdError
+
+
+def five_decisions() -> Decisions:
+    return Decisions(
+        episode=[3, 3, 3, 7, 7],
+        time_s=[0.0, 2.0, 4.0, 10.0, 12.0],
+        state=[0, 1, 1, 2, 1],
+        action=[1, 0, 0, 1, 1],
+        next_state=[1, 1, 2, 1, 2],
+        source="by hand",
+    )
+
+
+def test_counts_of_states_and_actions_add_up_to_the_decisions():
+    decisions = five_decisions()
+    counts = state_action_counts(decisions, 3, 2)
+    np.testing.assert_array_equal(counts, [[0, 1], [2, 1], [0, 1]])
+    np.testing.assert_array_equal(counts.sum(axis=1), state_counts(decisions, 3))
+    assert counts.sum() == len(decisions)
+
+
+def test_selecting_episodes_keeps_their_rows_in_order():
+    chosen = five_decisions().select_episodes([7])
+    np.testing.assert_array_equal(chosen.state, [2, 1])
+    assert chosen.source == "by hand"
+
+
+def test_start_distribution_uses_the_first_decision_of_each_episode():
+    np.testing.assert_allclose(start_distribution(five_decisions(), 4), [0.5, 0, 0.5, 0])
+
+
+def test_the_first_decision_is_that_of_the_earliest_time_whatever_the_rows():
+    turned = five_decisions().select(np.array([4, 2, 0, 3, 1]))
+    np.testing.assert_allclose(start_distribution(turned, 4), [0.5, 0, 0.5, 0])
+
+
+def test_no_decisions_have_no_start():
+    nothing = five_decisions().select(np.zeros(5, bool))
+    with pytest.raises(SerdError, match="must hold at least one decision"):
+        start_distribution(nothing, 4)
+
+
+def test_columns_cannot_be_changed_afterwards():
+    with pytest.raises(ValueError, match="read-only"):
+        five_decisions().state[0] = 1
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"state": [0, 1]}, r"state must have one entry per decision \(1 as in time_s\), got 2"),
+        ({"state": [-1]}, r"state\[0\] must not be negative, got -1"),
+        ({"action": [0.5]}, r"action\[0\] must be a whole number, got 0.5"),
+        ({"action": [np.nan]}, r"action\[0\] must be finite, got nan"),
+        ({"time_s": [np.nan]}, r"time_s\[0\] must be finite, got nan"),
+        ({"time_s": ["soon"]}, "time_s must be an array of numbers"),
+    ],
+)
+def test_wrong_columns_are_refused_with_the_place(change, sentence):
+    columns = {"episode": [0], "time_s": [0.0], "state": [0], "action": [0], "next_state": [0]}
+    with pytest.raises(SerdError, match=sentence):
+        Decisions(**(columns | change))
+
+
+def test_an_unknown_episode_is_refused_with_those_there_are():
+    with pytest.raises(SerdError, match=r"episodes must be among \[3, 7\], got 4"):
+        five_decisions().select_episodes([3, 4])
+
+
+def test_decisions_of_a_larger_problem_are_refused():
+    with pytest.raises(SerdError, match=r"state\[3\] must be below 2, got 2"):
+        state_counts(five_decisions(), 2)
+    with pytest.raises(SerdError, match=r"action\[0\] must be below 1, got 1"):
+        state_action_counts(five_decisions(), 3, 1)

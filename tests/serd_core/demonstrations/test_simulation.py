@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+
+from serd_core.demonstrations.decisions import state_action_counts
+from serd_core.demonstrations.observations import observe
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.errors import SerdError
+from serd_core.mdp.mdp import Mdp
+
+
+def test_sampled_frequencies_approach_policy_and_dynamics(minimum_example):
+    policy = np.array([[0.8, 0.2, 0.0], [0.0, 0.0, 1.0]])
+    table = np.array([[1 / 3, 2 / 3], [0.9, 0.1]])
+    decisions = sample_decisions(
+        minimum_example.mdp,
+        policy,
+        table,
+        np.array([1.0, 0.0]),
+        n_episodes=20_000,
+        n_steps=1,
+        rng=np.random.default_rng(0),
+    )
+    counts = state_action_counts(decisions, 2, 3)
+    assert counts[0, 0] / 20_000 == pytest.approx(0.8, abs=0.01)
+    chose_a = decisions.action == 0
+    assert decisions.next_state[chose_a].mean() == pytest.approx(2 / 3, abs=0.01)
+
+
+def test_episodes_are_connected_and_end_where_nothing_leaves(gridworld, minimum_example):
+    decisions = gridworld.decisions
+    same = decisions.episode[1:] == decisions.episode[:-1]
+    assert np.all(decisions.next_state[:-1][same] == decisions.state[1:][same])
+    observe(gridworld.problem.mdp, decisions)
+    ended = sample_decisions(
+        minimum_example.mdp,
+        np.array([[1.0, 0, 0], [0, 0, 1.0]]),
+        np.full((2, 2), 0.5),
+        np.array([0.5, 0.5]),
+        n_episodes=50,
+        n_steps=100,
+        rng=np.random.default_rng(0),
+    )
+    assert np.all(ended.state == 0)
+
+
+def test_one_seed_gives_one_sample(make_gridworld):
+    np.testing.assert_array_equal(
+        make_gridworld(seed=5).decisions.state, make_gridworld(seed=5).decisions.state
+    )
+
+
+def test_no_episodes_are_refused(minimum_example):
+    with pytest.raises(SerdError, match="must be at least 1, got 0 and 5"):
+        sample_decisions(
+            minimum_example.mdp,
+            np.array([[1.0, 0, 0], [0, 0, 1.0]]),
+            np.full((2, 2), 0.5),
+            np.array([1.0, 0.0]),
+            n_episodes=0,
+            n_steps=5,
+            rng=np.random.default_rng(0),
+        )
+
+
+def test_an_expert_that_stays_but_still_chooses_goes_on_deciding():
+    """One state that both actions keep: nothing leaves it, but what is chosen there says a lot."""
+    mdp = Mdp(
+        OutcomeModels(np.zeros((1, 2, 1), int), np.zeros((1, 2), int), np.ones((1, 2), bool), 1),
+        0.9,
+    )
+    decisions = sample_decisions(
+        mdp,
+        np.array([[0.25, 0.75]]),
+        np.ones((1, 1)),
+        np.ones(1),
+        n_episodes=400,
+        n_steps=10,
+        rng=np.random.default_rng(0),
+    )
+    assert len(decisions) == 4000
+    assert decisions.action.mean() == pytest.approx(0.75, abs=0.03)

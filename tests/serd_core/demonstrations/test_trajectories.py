@@ -1,0 +1,116 @@
+import numpy as np
+import pytest
+
+from serd_core.demonstrations.decisions import Decisions, start_distribution
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.demonstrations.trajectories import (
+    discounted_features,
+    feature_counts,
+    trajectories_of,
+)
+from serd_core.learners.maxent_irl import fit_maxent_irl
+from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy
+
+
+def one_way(dropped: tuple[int, ...] = (), period_s: float = 2.0) -> Decisions:
+    """From 0 to 6 in six decisions of episode 5, some of which are missing."""
+    state = np.arange(6)
+    every = Decisions(
+        np.full(6, 5), 10 + period_s * state, state, np.zeros(6, int), state + 1, "by hand"
+    )
+    return every.select(~np.isin(state, dropped))
+
+
+def with_rows(decisions: Decisions, **columns) -> Decisions:
+    names = ("episode", "time_s", "state", "action", "next_state")
+    return Decisions(**{name: getattr(decisions, name) for name in names} | columns)
+
+
+def test_rows_in_any_order_are_the_same_trajectories(gridworld):
+    decisions = gridworld.decisions
+    mixed = decisions.select(np.random.default_rng(0).permutation(len(decisions)))
+    one, other = trajectories_of(decisions), trajectories_of(mixed)
+    for name in ("episode", "start", "end", "length"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    np.testing.assert_allclose(
+        feature_counts(gridworld.problem, mixed), feature_counts(gridworld.problem, decisions)
+    )
+
+
+def test_weights_do_not_depend_on_the_order_of_rows(gridworld):
+    decisions = gridworld.decisions
+    learned = [
+        fit_mdce_irl_by_entropy(
+            gridworld.problem, rows, initial_weights=np.zeros(2), slack=0.01
+        ).reward_weights
+        for rows in (decisions, decisions.select(np.arange(len(decisions))[::-1]))
+    ]
+    np.testing.assert_allclose(learned[0], learned[1], rtol=1e-4)
+
+
+def test_whole_episodes_are_one_trajectory_each():
+    tracks = trajectories_of(one_way())
+    assert (len(tracks), tracks.start[0], tracks.end[0], tracks.length[0]) == (1, 0, 6, 6)
+    np.testing.assert_array_equal(tracks.step, np.arange(6))
+    np.testing.assert_array_equal(tracks.episode, [5])
+
+
+@pytest.mark.parametrize("dropped", [(2,), (2, 3)])
+def test_a_trajectory_begins_anew_after_missing_decisions(dropped):
+    decisions = one_way(dropped)
+    tracks = trajectories_of(decisions)
+    np.testing.assert_array_equal(tracks.start, [0, dropped[-1] + 1])
+    np.testing.assert_array_equal(tracks.end, [2, 6])
+    np.testing.assert_array_equal(tracks.episode, [5, 5])
+    np.testing.assert_array_equal(tracks.step, [0, 1, *range(6 - dropped[-1] - 1)])
+    np.testing.assert_allclose(start_distribution(decisions, 7)[tracks.start], 0.5)
+
+
+def test_a_move_recorded_as_its_neighbour_is_no_missing_decision():
+    """Next state 2 for a diagonal move to 3 (`discretise`): the next decision is on time."""
+    decisions = one_way()
+    slipped = with_rows(decisions, next_state=[1, 2, 2, 4, 5, 6])
+    assert len(trajectories_of(slipped)) == 1
+
+
+def test_a_pause_without_a_change_of_place_is_no_missing_decision():
+    paused = with_rows(one_way(), time_s=[0.0, 2, 4, 16, 18, 20])
+    assert len(trajectories_of(paused)) == 1
+
+
+def test_without_times_a_trajectory_begins_wherever_states_do_not_follow():
+    timeless = with_rows(one_way((2,)), time_s=np.zeros(5))
+    np.testing.assert_array_equal(trajectories_of(timeless).start, [0, 3])
+
+
+def test_features_after_a_gap_are_discounted_from_where_the_piece_begins(gridworld):
+    decisions = sample_decisions(
+        gridworld.problem.mdp,
+        gridworld.problem.mdp.available / gridworld.problem.mdp.available.sum(1, keepdims=True),
+        gridworld.probabilities,
+        np.eye(25)[7],
+        n_episodes=1,
+        n_steps=12,
+        rng=np.random.default_rng(3),
+    )
+    moved = np.flatnonzero(decisions.state != decisions.next_state)
+    middle = int(moved[len(moved) // 2])
+    rest = decisions.select(np.arange(12) != middle)
+    halves = [rest.select(rest.time_s < middle), rest.select(rest.time_s > middle)]
+    expected = [discounted_features(gridworld.problem, half)[0] for half in halves]
+    np.testing.assert_allclose(discounted_features(gridworld.problem, rest), expected)
+
+
+def test_a_dropped_decision_makes_no_impossible_trajectory_for_maximum_entropy(gridworld):
+    """Both pieces are samples of their own, so the fit is that of the pieces as episodes."""
+    decisions = gridworld.decisions
+    same = decisions.episode[1:] == decisions.episode[:-1]
+    inside = np.flatnonzero(same[1:] & same[:-1] & (decisions.state != decisions.next_state)[1:-1])
+    rest = decisions.select(np.arange(len(decisions)) != inside[5] + 1)
+    pieces = with_rows(rest, episode=trajectories_of(rest).of_decision)
+    assert len(trajectories_of(rest)) == len(decisions.episodes) + 1
+    fits = [
+        fit_maxent_irl(gridworld.problem, rows, initial_weights=np.zeros(2)).reward_weights
+        for rows in (rest, pieces)
+    ]
+    np.testing.assert_allclose(fits[0], fits[1], rtol=1e-6)

@@ -1,0 +1,175 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.newton import Newton
+from serd_core.bellman.soft import SoftBellman
+from serd_core.dynamics.transitions import transitions_of
+from serd_core.errors import SerdError
+from serd_core.linear.automatic import Automatic, StandBy
+from serd_core.linear.banded_lu import BandedFactor, BandedLu
+from serd_core.linear.krylov import Krylov
+from serd_core.linear.sparse_lu import SparseLu
+from serd_core.policies.solved_policy import soft_policy
+
+WIDE = Automatic(always_lu_states=0, widest_band=0)
+SOLVERS = [SparseLu(), BandedLu(), Krylov(), Krylov(fill=5.0), Automatic(), WIDE]
+EACH_SOLVER = pytest.mark.parametrize("solver", SOLVERS, ids=repr)
+
+
+def random_system(random_problem, seed):
+    problem, table = random_problem(seed, 0.95)
+    mdp = problem.mdp
+    rng = np.random.default_rng(seed)
+    policy = rng.random(mdp.available.shape) * mdp.available
+    policy /= policy.sum(axis=1, keepdims=True)
+    entries = mdp.transitions.entries(table)
+    chosen = mdp.transitions.matrix(entries).toarray().reshape(*mdp.available.shape, -1)
+    dense = np.eye(mdp.n_states) - 0.95 * np.einsum("sa,sat->st", policy, chosen)
+    return mdp.policy_pattern, mdp.policy_pattern.system_data(policy, entries, 0.95), dense
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 10_000))
+def test_the_pattern_holds_the_matrix_of_the_definition(random_problem, seed):
+    pattern, data, dense = random_system(random_problem, seed)
+    np.testing.assert_allclose(pattern.matrix(data).toarray(), dense, atol=1e-14)
+    order = pattern.elimination.order
+    np.testing.assert_allclose(
+        pattern.elimination.matrix(data).toarray(), dense[np.ix_(order, order)], atol=1e-14
+    )
+    assert sorted(order) == list(range(len(dense)))
+    band = pattern.band
+    assert sorted(band.order) == list(range(len(dense)))
+    filled = band.filled(data)
+    for row, column in np.argwhere(dense[np.ix_(band.order, band.order)]):
+        assert filled[band.below + band.above + row - column, column] == pytest.approx(
+            dense[band.order[row], band.order[column]], abs=1e-14
+        )
+
+
+@EACH_SOLVER
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 10_000))
+def test_solutions_are_those_of_the_dense_solver(random_problem, solver, seed):
+    pattern, data, dense = random_system(random_problem, seed)
+    right_side = np.random.default_rng(seed).normal(size=(len(dense), 3))
+    system = solver.prepare(pattern, data)
+    np.testing.assert_allclose(
+        system.solve(right_side), np.linalg.solve(dense, right_side), atol=1e-7
+    )
+    np.testing.assert_allclose(
+        system.solve_transposed(right_side[:, 0]),
+        np.linalg.solve(dense.T, right_side[:, 0]),
+        atol=1e-7,
+    )
+
+
+def test_a_right_side_of_zeros_has_the_solution_zero(random_problem):
+    pattern, data, _ = random_system(random_problem, 1)
+    zeros = np.zeros(pattern.n_states)
+    np.testing.assert_array_equal(Krylov().prepare(pattern, data).solve(zeros), 0)
+
+
+def posed_of(case):
+    mdp = case.problem.mdp
+    return BellmanProblem(
+        SoftBellman(),
+        case.problem.features @ case.weights,
+        transitions_of(mdp.transitions, case.probabilities),
+        mdp.discount,
+        mdp.available,
+    )
+
+
+@pytest.mark.parametrize("solver", [Krylov(), Krylov(fill=10.0), BandedLu(), WIDE], ids=repr)
+def test_newton_reaches_its_accuracy_with_every_linear_solver(make_gridworld, solver):
+    case = make_gridworld(side=30, discount=0.99, n_episodes=1, n_steps=1)
+    mdp, posed = case.problem.mdp, posed_of(case)
+    exact = Newton(linear_solver=SparseLu()).solve(mdp, posed)
+    other = Newton(linear_solver=solver).solve(mdp, posed)
+    assert other.converged
+    np.testing.assert_allclose(other.value, exact.value, rtol=1e-10)
+
+
+def test_the_choice_follows_size_and_horizon():
+    automatic = Automatic()
+    assert automatic.choose(400, 1e4) == SparseLu()
+    assert automatic.choose(90_000, 100.0) == Krylov()
+    assert automatic.choose(90_000, 1e4) == SparseLu()
+    assert automatic.choose(1_000_000, 1e4) == Krylov(fill=10.0)
+
+
+def test_a_narrow_band_is_factorised_as_one_and_a_wide_one_is_not(make_gridworld):
+    pattern = make_gridworld(side=12, n_episodes=1, n_steps=1).problem.mdp.policy_pattern
+    data = np.zeros(len(pattern.row_index))
+    data[pattern.diagonal] = 1.0
+    assert max(pattern.band.below, pattern.band.above) < 16
+    assert isinstance(Automatic().prepare(pattern, data), BandedFactor)
+    assert not isinstance(Automatic(widest_band=5).prepare(pattern, data), BandedFactor)
+
+
+def test_a_singular_band_is_refused(make_gridworld):
+    pattern = make_gridworld(side=4, n_episodes=1, n_steps=1).problem.mdp.policy_pattern
+    with pytest.raises(SerdError, match="must be invertible, but pivot 1 of its band is 0"):
+        BandedLu().prepare(pattern, np.zeros(len(pattern.row_index)))
+
+
+def test_krylov_says_when_it_did_not_get_there_and_lu_stands_by(make_gridworld):
+    case = make_gridworld(side=12, discount=0.9999, n_episodes=1, n_steps=1)
+    mdp = case.problem.mdp
+    entries = mdp.transitions.entries(case.probabilities)
+    pattern = mdp.policy_pattern
+    data = pattern.system_data(mdp.available / 5.0, entries, 0.9999)
+    right_side = np.random.default_rng(0).normal(size=144)
+    weak = Krylov(max_iterations=2, max_runs=1).prepare(pattern, data)
+    with pytest.raises(SerdError, match="Krylov must reach a relative residual of 1e-11, got"):
+        weak.solve(right_side)
+    helped = StandBy(weak, pattern, data)
+    exact = SparseLu().prepare(pattern, data)
+    np.testing.assert_allclose(helped.solve(right_side), exact.solve(right_side))
+    np.testing.assert_allclose(
+        helped.solve_transposed(right_side), exact.solve_transposed(right_side)
+    )
+
+
+def test_a_cold_start_leaves_lu_earlier_and_ends_at_the_same_values(make_gridworld):
+    automatic = Automatic(always_lu_states=10_000, cold_lu_states=100, widest_band=0)
+    assert isinstance(automatic.choose(400, 100.0), SparseLu)
+    assert isinstance(automatic.for_cold_start().choose(400, 100.0), Krylov)
+    assert isinstance(automatic.for_cold_start().choose(400, 10_000.0), SparseLu)
+    assert isinstance(automatic.for_cold_start().choose(100, 100.0), SparseLu)
+    case = make_gridworld(side=20, discount=0.99, n_episodes=1, n_steps=1)
+    values = [
+        soft_policy(case.problem, case.weights, case.probabilities, Newton(linear_solver=solver))
+        for solver in (automatic, SparseLu())
+    ]
+    assert values[0].converged
+    bound = values[0].error_bound + values[1].error_bound
+    assert np.max(np.abs(values[0].value - values[1].value)) <= bound
+
+
+def test_a_limit_of_zero_states_holds_for_cold_starts_too():
+    assert Automatic(always_lu_states=0).for_cold_start().choose(1, 10.0) == Krylov()
+
+
+def test_newton_solves_cold_and_warm_starts_by_the_solvers_meant_for_them(make_gridworld):
+    used = []
+
+    class Named(SparseLu):
+        def prepare(self, pattern, data):
+            used.append("warm")
+            return super().prepare(pattern, data)
+
+        def for_cold_start(self):
+            used.append("cold")
+            return SparseLu()
+
+    case = make_gridworld(side=8, discount=0.95, n_episodes=1, n_steps=1)
+    mdp, posed = case.problem.mdp, posed_of(case)
+    Newton(linear_solver=Named()).solve(mdp, posed)
+    assert used == ["cold"]
+    Newton(linear_solver=Named()).solve(mdp, posed, np.zeros(mdp.n_states))
+    assert set(used[1:]) == {"warm"}

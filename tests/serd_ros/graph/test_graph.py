@@ -1,0 +1,97 @@
+"""The graph description: known names only, parameters to the nodes that have them."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from serd_ros.errors import NodeError
+from serd_ros.graph.graph import PACKAGE, find_stack, load_graph, stack_parameters
+from serd_ros.parameters.configs import CONFIGS
+from serd_ros.parameters.defaults import default_parameters
+
+FROM_PEOPLE = {"goal_pose"}
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_every_node_has_a_module_defaults_and_a_config_with_the_same_parameters():
+    modules = {path.stem for path in (ROOT / PACKAGE / "nodes").glob("*.py")} - {"__init__"}
+    assert modules == set(load_graph().nodes) == set(default_parameters()) == set(CONFIGS)
+    for node, config in CONFIGS.items():
+        assert set(config.model_fields) == set(default_parameters()[node]), node
+
+
+def test_every_node_module_has_a_main():
+    for node in load_graph().nodes:
+        tree = ast.parse((ROOT / PACKAGE / "nodes" / f"{node}.py").read_text())
+        names = {item.name for item in tree.body if isinstance(item, ast.FunctionDef)}
+        assert "main" in names, node
+
+
+def test_every_subscribed_topic_is_published_by_some_node():
+    graph = load_graph()
+    published = {topic for node in graph.nodes.values() for topic in node.publishes}
+    for stack in graph.stacks.values():
+        published |= {topic for names in stack.remappings.values() for topic in names.values()}
+    subscribed = {topic for node in graph.nodes.values() for topic in node.subscribes}
+    assert subscribed <= published | FROM_PEOPLE
+    served = {name for node in graph.nodes.values() for name in node.serves}
+    assert {name for node in graph.nodes.values() for name in node.calls} <= served
+
+
+def test_a_parameter_goes_to_every_node_that_has_it_and_to_no_other():
+    layers = stack_parameters(find_stack("demonstrate"), {"seed": 5})
+    assert layers["hallway_sim"]["seed"] == layers["scripted_expert"]["seed"] == 5
+    assert "seed" not in layers["local_planner"]
+
+
+def test_a_parameter_of_one_node_overrides_the_stack():
+    layers = stack_parameters(find_stack("live"), {"local_planner.scenario": "corridor"})
+    assert layers["local_planner"]["scenario"] == "corridor"
+    assert layers["hallway_sim"]["scenario"] == "hallway"
+
+
+def test_a_name_does_not_reach_a_node_to_which_the_stack_gives_its_own_value():
+    replayed = stack_parameters(find_stack("replay_and_learn"), {"bag": "drive"})
+    assert (replayed["bag_replay"]["bag"], replayed["learner"]["bag"]) == ("drive", "")
+    live = stack_parameters(find_stack("demonstrate_and_learn"), {"output": "drive"})
+    assert live["demo_recorder"]["output"] == "drive"
+    assert live["learner"]["output"] == "model.yaml"
+    assert live["scripted_expert"]["output"] == ""
+    named = stack_parameters(find_stack("replay_and_learn"), {"learner.bag": "drive"})
+    assert named["learner"]["bag"] == "drive"
+
+
+def test_a_name_that_the_stack_sets_in_every_node_is_refused():
+    sentence = "name the node: hallway_sim.required_nodes or local_planner.required_nodes"
+    with pytest.raises(NodeError, match=sentence):
+        stack_parameters(find_stack("demonstrate"), {"required_nodes": ["probe"]})
+
+
+def test_no_name_means_different_things_in_the_nodes_it_reaches():
+    for name, stack in load_graph().stacks.items():
+        for own in {"bag", "output"}:
+            reached = [
+                node
+                for node in stack.nodes
+                if own in default_parameters()[node] and own not in stack.parameters.get(node, {})
+            ]
+            assert len(reached) <= 1, (name, own, reached)
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("sede", "no node of this stack has a parameter 'sede'; did you mean 'seed'"),
+        ("hallway_sm.seed", "names no node of this stack; did you mean 'hallway_sim'"),
+        ("hallway_sim.sede", "hallway_sim has no parameter 'sede'; did you mean 'seed'"),
+    ],
+)
+def test_a_wrong_name_gets_the_nearest_right_one(name, sentence):
+    with pytest.raises(NodeError, match=sentence):
+        stack_parameters(find_stack("live"), {name: 1})
+
+
+def test_an_unknown_stack_gets_the_nearest_right_one():
+    with pytest.raises(NodeError, match="did you mean 'navigate'"):
+        find_stack("navigat")

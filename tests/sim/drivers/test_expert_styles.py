@@ -1,0 +1,70 @@
+"""Scripted experts of several styles, and what a reaction delay does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from serd_core.grid.grid import Action
+from sim.drivers.catalogue import driver_names, make_driver
+from sim.drivers.expert import ExpertSettings, ScriptedExpert, seen_earlier
+from sim.drivers.expert_styles import STYLES, VariedExpert
+from sim.scenario.scenario import load_scenario
+from sim.world.observation import make_observation
+
+HALLWAY = load_scenario("hallway")
+
+
+def walking_towards(x_m):
+    """The robot drives north at 1 m/s; somebody walks west at 1 m/s towards x_m = 4.5."""
+    return make_observation(
+        time_s=2.0,
+        tick=40,
+        pose=(4.5, 9.5, np.pi / 2),
+        speed_mps=1.0,
+        yaw_rate_radps=0.0,
+        people_position_m=[(x_m, 10.5)],
+        people_velocity_mps=[(-1.0, 0.0)],
+        people_id=[0],
+    )
+
+
+def test_what_was_seen_earlier_lies_behind_the_robot_and_behind_the_people():
+    earlier = seen_earlier(walking_towards(5.0), 0.4)
+    assert earlier.x_m == pytest.approx(4.5)
+    assert earlier.y_m == pytest.approx(9.1)
+    np.testing.assert_allclose(earlier.people_position_m, [(5.4, 10.5)], atol=1e-6)
+
+
+def test_without_delay_the_observation_itself_is_used():
+    now = walking_towards(5.0)
+    assert seen_earlier(now, 0.0) is now
+
+
+def test_a_slow_expert_walks_on_where_a_quick_one_waits():
+    patient = ExpertSettings(wait_probability=1.0, waver_probability=0.0, look_ahead_s=0.2)
+    slow = replace(patient, reaction_delay_s=1.0)
+
+    def waits(settings):
+        expert = ScriptedExpert(HALLWAY, seed=1, settings=settings)
+        expert.begin(0)
+        return expert.decide(walking_towards(4.9)) == Action.WAIT
+
+    assert waits(patient)
+    assert not waits(slow)
+
+
+def test_the_varied_expert_takes_every_style_in_turn_of_chance_and_repeats_itself():
+    expert = VariedExpert(HALLWAY, seed=2)
+    chosen = []
+    for episode in range(40):
+        expert.begin(episode)
+        chosen.append(expert.style)
+    assert set(chosen) == set(STYLES)
+    expert.begin(7)
+    assert expert.style == chosen[7]
+
+
+def test_every_style_is_a_driver_by_name():
+    assert {f"{style}_expert" for style in STYLES} | {"varied_expert"} <= set(driver_names())
+    assert make_driver("cautious_expert", HALLWAY, 1).name == "scripted_expert"

@@ -1,0 +1,254 @@
+"""Batches: one row per episode, resumable, the same over processes."""
+
+import math
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from distributed import LocalCluster
+
+from serd_core.errors import SerdError
+from sim.drivers.catalogue import driver_names, make_driver
+from sim.episodes.batch import TASK_COLUMNS, EpisodeTask, run_batch, run_task
+from sim.episodes.execution import Execution
+from sim.scenario.scenario import Scenario, load_scenario
+from storage.parquet import read_parquet
+from storage.row_table import RowTable, waiting_lines
+from storage.yaml_config import model_yaml
+
+ONE = Execution(1)
+TASKS = [EpisodeTask("crossing", seed, n_people=6) for seed in (1, 2)]
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    path = tmp_path_factory.mktemp("batch") / "episodes.csv"
+    progress = []
+    rows = run_batch(TASKS, path, execution=ONE, on_progress=lambda *done: progress.append(done))
+    return path, rows, progress
+
+
+def test_every_task_has_its_row_with_numbers(table):
+    _, rows, progress = table
+    assert [row["seed"] for row in rows] == [1, 2]
+    assert all(row["outcome"] == "arrived" for row in rows)
+    assert all(10 < row["time_of_arrival_s"] < 200 for row in rows)
+    assert all(0 <= row["intimate_share"] <= row["personal_share"] <= 1 for row in rows)
+    assert progress == [(0, 2), (1, 2), (2, 2)]
+
+
+def test_a_batch_that_is_started_again_runs_nothing_and_gives_the_same_rows(table):
+    path, rows, _ = table
+    before = path.read_bytes()
+    progress = []
+    again = run_batch(TASKS, path, execution=ONE, on_progress=lambda *done: progress.append(done))
+    assert again == rows
+    assert progress == [(2, 2)]
+    assert path.read_bytes() == before
+
+
+def test_a_line_cut_short_by_a_crash_is_run_again(table, tmp_path):
+    path, rows, _ = table
+    torn = tmp_path / "torn.csv"
+    torn.write_bytes(path.read_bytes()[:-20])
+    again = run_batch(TASKS, torn, execution=ONE)
+    assert again == rows
+    assert torn.read_bytes() == path.read_bytes()
+
+
+def test_a_task_listed_twice_is_one_episode(table):
+    path, rows, _ = table
+    progress = []
+    told = run_batch(
+        TASKS * 2, path, execution=ONE, on_progress=lambda *done: progress.append(done)
+    )
+    assert told == rows
+    assert progress == [(2, 2)]
+
+
+def test_processes_give_the_rows_that_one_process_gives(table, tmp_path):
+    _, rows, _ = table
+    assert run_batch(TASKS, tmp_path / "two.csv", execution=Execution(2)) == rows
+
+
+KILLED_PROGRAM = """
+import sys
+from sim.episodes.batch import EpisodeTask, run_batch
+from sim.episodes.execution import Execution
+
+tasks = [EpisodeTask("crossing", seed, n_people=6) for seed in range(1000)]
+run_batch(tasks, sys.argv[1], execution=Execution(2))
+"""
+
+
+def children_of(pid):
+    """Processes that are running and were started by this one."""
+    found = []
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, parent = status.read_text().rsplit(")", 1)[1].split()[:2]
+        except OSError:
+            continue
+        if int(parent) == pid and state != "Z":
+            found.append(int(status.parent.name))
+    return found
+
+
+def is_running(pid):
+    """Whether a process is there and no zombie."""
+    status = Path(f"/proc/{pid}/stat")
+    return status.exists() and status.read_text().rsplit(")", 1)[1].split()[0] != "Z"
+
+
+def wait_for(condition, seconds=30.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.1)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_a_batch_that_is_killed_leaves_no_worker_behind_and_goes_on_where_it_was(tmp_path):
+    path = tmp_path / "rows.parquet"
+    command = [sys.executable, "-c", KILLED_PROGRAM, str(path)]
+    with subprocess.Popen(command) as process:
+        wait_for(waiting_lines(path).exists)
+        workers = children_of(process.pid)
+        process.kill()
+    assert len(workers) >= 2
+    wait_for(lambda: not any(is_running(pid) for pid in workers))
+    assert not path.exists()
+    with RowTable(path, TASK_COLUMNS) as table:
+        assert len(table.rows) >= 1
+    assert not waiting_lines(path).exists()
+    assert {row["outcome"] for row in read_parquet(path)} == {"arrived"}
+
+
+def test_a_parquet_file_holds_the_rows_that_a_csv_file_holds(table, tmp_path):
+    _, rows, _ = table
+    path = tmp_path / "episodes.parquet"
+    run_batch(TASKS[:1], path, execution=ONE)
+    assert run_batch(TASKS, path, execution=ONE) == rows
+    assert read_parquet(path) == rows
+    assert [each.name for each in tmp_path.iterdir()] == ["episodes.parquet"]
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_gives_the_same_rows(table, tmp_path):
+    _, rows, _ = table
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        dask = Execution(1, "dask", cluster.scheduler_address)
+        assert run_batch(TASKS, tmp_path / "four.csv", execution=dask) == rows
+
+
+@pytest.mark.slow
+def test_a_ray_cluster_gives_the_same_rows(table, tmp_path):
+    pytest.importorskip("ray", reason="Ray is not installed")
+    _, rows, _ = table
+    assert run_batch(TASKS, tmp_path / "five.csv", execution=Execution(1, "ray")) == rows
+
+
+def test_episodes_of_another_version_of_a_scenario_file_are_not_taken_for_this_one(tmp_path):
+    file, path = tmp_path / "mine.yaml", tmp_path / "rows.csv"
+    mine = load_scenario("crossing").with_pedestrian_count(0)
+    file.write_text(model_yaml(mine))
+    run_batch([EpisodeTask(str(file), 1)], path, execution=ONE)
+    file.write_text(model_yaml(mine.model_copy(update={"episode_timeout_s": 30.0})))
+    with pytest.raises(SerdError, match=r"another version of .*mine.yaml.*; choose another file"):
+        run_batch([EpisodeTask(str(file), 1)], path, execution=ONE)
+
+
+@pytest.mark.parametrize(
+    ("task", "sentence"),
+    [
+        (EpisodeTask("crosing", 1), "did you mean 'crossing'"),
+        (EpisodeTask("crossing", 1, planner="dwb"), "did you mean 'dwa'"),
+        (EpisodeTask("crossing", 1, driver="expart"), "did you mean 'expert'"),
+        (EpisodeTask("crossing", 1, start_area="trian"), "did you mean 'train'"),
+        (EpisodeTask("crossing", 1, driver="none.yaml"), "none.yaml"),
+        (EpisodeTask("crossing", 1, people_from="scans"), "did you mean 'scan'"),
+    ],
+)
+def test_a_bad_name_is_said_before_anything_runs(tmp_path, task, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        run_batch([*TASKS, task], tmp_path / "rows.csv", execution=ONE)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"backend": "daks"}, "backend must be one of loky, dask, ray, got 'daks'; did you mean"),
+        ({"n_jobs": 0}, "jobs must be at least 1, or -1 for all cores, got 0"),
+        ({"address": "localhost:8786"}, "choose dask or ray"),
+    ],
+)
+def test_a_bad_execution_is_refused(settings, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        Execution(**settings)
+
+
+def test_an_address_without_a_scheduler_is_named():
+    with pytest.raises(SerdError, match=r"running Dask scheduler, got 'nonsense://nowhere'"):
+        list(Execution(2, "dask", "nonsense://nowhere").results(abs, [1, -2]))
+
+
+def test_a_file_that_is_no_table_of_episodes_is_refused(tmp_path):
+    path = tmp_path / "other.csv"
+    path.write_text("a,b\n1,2\n")
+    with pytest.raises(SerdError, match="has no column 'scenario'; choose another file"):
+        run_batch(TASKS, path)
+
+
+def test_an_episode_is_the_same_when_run_alone(table):
+    _, rows, _ = table
+    row = run_task(TASKS[0])
+    assert row["time_of_arrival_s"] == rows[0]["time_of_arrival_s"]
+    assert math.isclose(row["distance_m"], rows[0]["distance_m"], rel_tol=0.0)
+
+
+def test_drivers_are_known_by_name():
+    scenario = load_scenario("corridor")
+    assert {"expert", "expert_with_flow", "expert_against_flow"} <= set(driver_names())
+    with pytest.raises(SerdError, match="did you mean 'expert'"):
+        make_driver("experts", scenario, 1)
+
+
+def test_a_row_says_where_people_were_known_from_and_how_the_planner_fared():
+    row = run_task(EpisodeTask("crossing", 1, n_people=6, people_from="scan"))
+    assert (row["people_from"], row["outcome"]) == ("scan", "arrived")
+    assert (row["planner_status"], row["n_recoveries"]) == ("NONE", 0)
+    given = run_task(EpisodeTask("crossing", 1, n_people=6))
+    assert row["distance_m"] != given["distance_m"]
+
+
+def test_a_row_gives_the_reason_of_a_failure_in_nav2s_words(tmp_path):
+    """A thin bar leaves a gap too narrow for the robot, and no cell's centre is inside it."""
+    file = tmp_path / "blocked.yaml"
+    file.write_text(
+        model_yaml(
+            Scenario(
+                name="blocked",
+                episode_timeout_s=60.0,
+                walkable_area_m=[(0, 0), (8, 0), (8, 2), (0, 2)],
+                obstacles=[
+                    {
+                        "name": "bar",
+                        "outline_m": [(4.0, -0.1), (4.05, -0.1), (4.05, 1.8), (4.0, 1.8)],
+                    }
+                ],
+                goal_area_m=[(6, 0), (8, 0), (8, 2), (6, 2)],
+                start_areas_m={"train": [(0, 0), (2, 0), (2, 2), (0, 2)]},
+                pedestrians={"count": 0},
+            )
+        )
+    )
+    row = run_task(EpisodeTask(str(file), 1))
+    assert row["outcome"] == "timeout"
+    assert row["planner_status"] == "FAILED_TO_MAKE_PROGRESS"
+    assert row["n_recoveries"] > 3
+    assert row["robot_on_wall"] == 0

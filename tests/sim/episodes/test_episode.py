@@ -1,0 +1,132 @@
+"""Whole episodes: the expert arrives, the world answers sanely, and it all repeats."""
+
+import numpy as np
+import pytest
+
+from serd_core.grid.grid import Action
+from sim.drivers.expert import ScriptedExpert
+from sim.drivers.policy_driver import PolicyDriver
+from sim.episodes.episode import run_episode
+from sim.planning.catalogue import make_planner
+from sim.scenario.scenario import builtin_scenarios, load_scenario
+from sim.world.world import HallwayWorld
+
+HALLWAY = load_scenario("hallway")
+
+
+def expert_episodes(n_episodes, *, seed=1, start_area="train"):
+    with HallwayWorld(HALLWAY, seed=seed) as world:
+        planner, expert = make_planner("dwa", HALLWAY), ScriptedExpert(HALLWAY, seed)
+        return world.grid, [
+            run_episode(world, planner, expert, episode=episode, start_area=start_area)
+            for episode in range(n_episodes)
+        ]
+
+
+@pytest.fixture(scope="module")
+def demonstrations():
+    return expert_episodes(20)
+
+
+def test_the_expert_arrives_in_nearly_all_episodes_well_before_the_timeout(demonstrations):
+    _, records = demonstrations
+    arrived = [record for record in records if record.outcome == "arrived"]
+    assert len(arrived) >= 19
+    assert max(record.time_of_arrival_s for record in arrived) < 120.0
+
+
+def test_the_robot_never_touches_a_wall_nor_drives_into_a_person(demonstrations):
+    _, records = demonstrations
+    assert sum(record.contacts.robot_on_wall for record in records) == 0
+    assert sum(record.contacts.robot_on_person for record in records) == 0
+
+
+def test_most_moves_succeed_and_nearly_all_reach_a_neighbour_or_stay(demonstrations):
+    grid, records = demonstrations
+    moved = forward = adjacent = 0
+    for record in records:
+        decisions = record.decisions
+        move = decisions.action != Action.WAIT
+        intended = grid.neighbours[decisions.state, decisions.action]
+        moved += move.sum()
+        forward += (move & (intended == decisions.next_state)).sum()
+        near = (grid.neighbours[decisions.state] == decisions.next_state[:, None]).any(axis=1)
+        adjacent += near.sum() / len(near)
+    assert forward / moved > 0.85
+    assert adjacent / len(records) > 0.97
+
+
+def test_the_expert_goes_up_on_the_right_side(demonstrations):
+    grid, records = demonstrations
+    states = np.concatenate([record.decisions.state for record in records])
+    centers = grid.centers_m[states]
+    middle = (centers[:, 1] > 5) & (centers[:, 1] < 15)
+    assert (centers[middle, 0] > 3).mean() > 0.95
+
+
+def test_decisions_are_two_seconds_apart_and_end_in_the_goal(demonstrations):
+    grid, records = demonstrations
+    for record in records:
+        np.testing.assert_allclose(np.diff(record.decisions.time_s), 2.0, atol=1e-9)
+        if record.outcome == "arrived":
+            assert grid.centers_m[record.decisions.next_state[-1]][0] > 11
+
+
+def test_the_same_seed_repeats_an_episode_exactly():
+    _, first = expert_episodes(1, seed=6, start_area="transfer")
+    _, second = expert_episodes(1, seed=6, start_area="transfer")
+    assert first[0].time_of_arrival_s == second[0].time_of_arrival_s
+    assert first[0].distance_m == second[0].distance_m
+    np.testing.assert_array_equal(first[0].decisions.action, second[0].decisions.action)
+
+
+def test_a_waiting_policy_times_out_where_it_started():
+    with HallwayWorld(HALLWAY, seed=2) as world:
+        probabilities = np.tile([1.0, 0, 0, 0, 0], (world.grid.n_states, 1))
+        record = run_episode(
+            world,
+            make_planner("dwa", HALLWAY),
+            PolicyDriver(world.grid, probabilities),
+            episode=0,
+            timeout_s=10.0,
+        )
+    assert record.outcome == "timeout"
+    assert np.isnan(record.time_of_arrival_s)
+    assert record.n_ticks == 200
+    assert record.distance_m < 1e-6
+    assert len(record.decisions) == 5
+
+
+def test_an_observer_may_abort_and_sees_every_tick():
+    seen = []
+
+    def observer(observation, _command, _action):
+        seen.append(observation.tick)
+        return len(seen) < 30
+
+    with HallwayWorld(HALLWAY, seed=2) as world:
+        record = run_episode(
+            world,
+            make_planner("dwa", HALLWAY),
+            ScriptedExpert(HALLWAY, 2),
+            episode=0,
+            observer=observer,
+        )
+    assert record.outcome == "aborted"
+    assert seen == list(range(30))
+
+
+@pytest.mark.parametrize("name", builtin_scenarios())
+@pytest.mark.parametrize("start_area", ["train", "transfer"])
+def test_the_expert_arrives_in_every_built_in_scenario_from_every_start(name, start_area):
+    scenario = load_scenario(name)
+    with HallwayWorld(scenario, seed=5) as world:
+        record = run_episode(
+            world,
+            make_planner("dwa", scenario),
+            ScriptedExpert(scenario, 5),
+            episode=0,
+            start_area=start_area,
+        )
+    assert record.outcome == "arrived"
+    assert record.contacts.robot_on_wall == 0

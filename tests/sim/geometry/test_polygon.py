@@ -1,0 +1,70 @@
+"""Plane geometry against closed forms."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim.geometry.polygon import (
+    contains,
+    contains_point,
+    distance_to_segments_m,
+    edges_of,
+    self_intersection,
+    signed_area_m2,
+    without_straight_corners,
+)
+
+L_SHAPE = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]]
+
+
+def test_area_of_an_l_shape_is_positive_counter_clockwise_and_negative_clockwise():
+    assert signed_area_m2(L_SHAPE) == pytest.approx(6.0)
+    assert signed_area_m2(L_SHAPE[::-1]) == pytest.approx(-6.0)
+
+
+def test_the_notch_of_an_l_shape_is_outside():
+    inside = contains(L_SHAPE, [[0.5, 2.0], [3.0, 0.5], [2.0, 2.0], [-0.1, 0.5]])
+    assert inside.tolist() == [True, True, False, False]
+
+
+@given(x=st.floats(-3, 6), y=st.floats(-3, 6))
+def test_distance_to_a_segment_is_that_to_a_brute_force_nearest_point(x, y):
+    segment = np.array([[[0.0, 0.0], [3.0, 1.0]]])
+    share = np.linspace(0, 1, 20001)[:, None]
+    points = segment[0, 0] + share * (segment[0, 1] - segment[0, 0])
+    expected = np.min(np.hypot(*(points - [x, y]).T))
+    assert distance_to_segments_m([[x, y]], segment)[0, 0] == pytest.approx(expected, abs=2e-4)
+
+
+def test_a_bow_tie_crosses_itself_and_a_square_does_not():
+    assert self_intersection([[0, 0], [1, 1], [1, 0], [0, 1]]) == (0, 2)
+    assert self_intersection([[0, 0], [1, 0], [1, 1], [0, 1]]) is None
+
+
+@given(x=st.floats(-1, 5), y=st.floats(-1, 4))
+def test_one_point_is_inside_exactly_when_it_is_inside_among_many(x, y):
+    assert contains_point(L_SHAPE, x, y) == contains(L_SHAPE, [[x, y]])[0]
+
+
+def test_edges_close_the_polygon():
+    edges = edges_of(L_SHAPE)
+    assert edges.shape == (6, 2, 2)
+    np.testing.assert_array_equal(edges[-1], [[0, 3], [0, 0]])
+
+
+@given(cuts=st.lists(st.tuples(st.integers(0, 5), st.floats(0.01, 0.99)), max_size=12))
+def test_a_wall_cut_into_pieces_is_put_together_again(cuts):
+    pieces = []
+    for number, (start, end) in enumerate(edges_of(L_SHAPE)):
+        shares = sorted({share for edge, share in cuts if edge == number})
+        pieces += [start, *(start + share * (end - start) for share in shares)]
+    np.testing.assert_array_equal(without_straight_corners(np.array(pieces)), L_SHAPE)
+
+
+def test_a_polygon_that_turns_everywhere_keeps_every_corner():
+    angles = np.linspace(0.0, 2.0 * np.pi, 1000, endpoint=False)
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    np.testing.assert_array_equal(without_straight_corners(circle), circle)
+    spike = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [2.0, 5.0], [2.0, 2.0], [0.0, 2.0]])
+    assert [2.0, 5.0] in without_straight_corners(spike).tolist()

@@ -1,0 +1,107 @@
+"""Any walkable cell as the goal: of a scenario, of a world, of an episode."""
+
+import numpy as np
+import pytest
+
+from serd_core.grid.grid import Action
+from sim.drivers.policy_driver import PolicyDriver
+from sim.episodes.episode import run_episode
+from sim.episodes.progress import EpisodeProgress
+from sim.errors import SimError
+from sim.geometry.polygon import contains_point
+from sim.planning.catalogue import make_planner
+from sim.scenario.goal import cell_area_m, goal_at, goal_cell, point_of, with_goal
+from sim.scenario.grid import goal_states_of, grid_of
+from sim.scenario.scenario import load_scenario
+from sim.world.waypoint import Waypoint
+from sim.world.world import HallwayWorld
+
+HALLWAY = load_scenario("hallway")
+GRID = grid_of(HALLWAY)
+
+
+def test_every_cell_can_be_the_goal_and_is_then_the_only_goal_state():
+    for state, (x_m, y_m) in enumerate(GRID.centers_m):
+        moved = goal_at(HALLWAY, x_m, y_m)
+        assert goal_states_of(moved, GRID).tolist() == [state]
+        assert HALLWAY.goal_area_m != moved.goal_area_m
+
+
+def test_a_cells_area_is_where_the_grid_says_it_is():
+    area = cell_area_m(GRID, GRID.state_at(3.2, 8.7))
+    rng = np.random.default_rng(3)
+    for x_m, y_m in rng.uniform([2.0, 7.0], [5.0, 10.0], (200, 2)):
+        inside = GRID.state_at(x_m, y_m) == GRID.state_at(3.2, 8.7)
+        assert contains_point(area, float(x_m), float(y_m)) == inside
+
+
+@pytest.mark.parametrize(
+    ("point", "sentence"),
+    [
+        ((9.0, 3.0), r"walkable cell, got \(9, 3\) m; the nearest one is at \(5.5, 2.5\)"),
+        ((-0.1, 3.0), r"walkable cell, got \(-0.1, 3\) m; the nearest one is at \(0.5, "),
+        ((float("nan"), 3.0), r"two finite numbers \(m\), got \(nan, 3.0\); set a point"),
+    ],
+)
+def test_a_goal_that_is_no_place_to_go_is_refused_with_the_nearest_one(point, sentence):
+    with pytest.raises(SimError, match=sentence):
+        goal_cell(GRID, *point)
+
+
+def test_a_goal_in_words_is_two_numbers_and_nothing_keeps_the_scenarios_own():
+    assert point_of(" 3.5,20.5 ") == (3.5, 20.5)
+    assert with_goal(HALLWAY, "") is HALLWAY
+    assert with_goal(HALLWAY, "3.4, 20.9") == goal_at(HALLWAY, 3.5, 20.5)
+    for text in ("3.5", "north", "1,2,3"):
+        with pytest.raises(SimError, match="goal must be two numbers 'x, y'"):
+            point_of(text)
+
+
+def test_an_episode_ends_in_the_goal_it_is_aimed_at():
+    """Straight up from a start at the south; the goal is moved while the robot drives."""
+    policy = np.tile(np.eye(5)[Action.NORTH], (GRID.n_states, 1))
+    near, far = goal_at(HALLWAY, 0.5, 5.5), goal_at(HALLWAY, 0.5, 7.5)
+    with HallwayWorld(HALLWAY.with_pedestrian_count(0), seed=3) as world:
+        start = world.reset(0)
+        column = int(start.x_m)
+        near, far = (goal_at(HALLWAY, column + 0.5, y_m) for y_m in (5.5, 7.5))
+        world.aim(near.goal_area_m)
+        progress = EpisodeProgress(near, start, 60.0)
+        planner, driver = make_planner("dwa", world.scenario), PolicyDriver(GRID, policy)
+        observation, aimed = start, near
+        for _ in range(1200):
+            if observation.tick % 40 == 0:
+                action = driver.decide(observation)
+                state = int(
+                    GRID.neighbours[GRID.state_at(observation.x_m, observation.y_m), action]
+                )
+                waypoint = Waypoint(*(float(value) for value in GRID.centers_m[state]))
+            observation = world.step(planner.step(observation, waypoint))
+            if aimed is near and observation.y_m > 4.5:
+                aimed = far
+                progress.aim(far.goal_area_m)
+                world.aim(far.goal_area_m)
+            if progress.see(observation) == "arrived":
+                break
+            assert not world.in_goal
+        assert world.in_goal
+        assert observation.y_m == pytest.approx(7.0, abs=0.1)
+
+
+def test_an_episode_follows_the_waypoints_it_is_given():
+    policy = np.tile(np.eye(5)[Action.NORTH], (GRID.n_states, 1))
+    asked = []
+
+    def two_cells_north(observation, action):
+        asked.append(action)
+        return Waypoint(observation.x_m, min(observation.y_m + 2.0, 23.5))
+
+    empty = HALLWAY.with_pedestrian_count(0)
+    driver, planner = PolicyDriver(GRID, policy), make_planner("dwa", empty)
+    with HallwayWorld(empty, seed=3) as world:
+        usual = run_episode(world, planner, driver, episode=0, timeout_s=10.0)
+        ahead = run_episode(
+            world, planner, driver, episode=0, timeout_s=10.0, waypoint_of=two_cells_north
+        )
+    assert asked == [Action.NORTH] * 5
+    assert ahead.distance_m > 1.4 * usual.distance_m

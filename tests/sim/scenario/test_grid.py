@@ -1,0 +1,79 @@
+"""A scenario on the coarse grid."""
+
+import numpy as np
+import pytest
+
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Action
+from sim.scenario.grid import (
+    flow_of,
+    goal_states_of,
+    grid_of,
+    navigation_problem_of,
+    start_states_of,
+    wall_distance_of,
+)
+from sim.scenario.scenario import load_scenario
+
+HALLWAY = load_scenario("hallway")
+GRID = grid_of(HALLWAY)
+
+
+def flow_at(scenario, x_m, y_m):
+    return flow_of(scenario, GRID)[GRID.state_at(x_m, y_m)]
+
+
+def test_the_hallway_has_one_state_per_square_metre():
+    assert GRID.n_states == 6 * 24 + 8 * 4
+
+
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "expected"),
+    [
+        (4.5, 8.5, Action.NORTH),
+        (1.5, 8.5, Action.SOUTH),
+        (9.5, 16.5, Action.EAST),
+        (9.5, 19.5, Action.WEST),
+        (3.0, 0.5, Action.EAST),
+        (3.0, 23.5, Action.WEST),
+    ],
+)
+def test_people_keep_right(x_m, y_m, expected):
+    assert flow_at(HALLWAY, x_m, y_m) == expected
+
+
+def test_left_hand_traffic_turns_every_flow_round_away_from_the_crossing():
+    left = HALLWAY.model_copy(update={"flow_convention": "left_hand"})
+    assert flow_at(left, 4.5, 8.5) == Action.SOUTH
+    assert flow_at(left, 1.5, 8.5) == Action.NORTH
+
+
+def test_there_is_no_flow_without_people():
+    assert (flow_of(HALLWAY.with_pedestrian_count(0), GRID) == -1).all()
+
+
+def test_goal_and_starts_are_where_the_scenario_puts_them():
+    goal = GRID.centers_m[goal_states_of(HALLWAY, GRID)]
+    train = GRID.centers_m[start_states_of(HALLWAY, GRID, "train")]
+    transfer = GRID.centers_m[start_states_of(HALLWAY, GRID, "transfer")]
+    assert len(goal) == 8
+    assert (goal[:, 0] > 11).all()
+    assert len(train) == len(transfer) == 6
+    assert train[:, 0].max() < 3 < transfer[:, 0].min()
+
+
+def test_a_wrong_start_area_is_refused_with_the_nearest_right_one():
+    with pytest.raises(SerdError, match="did you mean 'transfer'"):
+        start_states_of(HALLWAY, GRID, "transfers")
+
+
+def test_wall_distance_in_the_middle_of_the_hallway_is_half_its_width_less_half_a_cell():
+    distance = wall_distance_of(HALLWAY, GRID)
+    assert distance[GRID.state_at(2.5, 10.5)] == pytest.approx(2.5)
+    assert distance[GRID.state_at(0.5, 10.5)] == pytest.approx(0.5)
+
+
+def test_the_navigation_problem_has_the_grid_of_the_scenario():
+    problem = navigation_problem_of(HALLWAY, 0.95)
+    assert problem.grid.fingerprint() == GRID.fingerprint()
+    assert np.isfinite(problem.features).all()

@@ -1,0 +1,308 @@
+"""Scenario files: what is built in, and what is refused with which sentence."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import sim.scenario.scenario
+from experiments.study.world import start_shares
+from serd_app.navigation.strategy import start_distribution
+from serd_core.errors import SerdError
+from sim.scenario.grid import grid_of, navigation_problem_of
+from sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
+from sim.world.world import HallwayWorld
+
+HALLWAY = Path(sim.scenario.scenario.__file__).parent / "scenarios" / "hallway.yaml"
+
+
+def changed(tmp_path, **values):
+    content = yaml.safe_load(HALLWAY.read_text())
+    for dotted, value in values.items():
+        target = content
+        *parents, last = dotted.split("__")
+        for key in parents:
+            target = target[key]
+        target[last] = value
+    path = tmp_path / "own.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+@pytest.mark.parametrize("name", builtin_scenarios())
+def test_every_built_in_scenario_loads_under_its_own_name(name):
+    assert load_scenario(name).name == name
+
+
+def test_a_scenario_by_path_equals_the_built_in_one(tmp_path):
+    path = tmp_path / "copy.yaml"
+    shutil.copy(HALLWAY, path)
+    assert load_scenario(path) == load_scenario("hallway")
+
+
+def test_the_hallway_is_6_by_24_metres_with_24_people():
+    scenario = load_scenario("hallway")
+    outline = np.array(scenario.walkable_area_m)
+    assert outline[:, 1].min() == 0
+    assert outline[:, 1].max() == 24
+    assert scenario.pedestrians.count == 24
+    assert scenario.ticks_per_decision == 40
+
+
+def test_an_unknown_key_is_refused_with_the_nearest_right_one(tmp_path):
+    path = changed(tmp_path, robot__radius=0.3)
+    with pytest.raises(SerdError, match=r"robot\.radius.*did you mean 'radius_m'"):
+        load_scenario(path)
+
+
+def test_a_wrong_scenario_name_is_refused_with_the_nearest_right_one():
+    with pytest.raises(SerdError, match="did you mean 'hallway'"):
+        load_scenario("halway")
+
+
+def test_a_wrong_pedestrian_model_is_refused_with_the_nearest_right_one(tmp_path):
+    path = changed(tmp_path, pedestrians__model="helbing_molnar")
+    with pytest.raises(SerdError, match="did you mean 'helbing_molnar_1995'"):
+        load_scenario(path)
+
+
+def test_a_loop_that_leaves_the_walkable_area_is_refused(tmp_path):
+    loop = {"name": "astray", "waypoints_m": [[1, 1], [9, 1], [1, 9]]}
+    path = changed(tmp_path, pedestrians__loops=[loop])
+    with pytest.raises(
+        SerdError, match=r"loops\[0\]\.waypoints_m must be in the walkable area, got \[9\.0, 1\.0"
+    ):
+        load_scenario(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "area"),
+    [
+        ("goal_area_m", [[20, 20], [22, 20], [22, 22], [20, 22]]),
+        ("start_areas_m__train", [[0, 0], [0.4, 0], [0.4, 0.4], [0, 0.4]]),
+    ],
+)
+def test_an_area_without_a_walkable_cell_is_refused(tmp_path, key, area):
+    name = key.replace("__", ".")
+    with pytest.raises(SerdError, match=f"{name} must hold the centre of at least one walkable"):
+        load_scenario(changed(tmp_path, **{key: area}))
+
+
+def test_a_walkable_area_that_crosses_itself_is_refused(tmp_path):
+    path = changed(tmp_path, walkable_area_m=[[0, 0], [6, 24], [6, 0], [0, 24]])
+    with pytest.raises(SerdError, match="must not cross itself"):
+        load_scenario(path)
+
+
+def test_a_decision_period_that_is_no_multiple_of_the_control_period_is_refused(tmp_path):
+    path = changed(tmp_path, decision_period_s=0.12)
+    with pytest.raises(SerdError, match="whole number of control_period_s"):
+        load_scenario(path)
+
+
+def test_left_hand_traffic_walks_the_loops_backwards():
+    right = load_scenario("hallway")
+    left = right.model_copy(update={"flow_convention": "left_hand"})
+    first_right, first_left = right.directed_loops[0], left.directed_loops[0]
+    assert first_left.waypoints_m == first_right.waypoints_m[::-1]
+
+
+def test_the_number_of_people_can_be_changed():
+    assert load_scenario("hallway").with_pedestrian_count(60).pedestrians.count == 60
+
+
+def test_free_space_lies_left_of_every_wall_whatever_the_order_of_corners():
+    square = [(0.0, 0.0), (0.0, 8.0), (8.0, 8.0), (8.0, 0.0)]
+    pillar = [(3.0, 3.0), (4.0, 3.0), (4.0, 4.0), (3.0, 4.0)]
+    scenario = Scenario(
+        name="square",
+        walkable_area_m=square,
+        obstacles=[{"name": "pillar", "outline_m": pillar}],
+        goal_area_m=[(6, 6), (8, 6), (8, 8), (6, 8)],
+        start_areas_m={"train": [(0, 0), (2, 0), (2, 2), (0, 2)]},
+        pedestrians={"count": 0},
+    )
+    start, end = scenario.wall_segments_m[:, 0], scenario.wall_segments_m[:, 1]
+    along = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
+    beside = 0.5 * (start + end) + 0.1 * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    free = (beside > 0).all(axis=1) & (beside < 8).all(axis=1)
+    in_pillar = ((beside > 3) & (beside < 4)).all(axis=1)
+    assert free.all()
+    assert not in_pillar.any()
+
+
+def test_there_are_at_least_four_built_in_scenarios():
+    assert {"hallway", "corridor", "t_junction", "crossing"} <= set(builtin_scenarios())
+
+
+def test_the_json_schema_names_every_key_with_its_unit():
+    schema = Scenario.model_json_schema()
+    assert {"walkable_area_m", "decision_period_s", "pedestrians"} <= set(schema["properties"])
+    assert schema["additionalProperties"] is False
+
+
+ROOM = [[0, 0], [10, 0], [10, 10], [0, 10]]
+SQUARE = [[2, 2], [8, 2], [8, 8], [2, 8]]
+
+
+def room(tmp_path, **values):
+    """A room of 10 m with a loop, with some top-level values changed."""
+    content = {
+        "name": "room",
+        "walkable_area_m": ROOM,
+        "goal_area_m": [[7, 7], [9, 7], [9, 9], [7, 9]],
+        "start_areas_m": {"train": [[0, 0], [2, 0], [2, 2], [0, 2]]},
+        "pedestrians": {"count": 3, "loops": [{"name": "round", "waypoints_m": SQUARE}]},
+    }
+    path = tmp_path / "room.yaml"
+    path.write_text(yaml.safe_dump(content | values))
+    return path
+
+
+def one_loop(waypoints_m, **values):
+    return {"count": 3, "loops": [{"name": "round", "waypoints_m": waypoints_m, **values}]}
+
+
+def one_obstacle(*corners):
+    return [{"name": "block", "outline_m": list(corners)}]
+
+
+def test_a_room_of_ones_own_is_a_scenario(tmp_path):
+    assert load_scenario(room(tmp_path)).cells.walkable.sum() == 100
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        (
+            {"pedestrians": one_loop([[2, 2], [8, 2], [8, 2], [2, 8]])},
+            r"loops\[0\]\.waypoints_m: waypoints_m must differ .*; remove the repeated waypoint",
+        ),
+        (
+            {"pedestrians": one_loop([[2, 2], [8, 2], [5, 2]])},
+            r"loops\[0\]\.waypoints_m: a loop must not turn back on itself",
+        ),
+        (
+            {"pedestrians": one_loop(SQUARE, lane_half_width_m=5.0)},
+            r"edge of the lane of pedestrians\.loops\[0\] must be in the walkable area, got "
+            r"\[-3\.0, -3\.0\]; lower lane_half_width_m \(5\)",
+        ),
+        (
+            {"obstacles": one_obstacle([4, 1], [6, 1], [6, 3], [4, 3])},
+            r"loops\[0\]\.waypoints_m must cross no wall, but the leg from \[2\.0, 2\.0\]",
+        ),
+        (
+            {"obstacles": one_obstacle([14, 14], [16, 14], [16, 16])},
+            r"obstacles\[0\]\.outline_m must lie in the walkable area",
+        ),
+        (
+            {"obstacles": one_obstacle([4, 4], [6, 4], [5, 4])},
+            r"obstacles\[0\]\.outline_m must bound an area",
+        ),
+        (
+            {
+                "obstacles": one_obstacle([-1, 4], [11, 4], [11, 6], [-1, 6]),
+                "pedestrians": {"count": 0},
+            },
+            r"goal_area_m must be reachable from start_areas_m\.train",
+        ),
+        (
+            {"walkable_area_m": [[0, 0], [10, 0], [10, 0], [10, 10], [0, 10]]},
+            "a corner twice in a row",
+        ),
+        (
+            {"start_areas_m": {"train": [[0, 0], [2, 2], [2, 0], [0, 2]]}},
+            r"start_areas_m\.train must not cross itself",
+        ),
+        ({"robot": {"radius_m": 6.0}}, r"whose robot\.radius_m is 6, got"),
+        (
+            {"lidar": {"range_min_m": 5.0, "range_max_m": 2.0}},
+            r"lidar\.range_min_m must be below lidar\.range_max_m \(2\), got 5",
+        ),
+        (
+            {"control_period_s": 0.5, "lidar": {"rate_hz": 2.0}},
+            r"control_period_s must be at most 0\.2 s, and below the 0\.208 s .* got 0\.5 s",
+        ),
+        (
+            {"robot": {"max_vel_x_mps": 6.0}},
+            r"below the 0\.0417 s in which the robot drives its own radius at 6 m/s, got 0\.05 s",
+        ),
+        (
+            {
+                "start_areas_m": {
+                    "train": [[0, 0], [2, 0], [2, 2], [0, 2]],
+                    "other": [[7, 7], [9, 7], [9, 9], [7, 9]],
+                }
+            },
+            r"start_areas_m\.other must keep clear of goal_area_m, .* cell at \[7\.5, 7\.5\]",
+        ),
+        (
+            {"goal_area_m": [[1.65, 0], [3, 0], [3, 2], [1.65, 2]]},
+            r"start_areas_m\.train must keep clear of goal_area_m, .* cell at \[1\.5, 0\.5\]",
+        ),
+        (
+            {"episode_timeout_s": 0.01},
+            r"episode_timeout_s must be at least decision_period_s \(2 s\), got 0\.01 s",
+        ),
+        (
+            {"pedestrians": one_loop(SQUARE) | {"count": 3000}},
+            r"pedestrians\.count must be at most 540 on 100 m2, .* got 3000; lower it",
+        ),
+        (
+            {"cell_size_m": 0.001},
+            r"cell_size_m must make at most 40000 cells of the 10 m x 10 m .* raise it to 0\.05 ",
+        ),
+        ({"lidar": {"rate_hz": 3.0}}, r"the period of lidar\.rate_hz must be a whole number"),
+    ],
+)
+def test_a_place_where_nobody_could_walk_or_drive_is_refused_by_key(tmp_path, values, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        load_scenario(room(tmp_path, **values))
+
+
+def test_a_robot_starts_only_in_cells_where_it_touches_no_wall(tmp_path):
+    """Cells of half a metre beside a wall are too near for a robot of 0.25 m."""
+    scenario = load_scenario(room(tmp_path, cell_size_m=0.5, pedestrians={"count": 0}))
+    with HallwayWorld(scenario, seed=1) as world:
+        for episode in range(40):
+            start = world.reset(episode)
+            assert min(start.x_m, start.y_m) >= scenario.robot.radius_m
+
+
+def test_people_walk_the_same_however_finely_a_wall_is_cut(tmp_path):
+    """Each edge pushes people, so that a wall in forty pieces pushed 2.8 times as hard."""
+    shares = np.linspace(0.0, 1.0, 40, endpoint=False)[:, None]
+    cut = [start + shares * (np.array(end) - start) for start, end in zip(
+        np.array(ROOM, dtype=float), [*ROOM[1:], ROOM[0]], strict=True)]  # fmt: skip
+    places = []
+    for outline in (ROOM, np.concatenate(cut).tolist()):
+        path = room(tmp_path, walkable_area_m=outline)
+        with HallwayWorld(load_scenario(path), seed=1) as world:
+            places.append(world.reset(0).people_position_m)
+    np.testing.assert_array_equal(*places)
+
+
+@pytest.mark.parametrize(
+    ("edge_m", "walkable"), [(4.5, False), (4.45, False), (4.55, False), (4.62, True)]
+)
+def test_a_cell_whose_centre_is_on_a_wall_or_almost_is_not_walkable(tmp_path, edge_m, walkable):
+    """The centre is at x = 4.5 m; a tenth of its cell is 0.1 m."""
+    block = one_obstacle([edge_m, 4], [5.6, 4], [5.6, 6], [edge_m, 6])
+    grid = grid_of(load_scenario(room(tmp_path, obstacles=block)))
+    assert (grid.state_at(4.1, 4.5) >= 0) == walkable
+
+
+def test_a_prediction_begins_where_the_robot_does(tmp_path):
+    """Of the start area's four cells only the one away from both walls has room for 0.4 m."""
+    scenario = load_scenario(room(tmp_path, robot={"radius_m": 0.4}))
+    begun = set()
+    with HallwayWorld(scenario, seed=1) as world:
+        for episode in range(12):
+            start = world.reset(episode)
+            begun.add(world.grid.state_at(start.x_m, start.y_m))
+    (states,) = np.nonzero(start_distribution(scenario, "train"))
+    problem = navigation_problem_of(scenario, 0.99)
+    (of_study,) = np.nonzero(start_shares(scenario, problem, "train"))
+    assert begun == set(states) == set(of_study) == {problem.grid.state_at(1.5, 1.5)}

@@ -1,0 +1,231 @@
+"""The world: one seed one trajectory, exact motion, solid walls, contacts told apart."""
+
+import math
+import pickle
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from serd_core.errors import SerdError
+from sim.robot.robot import standing_at
+from sim.scenario.scenario import load_scenario
+from sim.world.command import STOP, Command
+from sim.world.world import HallwayWorld
+
+HALLWAY = load_scenario("hallway")
+EMPTY = HALLWAY.with_pedestrian_count(0)
+
+TRAJECTORY_PROGRAM = """
+import hashlib
+from sim.world.command import Command
+from sim.robot.robot import standing_at
+from sim.scenario.scenario import load_scenario
+from sim.world.world import HallwayWorld
+world = HallwayWorld(load_scenario("hallway"), seed=11)
+world.reset(2)
+digest = hashlib.sha256()
+for tick in range(150):
+    seen = world.step(Command(0.5, 0.4 if tick % 60 < 30 else -0.4))
+    digest.update(repr(seen.pose).encode() + seen.people_position_m.tobytes())
+print(digest.hexdigest())
+"""
+
+
+def place(world, x_m, y_m, yaw_rad, speed_mps=0.0, yaw_rate_radps=0.0):
+    world.reset(0)
+    standing = standing_at((x_m, y_m, yaw_rad))
+    world._robot.place(replace(standing, speed_mps=speed_mps, yaw_rate_radps=yaw_rate_radps))
+
+
+def test_one_seed_gives_the_same_trajectory_in_every_process():
+    outputs = {
+        subprocess.run(
+            [sys.executable, "-W", "error", "-c", TRAJECTORY_PROGRAM],
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+        for _ in range(2)
+    }
+    assert len(outputs) == 1
+
+
+def test_an_episode_does_not_depend_on_the_episodes_before_it():
+    def last_pose(episodes):
+        with HallwayWorld(HALLWAY, seed=3) as world:
+            for episode in episodes:
+                world.reset(episode)
+                for _ in range(57):
+                    seen = world.step(Command(0.6, 0.2))
+        return seen.pose, seen.people_position_m.tobytes()
+
+    assert last_pose([5]) == last_pose([1, 4, 5])
+
+
+def test_other_seeds_and_episodes_give_other_crowds():
+    with HallwayWorld(HALLWAY, seed=1) as one, HallwayWorld(HALLWAY, seed=2) as two:
+        first = one.reset(0).people_position_m
+        assert not np.array_equal(first, two.reset(0).people_position_m)
+        assert not np.array_equal(first, one.reset(1).people_position_m)
+
+
+def test_time_runs_on_over_episodes_and_leaves_a_gap_of_at_least_one_decision_period():
+    with HallwayWorld(EMPTY, seed=1) as world:
+        assert world.reset(0).tick == 0
+        for _ in range(45):
+            world.step(STOP)
+        assert world.reset(1).time_s == pytest.approx(6.0)
+        for _ in range(40):
+            world.step(STOP)
+        assert world.reset(2).tick == 240
+
+
+def test_a_constant_command_drives_the_exact_circle():
+    with HallwayWorld(EMPTY, seed=1) as world:
+        place(world, 3.0, 8.0, 0.0, 0.5, 1.0)
+        for _ in range(100):
+            seen = world.step(Command(0.5, 1.0))
+    radius, angle = 0.5, 5.0
+    assert seen.x_m == pytest.approx(3.0 + radius * math.sin(angle), abs=1e-6)
+    assert seen.y_m == pytest.approx(8.0 + radius * (1 - math.cos(angle)), abs=1e-6)
+    assert seen.yaw_rad == pytest.approx(5.0 - 2 * math.pi, abs=1e-6)
+
+
+def test_a_robot_driven_at_a_wall_stays_out_of_it_and_the_contact_counts_once():
+    with HallwayWorld(EMPTY, seed=1) as world:
+        place(world, 5.0, 8.0, 0.0)
+        for _ in range(100):
+            seen = world.step(Command(1.2, 0.0))
+        assert seen.x_m == pytest.approx(5.75, abs=0.02)
+        assert seen.speed_mps == pytest.approx(0.0, abs=0.05)
+        assert world.contacts.robot_on_wall == 1
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_command_that_is_not_finite_stops_the_robot(bad):
+    with HallwayWorld(EMPTY, seed=1) as world:
+        place(world, 3.0, 5.0, math.pi / 2)
+        for _ in range(20):
+            world.step(Command(1.0, 0.0))
+        for _ in range(10):
+            seen = world.step(Command(bad, 0.0))
+        assert seen.speed_mps == 0.0
+        assert world.n_rejected_commands == 10
+
+
+def meeting(robot_command, person_velocity_mps):
+    """Contacts when the robot at x=2 and a person at x=3 do as told for two seconds."""
+    settings = HALLWAY.with_pedestrian_count(1)
+    blind = settings.pedestrians.model_copy(update={"robot_visible": False})
+    with HallwayWorld(settings.model_copy(update={"pedestrians": blind}), seed=1) as world:
+        place(world, 2.0, 8.0, 0.0)
+        crowd = world._crowd
+        crowd.x_m[0], crowd.y_m[0] = 3.0, 8.0
+        for _ in range(40):
+            crowd.velocity_x_mps[0], crowd.velocity_y_mps[0] = person_velocity_mps, 0.0
+            crowd.desired_speed_mps[0] = abs(person_velocity_mps) + 1e-9
+            if person_velocity_mps == 0.0:
+                crowd.x_m[0], crowd.y_m[0] = 3.0, 8.0
+            world.step(robot_command)
+        return world.contacts
+
+
+def test_driving_into_a_standing_person_is_the_robots_contact():
+    contacts = meeting(Command(0.8, 0.0), 0.0)
+    assert contacts.robot_on_person >= 1
+    assert contacts.person_on_robot == 0
+
+
+def test_walking_into_the_standing_robot_is_the_persons_contact():
+    contacts = meeting(STOP, -1.0)
+    assert contacts.robot_on_person == 0
+    assert contacts.person_on_robot >= 1
+
+
+def test_the_map_is_free_inside_occupied_at_the_walls_and_unknown_beyond():
+    with HallwayWorld(EMPTY, seed=1) as world:
+        raster = world.map_raster(0.1)
+
+    def cell(x_m, y_m):
+        column = int((x_m - raster.origin_m[0]) / raster.resolution_m)
+        row = int((y_m - raster.origin_m[1]) / raster.resolution_m)
+        return raster.cells[row, column]
+
+    assert (cell(3.0, 3.0), cell(6.05, 8.0), cell(10.0, 5.0)) == (0, 100, -1)
+
+
+def test_stepping_before_a_reset_is_refused_with_the_fix():
+    with (
+        HallwayWorld(EMPTY, seed=1) as world,
+        pytest.raises(SerdError, match=r"call reset\(episode\) first"),
+    ):
+        world.step(STOP)
+
+
+@pytest.mark.parametrize("place_m", [(3.0, 8.0, 0.3), (2.2, 5.0, -2.9), (5.6, 8.0, 0.0)])
+def test_a_restored_snapshot_repeats_what_followed_bit_for_bit_even_at_a_wall(place_m):
+    def follow(world):
+        seen = [world.step(Command(0.8, 0.1)) for _ in range(60)]
+        poses = [each.pose for each in seen]
+        return poses, seen[-1].people_position_m.tobytes(), world.contacts, world.odometry_pose
+
+    with HallwayWorld(HALLWAY, seed=7) as world, HallwayWorld(HALLWAY, seed=7) as other:
+        place(world, *place_m)
+        for _ in range(30):
+            world.step(Command(0.8, 0.0))
+        state = pickle.loads(pickle.dumps(world.snapshot()))  # noqa: S301 (made right here)
+        first = follow(world)
+        world.restore(state)
+        assert follow(world) == first
+        other.restore(state)
+        assert follow(other) == first
+
+
+def test_a_snapshot_of_another_seed_is_refused_with_the_fix():
+    with HallwayWorld(EMPTY, seed=1) as world, HallwayWorld(EMPTY, seed=2) as other:
+        world.reset(0)
+        with pytest.raises(SerdError, match="make the world with seed=1"):
+            other.restore(world.snapshot())
+
+
+def test_a_snapshot_of_another_scenario_is_refused_with_the_fix():
+    with HallwayWorld(EMPTY, seed=1) as world, HallwayWorld(HALLWAY, seed=1) as other:
+        world.reset(0)
+        with pytest.raises(SerdError, match="must be of this world's scenario 'hallway' as it is"):
+            other.restore(world.snapshot())
+
+
+def test_a_snapshot_holds_the_goal_too():
+    here = ((0.0, 0.0), (6.0, 0.0), (6.0, 24.0), (0.0, 24.0))
+    with HallwayWorld(EMPTY, seed=1) as world:
+        world.reset(0)
+        state = world.snapshot()
+        world.aim(here)
+        assert world.in_goal
+        world.restore(state)
+        assert not world.in_goal
+
+
+def test_the_true_yaw_repeats_to_the_last_bit_after_a_restore():
+    """Observations round the yaw; odometry that does not drift shows all of it."""
+    with HallwayWorld(EMPTY, seed=1) as world:
+        world.reset(3)
+        path = []
+        states = []
+        for _ in range(40):
+            states.append(world.snapshot())
+            world.step(Command(0.3, 1.1))
+            path.append(world.odometry_pose)
+        for state, expected in zip(states, path, strict=True):
+            world.restore(state)
+            world.step(Command(0.3, 1.1))
+            assert world.odometry_pose == expected
+
+
+def test_a_window_without_a_display_is_refused_with_the_fix(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(SerdError, match="run with gui:=false or under xvfb-run"):
+        HallwayWorld(EMPTY, seed=1, gui=True)

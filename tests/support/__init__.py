@@ -1,0 +1,1 @@
+"""What several test folders share: messages, bags and observations."""
