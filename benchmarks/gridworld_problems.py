@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from experiments.gridworld_problem import N_OUTCOMES, Gridworld, gridworld, true_dynamics
-from experiments.landscape import generated_landscape
+from experiments.gridworld.landscape import generated_landscape
+from experiments.gridworld.problem import N_OUTCOMES, Gridworld, gridworld, true_dynamics
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions

@@ -25,7 +25,7 @@ from benchmarks.gridworld_problems import DYNAMICS, WEIGHTS, demonstrations, lan
 from benchmarks.peer_environment import run_peer
 from benchmarks.processor_time import best_of
 from benchmarks.report import Row, save
-from experiments.gridworld_problem import Gridworld
+from experiments.gridworld.problem import Gridworld
 from serd_core.arrays import FloatArray
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions, start_distribution

@@ -12,15 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from experiments import gridworld, minimum_example, policy_cost, priors, rust
+from experiments import minimum_example, policy_cost, priors, rust
 from experiments.figures.gridworld import environment_figure, measures_figure
 from experiments.figures.minimum_example import estimates_figure, likelihood_figure
 from experiments.figures.policy_cost import cost_figure
 from experiments.figures.priors import surfaces_figure
-from experiments.gridworld_learners import EXPERTS
-from experiments.gridworld_problem import true_dynamics
-from experiments.repetitions import Progress, Row, write_table
-from experiments.summary import quartiles, welch_test
+from experiments.gridworld import experiment as gridworld
+from experiments.gridworld.learners import EXPERTS
+from experiments.gridworld.problem import true_dynamics
+from experiments.running.repetitions import Progress, Row, write_table
+from experiments.running.summary import quartiles, welch_test
 from report.canvas import png_bytes
 from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import optimal_policy, soft_policy

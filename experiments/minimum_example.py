@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.repetitions import Progress, Row, run_repetitions
-from experiments.setting import setting
+from experiments.running.repetitions import Progress, Row, run_repetitions
+from experiments.running.setting import setting
 from serd_core.ascent.ascent import Ascent
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.repetitions import Row
-from experiments.setting import setting
+from experiments.running.repetitions import Row
+from experiments.running.setting import setting
 from serd_core.arrays import FloatArray
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from experiments.provenance import other_commits
+from experiments.running.provenance import other_commits
 from serd_cli.terminal import progress_console
 
 

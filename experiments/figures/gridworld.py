@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from experiments.figures.learner_style import style_of
 from experiments.figures.ticks import tick_sizes
-from experiments.gridworld import Scene
-from experiments.repetitions import Row
-from experiments.summary import quartiles
+from experiments.gridworld.experiment import Scene
+from experiments.running.repetitions import Row
+from experiments.running.summary import quartiles
 from report.canvas import new_figure
 from report.style import HAIRLINE, INK, MUTED, RED, VISITS_MAP
 from serd_core.arrays import FloatArray

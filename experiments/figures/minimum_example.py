@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.figures.ticks import tick_sizes
-from experiments.repetitions import Row
-from experiments.summary import quartiles
+from experiments.running.repetitions import Row
+from experiments.running.summary import quartiles
 from report.canvas import new_figure
 from report.style import BLUE, CYAN, HAIRLINE, INK, MUTED, RED
 

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from experiments.figures.ticks import tick_sizes
 from experiments.policy_cost import STATED
-from experiments.repetitions import Row
+from experiments.running.repetitions import Row
 from report.canvas import new_figure
 from report.style import BLUE, GREEN, PURPLE, RED, report_style
 

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from experiments.priors import Surface
-from experiments.repetitions import Row
+from experiments.running.repetitions import Row
 from report.canvas import new_figure
 from report.style import INK, RED
 

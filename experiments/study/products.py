@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.repetitions import claim_folder
+from experiments.running.repetitions import claim_folder
 from sim.episodes.execution import Execution
 
 #: Told (seconds of work done, seconds of work in all, what is being done), as estimated.

@@ -8,16 +8,16 @@ OUTPUT/settings.yaml   the settings, from which all of it can be made again
 from collections.abc import Sequence
 from pathlib import Path
 
-from experiments.repetitions import Row, write_table
-from experiments.study.bag_sets import check_bags
+from experiments.running.repetitions import Row, write_table
 from experiments.study.figures.catalogue import FIGURES, StudyFigure, figure_of
 from experiments.study.figures.context import FigureContext, context_of
-from experiments.study.kept_tables import read_table
 from experiments.study.products import OnWork, make_products
-from experiments.study.results import Results
+from experiments.study.recordings.bag_sets import check_bags
 from experiments.study.settings import StudySettings
 from experiments.study.stages import stages_of
-from experiments.study.tables import all_tables
+from experiments.study.tables.catalogue import all_tables
+from experiments.study.tables.kept_tables import read_table
+from experiments.study.tables.results import Results
 from report.canvas import png_bytes, svg_bytes
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution

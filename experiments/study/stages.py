@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from experiments.study.arrival import arrival_tasks
-from experiments.study.demonstrations import demonstration_tasks
-from experiments.study.experts import EXPERTS
-from experiments.study.fitting import fitting_tasks
+from experiments.study.arrival.stage import arrival_tasks
+from experiments.study.fits.fitting import fitting_tasks
 from experiments.study.products import Stage
-from experiments.study.reference import reference_tasks
+from experiments.study.recordings.demonstrations import demonstration_tasks
+from experiments.study.recordings.experts import EXPERTS
+from experiments.study.recordings.reference import reference_tasks
 from experiments.study.settings import StudySettings
 from storage.yaml_text import write_yaml
 

@@ -12,9 +12,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.table import Table
 
 from experiments.catalogue import EXPERIMENTS, Experiment
-from experiments.provenance import recorded
-from experiments.repetitions import Row
-from experiments.settings import file_settings, is_required, make_config, settings_of
+from experiments.running.provenance import recorded
+from experiments.running.repetitions import Row
+from experiments.running.settings import file_settings, is_required, make_config, settings_of
 from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.output_place import require_folder
 from serd_cli.progress import WorkProgress

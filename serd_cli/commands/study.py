@@ -8,12 +8,12 @@ import typer
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from experiments.provenance import recorded
-from experiments.repetitions import Row
+from experiments.running.provenance import recorded
+from experiments.running.repetitions import Row
 from experiments.study.figures.catalogue import FIGURES
-from experiments.study.headline import headline
 from experiments.study.run import KEPT, SETTINGS_YAML, redraw, run_study
 from experiments.study.settings import StudySettings, study_settings
+from experiments.study.tables.headline import headline
 from serd_cli.errors import UsageError
 from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.json_output import print_json

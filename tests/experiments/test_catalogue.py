@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from experiments.catalogue import EXPERIMENTS, experiment_of
-from experiments.gridworld import GridworldConfig
+from experiments.gridworld.experiment import GridworldConfig
 from experiments.minimum_example import MinimumExampleConfig
 from experiments.policy_cost import PolicyCostConfig
 from experiments.priors import PriorsConfig

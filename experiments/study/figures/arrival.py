@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.repetitions import Row
-from experiments.study.experts import PEOPLE
+from experiments.running.repetitions import Row
 from experiments.study.figures.context import FigureContext
 from experiments.study.figures.looks import METHOD_LOOKS
-from experiments.study.results import Results
+from experiments.study.recordings.experts import PEOPLE
+from experiments.study.tables.results import Results
 from report import style
 from report.canvas import new_figure
 from serd_core.arrays import FloatArray, IntArray

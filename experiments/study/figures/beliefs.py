@@ -8,12 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.figures.ticks import tick_sizes
-from experiments.repetitions import Row
+from experiments.running.repetitions import Row
 from experiments.study.figures.context import FigureContext
 from experiments.study.figures.looks import ASSUMPTION_LOOKS, EXPERT_TITLES
-from experiments.study.methods import BASELINE
-from experiments.study.results import Results
-from experiments.study.tables import beliefs
+from experiments.study.fits.methods import BASELINE
+from experiments.study.tables.catalogue import beliefs
+from experiments.study.tables.results import Results
 from report import style
 from report.canvas import new_figure
 

@@ -6,7 +6,7 @@ from types import ModuleType
 
 from matplotlib.figure import Figure
 
-from experiments.repetitions import Row
+from experiments.running.repetitions import Row
 from experiments.study.figures import (
     arrival,
     beliefs,
@@ -18,7 +18,7 @@ from experiments.study.figures import (
     visitation,
 )
 from experiments.study.figures.context import FigureContext
-from experiments.study.results import Results
+from experiments.study.tables.results import Results
 from serd_core.errors import SerdError
 from storage.nearest import hint
 

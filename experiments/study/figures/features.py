@@ -3,9 +3,9 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.repetitions import Row
+from experiments.running.repetitions import Row
 from experiments.study.figures.context import FigureContext
-from experiments.study.results import Results
+from experiments.study.tables.results import Results
 from report.figures.features import draw_features
 from serd_core.grid.grid import Action
 

@@ -5,12 +5,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.figures.ticks import tick_sizes
-from experiments.repetitions import Row
-from experiments.study.experts import PEOPLE
+from experiments.running.repetitions import Row
+from experiments.running.summary import quartiles
 from experiments.study.figures.context import FigureContext
 from experiments.study.figures.looks import METHOD_LOOKS
-from experiments.study.results import Results
-from experiments.summary import quartiles
+from experiments.study.recordings.experts import PEOPLE
+from experiments.study.tables.results import Results
 from report import style
 from report.canvas import new_figure
 

@@ -8,11 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from experiments.repetitions import Row
-from experiments.study.demonstrations import n_repetitions
-from experiments.study.experts import PEOPLE
+from experiments.running.repetitions import Row
 from experiments.study.figures.context import FigureContext
-from experiments.study.results import Results
+from experiments.study.recordings.demonstrations import n_repetitions
+from experiments.study.recordings.experts import PEOPLE
+from experiments.study.tables.results import Results
 from report import style
 from report.figures.map_axes import draw_areas, draw_cells, map_figure, outline_cells
 from report.figures.policy_map import draw_arrows

@@ -5,10 +5,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from experiments.repetitions import Row
+from experiments.running.repetitions import Row
+from experiments.running.summary import quantile
 from experiments.study.figures.context import FigureContext
-from experiments.study.results import Results
-from experiments.summary import quantile
+from experiments.study.tables.results import Results
 from report import style
 from report.canvas import new_figure
 from serd_core.arrays import FloatArray

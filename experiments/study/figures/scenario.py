@@ -5,12 +5,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.repetitions import Row
-from experiments.study.demonstrations import load_sets
-from experiments.study.experts import PEOPLE
+from experiments.running.repetitions import Row
 from experiments.study.figures.context import FigureContext
 from experiments.study.figures.shortest_way import shortest_way
-from experiments.study.results import Results
+from experiments.study.recordings.demonstrations import load_sets
+from experiments.study.recordings.experts import PEOPLE
+from experiments.study.tables.results import Results
 from report import style
 from report.figures.map_axes import draw_areas, map_figure
 from serd_core.arrays import FloatArray

@@ -4,12 +4,12 @@ import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from experiments.repetitions import Row
-from experiments.study.demonstrations import load_sets
-from experiments.study.experts import PEOPLE
+from experiments.running.repetitions import Row
 from experiments.study.figures.context import FigureContext
-from experiments.study.fitting import trials
-from experiments.study.results import Results
+from experiments.study.fits.fitting import trials
+from experiments.study.recordings.demonstrations import load_sets
+from experiments.study.recordings.experts import PEOPLE
+from experiments.study.tables.results import Results
 from report import style
 from report.figures.map_axes import colour_bar, draw_areas, draw_cells, map_figure
 from serd_core.demonstrations.decisions import state_counts

@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.study.bag_sets import sets_from_bags
-from experiments.study.demonstration_sets import ROLES
+from experiments.study.recordings.bag_sets import sets_from_bags
+from experiments.study.recordings.demonstration_sets import ROLES
 from experiments.study.settings import study_settings
 from experiments.study.world import problem_of, scenario_of
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 import sim
-from experiments.study.bag_sets import check_bags
-from experiments.study.demonstrations import load_sets, n_repetitions
-from experiments.study.experts import EXPERTS, PEOPLE
+from experiments.study.arrival.hindsight import tables_under
 from experiments.study.figures.catalogue import FIGURES
-from experiments.study.headline import headline
-from experiments.study.hindsight import tables_under
-from experiments.study.methods import METHODS
-from experiments.study.results import Results
+from experiments.study.fits.methods import METHODS
+from experiments.study.recordings.bag_sets import check_bags
+from experiments.study.recordings.demonstrations import load_sets, n_repetitions
+from experiments.study.recordings.experts import EXPERTS, PEOPLE
 from experiments.study.run import redraw, run_study
 from experiments.study.settings import study_settings
 from experiments.study.stages import stages_of
+from experiments.study.tables.headline import headline
+from experiments.study.tables.results import Results
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 

@@ -1,0 +1,1 @@
+"""Gridworld navigation on satellite images (section 4.6.2)."""

@@ -1,0 +1,189 @@
+"""Gridworld navigation on satellite images (section 4.6.2, Figs. 4.10 to 4.13).
+
+Demonstrations are sampled from a known expert, MDCE or policy matching; learners see only them.
+Weights start at random as in the thesis; SERD then goes in two stages, weights first (see
+`serd_core.learners.staged_start`). Each repetition gives one row per number of demonstrations and
+learner, with the four measures of the figures: log-likelihood of new demonstrations, divergence of
+the dynamics, divergence of the policy, and log-likelihood in the transfer environment.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from experiments.gridworld.landscape import (
+    Landscape,
+    cell_means,
+    generated_landscape,
+    landscape_of_image,
+)
+from experiments.gridworld.landscape_image import image_brightness
+from experiments.gridworld.learners import EXPERTS, Estimate
+from experiments.gridworld.problem import Gridworld, gridworld, true_dynamics
+from experiments.running.repetitions import Progress, Row, run_repetitions
+from experiments.running.setting import setting
+from serd_core.arrays import FloatArray
+from serd_core.demonstrations.decisions import Decisions, state_action_counts
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.errors import SerdError
+from serd_core.evaluation import dynamics_divergence, policy_divergence, policy_log_likelihood
+from serd_core.mdp.mdp import require_discount
+from serd_core.mdp.problem import TabularProblem
+from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
+from sim.episodes.execution import Execution
+
+#: The four panels of Figs. 4.12 and 4.13, as columns of the table.
+MEASURES = (
+    "log_likelihood",
+    "dynamics_divergence",
+    "policy_divergence",
+    "transfer_log_likelihood",
+)
+
+
+@dataclass(frozen=True)
+class GridworldConfig:
+    """Settings of section 4.6.2; lengths and numbers the thesis does not state are ours."""
+
+    expert: str = setting("mdce", "who demonstrates: mdce or pm (Policy-Matching)")
+    image: Path | None = setting(None, "training image; a generated landscape without")
+    transfer_image: Path | None = setting(None, "transfer image; a generated landscape without")
+    forest_mask: Path | None = setting(
+        None, "image of the training scene, bright where there is forest; a rule tells without"
+    )
+    transfer_forest_mask: Path | None = setting(None, "the same of the transfer scene")
+    side: int = setting(20, "cells along each side of the grid")
+    discount: float = setting(0.99, "discount per decision, below 1")
+    weights: tuple[float, float] = setting((6.0, 6.0), "true weights of brightness and goal")
+    temperature: float = setting(2.0, "true temperature of a pm demonstrator (4.62); mdce has none")
+    sizes: tuple[int, ...] = setting((1, 3, 6, 12, 25, 50), "demonstrations learned from")
+    n_steps: int = setting(40, "decisions of a demonstration")
+    n_test_episodes: int = setting(200, "new episodes that are to be explained")
+    n_repetitions: int = setting(50, "repetitions of every size")
+    seed: int = setting(0, "of which every random number is derived")
+
+    def __post_init__(self) -> None:
+        require_discount(self.discount)
+        if self.expert not in EXPERTS:
+            raise SerdError(f"expert must be among {sorted(EXPERTS)}, got {self.expert!r}")
+        if not self.sizes or min(self.sizes) < 1 or self.side < 4:
+            raise SerdError(
+                f"sizes must be at least 1 and side at least 4, got {self.sizes} and {self.side}"
+            )
+        if self.n_repetitions < 1 or self.seed < 0:
+            raise SerdError(
+                "n_repetitions must be at least 1 and seed not negative, got"
+                f" {self.n_repetitions} and {self.seed}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """An environment with its true policy and new demonstrations to be explained."""
+
+    world: Gridworld
+    policy: FloatArray
+    test: Decisions
+
+
+def run_gridworld(
+    config: GridworldConfig, folder: Path, execution: Execution, progress: Progress
+) -> list[Row]:
+    """All rows; resumable in `folder`."""
+    repetition = partial(one_repetition, config)
+    return run_repetitions(
+        repetition, config.n_repetitions, folder, repr(config), execution, progress
+    )
+
+
+def one_repetition(config: GridworldConfig, number: int) -> list[Row]:
+    """Sample demonstrations, fit every learner on growing parts of them, measure."""
+    training, transfer = scenes(config)
+    rng = np.random.default_rng([config.seed, 1, number])
+    decisions = _demonstrate(config, training, max(config.sizes), rng)
+    rows = []
+    for size in config.sizes:
+        seen = decisions.select(decisions.episode < size)
+        for name, learner in EXPERTS[config.expert].items():
+            estimate = learner(training.world.problem, seen, config.n_steps, rng)
+            row: Row = {"repetition": number, "size": size, "learner": name}
+            rows.append(row | measures(training, transfer, estimate))
+    return rows
+
+
+def scenes(config: GridworldConfig) -> tuple[Scene, Scene]:
+    """Training and transfer environments; the same for all repetitions."""
+    training = _landscape(config, config.image, config.forest_mask, 0)
+    transfer = _landscape(config, config.transfer_image, config.transfer_forest_mask, 1)
+    return (
+        _scene(config, gridworld(training, config.discount, goal_at_left=False), 0),
+        _scene(config, gridworld(transfer, config.discount, goal_at_left=True), 1),
+    )
+
+
+def measures(training: Scene, transfer: Scene, estimate: Estimate) -> Row:
+    """The four panels of Figs. 4.12 and 4.13."""
+    policy = policy_of(training.world.problem, estimate)
+    moved = policy_of(transfer.world.problem, estimate)
+    problem = training.world.problem
+    visits = state_action_counts(training.test, problem.mdp.n_states, problem.mdp.n_actions)
+    return {
+        "log_likelihood": policy_log_likelihood(problem, training.test, policy),
+        "dynamics_divergence": dynamics_divergence(
+            problem, true_dynamics(), estimate.dynamics, visits
+        ),
+        "policy_divergence": policy_divergence(training.policy, policy, visits),
+        "transfer_log_likelihood": policy_log_likelihood(
+            transfer.world.problem, transfer.test, moved
+        ),
+        "converged": estimate.converged,
+    }
+
+
+def policy_of(problem: TabularProblem, estimate: Estimate) -> FloatArray:
+    """(S, A) soft policy, or Boltzmann over optimal values where there is a temperature."""
+    weights, dynamics = estimate.weights, estimate.dynamics
+    if estimate.temperature is None:
+        return soft_policy(problem, weights, dynamics).probabilities
+    return boltzmann_policy(problem, weights, dynamics, estimate.temperature).probabilities
+
+
+def _landscape(
+    config: GridworldConfig, image: Path | None, mask: Path | None, number: int
+) -> Landscape:
+    if image is None:
+        return generated_landscape(config.side, np.random.default_rng([config.seed, 2, number]))
+    forest = None
+    if mask is not None:
+        forest = cell_means(image_brightness(mask), config.side) > 0.5
+    return landscape_of_image(image_brightness(image), config.side, forest)
+
+
+def _scene(config: GridworldConfig, world: Gridworld, number: int) -> Scene:
+    temperature = config.temperature if config.expert == "pm" else None
+    truth = Estimate(np.array(config.weights), true_dynamics(), temperature, converged=True)
+    policy = policy_of(world.problem, truth)
+    rng = np.random.default_rng([config.seed, 3, number])
+    scene = Scene(world, policy, _nothing())
+    return Scene(world, policy, _demonstrate(config, scene, config.n_test_episodes, rng))
+
+
+def _demonstrate(
+    config: GridworldConfig, scene: Scene, n_episodes: int, rng: np.random.Generator
+) -> Decisions:
+    return sample_decisions(
+        scene.world.problem.mdp,
+        scene.policy,
+        true_dynamics(),
+        scene.world.starts,
+        n_episodes=n_episodes,
+        n_steps=config.n_steps,
+        rng=rng,
+    )
+
+
+def _nothing() -> Decisions:
+    empty = np.zeros(0, dtype=np.int64)
+    return Decisions(empty, empty.astype(np.float64), empty, empty, empty)

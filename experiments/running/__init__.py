@@ -1,0 +1,1 @@
+"""Running an experiment: settings, repetitions, provenance of results, summaries."""

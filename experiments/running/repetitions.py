@@ -1,0 +1,83 @@
+"""Repetitions of an experiment: in parallel, with progress, resumable.
+
+Each repetition is a function of its number alone (seeds are derived from it) and returns rows of a
+table. Its rows are written to a file of their own as soon as it is done, so an interrupted run goes
+on where it stopped. A folder belongs to one configuration; another one is refused.
+"""
+
+import csv
+import io
+import json
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from experiments.running.provenance import FILE_NAME
+from serd_core.errors import SerdError
+from sim.episodes.execution import Execution
+from storage.atomic import atomic_write_text
+
+#: One line of a result table; None where a number does not apply.
+Row = dict[str, Any]
+Progress = Callable[[int, int], None]
+
+
+def run_repetitions(
+    repetition: Callable[[int], list[Row]],
+    n_repetitions: int,
+    folder: Path,
+    description: str,
+    execution: Execution,
+    progress: Progress,
+) -> list[Row]:
+    """All rows, in the order of repetitions; finished ones are read instead of run.
+
+    description: text of the configuration, equal exactly for equal ones.
+    progress: told (done, all) at the start and after each repetition.
+    """
+    claim_folder(folder, description)
+    files = [folder / f"repetition_{number:05d}.json" for number in range(n_repetitions)]
+    missing = [number for number, file in enumerate(files) if not file.exists()]
+    done = n_repetitions - len(missing)
+    progress(done, n_repetitions)
+    with closing(execution.results(partial(_numbered, repetition), missing)) as results:
+        for number, rows in results:
+            atomic_write_text(files[number], json.dumps(rows))
+            done += 1
+            progress(done, n_repetitions)
+    return [row for file in files for row in json.loads(file.read_text())]
+
+
+def claim_folder(folder: Path, description: str) -> None:
+    """Make the folder and note its configuration; SerdError where it holds results of another.
+
+    A run that failed before its first result, over a misspelt setting say, leaves no claim.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    note = folder / "configuration.txt"
+    noted = note.read_text() if note.exists() else None
+    results = {path.name for path in folder.iterdir()} - {note.name, FILE_NAME}
+    if noted not in (None, description) and results:
+        raise SerdError(
+            f"folder {folder} holds results of another configuration ({note.name} says which)"
+            "; choose another folder or delete it"
+        )
+    if noted != description:
+        atomic_write_text(note, description)
+
+
+def write_table(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows as CSV; columns in the order of the first row."""
+    if not rows:
+        raise SerdError(f"rows for {path} must not be empty; run at least one repetition")
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    atomic_write_text(path, text.getvalue())
+
+
+def _numbered(repetition: Callable[[int], list[Row]], number: int) -> tuple[int, list[Row]]:
+    return number, repetition(number)

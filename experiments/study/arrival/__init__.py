@@ -1,0 +1,1 @@
+"""Times of arrival in the hallway study: predicted, measured, compared."""

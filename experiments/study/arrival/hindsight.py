@@ -1,0 +1,122 @@
+"""Why predictions are wrong: what would have been predicted under other estimates of the dynamics.
+
+Three things come between a prediction and what is measured. Each repetition learns from few
+decisions, which a uniform prior pulls on: gone under dynamics estimated from the demonstrations of
+all repetitions together ("pooled"). The world may answer people who demonstrate otherwise than the
+robot: gone under dynamics estimated from the measured drives themselves ("hindsight"), which nobody
+has beforehand; that the same drives are estimated from and compared with flatters it, by as little
+as 20 probabilities can. What is left is the form of the model: few outcome models for all places,
+whole periods.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from experiments.running.repetitions import Row
+from experiments.study.arrival.distances import ArrivalTables, distances, ks_p_value
+from experiments.study.recordings.demonstrations import n_repetitions
+from experiments.study.recordings.experts import EXPERTS
+from experiments.study.recordings.moves import decisions_of_moves
+from experiments.study.tables.results import Results
+from experiments.study.world import TRAIN_AREA, start_shares
+from serd_core.arrays import FloatArray
+from serd_core.arrival.chain import arrival_time_distribution
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.grid.grid import Outcome
+from serd_core.grid.navigation import ACROSS_FLOW, WITH_FLOW
+
+_COMPARED = ("measured_mean_s", "predicted_mean_s", "ks", "wasserstein_s", "crps_s")
+
+
+def hindsight_table(results: Results) -> list[Row]:
+    """All predictions side by side, and how likely a move fails under each.
+
+    No hindsight on methods that do not always arrive: drives that end in a trap show how waiting
+    in it goes, and little else. decisions: of how many moves each is made.
+    """
+    rng = np.random.default_rng([results.settings.seed, 5])
+    table: list[Row] = []
+    for expert in EXPERTS:
+        pooled = _Estimate.of(results, results.demonstrated(expert), "demonstrations")
+        for method in results.methods(expert):
+            learned = results.arrival_tables(expert, method)
+            arrived = bool((learned.measured[:, -1] >= 1.0).all())
+            row: Row = {"expert": expert, "method": method, "always_arrived": arrived}
+            row |= _told("learned", learned, _mean_truth(results, expert, method))
+            moves = results.moves(expert, method)
+            hindsight = _Estimate.of(results, moves, "measured drives") if moves else None
+            for kind, estimate in (("pooled", pooled), ("hindsight", hindsight)):
+                row |= _predicted(results, expert, method, kind, estimate if arrived else None, rng)
+            table.append(row)
+    return table
+
+
+@dataclass(frozen=True, eq=False)
+class _Estimate:
+    """(M, K) M-estimate of the dynamics, and of how many decisions it is made."""
+
+    dynamics: FloatArray
+    n_decisions: int
+
+    @classmethod
+    def of(cls, results: Results, moves: Sequence[Sequence[int]], source: str) -> "_Estimate":
+        decisions = decisions_of_moves(moves, source)
+        return cls(estimate_dynamics(results.problem, decisions), len(decisions))
+
+
+def _predicted(
+    results: Results,
+    expert: str,
+    method: str,
+    kind: str,
+    estimate: _Estimate | None,
+    rng: np.random.Generator,
+) -> Row:
+    """Columns of a prediction under an estimate, and the test of it; empty without one."""
+    count, p_value = f"{kind}_decisions", f"{kind}_ks_p_value"
+    if estimate is None:
+        return {count: None} | _told(kind, None, None) | {p_value: None}
+    tables = tables_under(results, expert, method, estimate.dynamics)
+    return {
+        count: estimate.n_decisions,
+        **_told(kind, tables, estimate.dynamics),
+        p_value: ks_p_value(tables, results.settings.statistics.bootstrap, rng),
+    }
+
+
+def tables_under(results: Results, expert: str, method: str, dynamics: FloatArray) -> ArrivalTables:
+    """As `Results.arrival_tables`, with every policy's arrival predicted under other dynamics."""
+    learned, problem = results.arrival_tables(expert, method), results.problem
+    starts = start_shares(results.scenario, problem, TRAIN_AREA)
+    predicted = [
+        arrival_time_distribution(
+            problem,
+            np.eye(problem.mdp.n_actions)[
+                np.array(results.model(expert, number, method)["greedy"])
+            ],
+            dynamics,
+            starts,
+            learned.predicted.shape[1] - 1,
+        ).cdf
+        for number in range(n_repetitions(results.settings, expert))
+    ]
+    return replace(learned, predicted=np.array(predicted))
+
+
+def _mean_truth(results: Results, expert: str, method: str) -> FloatArray:
+    """(M, K) mean of the dynamics learned in each repetition."""
+    every = range(n_repetitions(results.settings, expert))
+    learned = np.array([results.model(expert, number, method)["truth"] for number in every])
+    return np.asarray(learned.mean(axis=0))
+
+
+def _told(kind: str, tables: ArrivalTables | None, dynamics: FloatArray | None) -> Row:
+    """Columns of one kind of prediction; empty where there is none."""
+    found: Row = dict.fromkeys(_COMPARED) if tables is None else distances(tables)
+    row: Row = {f"{kind}_{name}": found[name] for name in _COMPARED}
+    for name, model in (("with", WITH_FLOW), ("across", ACROSS_FLOW)):
+        stay = None if dynamics is None else float(dynamics[model, Outcome.STAY])
+        row[f"{kind}_stay_{name}_flow"] = stay
+    return row

@@ -1,6 +1,0 @@
-"""Who demonstrates in the study: the scripted people, and experts who plan."""
-
-from experiments.study.planned_experts import BELIEFS
-
-PEOPLE = "people"
-EXPERTS = (PEOPLE, *BELIEFS)

@@ -1,0 +1,1 @@
+"""The page of the hallway study: Markdown tables made from CSV files."""

@@ -1,0 +1,1 @@
+"""What the hallway study records: experts, demonstrations, reference dynamics."""

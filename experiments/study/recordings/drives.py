@@ -1,0 +1,97 @@
+"""Episodes in process, turned into decisions by the same rule as recordings in bags.
+
+The world is bit for bit the one that runs through ROS, and the poses and intents collected here go
+through `serd_app.demonstrations.discretise`, so a seed gives the same decisions either way.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from experiments.study.recordings.together import together
+from serd_app.demonstrations.discretise import decisions_from_drive
+from serd_app.drives.episode_spans import EpisodeSpan
+from serd_app.drives.recorded_drive import RecordedDrive
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import explained
+from serd_core.grid.grid import Action
+from serd_core.grid.navigation import NavigationProblem
+from sim.drivers.decision import is_decision_tick
+from sim.drivers.driver import Driver
+from sim.episodes.episode import EpisodeRecord, run_episode
+from sim.planning.catalogue import make_planner
+from sim.scenario.scenario import Scenario
+from sim.world.command import Command
+from sim.world.observation import Observation
+from sim.world.world import HallwayWorld
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """decisions: of all episodes; records: one per episode, in order."""
+
+    decisions: Decisions
+    records: tuple[EpisodeRecord, ...]
+
+
+def drive_episodes(
+    scenario: Scenario,
+    problem: NavigationProblem,
+    driver: Driver,
+    *,
+    planner: str,
+    seed: int,
+    episodes: Iterable[int],
+    start_area: str,
+    timeout_s: float | None = None,
+) -> Drives:
+    """Run the episodes one after the other in a world of that seed."""
+    local_planner = make_planner(planner, scenario)
+    tables, records = [], []
+    with HallwayWorld(scenario, seed=seed) as world:
+        for episode in episodes:
+            track = _Track(scenario)
+            record = run_episode(
+                world,
+                local_planner,
+                driver,
+                episode=episode,
+                start_area=start_area,
+                timeout_s=timeout_s,
+                observer=track.see,
+            )
+            drive = track.drive(record, world.observation)
+            decisions, _ = decisions_from_drive(drive, problem.grid, scenario.decision_period_s)
+            tables.append(decisions.select(explained(problem.mdp, decisions)))
+            records.append(record)
+    return Drives(together(tuple(tables)), tuple(records))
+
+
+@dataclass(eq=False)
+class _Track:
+    """Poses at every tick and intents at every decision of one episode."""
+
+    scenario: Scenario
+    poses: list[tuple[float, float, float]] = field(default_factory=list)
+    intents: list[tuple[float, int]] = field(default_factory=list)
+
+    def see(self, observation: Observation, command: Command, action: Action) -> None:
+        del command
+        self.poses.append((observation.time_s, observation.x_m, observation.y_m))
+        if is_decision_tick(observation, self.scenario):
+            self.intents.append((observation.time_s, int(action)))
+
+    def drive(self, record: EpisodeRecord, last: Observation) -> RecordedDrive:
+        """The episode as a recording of it would be read."""
+        pose = np.array([*self.poses, (last.time_s, last.x_m, last.y_m)])
+        intent = np.array(self.intents).reshape(-1, 2)
+        span = EpisodeSpan(record.episode, float(pose[0, 0]), float(pose[-1, 0]), record.outcome)
+        return RecordedDrive(
+            pose_time_s=pose[:, 0],
+            position_m=pose[:, 1:],
+            intent_time_s=intent[:, 0],
+            intent_action=intent[:, 1].astype(np.int64),
+            episodes=(span,),
+            source=f"{record.driver} in {self.scenario.name}, seed {record.seed}",
+        )

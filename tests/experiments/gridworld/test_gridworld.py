@@ -1,0 +1,103 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from experiments.gridworld.experiment import (
+    GridworldConfig,
+    measures,
+    one_repetition,
+    run_gridworld,
+    scenes,
+)
+from experiments.gridworld.learners import Estimate
+from experiments.gridworld.problem import true_dynamics
+from experiments.running.summary import quartiles, welch_test
+from serd_core.errors import SerdError
+from sim.episodes.execution import Execution
+
+SMALL = GridworldConfig(side=8, sizes=(8,), n_steps=15, n_test_episodes=50, n_repetitions=3)
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return [row for number in range(4) for row in one_repetition(SMALL, number)]
+
+
+def median(rows, learner, measure):
+    return np.median([row[measure] for row in rows if row["learner"] == learner])
+
+
+def test_serd_explains_new_demonstrations_better_than_irl(rows):
+    """Fig. 4.12 (a) and (c) in small."""
+    for other in ("MDCE IRL", "REIRL"):
+        assert median(rows, "MDCE SERD", "log_likelihood") > median(rows, other, "log_likelihood")
+        assert median(rows, "MDCE SERD", "policy_divergence") < median(
+            rows, other, "policy_divergence"
+        )
+
+
+def test_the_truth_has_no_divergence_and_the_best_likelihood(rows):
+    training, transfer = scenes(SMALL)
+    truth = Estimate(np.array(SMALL.weights), true_dynamics(), None, converged=True)
+    best = measures(training, transfer, truth)
+    assert best["dynamics_divergence"] == pytest.approx(0)
+    assert best["policy_divergence"] == pytest.approx(0)
+    assert best["log_likelihood"] > max(row["log_likelihood"] for row in rows)
+
+
+def test_ground_truth_follows_section_4_6_2():
+    table = true_dynamics()
+    np.testing.assert_allclose(table.sum(axis=1), 1)
+    np.testing.assert_allclose(table[1], [0, 0.8, 0.1, 0, 0.1])
+    np.testing.assert_allclose(table[8], [0.175, 0.175, 0.175, 0.175, 0.3])
+    np.testing.assert_allclose(table[0], [1, 0, 0, 0, 0])
+
+
+def test_learners_of_the_policy_matching_expert_run_too():
+    config = replace(SMALL, expert="pm", sizes=(2,), side=5, n_steps=8, n_test_episodes=5)
+    found = {row["learner"] for row in one_repetition(config, 0)}
+    assert found == {"PM SERD", "PM SERD, regularised", "MDCE IRL", "REIRL"}
+
+
+def test_repetitions_are_independent_and_reproducible(tmp_path, rows):
+    config = replace(SMALL, n_repetitions=2)
+    table = run_gridworld(config, tmp_path, Execution(n_jobs=1), lambda *_: None)
+    assert table == rows[: len(table)]
+    assert table[0]["log_likelihood"] != table[3]["log_likelihood"]
+
+
+def test_quartiles_and_welch_are_those_of_the_textbook(rows):
+    table = quartiles(rows, "log_likelihood", ["size", "learner"])
+    serd = next(row for row in table if row["learner"] == "MDCE SERD")
+    values = [r["log_likelihood"] for r in rows if r["learner"] == "MDCE SERD"]
+    assert serd["n"] == 4
+    found = serd["lower"], serd["median"], serd["upper"]
+    assert found == pytest.approx(tuple(np.quantile(values, [0.25, 0.5, 0.75])))
+    (test,) = welch_test(rows, "log_likelihood", "MDCE SERD", "MDCE IRL")
+    assert test["mean_difference"] > 0
+    assert 0 <= test["p_value"] <= 1
+    (lonely,) = welch_test(rows[:3], "log_likelihood", "MDCE SERD", "MDCE IRL")
+    assert lonely["p_value"] is None
+
+
+def test_images_and_masks_make_the_environments(tmp_path):
+    rng = np.random.default_rng(0)
+    Image.fromarray(rng.integers(0, 255, (60, 60), dtype=np.uint8)).save(tmp_path / "scene.png")
+    mask = np.zeros((60, 60), np.uint8)
+    mask[:30] = 255
+    Image.fromarray(mask).save(tmp_path / "mask.png")
+    config = replace(SMALL, image=tmp_path / "scene.png", forest_mask=tmp_path / "mask.png")
+    training, transfer = scenes(config)
+    forest = training.world.forest.reshape(8, 8)
+    assert np.all(forest[4:])
+    assert not np.any(forest[:4])
+    assert 0 < transfer.world.forest.mean() < 1
+
+
+def test_wrong_settings_are_refused_by_name():
+    with pytest.raises(SerdError, match="expert must be among"):
+        GridworldConfig(expert="novice")
+    with pytest.raises(SerdError, match="sizes must be at least 1 and side at least 4"):
+        GridworldConfig(side=2)

@@ -1,0 +1,82 @@
+import csv
+from functools import partial
+
+import pytest
+
+from experiments.minimum_example import MinimumExampleConfig, fit_sets
+from experiments.running.repetitions import run_repetitions, write_table
+from serd_core.errors import SerdError
+from sim.episodes.execution import Execution
+
+
+def square(number):
+    return [{"number": number, "square": number**2}]
+
+
+def quiet(done, total):
+    assert done <= total
+
+
+def test_rows_come_in_the_order_of_repetitions(tmp_path):
+    rows = run_repetitions(square, 5, tmp_path, "squares", Execution(n_jobs=1), quiet)
+    assert rows == [{"number": n, "square": n * n} for n in range(5)]
+
+
+def test_several_processes_give_the_same_rows(tmp_path):
+    config = MinimumExampleConfig(n_sets=8, sizes=(3,))
+    work = partial(fit_sets, config, 2)
+    parallel = run_repetitions(work, 4, tmp_path / "two", "sets", Execution(n_jobs=2), quiet)
+    serial = run_repetitions(work, 4, tmp_path / "one", "sets", Execution(n_jobs=1), quiet)
+    assert parallel == serial
+
+
+def test_finished_repetitions_are_not_run_again(tmp_path):
+    run_repetitions(square, 3, tmp_path, "squares", Execution(n_jobs=1), quiet)
+    ran = []
+
+    def remembered(number):
+        ran.append(number)
+        return square(number)
+
+    rows = run_repetitions(remembered, 5, tmp_path, "squares", Execution(n_jobs=1), quiet)
+    assert ran == [3, 4]
+    assert len(rows) == 5
+
+
+def test_what_was_done_before_a_failure_is_kept(tmp_path):
+    def fails_at_two(number):
+        if number == 2:
+            raise RuntimeError("no more")
+        return square(number)
+
+    with pytest.raises(RuntimeError, match="no more"):
+        run_repetitions(fails_at_two, 4, tmp_path, "squares", Execution(n_jobs=1), quiet)
+    assert len(list(tmp_path.glob("repetition_*.json"))) == 2
+
+
+def test_tables_are_csv_with_the_columns_of_the_first_row(tmp_path):
+    write_table(tmp_path / "table.csv", square(2) + square(3))
+    with (tmp_path / "table.csv").open() as file:
+        assert list(csv.DictReader(file)) == [
+            {"number": "2", "square": "4"},
+            {"number": "3", "square": "9"},
+        ]
+    with pytest.raises(SerdError, match="must not be empty"):
+        write_table(tmp_path / "empty.csv", [])
+
+
+def test_a_folder_with_results_of_other_settings_is_refused(tmp_path):
+    run_repetitions(square, 1, tmp_path, "squares", Execution(n_jobs=1), quiet)
+    with pytest.raises(SerdError, match="holds results of another configuration"):
+        run_repetitions(square, 1, tmp_path, "cubes", Execution(n_jobs=1), quiet)
+
+
+def test_a_run_that_failed_at_once_leaves_the_folder_to_other_settings(tmp_path):
+    def fails(number):
+        raise SerdError(f"image must be a file, in repetition {number}")
+
+    with pytest.raises(SerdError, match="image must be a file"):
+        run_repetitions(fails, 1, tmp_path, "misspelt", Execution(n_jobs=1), quiet)
+    rows = run_repetitions(square, 2, tmp_path, "right", Execution(n_jobs=1), quiet)
+    assert len(rows) == 2
+    assert (tmp_path / "configuration.txt").read_text() == "right"

@@ -1,0 +1,22 @@
+"""The page of the study says what its kept tables say."""
+
+from pathlib import Path
+
+import pytest
+
+from experiments.study.page.markdown import filled
+from experiments.study.run import KEPT
+from serd_core.errors import SerdError
+
+PAGE = Path(__file__).parents[4] / "docs" / "hallway_study.md"
+
+
+def test_the_tables_of_the_page_are_those_of_the_kept_results():
+    page = PAGE.read_text()
+    assert page.count("<!-- table ") == page.count("<!-- end -->") == 10
+    assert filled(page, KEPT) == page
+
+
+def test_an_unknown_table_is_refused():
+    with pytest.raises(SerdError, match="table must be one of recordings, reference"):
+        filled("<!-- table nothing -->\n<!-- end -->", KEPT)
