@@ -3,33 +3,19 @@
 import math
 import sys
 
-import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, Vector3Stamped
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
+from support.observations import observation_at
 
 from serd_core.grid.grid import Action
 from serd_ros.convert.intent import to_intent
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.observation import ObservationPublisher
-from sim.world.observation import make_observation
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
-
-
-def standing(time_s, x_m):
-    return make_observation(
-        time_s=time_s,
-        tick=round(time_s / 0.05),
-        pose=(x_m, 8.0, 0.0),
-        speed_mps=0.0,
-        yaw_rate_radps=0.0,
-        people_position_m=np.zeros((0, 2)),
-        people_velocity_mps=np.zeros((0, 2)),
-        people_id=[],
-    )
 
 
 def test_a_robot_that_loses_its_place_stands_and_the_reason_is_told_until_it_is_found(nodes, probe):
@@ -52,7 +38,7 @@ def test_a_robot_that_loses_its_place_stands_and_the_reason_is_told_until_it_is_
     def seen_at(x_m, condition):
         def publish():
             clock_s[0] += 0.05
-            observation = standing(clock_s[0], x_m)
+            observation = observation_at(x_m, 8.0, time_s=clock_s[0])
             observations.publish(observation, observation.pose)
             intents.publish(to_intent(Action.EAST, clock_s[0]))
             return condition()

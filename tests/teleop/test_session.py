@@ -1,9 +1,9 @@
 """A person's episodes: when they begin and end, what is kept, what can be taken back."""
 
 import pytest
+from support.observations import observation_at
 
 from sim.scenario.scenario import load_scenario
-from sim.world.observation import make_observation
 from teleop.episode_tally import EpisodeTally
 from teleop.errors import TeleopError
 from teleop.session import DISCARDED, END, START, Session
@@ -14,16 +14,7 @@ FLOOR, GOAL = (1.5, 1.5), (12.0, 18.0)
 
 
 def seen(tick, place=FLOOR):
-    return make_observation(
-        time_s=tick * PERIOD_S,
-        tick=tick,
-        pose=(*place, 0.0),
-        speed_mps=0.0,
-        yaw_rate_radps=0.0,
-        people_position_m=[],
-        people_velocity_mps=[],
-        people_id=[],
-    )
+    return observation_at(*place, tick=tick)
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.observations import observation_at
 
 from serd_app.navigation.lookahead import cell_ahead, likeliest_next
 from serd_app.navigation.navigator import Navigator
@@ -10,7 +11,6 @@ from serd_core.grid.grid import Action
 from serd_ros.parameters.configs import StrategyConfig
 from serd_ros.parameters.defaults import default_parameters
 from sim.scenario.scenario import load_scenario
-from sim.world.observation import make_observation
 
 HALLWAY = load_scenario("hallway")
 
@@ -69,7 +69,7 @@ def test_the_navigator_sends_the_robot_as_far_ahead_as_it_is_told(save_model_of)
         values = {**default_parameters()["strategy"], "model": str(path), "lookahead_cells": cells}
         navigator = Navigator(HALLWAY, StrategyConfig.model_validate(values))
         navigator.begin(0)
-        observation = standing_at(4.5, 5.5)
+        observation = observation_at(4.5, 5.5)
         action = navigator.decide(observation)
         assert action == Action.NORTH
         centre[cells] = navigator.waypoint_of(observation, action)
@@ -78,10 +78,3 @@ def test_the_navigator_sends_the_robot_as_far_ahead_as_it_is_told(save_model_of)
         (4.5, 7.5),
         (4.5, 8.5),
     ]
-
-
-def standing_at(x_m, y_m):
-    return make_observation(
-        time_s=0.0, tick=0, pose=(x_m, y_m, 0.0), speed_mps=0.0, yaw_rate_radps=0.0,
-        people_position_m=np.zeros((0, 2)), people_velocity_mps=np.zeros((0, 2)), people_id=[],
-    )  # fmt: skip

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.observations import observation_at
 
 from serd_app.navigation.forecast_text import (
     outlook_in_short,
@@ -17,7 +18,6 @@ from serd_ros.parameters.configs import StrategyConfig
 from serd_ros.parameters.defaults import default_parameters
 from sim.errors import SimError
 from sim.scenario.scenario import load_scenario
-from sim.world.observation import make_observation
 from storage.errors import FileError
 from storage.model_file import OutcomeModel, load_model
 
@@ -29,29 +29,16 @@ def navigator_of(model, **changes):
     return Navigator(HALLWAY, StrategyConfig.model_validate(values))
 
 
-def seen_at(x_m, y_m, time_s=0.0):
-    return make_observation(
-        time_s=time_s,
-        tick=round(time_s / 0.05),
-        pose=(x_m, y_m, 0.0),
-        speed_mps=0.0,
-        yaw_rate_radps=0.0,
-        people_position_m=np.zeros((0, 2)),
-        people_velocity_mps=np.zeros((0, 2)),
-        people_id=[],
-    )
-
-
 def test_another_goal_in_the_middle_of_an_episode_turns_the_robot_round(save_model_of):
     navigator = navigator_of(save_model_of())
     navigator.begin(0)
-    assert navigator.decide(seen_at(4.5, 9.5)) == Action.NORTH
+    assert navigator.decide(observation_at(4.5, 9.5)) == Action.NORTH
     navigator.set_goal(1.5, 2.5)
-    assert navigator.decide(seen_at(4.5, 9.5, 2.0)) in (Action.WEST, Action.SOUTH)
-    way_m = navigator.way_m(seen_at(4.5, 9.5))
+    assert navigator.decide(observation_at(4.5, 9.5, time_s=2.0)) in (Action.WEST, Action.SOUTH)
+    way_m = navigator.way_m(observation_at(4.5, 9.5))
     assert way_m[-1].tolist() == [1.5, 2.5]
     navigator.set_goal_text("")
-    assert navigator.decide(seen_at(4.5, 9.5, 4.0)) == Action.NORTH
+    assert navigator.decide(observation_at(4.5, 9.5, time_s=4.0)) == Action.NORTH
 
 
 def test_another_goal_is_planned_for_even_when_the_models_file_is_gone(save_model_of):
@@ -60,7 +47,7 @@ def test_another_goal_is_planned_for_even_when_the_models_file_is_gone(save_mode
     path.unlink()
     navigator.set_goal(1.5, 2.5)
     navigator.begin(0)
-    assert navigator.decide(seen_at(1.5, 4.5)) == Action.SOUTH
+    assert navigator.decide(observation_at(1.5, 4.5)) == Action.SOUTH
 
 
 def test_a_goal_in_a_wall_is_refused_and_changes_nothing(save_model_of):
@@ -75,7 +62,7 @@ def test_another_model_changes_the_policy_and_a_broken_one_nothing(save_model_of
     navigator = navigator_of(save_model_of())
     lazy = save_model_of(name="lazy.yaml", reward_weights={"goal": -5.0, "social_norm": 1.0})
     navigator.begin(0)
-    assert navigator.decide(seen_at(4.5, 9.5)) == Action.NORTH
+    assert navigator.decide(observation_at(4.5, 9.5)) == Action.NORTH
     navigator.set_model(str(lazy))
     assert navigator.model == str(lazy)
     assert len(navigator.strategy.traps.states) > 100
@@ -96,7 +83,7 @@ def test_the_random_numbers_of_an_episode_do_not_depend_on_a_change_of_the_model
             before = changed.strategy
             changed.set_model(str(equal))
             assert changed.strategy is not before
-        here = seen_at(3.5, 9.5, 2.0 * step)
+        here = observation_at(3.5, 9.5, time_s=2.0 * step)
         assert kept.decide(here) == changed.decide(here)
 
 
@@ -112,7 +99,7 @@ def test_the_same_model_again_keeps_the_plan(save_model_of):
 def test_off_the_grid_it_waits_and_expects_nothing(save_model_of):
     navigator = navigator_of(save_model_of())
     navigator.begin(0)
-    outside = seen_at(9.0, 3.0)
+    outside = observation_at(9.0, 3.0)
     assert navigator.decide(outside) == Action.WAIT
     assert navigator.outlook.probability == 0.0
     assert navigator.outlook.law.quantile_s(0.5) is None
@@ -128,22 +115,22 @@ def test_who_stands_still_gives_up_after_its_patience_and_who_moves_on_does_not(
     navigator.begin(0)
     said = []
     for step in range(4):
-        navigator.decide(seen_at(4.5, 9.5, 2.0 * step))
+        navigator.decide(observation_at(4.5, 9.5, time_s=2.0 * step))
         said.append(navigator.gave_up)
     assert said == [None, None, None, GiveUp.NO_PROGRESS]
     navigator.begin(1)
     for step in range(6):
-        navigator.decide(seen_at(4.5, 9.5 + step, 2.0 * step))
+        navigator.decide(observation_at(4.5, 9.5 + step, time_s=2.0 * step))
         assert navigator.gave_up is None
 
 
 def test_a_new_goal_renews_the_patience(save_model_of):
     navigator = navigator_of(save_model_of(), patience_periods=2)
     navigator.begin(0)
-    navigator.decide(seen_at(4.5, 9.5))
-    navigator.decide(seen_at(4.5, 9.5, 2.0))
+    navigator.decide(observation_at(4.5, 9.5))
+    navigator.decide(observation_at(4.5, 9.5, time_s=2.0))
     navigator.set_goal(1.5, 2.5)
-    navigator.decide(seen_at(4.5, 9.5, 4.0))
+    navigator.decide(observation_at(4.5, 9.5, time_s=4.0))
     assert navigator.gave_up is None
 
 
@@ -151,7 +138,7 @@ def test_no_patience_is_endless_patience(save_model_of):
     navigator = navigator_of(save_model_of(), patience_periods=0)
     navigator.begin(0)
     for step in range(100):
-        navigator.decide(seen_at(4.5, 9.5, 2.0 * step))
+        navigator.decide(observation_at(4.5, 9.5, time_s=2.0 * step))
     assert navigator.gave_up is None
 
 
@@ -160,9 +147,9 @@ def test_too_little_time_left_is_given_up_where_that_is_asked_for(save_model_of)
     for minimum, expected in ((0.0, None), (0.01, GiveUp.UNLIKELY)):
         navigator = navigator_of(path, minimum_arrival_probability=minimum, timeout_s=100.0)
         navigator.begin(0)
-        navigator.decide(seen_at(4.5, 1.5))
+        navigator.decide(observation_at(4.5, 1.5))
         assert navigator.gave_up is None
-        navigator.decide(seen_at(4.5, 2.5, 90.0))
+        navigator.decide(observation_at(4.5, 2.5, time_s=90.0))
         assert navigator.gave_up == expected
 
 
@@ -173,12 +160,12 @@ def test_the_remaining_time_grows_shorter_on_the_way_and_its_chances_fall_with_t
     navigator.begin(0)
     medians, chances = [], []
     for step in range(8):
-        navigator.decide(seen_at(4.5, 1.5 + step, 2.0 * step))
+        navigator.decide(observation_at(4.5, 1.5 + step, time_s=2.0 * step))
         medians.append(navigator.outlook.law.quantile_s(0.5))
     assert (np.diff(medians) < 0).all()
     assert all(round(median % 2.0, 6) in (0.9, 1.1) for median in medians)
     for step in range(8, 58):
-        navigator.decide(seen_at(4.5, 8.5, 2.0 * step))
+        navigator.decide(observation_at(4.5, 8.5, time_s=2.0 * step))
         chances.append(navigator.outlook.probability)
     assert (np.diff(chances) <= 0).all()
     assert chances[0] > 0.9
@@ -195,7 +182,7 @@ def test_traps_are_counted_by_kind_and_said_of_a_state(save_model_of):
     )
     navigator = navigator_of(save_model_of(outcome_models=rows, reward_weights={"goal": 1.0}))
     traps = navigator.strategy.traps
-    far, near = seen_at(4.5, 1.5), seen_at(10.5, 17.5)
+    far, near = observation_at(4.5, 1.5), observation_at(10.5, 17.5)
     grid = navigator.strategy.problem.grid
     assert grid.state_at(4.5, 1.5) in traps
     assert grid.state_at(10.5, 17.5) not in traps
@@ -217,7 +204,7 @@ def test_a_plan_without_traps_has_nothing_to_say_of_them(save_model_of):
 def test_a_drive_is_held_against_what_was_foretold_at_its_first_decision(save_model_of):
     navigator = navigator_of(save_model_of())
     navigator.begin(0)
-    here = seen_at(4.5, 9.5, time_s=100.0)
+    here = observation_at(4.5, 9.5, time_s=100.0)
     navigator.decide(here)
     prediction = prediction_of(navigator, here)
     row = arrival_row(

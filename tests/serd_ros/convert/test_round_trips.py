@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.observations import observation_at
 from visualization_msgs.msg import Marker
 
 from serd_core.arrival.law import ArrivalLaw
@@ -46,7 +47,6 @@ from serd_ros.errors import NodeError
 from sim.geometry.occupancy import OccupancyRaster
 from sim.scenario.settings import LidarSettings
 from sim.world.command import Command
-from sim.world.observation import make_observation
 from sim.world.waypoint import Waypoint
 
 metres = st.floats(-1e3, 1e3, allow_nan=False)
@@ -108,15 +108,15 @@ def test_people_of_another_layout_are_refused_by_name():
 
 @given(x=metres, y=metres, yaw=angles, v=metres, w=metres, tick=st.integers(0, 10**7))
 def test_an_observation_survives_the_three_topics_bit_for_bit(x, y, yaw, v, w, tick):
-    sent = make_observation(
-        time_s=tick * 0.05,
+    sent = observation_at(
+        x,
+        y,
+        yaw,
         tick=tick,
-        pose=(x, y, yaw),
         speed_mps=v,
         yaw_rate_radps=w,
-        people_position_m=[[x, y], [1.1, 2.2]],
-        people_velocity_mps=[[0.1, 0.2], [v, w]],
-        people_id=[0, 1],
+        people=[[x, y], [1.1, 2.2]],
+        velocity=[[0.1, 0.2], [v, w]],
     )
     inbox = ObservationInbox(0.05)
     people = People(sent.people_position_m, sent.people_velocity_mps, sent.people_id)
@@ -139,32 +139,14 @@ def test_parts_of_different_ticks_make_no_observation():
     nobody = People(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
     inbox.take_people(to_people_message(nobody, 1.0))
     assert inbox.take_pose(to_waypoint_message(Waypoint(0, 0), 1.0)) is None
-    observation = make_observation(
-        time_s=1.05,
-        tick=21,
-        pose=(0, 0, 0),
-        speed_mps=0,
-        yaw_rate_radps=0,
-        people_position_m=[],
-        people_velocity_mps=[],
-        people_id=[],
-    )
+    observation = observation_at(0.0, 0.0, time_s=1.05)
     assert inbox.take_odometry(to_odometry(observation, observation.pose)) is None
     assert inbox.latest() is not None
 
 
 def test_who_finds_people_in_scans_needs_pose_and_odometry_only():
     inbox = ObservationInbox(0.05, needs_people=False)
-    observation = make_observation(
-        time_s=1.0,
-        tick=20,
-        pose=(1.0, 2.0, 0.5),
-        speed_mps=0.4,
-        yaw_rate_radps=0.0,
-        people_position_m=[],
-        people_velocity_mps=[],
-        people_id=[],
-    )
+    observation = observation_at(1.0, 2.0, 0.5, time_s=1.0, speed_mps=0.4)
     assert inbox.take_odometry(to_odometry(observation, (5.0, 6.0, 0.7))) is None
     message = to_waypoint_message(Waypoint(1.0, 2.0), 1.0)
     message.pose = to_pose(observation.pose)
@@ -175,16 +157,7 @@ def test_who_finds_people_in_scans_needs_pose_and_odometry_only():
 
 
 def test_odometry_carries_the_pose_of_the_wheels_not_the_true_one():
-    observation = make_observation(
-        time_s=1.0,
-        tick=20,
-        pose=(1.0, 2.0, 0.5),
-        speed_mps=0.4,
-        yaw_rate_radps=0.1,
-        people_position_m=[],
-        people_velocity_mps=[],
-        people_id=[],
-    )
+    observation = observation_at(1.0, 2.0, 0.5, time_s=1.0, speed_mps=0.4, yaw_rate_radps=0.1)
     message = to_odometry(observation, (5.0, 6.0, 0.7))
     assert from_pose(message.pose.pose) == pytest.approx((5.0, 6.0, 0.7))
     assert speeds_of(message) == (0.4, 0.1)

@@ -2,29 +2,20 @@
 
 import numpy as np
 import pytest
+from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from serd_ros.endpoints.scan_matcher import ScanMatcher
 from sim.planning.catalogue import make_planner
 from sim.robot.lidar import Lidar
 from sim.scenario.scenario import load_scenario
-from sim.world.observation import make_observation
 
 HALLWAY = load_scenario("hallway")
 LIDAR = Lidar(HALLWAY.lidar, HALLWAY.wall_segments_m, 0.25)
 
 
 def standing(tick):
-    return make_observation(
-        time_s=0.05 * tick,
-        tick=tick,
-        pose=(3.0, 8.0, 0.0),
-        speed_mps=0.0,
-        yaw_rate_radps=0.0,
-        people_position_m=[],
-        people_velocity_mps=[],
-        people_id=[],
-    )
+    return observation_at(3.0, 8.0, tick=tick)
 
 
 def scan_at(tick, x_m):

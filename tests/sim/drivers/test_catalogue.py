@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
@@ -12,25 +13,11 @@ from sim.drivers.model_driver import model_driver
 from sim.drivers.policy_driver import PolicyDriver
 from sim.scenario.grid import flow_of, goal_states_of, grid_of, navigation_problem_of
 from sim.scenario.scenario import load_scenario
-from sim.world.observation import make_observation
 from storage.flow_picture import flow_picture
 from storage.model_file import load_model
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
-
-
-def seen_at(x_m, y_m):
-    return make_observation(
-        time_s=0.0,
-        tick=0,
-        pose=(x_m, y_m, 0.0),
-        speed_mps=0.0,
-        yaw_rate_radps=0.0,
-        people_position_m=np.zeros((0, 2)),
-        people_velocity_mps=np.zeros((0, 2)),
-        people_id=[],
-    )
 
 
 def test_without_flow_or_likes_the_cost_to_go_is_the_manhattan_distance():
@@ -47,9 +34,9 @@ def test_the_expert_first_crosses_to_the_right_then_chooses_a_lane_and_goes_up()
     moves_low, moves_high = [], []
     for episode in range(30):
         expert.begin(episode)
-        moves_low.append(expert.decide(seen_at(0.5, 1.5)))
+        moves_low.append(expert.decide(observation_at(0.5, 1.5)))
         expert.begin(episode)
-        moves_high.append(expert.decide(seen_at(4.5, 9.5)))
+        moves_high.append(expert.decide(observation_at(4.5, 9.5)))
     assert np.mean([move == Action.EAST for move in moves_low]) > 0.8
     assert np.mean([move == Action.NORTH for move in moves_high]) > 0.4
     assert np.mean([move == Action.SOUTH for move in moves_high]) < 0.1
@@ -59,23 +46,17 @@ def test_the_expert_decides_the_same_again_in_the_same_episode():
     def decisions():
         expert = ScriptedExpert(HALLWAY, seed=4)
         expert.begin(3)
-        return [expert.decide(seen_at(x + 0.5, y + 0.5)) for x in range(6) for y in range(16)]
+        return [
+            expert.decide(observation_at(x + 0.5, y + 0.5)) for x in range(6) for y in range(16)
+        ]
 
     assert decisions() == decisions()
 
 
 def test_the_expert_sometimes_waits_for_somebody_in_the_next_cell_but_never_for_long():
     expert = ScriptedExpert(HALLWAY, seed=2)
-    observation = make_observation(
-        time_s=0.0,
-        tick=0,
-        pose=(4.5, 9.5, 0.0),
-        speed_mps=0.0,
-        yaw_rate_radps=0.0,
-        people_position_m=[[x + 0.5, y + 0.5] for x in range(6) for y in range(8, 12)],
-        people_velocity_mps=np.zeros((24, 2)),
-        people_id=np.arange(24),
-    )
+    people = [[x + 0.5, y + 0.5] for x in range(6) for y in range(8, 12)]
+    observation = observation_at(4.5, 9.5, people=people)
     waits = [expert.decide(observation) == Action.WAIT for _ in range(300)]
     assert 0.1 < np.mean(waits) < 0.4
     assert "111" not in "".join(str(int(wait)) for wait in waits)
@@ -84,8 +65,8 @@ def test_the_expert_sometimes_waits_for_somebody_in_the_next_cell_but_never_for_
 def test_a_greedy_policy_takes_the_likeliest_action():
     probabilities = np.tile([0.1, 0.2, 0.4, 0.2, 0.1], (GRID.n_states, 1))
     driver = PolicyDriver(GRID, probabilities)
-    assert driver.decide(seen_at(2.5, 2.5)) == Action.EAST
-    assert driver.decide(seen_at(-5.0, 2.5)) == Action.WAIT
+    assert driver.decide(observation_at(2.5, 2.5)) == Action.EAST
+    assert driver.decide(observation_at(-5.0, 2.5)) == Action.WAIT
 
 
 def test_a_stochastic_policy_draws_with_its_probabilities_and_repeats_per_episode():
@@ -94,7 +75,7 @@ def test_a_stochastic_policy_draws_with_its_probabilities_and_repeats_per_episod
     draws = []
     for _ in range(2):
         driver.begin(5)
-        draws.append([driver.decide(seen_at(2.5, 2.5)) for _ in range(400)])
+        draws.append([driver.decide(observation_at(2.5, 2.5)) for _ in range(400)])
     assert draws[0] == draws[1]
     assert np.mean(np.array(draws[0]) == Action.NORTH) == pytest.approx(0.7, abs=0.07)
 
@@ -125,6 +106,6 @@ def test_a_model_that_was_learned_under_another_flow_drives_by_that_flow(save_mo
     model, driver = load_model(path), model_driver(path, hallway, seed=0)
     problem = navigation_problem_of(hallway, model.discount, model.feature_names, turned)
     best = optimal_policy(problem, model.weights, model.outcome_probabilities).probabilities
-    seen = [seen_at(*center) for center in grid.centers_m]
+    seen = [observation_at(*center) for center in grid.centers_m]
     assert [driver.decide(each) for each in seen] == best.argmax(axis=1).tolist()
     assert [driver.decide(each) for each in seen] != [usual.decide(each) for each in seen]

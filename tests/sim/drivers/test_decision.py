@@ -1,6 +1,6 @@
 """From a decision to a waypoint."""
 
-import numpy as np
+from support.observations import observation_at
 
 from serd_core.grid.grid import Action
 from sim.drivers.decision import (
@@ -10,34 +10,20 @@ from sim.drivers.decision import (
 )
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
-from sim.world.observation import make_observation
 from sim.world.waypoint import Waypoint
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
 
 
-def seen_at(x_m, y_m, tick=0):
-    return make_observation(
-        time_s=0.05 * tick,
-        tick=tick,
-        pose=(x_m, y_m, 0.1),
-        speed_mps=0.0,
-        yaw_rate_radps=0.0,
-        people_position_m=np.zeros((0, 2)),
-        people_velocity_mps=np.zeros((0, 2)),
-        people_id=[],
-    )
-
-
 def test_a_move_goes_to_the_centre_of_the_next_cell():
-    assert waypoint_of_intent(GRID, seen_at(2.2, 3.9), Action.NORTH) == Waypoint(2.5, 4.5)
-    assert waypoint_of_intent(GRID, seen_at(2.2, 3.9), Action.WEST) == Waypoint(1.5, 3.5)
+    assert waypoint_of_intent(GRID, observation_at(2.2, 3.9), Action.NORTH) == Waypoint(2.5, 4.5)
+    assert waypoint_of_intent(GRID, observation_at(2.2, 3.9), Action.WEST) == Waypoint(1.5, 3.5)
 
 
 def test_waiting_stays_and_a_move_into_a_wall_goes_to_the_own_centre():
-    assert waypoint_of_intent(GRID, seen_at(2.2, 3.9), Action.WAIT) == Waypoint(2.2, 3.9)
-    assert waypoint_of_intent(GRID, seen_at(0.2, 3.9), Action.WEST) == Waypoint(0.5, 3.5)
+    assert waypoint_of_intent(GRID, observation_at(2.2, 3.9), Action.WAIT) == Waypoint(2.2, 3.9)
+    assert waypoint_of_intent(GRID, observation_at(0.2, 3.9), Action.WEST) == Waypoint(0.5, 3.5)
 
 
 def test_the_waypoint_of_a_cell_is_its_centre():
@@ -45,5 +31,7 @@ def test_the_waypoint_of_a_cell_is_its_centre():
 
 
 def test_decisions_are_taken_every_40_ticks():
-    ticks = [tick for tick in range(100) if is_decision_tick(seen_at(1, 1, tick), HALLWAY)]
+    ticks = [
+        tick for tick in range(100) if is_decision_tick(observation_at(1, 1, tick=tick), HALLWAY)
+    ]
     assert ticks == [0, 40, 80]

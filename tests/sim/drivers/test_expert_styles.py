@@ -4,28 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.observations import observation_at
 
 from serd_core.grid.grid import Action
 from sim.drivers.catalogue import driver_names, make_driver
 from sim.drivers.expert import ExpertSettings, ScriptedExpert, seen_earlier
 from sim.drivers.expert_styles import STYLES, VariedExpert
 from sim.scenario.scenario import load_scenario
-from sim.world.observation import make_observation
 
 HALLWAY = load_scenario("hallway")
 
 
 def walking_towards(x_m):
     """The robot drives north at 1 m/s; somebody walks west at 1 m/s towards x_m = 4.5."""
-    return make_observation(
-        time_s=2.0,
-        tick=40,
-        pose=(4.5, 9.5, np.pi / 2),
-        speed_mps=1.0,
-        yaw_rate_radps=0.0,
-        people_position_m=[(x_m, 10.5)],
-        people_velocity_mps=[(-1.0, 0.0)],
-        people_id=[0],
+    return observation_at(
+        4.5, 9.5, np.pi / 2, time_s=2.0, speed_mps=1.0, people=[(x_m, 10.5)], velocity=[(-1.0, 0.0)]
     )
 
 

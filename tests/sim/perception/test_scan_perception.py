@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from sim.drivers.expert import ScriptedExpert
@@ -17,22 +18,12 @@ from sim.planning.catalogue import make_planner, planner_in_world, planner_names
 from sim.robot.lidar import Lidar
 from sim.scenario.scenario import load_scenario
 from sim.scenario.settings import LidarSettings
-from sim.world.observation import make_observation
 from sim.world.waypoint import Waypoint
 from sim.world.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway")
 NOBODY = np.zeros((0, 2))
-HALLWAY_SEEN = make_observation(
-    time_s=0.0,
-    tick=0,
-    pose=(3.0, 8.0, 1.5),
-    speed_mps=0.0,
-    yaw_rate_radps=0.0,
-    people_position_m=[[2.0, 9.0]],
-    people_velocity_mps=[[0.0, -1.0]],
-    people_id=[0],
-)
+HALLWAY_SEEN = observation_at(3.0, 8.0, 1.5, people=[[2.0, 9.0]], velocity=[[0.0, -1.0]])
 WALLS = wall_distance_raster(HALLWAY)
 
 

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
@@ -15,7 +16,6 @@ from sim.robot.unicycle import chord_velocity, limited_velocity
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP
-from sim.world.observation import make_observation
 from sim.world.waypoint import Waypoint
 
 HALLWAY = load_scenario("hallway")
@@ -27,27 +27,12 @@ def planner(request):
     return make_planner(request.param, HALLWAY)
 
 
-def seen(pose, *, speed=0.0, turn=0.0, people=(), velocity=()):
-    return make_observation(
-        time_s=0.0,
-        tick=0,
-        pose=pose,
-        speed_mps=speed,
-        yaw_rate_radps=turn,
-        people_position_m=np.array(people, float).reshape(-1, 2),
-        people_velocity_mps=np.array(velocity, float).reshape(-1, 2),
-        people_id=np.arange(len(people)),
-    )
-
-
 def drive(planner, pose, waypoint, n_ticks, people=()):
     """Ideal robot without a world: poses (n, 3) and speeds (n,) under the planner's commands."""
     speed = turn = 0.0
     poses, speeds = [], []
     for _ in range(n_ticks):
-        observation = seen(
-            pose, speed=speed, turn=turn, people=people, velocity=np.zeros_like(people)
-        )
+        observation = observation_at(*pose, speed_mps=speed, yaw_rate_radps=turn, people=people)
         command = planner.step(observation, waypoint)
         speed, turn = limited_velocity(command, speed, turn, HALLWAY.robot, 0.05)
         vx, vy = chord_velocity(pose[2], speed, turn, 0.05)
@@ -60,7 +45,7 @@ def drive(planner, pose, waypoint, n_ticks, people=()):
 @pytest.mark.parametrize("yaw_rad", np.linspace(-math.pi, math.pi, 9))
 @pytest.mark.parametrize("start", [(2.5, 8.5), (2.1, 8.1), (2.9, 8.1), (0.4, 8.6)])
 def test_an_unhindered_robot_is_in_the_next_cell_after_a_decision_period(planner, start, yaw_rad):
-    observation = seen((*start, yaw_rad))
+    observation = observation_at(*start, yaw_rad)
     waypoint = waypoint_of_intent(GRID, observation, Action.NORTH)
     poses, _ = drive(planner, observation.pose, waypoint, HALLWAY.ticks_per_decision)
     wanted = GRID.neighbours[GRID.state_at(*start), Action.NORTH]
@@ -68,7 +53,7 @@ def test_an_unhindered_robot_is_in_the_next_cell_after_a_decision_period(planner
 
 
 def test_without_a_waypoint_or_at_the_waypoint_the_robot_stands_still(planner):
-    observation = seen((2.0, 5.0, 1.0), speed=0.5)
+    observation = observation_at(2.0, 5.0, 1.0, speed_mps=0.5)
     assert planner.step(observation, None) == STOP
     assert planner.step(observation, Waypoint(2.0, 5.0)) == STOP
 
@@ -101,24 +86,24 @@ def test_a_wall_of_standing_people_makes_the_robot_wait_in_front_of_it(planner):
 
 
 def test_a_person_who_leans_on_the_robot_does_not_keep_it_from_leaving(planner):
-    observation = seen((2.0, 8.0, 0.0), people=[(1.55, 8.0)], velocity=[(0.2, 0.0)])
+    observation = observation_at(2.0, 8.0, 0.0, people=[(1.55, 8.0)], velocity=[(0.2, 0.0)])
     assert planner.step(observation, Waypoint(4.0, 8.0)).linear_mps > 0.1
 
 
 @pytest.mark.parametrize("lost", [(math.nan, 8.0, 0.0), (3.0, 8.0, math.inf)])
 def test_a_robot_that_does_not_know_where_it_is_stops_and_says_so(planner, lost):
-    assert planner.step(seen(lost, speed=0.5), Waypoint(4.0, 8.0)) == STOP
+    assert planner.step(observation_at(*lost, speed_mps=0.5), Waypoint(4.0, 8.0)) == STOP
     assert planner.status == PlannerStatus.NO_VALID_CONTROL
-    assert planner.step(seen((3.0, 8.0, 0.0)), Waypoint(4.0, 8.0)) != STOP
+    assert planner.step(observation_at(3.0, 8.0, 0.0), Waypoint(4.0, 8.0)) != STOP
 
 
 def test_a_person_without_a_finite_velocity_is_driven_round_as_one_who_stands(planner):
     people, ahead = [(3.0, 8.0), (5.0, 4.0)], Waypoint(4.5, 8.0)
-    known = seen((1.9, 8.0, 0.0), speed=0.8, people=people, velocity=[(0, 0), (0, 0)])
-    strange = seen((1.9, 8.0, 0.0), speed=0.8, people=people, velocity=[(math.nan, 0), (0, 0)])
-    nowhere = seen(
-        (1.9, 8.0, 0.0), speed=0.8, people=[*people, (math.nan, 8.0)], velocity=np.zeros((3, 2))
+    known = observation_at(1.9, 8.0, 0.0, speed_mps=0.8, people=people)
+    strange = observation_at(
+        1.9, 8.0, 0.0, speed_mps=0.8, people=people, velocity=[(math.nan, 0), (0, 0)]
     )
+    nowhere = observation_at(1.9, 8.0, 0.0, speed_mps=0.8, people=[*people, (math.nan, 8.0)])
     commands = []
     for observation in (known, strange, nowhere):
         planner.reset()
@@ -130,7 +115,7 @@ def test_a_planner_repeats_itself_after_a_reset(planner):
     def commands():
         planner.reset()
         people, velocity = [(3.0, 8.2), (3.5, 7.0)], [(0.0, -1.0), (0.5, 0.5)]
-        observation = seen((2.0, 8.0, 0.2), people=people, velocity=velocity)
+        observation = observation_at(2.0, 8.0, 0.2, people=people, velocity=velocity)
         return [planner.step(observation, Waypoint(4.0, 8.0)) for _ in range(5)]
 
     assert commands() == commands()
@@ -139,7 +124,7 @@ def test_a_planner_repeats_itself_after_a_reset(planner):
 def test_planning_among_24_people_takes_a_few_milliseconds_at_most(planner):
     rng = np.random.default_rng(1)
     people = rng.uniform((0, 6), (6, 12), (24, 2))
-    observation = seen((3.0, 9.0, 0.0), people=people, velocity=rng.normal(0, 1, (24, 2)))
+    observation = observation_at(3.0, 9.0, 0.0, people=people, velocity=rng.normal(0, 1, (24, 2)))
     started = time.perf_counter()
     for _ in range(50):
         planner.step(observation, Waypoint(3.5, 10.5))

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.observations import observation_at
 
 from sim.episodes.batch import EpisodeTask, run_task
 from sim.planning.catalogue import make_planner, planner_names
 from sim.scenario.scenario import load_scenario
-from sim.world.observation import make_observation
 from sim.world.waypoint import Waypoint
 
 HALLWAY = load_scenario("hallway")
@@ -34,15 +34,14 @@ def test_whatever_is_seen_the_command_is_finite_and_within_the_robots_limits(
     name, x_m, y_m, yaw_rad, speed, turn, people, to
 ):
     rows = np.array(people, dtype=float).reshape(-1, 4)
-    observation = make_observation(
-        time_s=0.0,
-        tick=0,
-        pose=(x_m, y_m, yaw_rad),
+    observation = observation_at(
+        x_m,
+        y_m,
+        yaw_rad,
         speed_mps=speed,
         yaw_rate_radps=turn,
-        people_position_m=rows[:, :2] + (x_m, y_m),
-        people_velocity_mps=rows[:, 2:],
-        people_id=np.arange(len(rows)),
+        people=rows[:, :2] + (x_m, y_m),
+        velocity=rows[:, 2:],
     )
     command = PLANNERS[name].step(observation, Waypoint(x_m + to[0], y_m + to[1]))
     robot = HALLWAY.robot

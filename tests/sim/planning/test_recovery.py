@@ -1,7 +1,7 @@
 """Progress check, recoveries and the reasons told."""
 
-import numpy as np
 import pytest
+from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from sim.planning.planner_status import PlannerStatus
@@ -9,7 +9,6 @@ from sim.planning.progress_checker import ProgressChecker
 from sim.planning.recovery import RecoveringPlanner, RecoverySettings
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP, Command
-from sim.world.observation import make_observation
 from sim.world.waypoint import Waypoint
 
 HALLWAY = load_scenario("hallway")
@@ -36,16 +35,7 @@ class PushingPlanner:
 
 
 def standing_at(time_s, x_m=3.0, y_m=8.0, yaw_rad=0.0, people=()):
-    return make_observation(
-        time_s=time_s,
-        tick=round(time_s / 0.05),
-        pose=(x_m, y_m, yaw_rad),
-        speed_mps=0.0,
-        yaw_rate_radps=0.0,
-        people_position_m=np.array(people, float).reshape(-1, 2),
-        people_velocity_mps=np.zeros((len(people), 2)),
-        people_id=np.arange(len(people)),
-    )
+    return observation_at(x_m, y_m, yaw_rad, time_s=time_s, people=people)
 
 
 def commands_while_stuck(planner, duration_s, **place):

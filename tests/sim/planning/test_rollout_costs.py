@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from sim.planning.rollout_costs import CostSettings, RolloutCosts
 from sim.scenario.scenario import load_scenario
-from sim.world.observation import make_observation
 from sim.world.waypoint import Waypoint
 
 TIME_S = np.array([0.5, 1.0])
@@ -18,17 +18,8 @@ SETTINGS = CostSettings()
 COSTS = RolloutCosts(load_scenario("hallway"), SETTINGS, TIME_S)
 
 
-def seen(people=(), velocity=()):
-    return make_observation(
-        time_s=0.0,
-        tick=0,
-        pose=(2.0, 8.0, 0.0),
-        speed_mps=0.0,
-        yaw_rate_radps=0.0,
-        people_position_m=np.array(people, float).reshape(-1, 2),
-        people_velocity_mps=np.array(velocity, float).reshape(-1, 2),
-        people_id=np.arange(len(people)),
-    )
+def seen(people=(), velocity=None):
+    return observation_at(2.0, 8.0, people=people, velocity=velocity)
 
 
 def test_progress_is_the_mean_smallest_distance_so_far_plus_a_share_of_the_last_one():

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import yaml
+from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from sim.crowd import social_force
@@ -17,7 +18,6 @@ from sim.planning.recovery import RecoveringPlanner
 from sim.planning.settings import PlannerSettings
 from sim.scenario.scenario import builtin_scenarios, load_scenario
 from sim.world.command import STOP, Command
-from sim.world.observation import make_observation
 from sim.world.waypoint import Waypoint
 from sim.world.world import HallwayWorld
 from storage.yaml_config import model_yaml
@@ -53,16 +53,7 @@ def driven(scenario, name, duration_s=4.0):
 
 
 def standing_at(time_s, *, people=()):
-    return make_observation(
-        time_s=time_s,
-        tick=round(time_s / 0.05),
-        pose=(3.0, 8.0, 0.0),
-        speed_mps=0.0,
-        yaw_rate_radps=0.0,
-        people_position_m=np.array(people, float).reshape(-1, 2),
-        people_velocity_mps=np.zeros((len(people), 2)),
-        people_id=np.arange(len(people)),
-    )
+    return observation_at(3.0, 8.0, time_s=time_s, people=people)
 
 
 class PushingPlanner:

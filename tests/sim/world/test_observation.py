@@ -6,22 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.observations import observation_at
 
 from serd_core.errors import SerdError
-from sim.world.observation import make_observation
 
 
 def observed(yaw, position, velocity):
-    return make_observation(
-        time_s=1.0,
-        tick=20,
-        pose=(1.0 / 3.0, 2.0, yaw),
-        speed_mps=0.1,
-        yaw_rate_radps=0.2,
-        people_position_m=position,
-        people_velocity_mps=velocity,
-        people_id=np.arange(len(position)),
-    )
+    return observation_at(1.0 / 3.0, 2.0, yaw, people=position, velocity=velocity)
 
 
 @given(yaw=st.floats(-math.pi, math.pi), seed=st.integers(0, 1000))

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from support.observations import observation_at
 
 from experiments.study.figures.scenario import typical_way
 from experiments.study.figures.shortest_way import shortest_way
@@ -8,28 +9,13 @@ from experiments.study.recordings.exploring_driver import ExploringDriver
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
-from sim.world.observation import make_observation
-
-
-def seen_in(grid, state):
-    x_m, y_m = grid.centers_m[state]
-    return make_observation(
-        time_s=0.0,
-        tick=0,
-        pose=(x_m, y_m, 0.0),
-        speed_mps=0.0,
-        yaw_rate_radps=0.0,
-        people_position_m=[],
-        people_velocity_mps=[],
-        people_id=[],
-    )
 
 
 def test_an_explorer_takes_every_action_and_none_that_a_wall_blocks(problem):
     driver, rng = ExploringDriver(problem.grid, seed=1), np.random.default_rng(0)
     taken = []
     for state in rng.integers(problem.grid.n_states, size=600):
-        action = driver.decide(seen_in(problem.grid, state))
+        action = driver.decide(observation_at(*problem.grid.centers_m[state]))
         taken.append(action)
         assert action == Action.WAIT or problem.grid.neighbours[state, action] != state
     assert set(taken) == set(Action)
