@@ -8,7 +8,7 @@ ARGS ?=
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup build demo test check format lint types imports bench pictures clean
+.PHONY: help setup build demo test check format lint types imports bench pictures reference clean
 
 help:
 	@echo "make setup     set up .venv and build the ROS workspace"
@@ -17,6 +17,7 @@ help:
 	@echo "make check     format, lint, types, import rules, tests"
 	@echo "make bench     speed against peers, results as JSON"
 	@echo "make pictures  draw the architecture pictures again (needs Graphviz)"
+	@echo "make reference write nodes.yaml and docs/nodes.md from the settings models"
 	@echo "make clean     remove .venv, builds and caches (never your demo output)"
 
 setup: build
@@ -52,6 +53,9 @@ bench: build
 
 pictures: $(VENV)/.ready
 	@$(BIN)/python tools/draw_architecture.py
+
+reference: $(VENV)/.ready
+	@$(BIN)/python tools/write_reference.py
 
 clean:
 	rm -rf $(VENV) ros_ws/build ros_ws/install ros_ws/log .mypy_cache .ruff_cache .pytest_cache .hypothesis

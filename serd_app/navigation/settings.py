@@ -1,21 +1,39 @@
-"""How the strategy drives by a model."""
+"""Settings of the strategy: the model it uses, the goal, lookahead and when it gives up."""
 
 from typing import Literal
 
-from pydantic import Field
+from sim.episodes.settings import EpisodeSettings
+from storage.settings import setting, setting_of
 
-from storage.yaml_config import StrictModel
+PolicyKind = Literal["optimal", "soft"]
 
 
-class NavigationSettings(StrictModel):
-    """See the strategy in nodes.yaml for what each means."""
+class NavigationSettings(EpisodeSettings):
+    """How a learned model drives a series of episodes."""
 
-    model: str = Field(min_length=1)
-    policy: Literal["optimal", "soft"]
-    transfer: bool
-    goal: str
-    lookahead_cells: int = Field(ge=1)
-    patience_periods: int = Field(ge=0)
-    minimum_arrival_probability: float = Field(ge=0, le=1)
-    seed: int = Field(ge=0)
-    timeout_s: float = Field(gt=0)
+    seed: int = setting_of(EpisodeSettings, "seed", default=1000)
+    model: str = setting("model.yaml", "file of a learned model", min_length=1)
+    policy: PolicyKind = setting(
+        "optimal",
+        "optimal: the optimum of the learned rewards; soft: the stochastic policy of the expert",
+    )
+    transfer: bool = setting(False, "also accept a model that was learned on another grid")
+    goal: str = setting(
+        "", "x,y (m) of the cell to drive to; the goal area of the scenario when empty"
+    )
+    lookahead_cells: int = setting(
+        1,
+        "distance of the waypoint; above 1 the robot is faster than demonstrated, and arrivals are"
+        " predicted too late",
+        unit="cells",
+        ge=1,
+    )
+    patience_periods: int = setting(
+        60,
+        "give up after this long without progress; 0: never",
+        unit="decision periods",
+        ge=0,
+    )
+    minimum_arrival_probability: float = setting(
+        0.0, "give up below this probability of arriving before the time-out", ge=0, le=1
+    )

@@ -1,19 +1,19 @@
 """`serd demo`: the whole loop, with a report at the end."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
+from serd_app.navigation.settings import PolicyKind
 from serd_cli.demo.folder import DemoFolder, new_folder, open_folder
 from serd_cli.demo.phases import demo_environment, demonstrate, learn, navigate
 from serd_cli.demo.report import report_demo
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.errors import RunError
+from serd_cli.setting_options import option, validated
 from serd_cli.terminal import progress_console
 from sim.scenario.scenario import load_scenario
-
-_DEFAULT = DemoSettings()
 
 
 def register(app: typer.Typer) -> None:
@@ -25,20 +25,12 @@ def demo(
     output: Annotated[Path, typer.Option(help="folder that gets a run-N folder")] = Path(
         "demo_output"
     ),
-    scenario: Annotated[str, typer.Option(help="built-in scenario or YAML file")] = (
-        _DEFAULT.scenario
-    ),
-    seed: Annotated[int, typer.Option(min=0, help="fixes everything")] = _DEFAULT.seed,
-    demonstrations: Annotated[int, typer.Option(min=1)] = _DEFAULT.demonstrations,
-    episodes: Annotated[
-        int, typer.Option(min=1, help="episodes the learned policy drives")
-    ] = _DEFAULT.episodes,
-    timeout_s: Annotated[
-        float, typer.Option(min=2.0, max=86400.0, help="simulated seconds per episode")
-    ] = _DEFAULT.timeout_s,
-    policy: Annotated[
-        Literal["optimal", "soft"], typer.Option(help="what drives: the optimum, or as the expert")
-    ] = _DEFAULT.policy,
+    scenario: str = option(DemoSettings, "scenario"),
+    seed: int = option(DemoSettings, "seed"),
+    demonstrations: int = option(DemoSettings, "demonstrations"),
+    episodes: int = option(DemoSettings, "episodes"),
+    timeout_s: float = option(DemoSettings, "timeout_s"),
+    policy: PolicyKind = option(DemoSettings, "policy"),
     resume: Annotated[
         Path | None, typer.Option(help="continue this run-N folder; its settings count")
     ] = None,
@@ -48,7 +40,8 @@ def demo(
         folder, settings = open_folder(resume)
     else:
         load_scenario(scenario)
-        settings = DemoSettings(
+        settings = validated(
+            DemoSettings,
             scenario=str(Path(scenario).resolve()) if Path(scenario).is_file() else scenario,
             seed=seed,
             demonstrations=demonstrations,

@@ -3,12 +3,13 @@
 from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from report.canvas import png_bytes
+from serd_app.navigation.settings import PolicyKind
 from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
@@ -18,8 +19,9 @@ from serd_cli.navigate.settings import NavigateSettings, claim_folder
 from serd_cli.navigate.through_ros import drive_through_ros
 from serd_cli.progress import WorkProgress
 from serd_cli.resume_notice import kept_in
+from serd_cli.setting_options import option, validated
 from serd_cli.terminal import console
-from sim.planning.catalogue import make_planner, planner_names
+from sim.planning.catalogue import make_planner
 from sim.scenario.goal import with_goal
 from sim.scenario.grid import grid_of, start_states_of
 from storage.atomic import atomic_write_bytes
@@ -37,34 +39,18 @@ def navigate(
     scenario: Annotated[
         str, typer.Option(help="built-in scenario or YAML file, the model's own when not given")
     ] = "",
-    goal: Annotated[
-        str, typer.Option(help="x,y (m) of the cell to drive to, else the scenario's goal area")
-    ] = "",
-    start_area: Annotated[str, typer.Option(help="where the robot starts")] = "train",
-    people: Annotated[
-        int | None, typer.Option(min=1, help="number of people, else the scenario's own")
-    ] = None,
-    episodes: Annotated[int, typer.Option(min=1)] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="of people, starts and soft choices")] = 1000,
-    timeout_s: Annotated[
-        float, typer.Option(min=2.0, max=86400.0, help="simulated seconds per episode")
-    ] = 420.0,
-    policy: Annotated[
-        Literal["optimal", "soft"], typer.Option(help="what drives: the optimum, or as the expert")
-    ] = "optimal",
-    planner: Annotated[str, typer.Option(help=" or ".join(planner_names()))] = "dwa",
-    transfer: Annotated[
-        bool, typer.Option("--transfer", help="also use a model learned on another grid")
-    ] = False,
-    lookahead: Annotated[
-        int, typer.Option(min=1, help="waypoint this many cells ahead; above 1 predicts too late")
-    ] = 1,
-    patience: Annotated[
-        int, typer.Option(min=0, help="give up after so many periods without progress, 0: never")
-    ] = 60,
-    minimum_probability: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="give up below this chance of arriving in time")
-    ] = 0.0,
+    goal: str = option(NavigateSettings, "goal"),
+    start_area: str = option(NavigateSettings, "start_area"),
+    people: int | None = option(NavigateSettings, "people"),
+    episodes: int = option(NavigateSettings, "episodes"),
+    seed: int = option(NavigateSettings, "seed"),
+    timeout_s: float = option(NavigateSettings, "timeout_s"),
+    policy: PolicyKind = option(NavigateSettings, "policy"),
+    planner: str = option(NavigateSettings, "planner"),
+    transfer: bool = option(NavigateSettings, "transfer", "--transfer"),
+    lookahead: int = option(NavigateSettings, "lookahead_cells"),
+    patience: int = option(NavigateSettings, "patience_periods"),
+    minimum_probability: float = option(NavigateSettings, "minimum_arrival_probability"),
     ros: Annotated[bool, typer.Option("--ros", help="through ROS nodes, not in process")] = False,
     output: Annotated[
         Path | None, typer.Option(help="folder for tables and arrival.png, else nothing is kept")
@@ -77,7 +63,8 @@ def navigate(
 
     With --output an interrupted drive in process goes on where it stopped.
     """
-    settings = NavigateSettings(
+    settings = validated(
+        NavigateSettings,
         model=str(model.resolve()),
         scenario=_scenario_of(scenario, model),
         goal=goal,

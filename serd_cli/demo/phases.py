@@ -17,7 +17,7 @@ from serd_cli.node_commands import stack_processes
 from serd_cli.supervisor import run_together
 from serd_cli.workspace import ros_environment
 from serd_ros.graph.graph import find_stack
-from serd_ros.parameters.defaults import default_parameters
+from serd_ros.parameters.configs import LearnerConfig
 from storage.episode_table import EpisodeResult
 
 
@@ -65,7 +65,7 @@ def learn(
             "learner.output": str(folder.model),
             "decisions": str(folder.decisions),
         }
-        _run(folder, "learn", given, environment, total=default_parameters()["learner"]["starts"])
+        _run(folder, "learn", given, environment, total=LearnerConfig().starts)
         _require(folder.learned(), "learn")
     return PhaseTiming("learn", time.monotonic() - began_s)
 

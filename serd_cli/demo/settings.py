@@ -1,21 +1,19 @@
 """What a demo runs with; kept beside its results, so that it can be continued or run again."""
 
-from typing import Literal
-
-from pydantic import Field
-
-from storage.yaml_config import StrictModel
+from serd_app.navigation.settings import NavigationSettings, PolicyKind
+from sim.episodes.settings import EpisodeSettings
+from storage.settings import setting, setting_of
 
 
-class DemoSettings(StrictModel):
+class DemoSettings(EpisodeSettings):
     """Seeds: demonstrations use `seed`, the learned policy drives in a world of another one."""
 
-    scenario: str = "hallway"
-    seed: int = Field(default=3, ge=0)
-    demonstrations: int = Field(default=20, ge=1)
-    episodes: int = Field(default=30, ge=1)
-    timeout_s: float = Field(default=420.0, gt=0)
-    policy: Literal["optimal", "soft"] = "optimal"
+    seed: int = setting_of(EpisodeSettings, "seed", default=3)
+    demonstrations: int = setting(20, "number of demonstrations by the scripted expert", ge=1)
+    episodes: int = setting_of(
+        EpisodeSettings, "episodes", default=30, description="episodes the learned policy drives"
+    )
+    policy: PolicyKind = setting_of(NavigationSettings, "policy")
 
     @property
     def navigation_seed(self) -> int:

@@ -30,7 +30,7 @@ def drive_in_process(
 
     output: folder that gets each row as it comes, none when None.
     """
-    navigator = Navigator(settings.place(), settings.config(output))
+    navigator = Navigator(settings.place(), settings)
     scenario = navigator.strategy.scenario
     results = list(done)
     with HallwayWorld(scenario, seed=settings.seed) as world:

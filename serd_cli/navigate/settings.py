@@ -2,57 +2,22 @@
 
 import hashlib
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-from pydantic import Field
-
+from serd_app.navigation.settings import NavigationSettings
 from serd_cli.errors import UsageError
 from serd_cli.output_place import require_folder
-from serd_ros.parameters.configs import StrategyConfig
-from serd_ros.parameters.defaults import default_parameters
-from serd_ros.parameters.params import validated
+from sim.episodes.settings import WorldSettings
 from sim.scenario.scenario import Scenario, load_scenario, scenario_digest
 from storage.atomic import atomic_write_text
 from storage.text_file import read_text
-from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
+from storage.yaml_config import load_yaml_model, model_yaml
 
 _FILE = "navigate.yaml"
-#: Parameters of the strategy node that are settings here under the same name.
-_OF_STRATEGY = (
-    "scenario",
-    "seed",
-    "episodes",
-    "timeout_s",
-    "model",
-    "policy",
-    "transfer",
-    "goal",
-    "lookahead_cells",
-    "patience_periods",
-    "minimum_arrival_probability",
-)
 
 
-class NavigateSettings(StrictModel):
-    """See `serd navigate --help` and the parameters of the strategy in nodes.yaml.
-
-    people: how many walk, None for as many as the scenario says.
-    """
-
-    model: str
-    scenario: str
-    goal: str = ""
-    start_area: str = "train"
-    people: int | None = Field(default=None, ge=1)
-    episodes: int = Field(default=20, ge=1)
-    seed: int = Field(default=1000, ge=0)
-    timeout_s: float = Field(default=420.0, gt=0)
-    policy: Literal["optimal", "soft"] = "optimal"
-    planner: str = "dwa"
-    transfer: bool = False
-    lookahead_cells: int = Field(default=1, ge=1)
-    patience_periods: int = Field(default=60, ge=0)
-    minimum_arrival_probability: float = Field(default=0.0, ge=0, le=1)
+class NavigateSettings(NavigationSettings, WorldSettings):
+    """Settings of one drive of `serd navigate`."""
 
     def place(self) -> Scenario:
         """The scenario with its people, and its own goal."""
@@ -60,14 +25,8 @@ class NavigateSettings(StrictModel):
         return own if self.people is None else own.with_pedestrian_count(self.people)
 
     def of_strategy(self) -> dict[str, Any]:
-        """The strategy node's parameters among them."""
-        return {name: getattr(self, name) for name in _OF_STRATEGY}
-
-    def config(self, output: Path | None) -> StrategyConfig:
-        """The strategy's parameters, its defaults included."""
-        given = {"output": str(output) if output else ""}
-        values = {**default_parameters()["strategy"], **self.of_strategy(), **given}
-        return validated("strategy", values, StrategyConfig)
+        """Those that are parameters of the strategy node."""
+        return self.model_dump(include=set(NavigationSettings.model_fields))
 
 
 class BegunDrive(NavigateSettings):

@@ -19,7 +19,6 @@ from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
-from storage.yaml_config import StrictModel
 from teleop.page.state import point, word, world_state
 
 _SHOWN = ("teleop_mux", "demo_recorder")
@@ -29,7 +28,7 @@ _STALE_S = 1.0
 class PageView:
     """Subscribes what the front end itself does not need, and puts a state together."""
 
-    def __init__(self, node: SerdNode[StrictModel], scenario: Scenario) -> None:
+    def __init__(self, node: SerdNode[Any], scenario: Scenario) -> None:
         self.grid: Grid = grid_of(scenario)
         self._node, self._scenario = node, scenario
         self._observation: Observation | None = None

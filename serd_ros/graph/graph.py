@@ -12,7 +12,6 @@ from pydantic import Field, model_validator
 
 from serd_ros.errors import NodeError
 from serd_ros.parameters.configs import CONFIGS
-from serd_ros.parameters.defaults import default_parameters
 from storage.nearest import hint
 from storage.yaml_config import StrictModel, load_yaml_model
 
@@ -103,14 +102,13 @@ def _addressees(stack: Stack, key: str) -> list[tuple[str, str]]:
     if dot:
         if node not in stack.nodes:
             raise NodeError(f"{key!r} names no node of this stack; {hint(node, stack.nodes)}")
-        if name not in default_parameters()[node]:
-            raise NodeError(
-                f"{node} has no parameter {name!r}; {hint(name, default_parameters()[node])}"
-            )
+        if name not in CONFIGS[node].model_fields:
+            near = hint(name, CONFIGS[node].model_fields)
+            raise NodeError(f"{node} has no parameter {name!r}; {near}")
         return [(node, name)]
-    having = [each for each in stack.nodes if key in default_parameters()[each]]
+    having = [each for each in stack.nodes if key in CONFIGS[each].model_fields]
     if not having:
-        everything = {known for each in stack.nodes for known in default_parameters()[each]}
+        everything = {known for each in stack.nodes for known in CONFIGS[each].model_fields}
         raise NodeError(f"no node of this stack has a parameter {key!r}; {hint(key, everything)}")
     found = [(each, key) for each in having if key not in stack.parameters.get(each, {})]
     if not found:

@@ -21,9 +21,8 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import subscribe_observations
 from serd_ros.endpoints.scan_matcher import ScanMatcher
 from serd_ros.graph.readiness import Readiness
-from serd_ros.parameters.changeable import accept_changes
 from serd_ros.parameters.configs import LocalPlannerConfig
-from serd_ros.parameters.planner import of_scenario, planned_scenario
+from serd_ros.parameters.params import accept_changes
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from sim.drivers.decision import is_decision_tick, waypoint_of_intent
@@ -39,9 +38,9 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
     """Converts, calls `LocalPlanner.step`, publishes `cmd_vel`."""
 
     def __init__(self) -> None:
-        super().__init__("local_planner", LocalPlannerConfig, of_scenario)
+        super().__init__("local_planner", LocalPlannerConfig)
         accept_changes(self, {})
-        self._scenario = planned_scenario(self.config)
+        self._scenario = self.config.planned_scenario()
         self._grid = grid_of(self._scenario)
         self._scans = self._matcher()
         planner = make_planner(self.config.planner, self._scenario)

@@ -22,8 +22,8 @@ from serd_ros.display.strategy_reporter import StrategyVoice
 from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.driver import EpisodeDriverNode
 from serd_ros.episodes.goal_episodes import UNCOUNTED, GoalEpisodes
-from serd_ros.parameters.changeable import accept_changes
 from serd_ros.parameters.configs import StrategyConfig
+from serd_ros.parameters.params import accept_changes
 from serd_ros.process.run_node import run_node
 from sim.drivers.driver import Driver
 from sim.world.observation import Observation

@@ -1,166 +1,287 @@
-"""Parameters of each node as frozen, validated records; the defaults are in nodes.yaml."""
+"""The parameters of each node: name, type, default, unit, range and description."""
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
-from pydantic import Field
-
+from bags.recorder import RecorderSettings
 from serd_app.learning.settings import LessonSettings
 from serd_app.navigation.settings import NavigationSettings
+from sim.drivers.catalogue import driver_names
+from sim.episodes.settings import EpisodeSettings, WorldSettings
 from sim.planning.settings import PlannerSettings
+from sim.scenario.scenario import Scenario, load_scenario
+from sim.scenario.settings import RobotSettings
+from storage.settings import setting, setting_of
 from storage.yaml_config import StrictModel
 from teleop.mode import Mode
 
-
-class HallwaySimConfig(StrictModel):
-    """See nodes.yaml for what each parameter means."""
-
-    scenario: str = Field(min_length=1)
-    seed: int = Field(ge=0)
-    people: int = Field(ge=-1)
-    start_area: str
-    lockstep: bool
-    lockstep_timeout_s: float = Field(gt=0)
-    gui: bool
-    real_time_factor: float = Field(gt=0)
-    stamped_cmd_vel: bool
-    command_timeout_s: float = Field(gt=0, le=0.5)
-    required_nodes: tuple[str, ...]
-    goal: str
+_ROBOT, _RECORDER = RobotSettings(), RecorderSettings()
+# A ROS parameter cannot be an empty list: [""] stands for none.
+_NONE = ("",)
 
 
-class LocalPlannerConfig(PlannerSettings):
-    """See nodes.yaml for what each parameter means."""
+class NodeConfig(StrictModel):
+    """The parameters of a node."""
 
-    scenario: str = Field(min_length=1)
-    planner: str
-    people_from: Literal["given", "scan"]
-    lockstep: bool
-    stamped_cmd_vel: bool
-    input_timeout_s: float = Field(gt=0, le=0.5)
-    required_nodes: tuple[str, ...]
+    @classmethod
+    def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Every parameter with its default. given: the values that were set."""
+        del given
+        return {name: field.default for name, field in cls.model_fields.items()}
 
 
-class DriverConfig(StrictModel):
-    """What every node that drives episodes needs."""
+class HallwaySimConfig(NodeConfig):
+    """Parameters of hallway_sim."""
 
-    scenario: str = Field(min_length=1)
-    seed: int = Field(ge=0)
-    episodes: int = Field(ge=1)
-    timeout_s: float = Field(gt=0)
-    required_nodes: tuple[str, ...]
-    output: str
+    scenario: str = setting_of(EpisodeSettings, "scenario")
+    seed: int = setting_of(EpisodeSettings, "seed")
+    people: int = setting(-1, "number of people; -1: as the scenario has it", ge=-1)
+    start_area: str = setting_of(WorldSettings, "start_area")
+    goal: str = setting_of(NavigationSettings, "goal")
+    lockstep: bool = setting(False, "wait for the command of every clock tick")
+    lockstep_timeout_s: float = setting(
+        60.0, "end after this wall time without a command in lock-step", unit="s", gt=0
+    )
+    gui: bool = setting(False, "show PyBullet's window")
+    real_time_factor: float = setting(1.0, "speed of the world when not in lock-step", gt=0)
+    stamped_cmd_vel: bool = setting(
+        False, "cmd_vel is a TwistStamped; in lock-step it always is one"
+    )
+    command_timeout_s: float = setting(
+        0.5, "stop the robot after this time without a command", unit="s", gt=0, le=0.5
+    )
+    required_nodes: tuple[str, ...] = setting(_NONE, "reset fails until these nodes subscribe")
+
+
+class LocalPlannerConfig(PlannerSettings, NodeConfig):
+    """Parameters of local_planner; those of `PlannerSettings` default to the scenario's."""
+
+    scenario: str = setting_of(EpisodeSettings, "scenario")
+    planner: str = setting_of(WorldSettings, "planner")
+    people_from: Literal["given", "scan"] = setting(
+        "given", "given: people come from the topic pedestrians; scan: from the lidar's scans"
+    )
+    lockstep: bool = setting_of(
+        HallwaySimConfig, "lockstep", description="answer every observation with one command"
+    )
+    stamped_cmd_vel: bool = setting_of(HallwaySimConfig, "stamped_cmd_vel")
+    input_timeout_s: float = setting(
+        0.5, "stop the robot when pose or people are older", unit="s", gt=0, le=0.5
+    )
+    required_nodes: tuple[str, ...] = setting(
+        _NONE, "the first command in lock-step waits until these nodes subscribe"
+    )
+
+    @classmethod
+    def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:
+        """The defaults, with the planner and the robot of the scenario that is given."""
+        defaults = super().defaults(given)
+        name = given.get("scenario", defaults["scenario"])
+        if not isinstance(name, str) or not name:
+            return defaults  # validation rejects the name
+        scenario = load_scenario(name)
+        planner = scenario.local_planner.complete(scenario.robot, scenario.control_period_s)
+        return defaults | planner.model_dump()
+
+    def planned_scenario(self) -> Scenario:
+        """The scenario with the planner's parameters of this node."""
+        planner = PlannerSettings(
+            **{name: getattr(self, name) for name in PlannerSettings.model_fields}
+        )
+        return load_scenario(self.scenario).with_local_planner(planner)
+
+
+class DriverConfig(EpisodeSettings, NodeConfig):
+    """Parameters of the nodes that drive a series of episodes."""
+
+    required_nodes: tuple[str, ...] = setting(
+        ("hallway_sim", "local_planner"), "the first episode waits until these nodes subscribe"
+    )
+    output: str = setting("", "folder for the tables of episodes; no tables when empty")
 
 
 class ScriptedExpertConfig(DriverConfig):
-    """driver: a name of sim.drivers.catalogue."""
+    """Parameters of scripted_expert."""
 
-    driver: str
-
-
-class StrategyConfig(DriverConfig, NavigationSettings):
-    """See nodes.yaml for what each parameter means."""
-
-    reset: bool
+    driver: str = setting("expert", "driver: " + ", ".join(driver_names()))
 
 
-class DemoRecorderConfig(StrictModel):
-    """See nodes.yaml for what each parameter means."""
+class StrategyConfig(NavigationSettings, DriverConfig):
+    """Parameters of strategy."""
 
-    output: str = Field(min_length=1)
-    topics: tuple[str, ...] = Field(min_length=1)
-    stamped_cmd_vel: bool
-    record_at_start: bool
-    minimum_free_mb: float = Field(ge=0)
-    maximum_file_mb: float = Field(ge=0)
-    compression: Literal["none", "zstd"]
+    reset: bool = setting(
+        True, "reset the world before each episode; false: a goal starts one where the robot is"
+    )
 
 
-class TeleopMuxConfig(StrictModel):
-    """See nodes.yaml for what each parameter means."""
+class DemoRecorderConfig(NodeConfig):
+    """Parameters of demo_recorder."""
 
-    mux: str
-    rate_hz: float = Field(ge=10, le=200)
-    stamped_cmd_vel: bool
-    max_vel_x_mps: float = Field(gt=0)
-    min_vel_x_mps: float = Field(le=0)
-    max_vel_theta_radps: float = Field(gt=0)
-    acc_lim_x_mps2: float = Field(gt=0)
-    acc_lim_theta_radps2: float = Field(gt=0)
+    output: str = setting("recording", "folder of the bag; must not exist", min_length=1)
+    topics: tuple[str, ...] = setting(
+        (
+            "/clock",
+            "odom",
+            "robot_pose",
+            "scan",
+            "pedestrians",
+            "map",
+            "cmd_vel",
+            "intent",
+            "waypoint",
+            "episode",
+        ),
+        'topics of this stack, or any other as "/imu:sensor_msgs/msg/Imu" (in quotes), which is'
+        " recorded from its first publisher on, with the quality of service of its publishers",
+        min_length=1,
+    )
+    stamped_cmd_vel: bool = setting_of(HallwaySimConfig, "stamped_cmd_vel")
+    record_at_start: bool = setting(True, "start recording at once, without start_recording")
+    minimum_free_mb: float = setting(
+        _RECORDER.min_free_bytes / 1e6,
+        "stop recording when less disk space is free",
+        unit="MB",
+        ge=0,
+    )
+    maximum_file_mb: float = setting(
+        0.0, "start another file of the bag beyond this size; 0: one file", unit="MB", ge=0
+    )
+    compression: Literal["none", "zstd"] = setting(
+        _RECORDER.compression, "compression of the bag's chunks"
+    )
 
 
-class HandDriverConfig(StrictModel):
-    """What every node needs through which a person drives."""
+class BagReplayConfig(NodeConfig):
+    """Parameters of bag_replay."""
 
-    scenario: str = Field(min_length=1)
-    driver: str = Field(min_length=1)
-    mode: Mode
-    timeout_s: float = Field(gt=0)
-    required_nodes: tuple[str, ...]
-    speed_mps: float = Field(gt=0)
-    turn_radps: float = Field(gt=0)
+    bag: str = setting("recording", "bag folder, or .mcap or .db3 file", min_length=1)
+    topics: tuple[str, ...] = setting(_NONE, "topics to play; all when empty")
+    rate: float = setting(1.0, "bag seconds per second", gt=0)
+    start_s: float = setting(0.0, "skip this much bag time", unit="s", ge=0)
+    duration_s: float = setting(0.0, "play this much bag time; 0: all", unit="s", ge=0)
+    loop: bool = setting(False, "start again at the end")
+    paused: bool = setting(False, "start paused")
+    clock_hz: float = setting(
+        40.0,
+        "rate of bag time on /clock, in place of a recorded one; 0: none",
+        unit="Hz",
+        ge=0,
+        le=1000,
+    )
+    required_nodes: tuple[str, ...] = setting(_NONE, "start when these nodes subscribe")
+    wait_s: float = setting(
+        10.0, "longest wait for subscribers when no node is required", unit="s", ge=0
+    )
+    keys: bool = setting(False, "space pauses, right steps, up and down change the rate")
+    exit_when_done: bool = setting(True, "end the process after the last message")
+
+
+class LearnerConfig(LessonSettings, NodeConfig):
+    """Parameters of learner."""
+
+    scenario: str = setting_of(EpisodeSettings, "scenario")
+    bag: str = setting("", "learn from this bag at start; from live topics when empty")
+    learn_on: Literal["call", "episode"] = setting(
+        "episode",
+        "live: learn at the end of each episode, or only when the service learn is called",
+    )
+    state: str = setting(
+        "",
+        "live: folder of checkpoints, from which a killed learner resumes; beside the output"
+        " when empty",
+    )
+    output: str = setting("model.yaml", "model file to write", min_length=1)
+    decisions: str = setting("", "also write the table of decisions to this file")
+    flow: str = setting(
+        "",
+        "table of the recorded flow of people, as `serd demos` writes it; the scenario's own"
+        " flow when empty",
+    )
+    exit_when_done: bool = setting(True, "with a bag: end the process when the model is learned")
+
+
+class Nav2BridgeConfig(NodeConfig):
+    """Parameters of nav2_bridge."""
+
+    mode: Literal["to_pose", "through_poses"] = setting(
+        "to_pose", "to_pose: send each waypoint; through_poses: send the plan of the strategy"
+    )
+    behavior_tree: str = setting("", "behavior tree of Nav2; its default when empty")
+    waypoint_timeout_s: float = setting(
+        5.0, "cancel Nav2's goal after this wall time without a waypoint", unit="s", gt=0
+    )
+    publish_tf: bool = setting(True, "publish map -> odom -> base_link from robot_pose and odom")
+
+
+class TeleopMuxConfig(NodeConfig):
+    """Parameters of teleop_mux."""
+
+    mux: str = setting("", "YAML file of inputs and locks as twist_mux has it; built in when empty")
+    rate_hz: float = setting(50.0, "rate of cmd_vel", unit="Hz", ge=10, le=200)
+    stamped_cmd_vel: bool = setting_of(HallwaySimConfig, "stamped_cmd_vel")
+    max_vel_x_mps: float = setting(
+        _ROBOT.max_vel_x_mps, "largest speed of any command", unit="m/s", gt=0
+    )
+    min_vel_x_mps: float = setting(
+        _ROBOT.min_vel_x_mps, "largest speed backwards", unit="m/s", le=0
+    )
+    max_vel_theta_radps: float = setting(
+        _ROBOT.max_vel_theta_radps, "largest turning rate", unit="rad/s", gt=0
+    )
+    acc_lim_x_mps2: float = setting(
+        _ROBOT.acc_lim_x_mps2, "largest acceleration and braking", unit="m/s2", gt=0
+    )
+    acc_lim_theta_radps2: float = setting(
+        _ROBOT.acc_lim_theta_radps2, "largest angular acceleration", unit="rad/s2", gt=0
+    )
+
+
+class TeleopJoyConfig(NodeConfig):
+    """Parameters of teleop_joy."""
+
+    mapping: str = setting(
+        "", "YAML file of axes and buttons as teleop_twist_joy has it; built in when empty"
+    )
+
+
+class HandDriverConfig(NodeConfig):
+    """Parameters of the nodes through which a person drives."""
+
+    scenario: str = setting_of(EpisodeSettings, "scenario")
+    driver: str = setting("", "name of the driver in the episode marks", min_length=1)
+    mode: Mode = setting("directions", "directions: publish intent; velocity: cmd_vel_teleop")
+    timeout_s: float = setting_of(EpisodeSettings, "timeout_s")
+    required_nodes: tuple[str, ...] = setting(_NONE, "an episode starts when these nodes subscribe")
+    speed_mps: float = setting(0.5, "speed in velocity mode", unit="m/s", gt=0)
+    turn_radps: float = setting(1.0, "turning rate in velocity mode", unit="rad/s", gt=0)
 
 
 class TeleopKeyboardConfig(HandDriverConfig):
-    """See nodes.yaml for what each parameter means."""
+    """Parameters of teleop_keyboard; the speeds are those of teleop_twist_keyboard."""
 
-    terminal: str = Field(min_length=1)
-    key_timeout_s: float = Field(gt=0, le=0.5)
+    driver: str = setting_of(HandDriverConfig, "driver", default="teleop_keyboard")
+    terminal: str = setting("/dev/tty", "terminal whose keys are read", min_length=1)
+    key_timeout_s: float = setting(
+        0.5, "velocity mode: a key that is not repeated drives this long", unit="s", gt=0, le=0.5
+    )
 
 
 class TeleopPageConfig(HandDriverConfig):
-    """See nodes.yaml for what each parameter means."""
+    """Parameters of teleop_page."""
 
-    address: str = Field(min_length=1)
-    port: int = Field(ge=0, le=65535)
-    token_file: str
-
-
-class TeleopJoyConfig(StrictModel):
-    """See nodes.yaml for what each parameter means."""
-
-    mapping: str
-
-
-class BagReplayConfig(StrictModel):
-    """See nodes.yaml for what each parameter means."""
-
-    bag: str = Field(min_length=1)
-    topics: tuple[str, ...]
-    rate: float = Field(gt=0)
-    start_s: float = Field(ge=0)
-    duration_s: float = Field(ge=0)
-    loop: bool
-    paused: bool
-    clock_hz: float = Field(ge=0, le=1000)
-    required_nodes: tuple[str, ...]
-    wait_s: float = Field(ge=0)
-    keys: bool
-    exit_when_done: bool
+    driver: str = setting_of(HandDriverConfig, "driver", default="teleop_page")
+    speed_mps: float = setting_of(HandDriverConfig, "speed_mps", default=0.6)
+    turn_radps: float = setting_of(HandDriverConfig, "turn_radps", default=1.5)
+    address: str = setting(
+        "127.0.0.1", "address of the page; any other than loopback needs a token", min_length=1
+    )
+    port: int = setting(8765, "port of the page; 0: any free one", ge=0, le=65535)
+    token_file: str = setting(
+        "", "file whose first line is the token of the page, at least 16 characters"
+    )
 
 
-class LearnerConfig(LessonSettings):
-    """See nodes.yaml for what each parameter means."""
-
-    scenario: str = Field(min_length=1)
-    bag: str
-    learn_on: Literal["call", "episode"]
-    state: str
-    output: str = Field(min_length=1)
-    decisions: str
-    flow: str
-    exit_when_done: bool
-
-
-class Nav2BridgeConfig(StrictModel):
-    """See nodes.yaml for what each parameter means."""
-
-    mode: Literal["to_pose", "through_poses"]
-    behavior_tree: str
-    waypoint_timeout_s: float = Field(gt=0)
-    publish_tf: bool
-
-
-CONFIGS: dict[str, type[StrictModel]] = {
+CONFIGS: dict[str, type[NodeConfig]] = {
     "hallway_sim": HallwaySimConfig,
     "local_planner": LocalPlannerConfig,
     "scripted_expert": ScriptedExpertConfig,

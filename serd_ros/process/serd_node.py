@@ -11,21 +11,19 @@ from rclpy.task import Future
 
 from serd_ros.convert.diagnostics import OK, to_diagnostics
 from serd_ros.endpoints import qos, topics
-from serd_ros.parameters.params import Defaults, read_config
-from storage.yaml_config import StrictModel
+from serd_ros.parameters.configs import NodeConfig
+from serd_ros.parameters.params import read_config
 
-Config = TypeVar("Config", bound=StrictModel)
+Config = TypeVar("Config", bound=NodeConfig)
 BAD_INPUT = 2
 
 
 class SerdNode(Node, Generic[Config]):
     """A node with a frozen config; `finish` ends its process from inside a callback."""
 
-    def __init__(
-        self, kind: str, config_class: type[Config], defaults_for: Defaults | None = None
-    ) -> None:
+    def __init__(self, kind: str, config_class: type[Config]) -> None:
         super().__init__(kind, automatically_declare_parameters_from_overrides=True)
-        self.config: Config = read_config(self, kind, config_class, defaults_for)
+        self.config: Config = read_config(self, kind, config_class)
         self.finished = Future()
         self.wall_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, qos.STATE)

@@ -15,7 +15,6 @@ from serd_cli.demo.report import fit_of
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.solved_policy import soft_policy
 from serd_ros.parameters.configs import LearnerConfig
-from serd_ros.parameters.defaults import default_parameters
 from sim.scenario.grid import grid_of, navigation_problem_of
 from sim.scenario.scenario import load_scenario
 from storage.errors import FileError
@@ -31,7 +30,7 @@ TRUTH = np.array(
         [0.8, 0.05, 0.05, 0.05, 0.05],
     ]
 )
-CONFIG = LearnerConfig(**{**default_parameters()["learner"], "bag": "sampled", "starts": 2})
+CONFIG = LearnerConfig(bag="sampled", starts=2)
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,9 @@ from support.observations import observation_at
 
 from serd_app.navigation.lookahead import cell_ahead, likeliest_next
 from serd_app.navigation.navigator import Navigator
+from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import load_strategy
 from serd_core.grid.grid import Action
-from serd_ros.parameters.configs import StrategyConfig
-from serd_ros.parameters.defaults import default_parameters
 from sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
@@ -66,8 +65,8 @@ def test_the_navigator_sends_the_robot_as_far_ahead_as_it_is_told(save_model_of)
     path = save_model_of()
     centre = {}
     for cells in (1, 2, 3):
-        values = {**default_parameters()["strategy"], "model": str(path), "lookahead_cells": cells}
-        navigator = Navigator(HALLWAY, StrategyConfig.model_validate(values))
+        settings = NavigationSettings(model=str(path), lookahead_cells=cells)
+        navigator = Navigator(HALLWAY, settings)
         navigator.begin(0)
         observation = observation_at(4.5, 5.5)
         action = navigator.decide(observation)

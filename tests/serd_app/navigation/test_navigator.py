@@ -13,9 +13,8 @@ from serd_app.navigation.forecast_text import (
 from serd_app.navigation.give_up import GiveUp
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.prediction import arrival_row, prediction_of
+from serd_app.navigation.settings import NavigationSettings
 from serd_core.grid.grid import Action
-from serd_ros.parameters.configs import StrategyConfig
-from serd_ros.parameters.defaults import default_parameters
 from sim.errors import SimError
 from sim.scenario.scenario import load_scenario
 from storage.errors import FileError
@@ -25,8 +24,7 @@ HALLWAY = load_scenario("hallway")
 
 
 def navigator_of(model, **changes):
-    values = {**default_parameters()["strategy"], "model": str(model), **changes}
-    return Navigator(HALLWAY, StrategyConfig.model_validate(values))
+    return Navigator(HALLWAY, NavigationSettings(model=str(model), **changes))
 
 
 def test_another_goal_in_the_middle_of_an_episode_turns_the_robot_round(save_model_of):

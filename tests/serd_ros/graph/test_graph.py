@@ -8,17 +8,14 @@ import pytest
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import PACKAGE, find_stack, load_graph, stack_parameters
 from serd_ros.parameters.configs import CONFIGS
-from serd_ros.parameters.defaults import default_parameters
 
 FROM_PEOPLE = {"goal_pose"}
 ROOT = Path(__file__).resolve().parents[3]
 
 
-def test_every_node_has_a_module_defaults_and_a_config_with_the_same_parameters():
+def test_every_node_has_a_module_and_a_config():
     modules = {path.stem for path in (ROOT / PACKAGE / "nodes").glob("*.py")} - {"__init__"}
-    assert modules == set(load_graph().nodes) == set(default_parameters()) == set(CONFIGS)
-    for node, config in CONFIGS.items():
-        assert set(config.model_fields) == set(default_parameters()[node]), node
+    assert modules == set(load_graph().nodes) == set(CONFIGS)
 
 
 def test_every_node_module_has_a_main():
@@ -74,7 +71,7 @@ def test_no_name_means_different_things_in_the_nodes_it_reaches():
             reached = [
                 node
                 for node in stack.nodes
-                if own in default_parameters()[node] and own not in stack.parameters.get(node, {})
+                if own in CONFIGS[node].model_fields and own not in stack.parameters.get(node, {})
             ]
             assert len(reached) <= 1, (name, own, reached)
 

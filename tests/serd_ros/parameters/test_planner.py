@@ -4,23 +4,16 @@ import pytest
 
 from serd_ros.errors import NodeError
 from serd_ros.parameters.configs import LocalPlannerConfig
-from serd_ros.parameters.defaults import default_parameters
 from serd_ros.parameters.params import validated
-from serd_ros.parameters.planner import of_scenario, planned_scenario
 from sim.errors import SimError
 from sim.planning.settings import PlannerSettings
 from sim.scenario.scenario import builtin_scenarios, load_scenario
 from storage.yaml_config import model_yaml
 
-DEFAULTS = default_parameters()["local_planner"]
-
 
 def config(scenario, **given):
-    """As the node reads it: its defaults, then the scenario's, then what is given."""
-    values = {**DEFAULTS, "scenario": str(scenario)}
-    return validated(
-        "local_planner", {**values, **of_scenario(values), **given}, LocalPlannerConfig
-    )
+    """The config of the node: its defaults, then the scenario's, then the values given."""
+    return validated("local_planner", {"scenario": str(scenario), **given}, LocalPlannerConfig)
 
 
 @pytest.fixture
@@ -37,9 +30,9 @@ def slow_corridor(tmp_path):
 
 @pytest.mark.parametrize("name", builtin_scenarios())
 def test_the_defaults_of_the_node_are_those_of_every_built_in_scenario(name):
-    told = of_scenario({"scenario": name})
-    assert set(told) == set(PlannerSettings.model_fields)
-    assert {key: DEFAULTS[key] for key in told} == told
+    parameters = LocalPlannerConfig.defaults({"scenario": name})
+    assert None not in parameters.values()
+    assert parameters == LocalPlannerConfig.defaults({})
 
 
 def test_what_is_not_given_is_the_scenarios(slow_corridor):
@@ -50,7 +43,7 @@ def test_what_is_not_given_is_the_scenarios(slow_corridor):
 
 
 def test_what_is_given_wins_and_reaches_the_planner(slow_corridor):
-    scenario = planned_scenario(config(slow_corridor, max_vel_x=0.5, vx_samples=5))
+    scenario = config(slow_corridor, max_vel_x=0.5, vx_samples=5).planned_scenario()
     limited = scenario.local_planner.limited(scenario.robot)
     assert (limited.max_vel_x_mps, limited.acc_lim_x_mps2) == (0.5, 2.0)
     assert (scenario.local_planner.dwa.vx_samples, scenario.local_planner.dwa.sim_time_s) == (5, 2)
@@ -58,7 +51,7 @@ def test_what_is_given_wins_and_reaches_the_planner(slow_corridor):
 
 
 def test_a_node_without_parameters_plans_for_the_very_robot_of_the_scenario():
-    scenario = planned_scenario(config("hallway"))
+    scenario = config("hallway").planned_scenario()
     assert scenario.local_planner.limited(scenario.robot) == scenario.robot
     assert scenario.local_planner.dwa == load_scenario("hallway").local_planner.dwa
 
@@ -73,4 +66,4 @@ def test_a_node_without_parameters_plans_for_the_very_robot_of_the_scenario():
 )
 def test_a_value_that_cannot_be_is_refused(slow_corridor, given, error, sentence):
     with pytest.raises(error, match=sentence):
-        planned_scenario(config(slow_corridor, **given))
+        config(slow_corridor, **given).planned_scenario()

@@ -12,11 +12,11 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from serd_ros.graph.graph import PACKAGE, find_stack, load_graph, stack_parameters
-from serd_ros.parameters.defaults import default_parameters
+from serd_ros.parameters.configs import CONFIGS
 
 
 def parameter_names():
-    return sorted({name for values in default_parameters().values() for name in values})
+    return sorted({name for config in CONFIGS.values() for name in config.model_fields})
 
 
 def nodes_of_stack(context):

@@ -1,0 +1,25 @@
+"""The generated files are those of the present settings models."""
+
+import runpy
+from pathlib import Path
+
+import yaml
+
+from serd_ros.parameters.configs import CONFIGS
+from serd_ros.parameters.params import validated
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_the_committed_reference_is_the_generated_one():
+    generated = runpy.run_path(str(ROOT / "tools" / "write_reference.py"))["files"]()
+    for path, text in generated.items():
+        assert path.read_text(encoding="utf-8") == text, f"run `make reference`: {path.name}"
+
+
+def test_nodes_yaml_holds_the_defaults_of_every_node():
+    content = yaml.safe_load((ROOT / "serd_ros" / "parameters" / "nodes.yaml").read_text())
+    assert set(content) == set(CONFIGS)
+    for node, entry in content.items():
+        given = validated(node, entry["ros__parameters"], CONFIGS[node])
+        assert given == validated(node, {}, CONFIGS[node])
