@@ -11,6 +11,7 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 
 import pytest
 from domain_coordinator import domain_id
+from hypothesis import HealthCheck, settings
 
 from serd_cli.workspace import ros_environment
 from sim.scenario.grid import grid_of
@@ -19,6 +20,10 @@ from storage.model_file import FitRecord, GridSummary, ModelFile, OutcomeModel, 
 
 os.environ.update(ros_environment(os.environ))
 pytest_plugins = ["support.bag_messages"]
+settings.register_profile(
+    "any speed of the machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("any speed of the machine")
 ROOT = Path(__file__).resolve().parents[1]
 
 

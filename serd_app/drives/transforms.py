@@ -70,7 +70,7 @@ class TransformTree:
             frame = self._parents.get(frame, frame)
 
     def _edge(self, child: str, times_s: FloatArray) -> FloatArray:
-        rows = np.array(self._samples[child]).reshape(-1, 4)
+        rows: FloatArray = np.array(self._samples[child]).reshape(-1, 4)
         if child in self._static:
             return np.repeat(rows[-1:, 1:], len(times_s), axis=0)
         rows = rows[np.unique(rows[:, 0], return_index=True)[1]]

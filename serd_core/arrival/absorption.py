@@ -102,12 +102,13 @@ def _eliminated(
 
 def _substituted(band: FloatArray, width: int, goal: FloatArray) -> FloatArray:
     """(n,) shares from the last state, whose goal share is all there is, back to the first."""
-    share = np.exp(goal)
+    share: FloatArray = np.exp(goal)
     last_state = len(goal) - 1
     for k in range(last_state, -1, -1):
         last = min(k + width, last_state)
         share[k] += np.exp(_block(band, width, k, last)[0, 1:]) @ share[k + 1 : last + 1]
-    return np.minimum(share, 1.0)
+    np.minimum(share, 1.0, out=share)
+    return share
 
 
 def _log_band(inner: scipy.sparse.csr_array) -> tuple[FloatArray, int]:

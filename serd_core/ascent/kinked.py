@@ -102,8 +102,7 @@ class _Run:
         self.objective, self.settings, self.observer = objective, settings, observer
         self.trace = list(began.objective_trace)
         self.n_evaluations = began.n_evaluations
-        # Longer than a line search, whose last trials would otherwise displace its first.
-        self.seen: deque[_Place] = deque(maxlen=2 * len(began.vector) + 20 + MAX_TRIALS)
+        self.seen: deque[_Place] = deque(maxlen=2 * len(began.vector) + 20)
         self.steepest_down: list[_Place] = []
         self.here = self._visit(began.vector)
         self.metric = first_metric(objective.hessian(began.vector))

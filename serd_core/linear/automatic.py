@@ -59,7 +59,7 @@ class Automatic(LinearSolver):
             return LU.prepare(pattern, data)
         # Every row of I - gamma P_pi sums to 1 - gamma.
         gap = float(np.max(pattern.matrix(data) @ np.ones(pattern.n_states)))
-        chosen = self.choose(pattern.n_states, 1.0 / max(gap, np.finfo(np.float64).tiny))
+        chosen = self.choose(pattern.n_states, 1.0 / max(gap, float(np.finfo(np.float64).tiny)))
         system = chosen.prepare(pattern, data)
         if chosen is LU or pattern.n_states > self.largest_lu_states:
             return system

@@ -77,7 +77,8 @@ class PolicyPattern:
             options={"SymmetricMode": True},
         )
         order = np.argsort(factor.perm_c)
-        places = self.matrix(np.arange(1.0, len(self.row_index) + 1.0))
+        numbers: FloatArray = np.arange(1.0, len(self.row_index) + 1.0)
+        places = self.matrix(numbers)
         permuted = places[order][:, order].tocsc()
         permuted.sort_indices()
         return Elimination(

@@ -40,7 +40,7 @@ class ContactCounter:
     def __init__(self, n_people: int) -> None:
         self.counts = ContactCounts()
         self.minimum_distance_m = np.inf
-        self._touching = np.zeros(n_people, dtype=np.bool_)
+        self._touching: BoolArray = np.zeros(n_people, dtype=np.bool_)
         self._touching_wall = False
 
     def update(self, crowd: Crowd, robot: RobotBody, wall_distance_m: float) -> None:

@@ -4,12 +4,11 @@ import json
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
-from sim.episodes.batch import COLUMNS
 from storage.row_table import RowTable
+from support.waiting import PATIENCE_S, wait_until
 
 SMALL = ("batch", "--scenario", "crossing", "--people", "4", "--jobs", "1")
 
@@ -31,7 +30,7 @@ def test_more_seeds_add_to_the_table_and_keep_what_is_there(serd, tmp_path):
     serd(*SMALL, "--seeds", "1", "--output", output)
     ended = serd(*SMALL, "--seeds", "2", "--output", output)
     assert "2 of 2" in ended.out
-    with RowTable(output, COLUMNS, ["seed"]) as table:
+    with RowTable(output, ["seed"]) as table:
         assert list(table.rows) == [("1",), ("2",)]
 
 
@@ -63,12 +62,10 @@ def test_an_interrupted_batch_keeps_its_rows_and_ends_with_130(tmp_path):
     command = [sys.executable, "-m", "serd_cli.main", "batch", "--scenario", "crossing"]
     command += ["--people", "4", "--seeds", "2000", "--jobs", "2", "--output", str(output)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        deadline = time.monotonic() + 120.0
         try:
-            while not output.exists() and time.monotonic() < deadline:
-                time.sleep(0.1)
+            wait_until(lambda: output.exists() and len(output.read_text().splitlines()) > 1)
             process.send_signal(signal.SIGINT)
-            _, said = process.communicate(timeout=120.0)
+            _, said = process.communicate(timeout=PATIENCE_S)
         finally:
             process.kill()  # its workers end with it
     assert process.returncode == 130

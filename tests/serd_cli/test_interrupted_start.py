@@ -8,9 +8,10 @@ import sys
 import pytest
 
 from serd_ros.process.quiet_interrupt import starting
+from support.waiting import PATIENCE_S
 
 #: Takes the place of a library, so that its import is under way for long.
-_SLOW = "import time\nprint('importing', flush=True)\ntime.sleep(60)\n"
+_SLOW = "import time\nprint('importing', flush=True)\ntime.sleep(3600)\n"
 
 
 @pytest.mark.parametrize(
@@ -32,7 +33,7 @@ def test_ctrl_c_during_an_import_ends_quietly(root, tmp_path, library, words):
     ) as process:
         assert process.stdout.readline() == "importing\n"
         process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=20)
+        _, said = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert said == ""
 

@@ -1,6 +1,7 @@
 """A file is noticed once for every time it was written."""
 
-from storage.files import FileWatch, atomic_write_text
+from storage.atomic import atomic_write_text
+from storage.file_watch import FileWatch
 
 
 def test_every_writing_is_noticed_once(tmp_path):

@@ -1,22 +1,25 @@
 """Node processes and a probe node for whole-stack tests."""
 
+import math
 import signal
 import subprocess
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from serd_cli.node_commands import stack_processes
+from serd_ros.convert.diagnostics import values_of
+from serd_ros.convert.stamp import stamp_s
+from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
-
-ENDING_S = 15.0
+from support.waiting import PATIENCE_S, wait_until
 
 
 class Nodes:
@@ -40,16 +43,18 @@ class Nodes:
         processes = stack_processes(find_stack(stack), assignments, self._environment)
         return {each.name: self.start(list(each.command), each.name) for each in processes}
 
-    def said(self, name: str) -> str:
+    def log_of(self, name: str) -> str:
+        """What a node has printed."""
         return (self._logs / f"{name}.log").read_text()
 
     def end_all(self) -> None:
+        """Ask all of them to end and wait for it; a node that hangs is killed."""
         for process in self._started.values():
             if process.poll() is None:
                 process.send_signal(signal.SIGTERM)
         for process in self._started.values():
             try:
-                process.wait(ENDING_S)
+                process.wait(PATIENCE_S)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
@@ -70,16 +75,9 @@ class Probe:
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)
 
-    def spin_until(self, condition: Callable[[], bool], limit_s: float = 30.0) -> None:
-        deadline = time.monotonic() + limit_s
-        while not condition():
-            assert time.monotonic() < deadline, f"did not happen within {limit_s} s"
-            self._executor.spin_once(timeout_sec=0.05)
-
-    def spin_for(self, duration_s: float) -> None:
-        deadline = time.monotonic() + duration_s
-        while time.monotonic() < deadline:
-            self._executor.spin_once(timeout_sec=0.02)
+    def spin_until(self, condition: Callable[[], object]) -> None:
+        """Take messages until the condition holds."""
+        wait_until(condition, turn=lambda: self._executor.spin_once(timeout_sec=0.05))
 
 
 @contextmanager
@@ -99,3 +97,30 @@ def probe(ros_env: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> Iterator[
     monkeypatch.setenv("ROS_LOG_DIR", ros_env["ROS_LOG_DIR"])
     with probing(ros_env) as running:
         yield running
+
+
+class RecorderReport:
+    """What a recorder reports of itself on diagnostics, once a second.
+
+    time_s: its clock, that of the messages.
+    """
+
+    def __init__(self, probe: Probe) -> None:
+        self._values: dict[str, str] = {}
+        self.time_s = math.nan
+        probe.node.create_subscription(DiagnosticArray, "diagnostics", self._take, qos.STATE)
+
+    @property
+    def n_messages(self) -> int:
+        """Messages in the present bag, -1 before the first report."""
+        return int(self._values.get("messages", -1))
+
+    def _take(self, message: DiagnosticArray) -> None:
+        values = values_of(message, "demo_recorder")
+        if values is not None:
+            self._values, self.time_s = values, stamp_s(message.header.stamp)
+
+
+@pytest.fixture
+def recorder_report(probe: Probe) -> RecorderReport:
+    return RecorderReport(probe)

@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 
 from serd_cli.workspace import PROJECT
+from support.waiting import PATIENCE_S
 
 SERD = str(Path(sys.executable).with_name("serd"))
 
 
 def serd(*arguments, env, **options):
     return subprocess.run(
-        [SERD, *arguments], env=env, capture_output=True, text=True, timeout=300, **options
+        [SERD, *arguments], env=env, capture_output=True, text=True, timeout=PATIENCE_S, **options
     )
 
 
@@ -31,7 +32,7 @@ def serd(*arguments, env, **options):
         (("demo", "--resume", "."), "is no demo run"),
     ],
 )
-def test_a_wrong_name_exits_with_2_and_says_the_right_one(arguments, sentence, ros_env, tmp_path):
+def test_a_wrong_name_exits_with_2_and_a_suggestion(arguments, sentence, ros_env, tmp_path):
     done = serd(*arguments, env=ros_env, cwd=tmp_path)
     assert done.returncode == 2
     assert sentence in done.stderr
@@ -47,7 +48,7 @@ def test_a_wrong_name_exits_with_2_and_says_the_right_one(arguments, sentence, r
         ("scenario:=hallwy", "did you mean 'hallway'?"),
     ],
 )
-def test_a_wrong_parameter_ends_the_node_with_a_sentence(argument, sentence, ros_env):
+def test_a_wrong_parameter_ends_the_node_with_an_error_message(argument, sentence, ros_env):
     done = serd("run", "serd_ros", "hallway_sim", "--ros-args", "-p", argument, env=ros_env)
     assert done.returncode == 2
     assert sentence in done.stderr
@@ -58,29 +59,30 @@ def test_serd_run_becomes_the_node_and_passes_signals_and_exit_code_on(ros_env, 
     command = [SERD, "run", "serd_ros", "local_planner", "--ros-args", "-r", "__ns:=/lab"]
     process = subprocess.Popen(command, env=ros_env)
     nodes = probe.node.get_node_names_and_namespaces
+    command_line = Path(f"/proc/{process.pid}/cmdline")
     probe.spin_until(lambda: ("local_planner", "/lab") in nodes())
-    command_line = Path(f"/proc/{process.pid}/cmdline").read_text()
-    assert "lib/serd_ros/local_planner" in command_line
+    probe.spin_until(lambda: "lib/serd_ros/local_planner" in command_line.read_text())
     process.send_signal(signal.SIGINT)
-    assert process.wait(15) == 0
+    assert process.wait(PATIENCE_S) == 0
 
 
 @pytest.mark.ros
-def test_a_stack_told_to_stop_in_full_lock_step_ends_without_a_complaint(ros_env, tmp_path):
+def test_a_stack_interrupted_in_lock_step_ends_without_an_error(ros_env, tmp_path):
     output = f"output:={tmp_path / 'bag'}"
     command = [SERD, "launch", "demonstrate", output]
     with subprocess.Popen(command, env=ros_env, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
-        said = []
+        lines = []
         for line in process.stderr:
-            said.append(line)
+            lines.append(line)
             if "episode 1 of 20: arrived" in line:
                 break
         process.send_signal(signal.SIGINT)
-        said += process.stderr.readlines()
+        lines += process.stderr.readlines()
     assert process.returncode == 130
-    assert "messages in" in said[-1]
-    assert not [line for line in said if "Traceback" in line or "[FATAL]" in line or "File" in line]
+    assert "messages in" in lines[-1]
+    errors = ("Traceback", "[FATAL]", "File")
+    assert not [line for line in lines if any(each in line for each in errors)]
 
 
 @pytest.mark.ros

@@ -1,4 +1,4 @@
-"""local_planner by itself: what it says of how it fares, in Nav2's words."""
+"""The node local_planner alone: its status, in Nav2's names, and its parameters."""
 
 import math
 import sys
@@ -8,26 +8,28 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, Vector3Stamped
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
-from support.observations import observation_at
 
 from serd_core.grid.grid import Action
 from serd_ros.convert.intent import to_intent
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.observation import ObservationPublisher
+from support.observations import observation_at
+from support.waiting import PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
-def test_a_robot_that_loses_its_place_stands_and_the_reason_is_told_until_it_is_found(nodes, probe):
-    """A localisation that fails gives poses that are not numbers; the node outlives it."""
+def test_a_robot_without_a_valid_pose_stands_and_the_planner_reports_the_reason(nodes, probe):
+    """A localisation that fails gives poses that are not numbers; the node continues."""
     nodes.start_stack("live", seed=2)["hallway_sim"].terminate()
-    told, commands = [], []
-    probe.node.create_subscription(
-        DiagnosticArray,
-        "diagnostics",
-        lambda m: told.extend(each.message for each in m.status if each.name == "local_planner"),
-        qos.STATE,
-    )
+    statuses, commands = [], []
+
+    def take(message):
+        """Each status; "stale" is no status but reported where messages come late."""
+        new = [each.message for each in message.status if each.name == "local_planner"]
+        statuses.extend(each for each in new if each != "stale")
+
+    probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
     probe.node.create_subscription(
         Twist, "cmd_vel", lambda m: commands.append(m.linear.x), qos.COMMAND
     )
@@ -46,8 +48,8 @@ def test_a_robot_that_loses_its_place_stands_and_the_reason_is_told_until_it_is_
         probe.spin_until(publish)
 
     seen_at(3.0, lambda: commands and commands[-1] > 0.0)
-    seen_at(math.nan, lambda: "NO_VALID_CONTROL" in told and commands[-1] == 0.0)
-    seen_at(3.0, lambda: told[-1] == "NONE" and commands[-1] > 0.0)
+    seen_at(math.nan, lambda: "NO_VALID_CONTROL" in statuses and commands[-1] == 0.0)
+    seen_at(3.0, lambda: statuses[-1] == "NONE" and commands[-1] > 0.0)
 
 
 @pytest.mark.parametrize(
@@ -57,13 +59,13 @@ def test_a_robot_that_loses_its_place_stands_and_the_reason_is_told_until_it_is_
         ("max_vel:=0.5", "local_planner has no parameter 'max_vel'; did you mean 'max_vel_x'?"),
     ],
 )
-def test_a_parameter_that_cannot_be_ends_the_node_with_a_sentence(nodes, given, sentence):
+def test_an_invalid_parameter_ends_the_node_with_an_error_message(nodes, given, sentence):
     command = [sys.executable, "-m", "serd_ros.nodes.local_planner", "--ros-args", "-p", given]
-    assert nodes.start(command, "local_planner").wait(30) == 2
-    assert sentence in nodes.said("local_planner")
+    assert nodes.start(command, "local_planner").wait(PATIENCE_S) == 2
+    assert sentence in nodes.log_of("local_planner")
 
 
-def test_the_parameters_in_use_can_be_asked_for_and_are_fixed(nodes, probe):
+def test_parameters_can_be_read_and_are_fixed(nodes, probe):
     nodes.start_stack("live", seed=2, local_planner__max_vel_x=0.5)
     client = AsyncParameterClient(probe.node, "local_planner")
     probe.spin_until(client.services_are_ready)

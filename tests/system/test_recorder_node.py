@@ -1,4 +1,4 @@
-"""The recorder as a process: nothing that came in is lost, whatever ends it."""
+"""The recorder as a process: every message it has received is in the bag, whatever ends it."""
 
 import shlex
 import signal
@@ -7,6 +7,7 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Twist
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
@@ -18,14 +19,16 @@ from serd_ros.convert.diagnostics import ERROR
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos
 from serd_ros.nodes.demo_recorder import DemoRecorderNode
+from support.waiting import PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
+PATIENCE = Duration(seconds=PATIENCE_S)
 
 
 class Recording:
-    """A recorder of robot_pose, cmd_vel and /clock, and publishers that it listens to."""
+    """A recorder of robot_pose, cmd_vel and /clock, and publishers of these topics."""
 
-    def __init__(self, nodes, probe, environment, folder, largest_file_bytes):
+    def __init__(self, nodes, probe, report, environment, folder, largest_file_bytes):
         self.bag = folder / "bag"
         topics = ["robot_pose", "cmd_vel", "/clock"]
         parameters = {"output": str(self.bag), "topics": topics, "minimum_free_mb": 0.0}
@@ -34,14 +37,27 @@ class Recording:
             limit = f"ulimit -f {largest_file_bytes // 1024}; exec {shlex.join(command)}"
             command = ["bash", "-c", limit]
         self.process = nodes.start(command, "demo_recorder")
-        self.probe = probe
+        self._probe, self._report = probe, report
         self.poses = probe.node.create_publisher(PoseStamped, "robot_pose", qos.STATE)
         self.commands = probe.node.create_publisher(Twist, "cmd_vel", qos.STATE)
         self.clock = probe.node.create_publisher(Clock, "/clock", qos.CLOCK)
         publishers = self.poses, self.commands, self.clock
         probe.spin_until(lambda: all(each.get_subscription_count() for each in publishers))
         probe.spin_until(lambda: (self.bag / "bag_0.mcap").exists())
-        probe.spin_for(0.5)  # until it spins
+        probe.spin_until(lambda: report.n_messages == 0)
+
+    def clock_at(self, time_s):
+        """Publish on /clock, which may lose messages, until the recorder has received it."""
+
+        def received():
+            self.clock.publish(Clock(clock=to_stamp(time_s)))
+            return self._report.time_s == time_s
+
+        self._probe.spin_until(received)
+
+    def wait_until_received(self):
+        """Until the recorder has received all poses and commands."""
+        assert all(each.wait_for_all_acked(PATIENCE) for each in (self.poses, self.commands))
 
     def pose_at(self, time_s):
         message = PoseStamped()
@@ -49,50 +65,50 @@ class Recording:
         self.poses.publish(message)
 
     def times_s(self, topic):
-        found = BagReader(self.bag).messages({topic})
-        return [message.log_time_ns * 1e-9 for message in found]
+        messages = BagReader(self.bag).messages({topic})
+        return [message.log_time_ns * 1e-9 for message in messages]
 
     def n_recorded(self):
         return sum(1 for _ in BagReader(self.bag, tolerant=True).messages({"/robot_pose"}))
 
     def end(self, number=signal.SIGTERM):
         self.process.send_signal(number)
-        return self.process.wait(15)
+        return self.process.wait(PATIENCE_S)
 
 
 @pytest.fixture
-def record(nodes, probe, ros_env, tmp_path):
+def record(nodes, probe, recorder_report, ros_env, tmp_path):
     return lambda largest_file_bytes=0: Recording(
-        nodes, probe, ros_env, tmp_path, largest_file_bytes
+        nodes, probe, recorder_report, ros_env, tmp_path, largest_file_bytes
     )
 
 
-def test_what_came_in_before_it_was_told_to_stop_is_in_the_bag(record):
+def test_messages_received_before_the_stop_signal_are_in_the_bag(record):
     recording = record()
-    recording.process.send_signal(signal.SIGSTOP)  # a machine too busy to let it look
+    recording.process.send_signal(signal.SIGSTOP)  # as on a machine that is too busy to run it
     for number in range(1, 101):
         recording.pose_at(0.1 * number)
     recording.process.send_signal(signal.SIGTERM)
     recording.process.send_signal(signal.SIGCONT)
-    assert recording.process.wait(15) == 0
+    assert recording.process.wait(PATIENCE_S) == 0
     assert recording.times_s("/robot_pose") == pytest.approx([0.1 * n for n in range(1, 101)])
 
 
-def test_messages_without_a_stamp_get_the_clock_s_also_when_it_falls_back(record, probe):
+def test_messages_without_a_stamp_get_that_of_the_clock_also_when_it_falls_back(record):
     recording = record()
-    recording.pose_at(0.0)  # never stamped
+    recording.pose_at(0.0)  # it has no stamp
+    recording.wait_until_received()
     for time_s in (900.0, 5.0):
-        recording.clock.publish(Clock(clock=to_stamp(time_s)))
-        probe.spin_for(0.3)
+        recording.clock_at(time_s)
         recording.commands.publish(Twist())
         recording.pose_at(0.0)
-        probe.spin_for(0.3)
+        recording.wait_until_received()
     assert recording.end() == 0
     assert recording.times_s("/cmd_vel") == pytest.approx([900.0, 5.0])
     assert recording.times_s("/robot_pose") == pytest.approx([0.0, 900.0, 5.0])
 
 
-def test_recording_starts_again_into_another_bag_also_when_nothing_came(record, probe):
+def test_recording_starts_again_into_another_bag_also_when_the_first_is_empty(record, probe):
     recording = record()
     clients = {
         name: probe.node.create_client(Trigger, name)
@@ -116,7 +132,7 @@ def test_recording_starts_again_into_another_bag_also_when_nothing_came(record, 
     assert recording.end() == 0
 
 
-def test_it_records_again_after_a_stop_that_came_amid_a_burst(record, probe):
+def test_it_records_again_after_a_stop_request_in_the_middle_of_a_burst(record, probe):
     recording = record()
     stop, start = (
         probe.node.create_client(Trigger, name) for name in ("stop_recording", "start_recording")
@@ -135,7 +151,7 @@ def test_it_records_again_after_a_stop_that_came_amid_a_burst(record, probe):
     started = start.call_async(Trigger.Request())
     probe.spin_until(started.done)
     recording.pose_at(100.0)
-    probe.spin_for(0.3)
+    recording.wait_until_received()
     assert recording.end() == 0
     recording.bag = recording.bag.with_name("bag-2")
     assert recording.times_s("/robot_pose")[-1] == 100.0
@@ -155,7 +171,9 @@ def recorder_node(ros_env, monkeypatch, tmp_path):
     rclpy.try_shutdown()
 
 
-def test_a_stop_keeps_what_waits_also_where_it_is_served_before_it(recorder_node, probe, tmp_path):
+def test_a_stop_request_keeps_waiting_messages_also_when_it_is_served_before_them(
+    recorder_node, probe, tmp_path
+):
     """This executor takes one message per topic, then the call."""
     poses = probe.node.create_publisher(PoseStamped, "robot_pose", qos.STATE)
     stop = probe.node.create_client(Trigger, "stop_recording")
@@ -164,8 +182,8 @@ def test_a_stop_keeps_what_waits_also_where_it_is_served_before_it(recorder_node
         message = PoseStamped()
         message.header.stamp = to_stamp(0.1 * number)
         poses.publish(message)
+    assert poses.wait_for_all_acked(PATIENCE)  # the node has received them, but is not spun yet
     stopped = stop.call_async(Trigger.Request())
-    probe.spin_for(0.5)  # until all of it has come to the node, which nobody spins yet
     executor = SingleThreadedExecutor()
     executor.add_node(recorder_node)
 
@@ -179,15 +197,15 @@ def test_a_stop_keeps_what_waits_also_where_it_is_served_before_it(recorder_node
     assert times_s == pytest.approx([0.1 * n for n in range(1, 101)])
 
 
-def test_a_disk_that_refuses_is_told_on_diagnostics_ends_the_node_and_keeps_the_bag(
+def test_a_full_disk_is_reported_on_diagnostics_ends_the_node_and_keeps_the_bag(
     record, probe, nodes, tmp_path
 ):
     problems = []
 
-    def hear(message):
+    def take(message):
         problems.extend(each for each in message.status if each.level == ERROR)
 
-    probe.node.create_subscription(DiagnosticArray, "diagnostics", hear, qos.STATE)
+    probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
     recording = record(largest_file_bytes=40 * 1024)
     time_s = 0.0
 
@@ -199,7 +217,7 @@ def test_a_disk_that_refuses_is_told_on_diagnostics_ends_the_node_and_keeps_the_
 
     probe.spin_until(full)
     assert recording.process.returncode == 2
-    assert "cannot write" in nodes.said("demo_recorder")
+    assert "cannot write" in nodes.log_of("demo_recorder")
     probe.spin_until(lambda: problems)
     assert "cannot write" in problems[0].message
     n_kept = recording.n_recorded()

@@ -1,4 +1,8 @@
-"""Live mode: plain Twist drives the robot, and silence or NaN stops it within 0.5 s."""
+"""Live mode: plain Twist drives the robot, and silence or NaN stops it within 0.5 s.
+
+Time is simulated, which follows real time. A busy machine delivers messages later; the time that
+threads have waited for a processor is measured and added to the limit.
+"""
 
 import math
 
@@ -13,13 +17,14 @@ from serd_ros.convert.odometry import speeds_of
 from serd_ros.convert.pose import from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
+from support.waiting import ProcessorWait
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 STOPPED_MPS = 1e-6
 
 
 class Robot:
-    """Watches the odometry and commands the robot."""
+    """Commands the robot and takes its odometry."""
 
     def __init__(self, probe):
         self.probe = probe
@@ -59,10 +64,11 @@ def robot(nodes, probe):
 
 def test_a_plain_twist_drives_and_silence_stops_within_half_a_second(robot, probe):
     robot.spin_round()
-    silent_since_s = robot.time_s
-    probe.spin_until(lambda: abs(robot.speed_mps) < STOPPED_MPS, 10)
+    silent_since_s, waited = robot.time_s, ProcessorWait()
+    probe.spin_until(lambda: abs(robot.speed_mps) < STOPPED_MPS)
     # 0.5 s of silence, then braking at the acceleration limit, plus the odometry's own period.
-    assert robot.time_s - silent_since_s <= 0.5 + 0.2 / 2.5 + 0.1
+    limit_s = 0.5 + 0.2 / 2.5 + 0.1
+    assert robot.time_s - silent_since_s <= limit_s + waited.total_s
 
 
 @pytest.mark.parametrize("people_from", ["given", "scan"])
@@ -79,13 +85,13 @@ def test_an_intent_drives_the_robot_into_the_next_cell_in_real_time(nodes, probe
     start_x_m = poses[-1][0]
     intents.publish(to_intent(Action.EAST, 0.0))
     next_centre_m = math.floor(start_x_m) + 1.5
-    probe.spin_until(lambda: abs(poses[-1][0] - next_centre_m) < 0.2, 10)
+    probe.spin_until(lambda: abs(poses[-1][0] - next_centre_m) < 0.2)
     assert {len(each.markers[0].points) for each in shown} == {24}
 
 
 def test_a_command_that_is_not_finite_stops_at_once(robot, probe):
     robot.spin_round()
-    commanded_s = robot.time_s
+    commanded_s, waited = robot.time_s, ProcessorWait()
     robot.command(math.nan, 2.0)
-    probe.spin_until(lambda: abs(robot.speed_mps) < STOPPED_MPS, 10)
-    assert robot.time_s - commanded_s <= 0.5
+    probe.spin_until(lambda: abs(robot.speed_mps) < STOPPED_MPS)
+    assert robot.time_s - commanded_s <= 0.5 + waited.total_s

@@ -13,6 +13,7 @@ from sim.scenario.scenario import load_scenario
 from sim.world.world import HallwayWorld
 from storage.episode_table import load_episodes
 from storage.yaml_config import model_yaml
+from support.waiting import PATIENCE_S
 
 SEED, EPISODES = 11, 2
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -48,7 +49,7 @@ def test_a_seed_gives_the_same_trajectory_in_process_and_through_ros(nodes, tmp_
         scripted_expert__output=str(tmp_path),
     )
     expected_poses, records = drive_in_process()
-    assert processes["scripted_expert"].wait(120) == 0, nodes.said("scripted_expert")
+    assert processes["scripted_expert"].wait(PATIENCE_S) == 0, nodes.log_of("scripted_expert")
     nodes.end_all()
 
     rows = load_episodes(tmp_path / "episodes.csv")
@@ -78,7 +79,7 @@ def noisy_hallway(folder):
 
 
 def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(nodes, tmp_path):
-    """The planner node hears no people; /odom is where the wheels believe the robot to be."""
+    """The planner node gets no people; /odom is the pose by the wheels alone."""
     path, bag = noisy_hallway(tmp_path), tmp_path / "bag"
     processes = nodes.start_stack(
         "demonstrate",
@@ -98,7 +99,7 @@ def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(nodes, tmp_pa
             odometry.append(world.odometry_pose)
 
         run_episode(world, planner, expert, episode=0, observer=look)
-    assert processes["scripted_expert"].wait(120) == 0, nodes.said("scripted_expert")
+    assert processes["scripted_expert"].wait(PATIENCE_S) == 0, nodes.log_of("scripted_expert")
     nodes.end_all()
 
     recorded = places_in(bag, "/robot_pose", lambda message: message.pose.position)
@@ -109,7 +110,7 @@ def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(nodes, tmp_pa
 
 
 def test_parameters_of_scenario_and_node_give_the_same_through_ros(nodes, tmp_path):
-    """The scenario's block reaches the planner node, and what the node is given wins over it."""
+    """The planner node takes the scenario's block; a parameter of the node overrides it."""
     hallway = load_scenario("hallway").with_pedestrian_count(6)
     slow = hallway.with_local_planner(PlannerSettings(max_vel_x=0.9, sim_time=2.0))
     path, bag = tmp_path / "slow.yaml", tmp_path / "bag"
@@ -124,8 +125,8 @@ def test_parameters_of_scenario_and_node_give_the_same_through_ros(nodes, tmp_pa
         local_planner__max_vel_x=0.7,
         demo_recorder__output=str(bag),
     )
-    told = PlannerSettings(max_vel_x=0.7, acc_lim_x=1.2, sim_time=2.0)
-    scenario, seen = hallway.with_local_planner(told), []
+    expected_settings = PlannerSettings(max_vel_x=0.7, acc_lim_x=1.2, sim_time=2.0)
+    scenario, seen = hallway.with_local_planner(expected_settings), []
     with HallwayWorld(scenario, seed=SEED) as world:
         planner, expert = make_planner("dwa", scenario), ScriptedExpert(scenario, SEED)
 
@@ -133,7 +134,7 @@ def test_parameters_of_scenario_and_node_give_the_same_through_ros(nodes, tmp_pa
             seen.append((*observation.pose[:2], observation.speed_mps))
 
         run_episode(world, planner, expert, episode=0, timeout_s=6.0, observer=look)
-    assert processes["scripted_expert"].wait(120) == 0, nodes.said("scripted_expert")
+    assert processes["scripted_expert"].wait(PATIENCE_S) == 0, nodes.log_of("scripted_expert")
     nodes.end_all()
 
     recorded = places_in(bag, "/robot_pose", lambda message: message.pose.position)
@@ -156,7 +157,7 @@ def places_in(bag, topic, position_of):
 
 
 def assert_nothing_was_lost(bag, n_ticks):
-    """No tick without its messages; nobody answers the last tick of an episode."""
+    """No tick without its messages; the last tick of an episode has no command."""
     with AnyReader([bag]) as reader:
         counts = {connection.topic: connection.msgcount for connection in reader.connections}
     assert counts["/robot_pose"] >= n_ticks

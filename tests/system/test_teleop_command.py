@@ -6,14 +6,16 @@ import pty
 import subprocess
 import sys
 import termios
-import time
 from pathlib import Path
 
 import pytest
+from geometry_msgs.msg import PoseStamped
 
 from serd_app.drives.sessions import read_drives
+from serd_ros.convert.stamp import stamp_s
+from serd_ros.endpoints import qos
+from support.waiting import PATIENCE_S, wait_until
 
-ENDING_S = 30.0
 SERD = str(Path(sys.executable).with_name("serd"))
 
 
@@ -25,7 +27,7 @@ def serd(*arguments, env, cwd):
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=PATIENCE_S,
     )
 
 
@@ -56,7 +58,7 @@ class Session:
         self._person, device = pty.openpty()
         self.before = termios.tcgetattr(device)
         self._device = device
-        self.said = ""
+        self.output = ""
         os.set_blocking(self._person, False)
         self.process = subprocess.Popen(
             [sys.executable, "-c", _IN_ITS_TERMINAL, SERD, "teleop", *arguments],
@@ -64,16 +66,19 @@ class Session:
             start_new_session=True,
         )  # fmt: skip
 
-    def wait_for(self, words, limit_s=40):
-        deadline = time.monotonic() + limit_s
-        while words not in self.said:
-            assert time.monotonic() < deadline, self.said
-            self.listen()
-            time.sleep(0.02)
+    def wait_for(self, words):
+        self._wait_until(lambda: words in self.output)
 
-    def listen(self):
+    def _wait_until(self, condition):
+        def read_and_look():
+            self.read()
+            return condition()
+
+        wait_until(read_and_look, seen=lambda: self.output)
+
+    def read(self):
         with contextlib.suppress(BlockingIOError):
-            self.said += os.read(self._person, 65536).decode(errors="replace")
+            self.output += os.read(self._person, 65536).decode(errors="replace")
 
     def type(self, keys):
         os.write(self._person, keys)
@@ -81,12 +86,8 @@ class Session:
     def end(self):
         """Ctrl-C, as the terminal itself passes it on; the exit code."""
         self.type(b"\x03")
-        deadline = time.monotonic() + 20
-        while self.process.poll() is None:
-            assert time.monotonic() < deadline, self.said
-            self.listen()
-            time.sleep(0.02)
-        self.listen()
+        self._wait_until(lambda: self.process.poll() is not None)
+        self.read()
         return self.process.returncode
 
     def terminal_is_as_before(self):
@@ -94,8 +95,8 @@ class Session:
 
     def close(self):
         if self.process.poll() is None:
-            self.process.terminate()  # it ends its nodes; killed, it would leave them behind
-            self.process.wait(ENDING_S)
+            self.process.terminate()  # not killed, so that it ends its nodes
+            self.process.wait(PATIENCE_S)
         os.close(self._person)
         os.close(self._device)
 
@@ -110,7 +111,17 @@ os.execv(sys.argv[1], sys.argv[1:])
 
 @pytest.mark.ros
 @pytest.mark.slow
-def test_keys_start_save_and_discard_and_a_second_run_overwrites_nothing(ros_env, tmp_path):
+def test_keys_start_save_and_discard_and_a_second_run_overwrites_nothing(probe, ros_env, tmp_path):
+    times_s = []
+    probe.node.create_subscription(
+        PoseStamped, "robot_pose", lambda m: times_s.append(stamp_s(m.header.stamp)), qos.STATE
+    )
+
+    def wait_for_poses():
+        """Until the world has gone on, so that the episode has a duration."""
+        n_poses = len(times_s)
+        probe.spin_until(lambda: len(times_s) > n_poses and times_s[-1] > times_s[n_poses] + 0.3)
+
     for number in (1, 2):
         session = Session(
             tmp_path, ros_env, "--no-page", "--people", "0", "--driver", "anna", "--seed", "2"
@@ -119,18 +130,18 @@ def test_keys_start_save_and_discard_and_a_second_run_overwrites_nothing(ros_env
             session.wait_for("the world runs")
             session.type(b"\r\x1b[A")
             session.wait_for("episode 1 of anna has begun")
-            time.sleep(0.3)
+            wait_for_poses()
             session.type(b"s")
             session.wait_for("so far 1 kept (0 arrived), 0 discarded")
             session.type(b"\r")
             session.wait_for("episode 2 of anna has begun")
-            time.sleep(0.3)
+            wait_for_poses()
             session.type(b"d")
             session.wait_for("so far 1 kept (0 arrived), 1 discarded")
             assert session.end() == 0
             assert session.terminal_is_as_before()
         finally:
             session.close()
-        assert "1 episode kept (1 aborted), 1 discarded" in session.said
+        assert "1 episode kept (1 aborted), 1 discarded" in session.output
         bag = tmp_path / f"teleop_output/session-{number}/bag"
         assert [span.outcome for span in read_drives(bag)[0].episodes] == ["aborted", "discarded"]

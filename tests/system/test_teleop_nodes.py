@@ -1,4 +1,4 @@
-"""The teleop nodes over ROS: the mux decides, the joystick drives, the keyboard is put back."""
+"""The teleop nodes over ROS: priorities of the mux, joystick, keyboard and its terminal."""
 
 import math
 import os
@@ -20,6 +20,7 @@ from serd_ros.convert.odometry import speeds_of
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import Stack, find_stack
+from support.waiting import PATIENCE_S, ProcessorWait
 
 pytestmark = pytest.mark.ros
 STOPPED_MPS = 1e-6
@@ -33,7 +34,7 @@ def start(nodes, environment, names, **given):
 
 
 class Commander:
-    """Publishes velocities and sees what the mux makes of them."""
+    """Publishes velocities and takes those of the mux."""
 
     def __init__(self, probe):
         self.probe = probe
@@ -61,7 +62,7 @@ class Commander:
                 self.inputs[name].publish(message)
             return self.linear == pytest.approx(reached, abs=1e-9)
 
-        self.probe.spin_until(done, 10)
+        self.probe.spin_until(done)
 
 
 @pytest.fixture
@@ -83,7 +84,7 @@ def test_the_mux_lets_the_highest_priority_drive_and_stops_when_all_are_silent(c
     commander.until(0.0)
 
 
-def test_the_planner_drives_only_while_somebody_is_there(commander):
+def test_the_planner_drives_only_while_a_driver_is_present(commander):
     commander.until(0.0, planner=0.3)
 
     def there():
@@ -93,7 +94,7 @@ def test_the_planner_drives_only_while_somebody_is_there(commander):
         commander.inputs["planner"].publish(message)
         return commander.linear == pytest.approx(0.3)
 
-    commander.probe.spin_until(there, 10)
+    commander.probe.spin_until(there)
     commander.gone.publish(Bool(data=True))
     commander.until(0.0, planner=0.3)
 
@@ -117,7 +118,7 @@ def test_a_command_that_is_not_finite_stops(commander):
     commander.until(0.0, teleop=math.nan)
 
 
-def test_stamped_commands_go_in_and_out_when_the_file_says_so(nodes, probe, ros_env, tmp_path):
+def test_commands_have_stamps_where_the_file_sets_it(nodes, probe, ros_env, tmp_path):
     file = tmp_path / "mux.yaml"
     file.write_text("topics: {nav: {topic: nav_vel, timeout: 0.5, priority: 1, stamped: true}}\n")
     start_mux(nodes, ros_env, mux=str(file), stamped_cmd_vel=True)
@@ -138,23 +139,23 @@ def test_stamped_commands_go_in_and_out_when_the_file_says_so(nodes, probe, ros_
 
 def test_a_joystick_drives_while_its_enable_button_is_held(nodes, probe, ros_env):
     start(nodes, ros_env, ("teleop_joy",))
-    got = []
-    probe.node.create_subscription(Twist, "cmd_vel_joy", got.append, qos.COMMAND)
+    received = []
+    probe.node.create_subscription(Twist, "cmd_vel_joy", received.append, qos.COMMAND)
     publisher = probe.node.create_publisher(Joy, "joy", qos.COMMAND)
     probe.spin_until(lambda: publisher.get_subscription_count() > 0)
 
     def driven():
         publisher.publish(Joy(axes=[0.0, 1.0, -0.5], buttons=[0, 0, 0, 0, 1, 0]))
-        return got
+        return received
 
     probe.spin_until(driven)
-    assert (got[-1].linear.x, got[-1].angular.z) == pytest.approx((0.6, -0.75))
+    assert (received[-1].linear.x, received[-1].angular.z) == pytest.approx((0.6, -0.75))
     publisher.publish(Joy(axes=[0.0, 1.0, -0.5], buttons=[0] * 6))
-    probe.spin_until(lambda: got[-1].linear.x == 0.0)
+    probe.spin_until(lambda: received[-1].linear.x == 0.0)
 
 
 class Terminal:
-    """A pseudo terminal: what a person types goes in at `person`."""
+    """A pseudo terminal; `person` is the end for typing."""
 
     def __init__(self):
         self.person, self._device = pty.openpty()
@@ -180,21 +181,21 @@ def terminal():
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_the_keyboard_puts_the_terminal_back_on_every_signal(
+def test_the_keyboard_restores_the_terminal_on_every_signal(
     nodes, probe, ros_env, terminal, number
 ):
     process = start(nodes, ros_env, ("teleop_keyboard",), terminal=terminal.name)["teleop_keyboard"]
-    probe.spin_until(lambda: "Ctrl-C end" in nodes.said("teleop_keyboard"))
+    probe.spin_until(lambda: "Ctrl-C end" in nodes.log_of("teleop_keyboard"))
     assert terminal.settings() != terminal.before
     process.send_signal(number)
-    assert process.wait(10) == 0
+    assert process.wait(PATIENCE_S) == 0
     assert terminal.settings() == terminal.before
 
 
-def test_without_a_terminal_the_keyboard_ends_with_a_sentence(nodes, ros_env):
+def test_without_a_terminal_the_keyboard_ends_with_an_error_message(nodes, ros_env):
     process = start(nodes, ros_env, ("teleop_keyboard",), terminal="/dev/null")["teleop_keyboard"]
-    assert process.wait(20) == 2
-    assert "start it in a terminal window" in nodes.said("teleop_keyboard")
+    assert process.wait(PATIENCE_S) == 2
+    assert "start it in a terminal window" in nodes.log_of("teleop_keyboard")
 
 
 @pytest.mark.slow
@@ -215,7 +216,7 @@ def test_arrow_keys_drive_and_a_killed_keyboard_stops_the_robot(nodes, probe, ro
     probe.node.create_subscription(
         Vector3Stamped, "intent", lambda m: actions.append(from_intent(m)), qos.STATE
     )
-    probe.spin_until(lambda: motion and "Ctrl-C end" in nodes.said("teleop_keyboard"))
+    probe.spin_until(lambda: motion and "Ctrl-C end" in nodes.log_of("teleop_keyboard"))
 
     def fast():
         terminal.type(b"\x1b[A")
@@ -225,11 +226,12 @@ def test_arrow_keys_drive_and_a_killed_keyboard_stops_the_robot(nodes, probe, ro
     assert set(actions) <= {Action.NORTH, Action.WAIT}
     assert Action.NORTH in actions
     running["teleop_keyboard"].kill()
-    killed_s = motion[-1][0]
-    probe.spin_until(lambda: sent["cmd_vel"] == 0.0, 5)
-    assert sent["cmd_vel_planner"] > 0.1  # the planner would have driven on
-    probe.spin_until(lambda: abs(motion[-1][1]) < STOPPED_MPS, 10)
-    # The lock engages after 0.5 s of silence; then the robot brakes, and odometry tells.
-    assert motion[-1][0] - killed_s <= 0.5 + 1.2 / 2.5 + 0.15
-    probe.spin_for(0.5)
-    assert abs(motion[-1][1]) < STOPPED_MPS
+    killed_s, waited = motion[-1][0], ProcessorWait()
+    probe.spin_until(lambda: sent["cmd_vel"] == 0.0)
+    assert sent["cmd_vel_planner"] > 0.1  # the planner alone would continue
+    probe.spin_until(lambda: abs(motion[-1][1]) < STOPPED_MPS)
+    # The lock engages after 0.5 s of silence, then the robot brakes; odometry follows.
+    assert motion[-1][0] - killed_s <= 0.5 + 1.2 / 2.5 + 0.15 + waited.total_s
+    stopped_s, n_before = motion[-1][0], len(motion)
+    probe.spin_until(lambda: motion[-1][0] > stopped_s + 0.5)
+    assert all(abs(speed_mps) < STOPPED_MPS for _, speed_mps in motion[n_before:])

@@ -1,4 +1,4 @@
-"""The web page as a person uses it, in headless Chromium: to the goal, or away from it."""
+"""The web page as a person uses it, in headless Chromium."""
 
 import os
 import re
@@ -6,7 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -19,6 +19,7 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.demonstrations.discretise import OUTSIDE_EPISODE, WITHIN_PERIOD
 from serd_app.drives.sessions import read_drives
 from serd_cli.node_commands import stack_processes
 from serd_core.grid.grid import Action
@@ -30,12 +31,12 @@ from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
+from support.waiting import PATIENCE_S, ProcessorWait, descendants_of, wait_until
 
 SERD = str(Path(sys.executable).with_name("serd"))
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 CHROMEDRIVER = shutil.which("chromedriver")
 STOPPED_MPS = 1e-6
-PATIENCE_S = 60.0
 SCENARIO = """
 name: bend
 walkable_area_m: [[0, 0], [3, 0], [3, 2], [6, 2], [6, 5], [0, 5]]
@@ -78,7 +79,8 @@ class Page:
         ):  # fmt: skip
             options.add_argument(argument)
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-        self.browser = webdriver.Chrome(options, webdriver.ChromeService(CHROMEDRIVER))
+        self._service = webdriver.ChromeService(CHROMEDRIVER)
+        self.browser = webdriver.Chrome(options, self._service)
 
     def open(self, url):
         self.browser.get(url)
@@ -99,11 +101,23 @@ class Page:
     def run(self, script):
         return self.browser.execute_script(script)
 
-    def wait(self, condition, limit_s=PATIENCE_S):
-        deadline = time.monotonic() + limit_s
-        while not condition():
-            assert time.monotonic() < deadline, (self.text("phase"), self.text("said"))
-            time.sleep(0.05)
+    def wait(self, condition):
+        wait_until(condition, seen=lambda: (self.text("phase"), self.text("said")))
+
+    @contextmanager
+    def frozen(self):
+        """Its processes are stopped, as a page stops whose script hangs."""
+        stopped = [
+            pid
+            for pid in descendants_of(self._service.process.pid)
+            if "--type=renderer" in Path(f"/proc/{pid}/cmdline").read_text()
+        ]
+        assert stopped
+        for pid in stopped:
+            os.kill(pid, signal.SIGSTOP)
+        yield
+        for pid in stopped:
+            os.kill(pid, signal.SIGCONT)
 
     def faults(self):
         return [entry for entry in self.browser.get_log("browser") if entry["level"] == "SEVERE"]
@@ -124,7 +138,7 @@ def scenario(tmp_path):
 
 
 class World:
-    """What the probe sees of the robot."""
+    """What the probe receives of the robot."""
 
     def __init__(self, probe):
         self.probe = probe
@@ -147,18 +161,24 @@ class World:
         self.actions.append(from_intent(message))
 
     def until(self, condition):
-        self.probe.spin_until(lambda: self.pose is not None and condition(), PATIENCE_S)
+        self.probe.spin_until(lambda: self.pose is not None and condition())
 
     def until_it_drives(self):
         self.until(lambda: self.speed_mps > 0.25)
 
     def until_it_stands(self, limit_s):
-        """limit_s: simulated, so that a busy machine does not matter."""
-        since_s = self.time_s
+        """limit_s: simulated, plus the time that threads wait for a processor."""
+        since_s, waited = self.time_s, ProcessorWait()
         self.until(lambda: self.speed_mps < STOPPED_MPS)
-        assert self.time_s - since_s <= limit_s
-        self.probe.spin_for(0.4)
-        assert self.speed_mps < STOPPED_MPS
+        assert self.time_s - since_s <= limit_s + waited.total_s
+        self.speeds_mps.clear()
+        self.until_later(0.4)
+        assert max(self.speeds_mps) < STOPPED_MPS
+
+    def until_later(self, duration_s):
+        """Until so much simulated time has passed."""
+        since_s = self.time_s
+        self.until(lambda: self.time_s > since_s + duration_s)
 
 
 @pytest.fixture
@@ -166,13 +186,11 @@ def world(probe):
     return World(probe)
 
 
-def test_somebody_drives_to_the_goal_through_the_page_and_it_is_recorded(
-    page, world, scenario, ros_env, tmp_path
-):
+def test_an_episode_driven_on_the_page_is_recorded(page, world, scenario, ros_env, tmp_path):
     command = [SERD, "teleop", "--scenario", str(scenario), "--port", "0", "--driver", "anna"]
-    log = tmp_path / "said.txt"
-    with log.open("wb") as said:
-        session = subprocess.Popen(command, cwd=tmp_path, env=ros_env, stdout=said, stderr=said)
+    log = tmp_path / "teleop.log"
+    with log.open("wb") as output:
+        session = subprocess.Popen(command, cwd=tmp_path, env=ros_env, stdout=output, stderr=output)
     try:
         address = re.compile(r"drive at (http://\S+)")
         page.wait(lambda: session.poll() is not None or address.search(log.read_text()))
@@ -187,7 +205,7 @@ def test_somebody_drives_to_the_goal_through_the_page_and_it_is_recorded(
         assert session.wait(PATIENCE_S) == 0, log.read_text()
     finally:
         if session.poll() is None:
-            session.terminate()  # it ends its nodes; killed, it would leave them behind
+            session.terminate()  # not killed, so that it ends its nodes
             session.wait(PATIENCE_S)
     summary = log.read_text()
     assert "episode 1 arrived" in summary
@@ -207,7 +225,7 @@ def drive_to_the_goal(page, world):
 
 
 def keep_picture(page, folder):
-    """A picture of the page, for whoever wants to look at it: SERD_PICTURES=FOLDER."""
+    """A picture of the page; SERD_PICTURES=FOLDER copies it there."""
     picture = folder / "teleop_page.png"
     assert page.browser.save_screenshot(str(picture))
     if "SERD_PICTURES" in os.environ:
@@ -223,7 +241,9 @@ def check_recording(bag, scenario, n_decisions):
     found, report = demonstrations_of_bag(bag, grid_of(place), place.decision_period_s)
     decisions = found.decisions
     assert {Action.NORTH, Action.EAST} <= {Action(each) for each in decisions.action}
-    assert report.n_intents == n_decisions
+    # A page that is late stops the robot, with an intent that is no decision of the driver.
+    n_stops = sum(report.dropped.get(each, 0) for each in (WITHIN_PERIOD, OUTSIDE_EPISODE))
+    assert report.n_intents - n_stops == n_decisions
 
 
 @pytest.fixture
@@ -238,8 +258,8 @@ def driving(nodes, page, scenario, ros_env):
     for process in stack_processes(stack.model_copy(update={"nodes": names}), given, ros_env):
         nodes.start(list(process.command), process.name)
     address = re.compile(r"the page is at (http://\S+)")
-    page.wait(lambda: address.search(nodes.said("teleop_page")))
-    page.open(address.search(nodes.said("teleop_page"))[1])
+    page.wait(lambda: address.search(nodes.log_of("teleop_page")))
+    page.open(address.search(nodes.log_of("teleop_page"))[1])
     return page
 
 
@@ -261,7 +281,7 @@ def test_touch_drives_and_leaving_the_page_or_the_e_stop_stops_the_robot(driving
     page.wait(lambda: page.text("veil-title") == "Emergency stop")
     assert page.text("stop").startswith("RELEASE")
     n_actions = len(world.actions)
-    world.probe.spin_for(2.2)  # the key is still held, and a decision period begins
+    world.until_later(2.2)  # the key is still held, and a decision period begins
     assert len(world.actions) == n_actions
     page.press("r")
     world.until_it_drives()
@@ -280,16 +300,15 @@ def test_a_gamepad_drives_by_velocities_and_a_page_that_closes_stops_the_robot(d
     page.run("window.fake = null")
     page.keys().key_down(Keys.ARROW_LEFT).key_down(Keys.ARROW_DOWN).perform()
     world.until(lambda: world.speed_mps > 0.1)
-    world.speeds_mps.clear()
-    page.run("const end = performance.now() + 1200; while (performance.now() < end);")
-    world.until(lambda: min(world.speeds_mps, default=1.0) < STOPPED_MPS)  # it was frozen
+    with page.frozen():
+        world.until(lambda: world.speed_mps < STOPPED_MPS)
     world.until(lambda: world.speed_mps > 0.1)
     page.browser.get("about:blank")
     world.until_it_stands(1.5)
     assert world.actions == []
 
 
-def test_episodes_start_and_are_thrown_away_with_the_buttons(driving, world):
+def test_buttons_start_save_and_discard_episodes(driving, world):
     page = driving
     page.part("start").click()
     page.wait(lambda: page.part("recording").is_displayed())

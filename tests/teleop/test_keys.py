@@ -3,13 +3,13 @@
 import os
 import pty
 import termios
-import time
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.world.command import STOP, Command
+from support.waiting import wait_until
 from teleop.errors import TeleopError
 from teleop.key_names import KeyNames
 from teleop.raw_terminal import RawTerminal
@@ -102,10 +102,13 @@ def test_the_terminal_gives_keys_at_once_and_is_put_back_as_it_was(terminal):
     assert settings_of(device) != before
     assert raw.read() == b""
     os.write(person, b"i\x1b[A")
-    deadline = time.monotonic() + 5.0
-    typed = b""
-    while len(typed) < 4 and time.monotonic() < deadline:
-        typed += raw.read()
+    typed = bytearray()
+
+    def read():
+        typed.extend(raw.read())
+        return len(typed) >= 4
+
+    wait_until(read)
     assert typed == b"i\x1b[A"
     raw.close()
     raw.close()

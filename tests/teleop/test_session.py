@@ -1,9 +1,9 @@
 """A person's episodes: when they begin and end, what is kept, what can be taken back."""
 
 import pytest
-from support.observations import observation_at
 
 from sim.scenario.scenario import load_scenario
+from support.observations import observation_at
 from teleop.episode_tally import EpisodeTally
 from teleop.errors import TeleopError
 from teleop.session import DISCARDED, END, START, Session

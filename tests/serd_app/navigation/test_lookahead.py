@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from support.observations import observation_at
 
 from serd_app.navigation.lookahead import cell_ahead, likeliest_next
 from serd_app.navigation.navigator import Navigator
@@ -10,6 +9,7 @@ from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import load_strategy
 from serd_core.grid.grid import Action
 from sim.scenario.scenario import load_scenario
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from support.observations import observation_at
 
 from serd_app.navigation.forecast_text import (
     outlook_in_short,
@@ -19,6 +18,7 @@ from sim.errors import SimError
 from sim.scenario.scenario import load_scenario
 from storage.errors import FileError
 from storage.model_file import OutcomeModel, load_model
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 

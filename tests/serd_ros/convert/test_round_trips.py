@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.observations import observation_at
 from visualization_msgs.msg import Marker
 
 from serd_core.arrival.law import ArrivalLaw
@@ -48,6 +47,7 @@ from sim.geometry.occupancy import OccupancyRaster
 from sim.scenario.settings import LidarSettings
 from sim.world.command import Command
 from sim.world.waypoint import Waypoint
+from support.observations import observation_at
 
 metres = st.floats(-1e3, 1e3, allow_nan=False)
 angles = st.floats(-3.1415, 3.1415)

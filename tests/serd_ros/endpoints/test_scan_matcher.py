@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from serd_ros.endpoints.scan_matcher import ScanMatcher
 from sim.planning.catalogue import make_planner
 from sim.robot.lidar import Lidar
 from sim.scenario.scenario import load_scenario
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 LIDAR = Lidar(HALLWAY.lidar, HALLWAY.wall_segments_m, 0.25)

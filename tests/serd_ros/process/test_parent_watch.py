@@ -15,7 +15,7 @@ def test_a_node_without_a_starter_never_misses_one():
 
 
 def test_a_starter_is_gone_once_it_was_killed():
-    process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(3600)"])
     starter = Starter({VARIABLE: str(process.pid)})
     assert not starter.gone
     process.kill()

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
@@ -15,6 +14,7 @@ from sim.scenario.grid import flow_of, goal_states_of, grid_of, navigation_probl
 from sim.scenario.scenario import load_scenario
 from storage.flow_picture import flow_picture
 from storage.model_file import load_model
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)

@@ -1,7 +1,5 @@
 """From a decision to a waypoint."""
 
-from support.observations import observation_at
-
 from serd_core.grid.grid import Action
 from sim.drivers.decision import (
     is_decision_tick,
@@ -11,6 +9,7 @@ from sim.drivers.decision import (
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from sim.world.waypoint import Waypoint
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)

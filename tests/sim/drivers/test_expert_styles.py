@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.observations import observation_at
 
 from serd_core.grid.grid import Action
 from sim.drivers.catalogue import driver_names, make_driver
 from sim.drivers.expert import ExpertSettings, ScriptedExpert, seen_earlier
 from sim.drivers.expert_styles import STYLES, VariedExpert
 from sim.scenario.scenario import load_scenario
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from sim.drivers.expert import ScriptedExpert
@@ -20,6 +19,7 @@ from sim.scenario.scenario import load_scenario
 from sim.scenario.settings import LidarSettings
 from sim.world.waypoint import Waypoint
 from sim.world.world import HallwayWorld
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 NOBODY = np.zeros((0, 2))

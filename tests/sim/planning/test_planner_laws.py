@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.observations import observation_at
 
 from sim.episodes.batch import EpisodeTask, run_task
 from sim.planning.catalogue import make_planner, planner_names
 from sim.scenario.scenario import load_scenario
 from sim.world.waypoint import Waypoint
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 PLANNERS = {name: make_planner(name, HALLWAY) for name in planner_names()}

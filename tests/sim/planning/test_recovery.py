@@ -1,7 +1,6 @@
 """Progress check, recoveries and the reasons told."""
 
 import pytest
-from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from sim.planning.planner_status import PlannerStatus
@@ -10,6 +9,7 @@ from sim.planning.recovery import RecoveringPlanner, RecoverySettings
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP, Command
 from sim.world.waypoint import Waypoint
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 AHEAD = Waypoint(3.0, 10.0)

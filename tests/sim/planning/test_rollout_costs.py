@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from sim.planning.rollout_costs import CostSettings, RolloutCosts
 from sim.scenario.scenario import load_scenario
 from sim.world.waypoint import Waypoint
+from support.observations import observation_at
 
 TIME_S = np.array([0.5, 1.0])
 SETTINGS = CostSettings()

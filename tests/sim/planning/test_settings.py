@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 import yaml
-from support.observations import observation_at
 
 from serd_core.errors import SerdError
 from sim.crowd import social_force
@@ -21,6 +20,7 @@ from sim.world.command import STOP, Command
 from sim.world.waypoint import Waypoint
 from sim.world.world import HallwayWorld
 from storage.yaml_config import model_yaml
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway").with_pedestrian_count(0)
 AHEAD = Waypoint(3.0, 12.0)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.observations import observation_at
 
 from serd_core.errors import SerdError
+from support.observations import observation_at
 
 
 def observed(yaw, position, velocity):

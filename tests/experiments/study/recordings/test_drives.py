@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from support.observations import observation_at
 
 from experiments.study.figures.scenario import typical_way
 from experiments.study.figures.shortest_way import shortest_way
@@ -9,6 +8,7 @@ from experiments.study.recordings.exploring_driver import ExploringDriver
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
+from support.observations import observation_at
 
 
 def test_an_explorer_takes_every_action_and_none_that_a_wall_blocks(problem):
