@@ -15,7 +15,6 @@ from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.irl_result import IrlResult
 from serd_core.mdp.distributions import checked_choices, checked_policy
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
@@ -31,33 +30,18 @@ def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatA
     return float(np.sum(counts[seen] * np.log(chosen[seen])) / counts.sum())
 
 
-def fitted_policy(problem: Problem, fit: FitResult | IrlResult) -> FloatArray:
+def fitted_policy(problem: Problem, fit: FitResult) -> FloatArray:
     """(S, A) policy of a fit's rewards and belief, in the fitted problem or a transfer one.
 
     Boltzmann over optimal Q-values where the fit has a temperature of its own, else soft.
     """
-    temperature = _own_temperature(fit)
-    believed = _believed(fit)
-    if temperature is None:
-        return soft_policy(problem, fit.reward_weights, believed).probabilities
-    return boltzmann_policy(problem, fit.reward_weights, believed, temperature).probabilities
+    weights, believed = fit.reward_weights, fit.believed_outcome_probabilities
+    if len(fit.parameters.policy):
+        return boltzmann_policy(problem, weights, believed, fit.temperature).probabilities
+    return soft_policy(problem, weights, believed).probabilities
 
 
-def _own_temperature(fit: FitResult | IrlResult) -> float | None:
-    if isinstance(fit, FitResult):
-        return fit.temperature if len(fit.parameters.policy) else None
-    return None if fit.inverse_temperature is None else 1.0 / fit.inverse_temperature
-
-
-def _believed(fit: FitResult | IrlResult) -> FloatArray:
-    if isinstance(fit, FitResult):
-        return fit.believed_outcome_probabilities
-    return fit.outcome_probabilities
-
-
-def validation_log_likelihood(
-    problem: Problem, decisions: Decisions, fit: FitResult | IrlResult
-) -> float:
+def validation_log_likelihood(problem: Problem, decisions: Decisions, fit: FitResult) -> float:
     """Mean log-likelihood of decisions under the policy of a fit."""
     return policy_log_likelihood(problem, decisions, fitted_policy(problem, fit))
 

@@ -15,8 +15,8 @@ from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.learners.serd import initial_weights_or_sample
 from serd_core.learners.staged_start import WIDE
+from serd_core.learners.start import initial_weights_or_sample
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.prior import Prior
 from sim.scenario.grid import grid_of, navigation_problem_of
@@ -85,7 +85,7 @@ def learn(
             problem,
             decisions,
             initial_weights=weights,
-            initial_dynamics=initial,
+            dynamics=initial,
             prior=prior_of(settings),
             on_step=lambda step, start=start: on_step(start, step),  # type: ignore[misc]
         )

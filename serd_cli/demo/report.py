@@ -94,8 +94,6 @@ def fit_of(model: ModelFile, problem: NavigationProblem, trace: FloatArray) -> F
     record = model.fit.model_dump(exclude={"n_episodes"})
     return FitResult(
         feature_names=model.feature_names,
-        reward_weights=model.weights,
-        outcome_parameters=truth.reshape(model.outcome_probabilities.shape),
         outcome_probabilities=model.outcome_probabilities,
         believed_outcome_probabilities=model.believed_outcome_probabilities,
         initial_outcome_probabilities=model.initial_outcome_probabilities,

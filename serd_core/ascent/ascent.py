@@ -1,8 +1,8 @@
-"""What every ascent offers, what it is given and what it returns."""
+"""What every ascent takes and returns, and the record it keeps on the way."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,13 +12,13 @@ from serd_core.errors import SerdError
 
 #: Why an ascent ended.
 CONVERGED = "gradient within tolerance"
-STOPPED = "stopped by the observer"
+AT_A_KINK = "gradients on the sides of a kink cancel within tolerance"
+STOPPED = "stopped by the callback"
 OUT_OF_STEPS = "not converged: out of steps"
-DIVERGED = "not converged: a step led where the objective is no number; use smaller steps"
 
 
 class Objective(ABC):
-    """What is climbed: a function of a vector (n,) with its derivatives."""
+    """A function of a vector (n,) to maximise, with its derivatives."""
 
     @abstractmethod
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
@@ -42,7 +42,7 @@ class FunctionObjective(Objective):
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Progress after one accepted step; `vector` is where the ascent stands."""
+    """Progress after one accepted step; `vector` is the point it reached."""
 
     number: int
     objective: float
@@ -51,8 +51,8 @@ class Step:
     vector: FloatArray
 
 
-#: Told after each step; True asks the ascent to stop there (early stopping).
-StepObserver = Callable[[Step], bool]
+#: Called after each step; returning True stops the ascent there.
+StepCallback = Callable[[Step], bool | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +74,82 @@ class Ascent(ABC):
 
     @abstractmethod
     def maximise(
-        self, objective: Objective, start: FloatArray, observer: StepObserver
+        self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
     ) -> AscentResult:
         """Climb from `start` (n,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A vector (n,) with the objective's value and (n,) gradient there."""
+
+    vector: FloatArray
+    value: float
+    gradient: FloatArray
+
+    @property
+    def gradient_norm(self) -> float:
+        """Largest absolute entry of the gradient."""
+        return largest(self.gradient)
+
+
+@dataclass(eq=False)
+class Climb:
+    """Record of one ascent under way: evaluations, objective after each step, whether stopped."""
+
+    objective: Objective
+    on_step: StepCallback | None
+    trace: list[float] = field(default_factory=list)
+    n_evaluations: int = 0
+    stopped: bool = False
+
+    def evaluate(self, vector: FloatArray) -> Point:
+        """The objective at a vector; SerdError where an entry of the vector is not finite."""
+        bad = first_index(~np.isfinite(vector))
+        if bad is not None:
+            raise SerdError(
+                f"the ascent must stay at finite parameters, but parameter {bad[0]} of"
+                f" {len(vector)} became {vector[bad]}; start from smaller weights or scale the"
+                " features"
+            )
+        self.n_evaluations += 1
+        return Point(vector, *self.objective.evaluate(vector))
+
+    def accept(self, point: Point, gradient_norm: float | None = None) -> None:
+        """Record a step to the point and call back.
+
+        gradient_norm: what the ascent tests for convergence; None for the point's own.
+        """
+        self.trace.append(point.value)
+        if self.on_step is not None:
+            norm = point.gradient_norm if gradient_norm is None else gradient_norm
+            step = Step(len(self.trace), point.value, norm, self.n_evaluations, point.vector)
+            self.stopped = bool(self.on_step(step))
+
+    def result(
+        self, end: Point, tolerance: float, otherwise: str, gradient_norm: float | None = None
+    ) -> AscentResult:
+        """The record of the ascent; otherwise: message where it neither converged nor was stopped.
+
+        gradient_norm: as in `accept`.
+        """
+        norm = end.gradient_norm if gradient_norm is None else gradient_norm
+        if end.gradient_norm <= tolerance:
+            message = CONVERGED
+        elif norm <= tolerance:
+            message = AT_A_KINK
+        else:
+            message = STOPPED if self.stopped else otherwise
+        return AscentResult(
+            vector=end.vector,
+            objective=end.value,
+            gradient_norm=norm,
+            n_steps=len(self.trace),
+            n_evaluations=self.n_evaluations,
+            converged=min(norm, end.gradient_norm) <= tolerance,
+            message=message,
+            objective_trace=np.array(self.trace),
+        )
 
 
 def require_limits(gradient_tolerance: float, max_steps: int) -> None:
@@ -87,17 +160,6 @@ def require_limits(gradient_tolerance: float, max_steps: int) -> None:
         )
     if not max_steps >= 0:
         raise SerdError(f"max_steps must not be negative or NaN, got {max_steps}; use 500")
-
-
-def evaluate_at(objective: Objective, vector: FloatArray) -> tuple[float, FloatArray]:
-    """Value and (n,) gradient; SerdError where the ascent has left the numbers."""
-    bad = first_index(~np.isfinite(vector))
-    if bad is not None:
-        raise SerdError(
-            f"the ascent must stay at finite parameters, but parameter {bad[0]} of"
-            f" {len(vector)} became {vector[bad]}; start from smaller weights or scale the features"
-        )
-    return objective.evaluate(vector)
 
 
 def largest(gradient: FloatArray) -> float:

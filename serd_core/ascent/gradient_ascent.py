@@ -11,23 +11,24 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import (
-    CONVERGED,
-    DIVERGED,
     OUT_OF_STEPS,
-    STOPPED,
     Ascent,
     AscentResult,
+    Climb,
     Objective,
-    Step,
-    StepObserver,
-    evaluate_at,
-    largest,
+    Point,
+    StepCallback,
     require_limits,
 )
 
+DIVERGED = (
+    "not converged: a step reached a point where the objective is not finite; use smaller steps"
+)
+TOO_LONG = f"{OUT_OF_STEPS}; the objective fell on the way, use a smaller step_size"
+
 
 def constant_step(_: int) -> float:
-    """A step size of one, whatever the step."""
+    """A step size of one for every step."""
     return 1.0
 
 
@@ -43,52 +44,35 @@ class GradientAscent(Ascent):
         require_limits(self.gradient_tolerance, self.max_steps)
 
     def maximise(
-        self, objective: Objective, start: FloatArray, observer: StepObserver
+        self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
     ) -> AscentResult:
-        """Step until the gradient vanishes, the observer stops, steps run out or one diverges.
+        """Step until the gradient vanishes, the callback stops, steps run out or one diverges.
 
-        The result stands at the last place where value and gradient were numbers.
+        The result is the last point where value and gradient were finite.
         """
-        vector = np.array(start, dtype=np.float64)
-        value, gradient = evaluate_at(objective, vector)
-        trace: list[float] = []
-        message = OUT_OF_STEPS
-        while not largest(gradient) <= self.gradient_tolerance and len(trace) < self.max_steps:
-            there = vector + self.step_size(len(trace) + 1) * gradient
-            reached = _numbers_at(objective, there)
-            if reached is None:
-                message = DIVERGED
-                break
-            vector, (value, gradient) = there, reached
-            trace.append(value)
-            step = Step(len(trace), value, largest(gradient), len(trace) + 1, vector)
-            if observer(step):
-                message = STOPPED
-                break
-        converged = largest(gradient) <= self.gradient_tolerance
-        return AscentResult(
-            vector=vector,
-            objective=value,
-            gradient_norm=largest(gradient),
-            n_steps=len(trace),
-            n_evaluations=len(trace) + 1 + (message == DIVERGED),
-            converged=converged,
-            message=CONVERGED if converged else _explained(message, value, trace),
-            objective_trace=np.array(trace),
-        )
+        climb = Climb(objective, on_step)
+        here = climb.evaluate(np.array(start, dtype=np.float64))
+        while not (here.gradient_norm <= self.gradient_tolerance or climb.stopped):
+            if len(climb.trace) >= self.max_steps:
+                fell = climb.trace and here.value < max(climb.trace)
+                return self._result(climb, here, TOO_LONG if fell else OUT_OF_STEPS)
+            size = self.step_size(len(climb.trace) + 1)
+            there = _finite_point(climb, here.vector + size * here.gradient)
+            if there is None:
+                return self._result(climb, here, DIVERGED)
+            here = there
+            climb.accept(here)
+        return self._result(climb, here, OUT_OF_STEPS)
+
+    def _result(self, climb: Climb, here: Point, otherwise: str) -> AscentResult:
+        return climb.result(here, self.gradient_tolerance, otherwise)
 
 
-def _numbers_at(objective: Objective, vector: FloatArray) -> tuple[float, FloatArray] | None:
-    """Value and gradient, or None where they are no numbers."""
+def _finite_point(climb: Climb, vector: FloatArray) -> Point | None:
+    """The objective at a vector, or None where vector, value or gradient is not finite."""
     if not np.all(np.isfinite(vector)):
         return None
     with np.errstate(over="ignore", invalid="ignore"):
-        value, gradient = objective.evaluate(vector)
-    return (value, gradient) if np.isfinite(value) and np.all(np.isfinite(gradient)) else None
-
-
-def _explained(message: str, value: float, trace: list[float]) -> str:
-    """With why steps ran out, where they are too long rather than too few."""
-    if message == OUT_OF_STEPS and trace and value < max(trace):
-        return f"{message}; the objective fell on the way, use a smaller step_size"
-    return message
+        there = climb.evaluate(vector)
+    finite = np.isfinite(there.value) and np.all(np.isfinite(there.gradient))
+    return there if finite else None

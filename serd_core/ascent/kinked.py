@@ -15,31 +15,32 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.optimize
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import (
-    CONVERGED,
     OUT_OF_STEPS,
     STOPPED,
     Ascent,
     AscentResult,
+    Climb,
     Objective,
-    Step,
-    StepObserver,
-    evaluate_at,
+    Point,
+    StepCallback,
     largest,
     require_limits,
 )
-from serd_core.ascent.inverse_metric import first_metric, updated_metric
-from serd_core.ascent.smallest_mean import smallest_mean
 from serd_core.ascent.trust_region import TrustRegion
 
 #: Weak Wolfe: a step gains this share of what its slope promises, and lowers the slope to that.
 GAIN, LOWER = 1e-4, 0.9
+#: Smallest curvature, relative to the largest and to 1, that a first metric is made of.
+LEAST_CURVATURE = 1e-6
+#: Weight of the row that makes the shares of a mean sum to one; they are normalised afterwards.
+SUM_WEIGHT = 1e4
 #: Trials of a line search (each halves an interval or doubles the step), and of directions.
 MAX_TRIALS, MAX_DIRECTIONS = 50, 50
 TINY = float(np.finfo(np.float64).tiny)
-AT_A_KINK = "gradients on the sides of a kink cancel within tolerance"
 STALLED = "not converged: no step gains anything and the gradients around do not cancel"
 
 
@@ -62,66 +63,40 @@ class KinkedAscent(Ascent):
         require_limits(self.gradient_tolerance, self.max_steps)
 
     def maximise(
-        self, objective: Objective, start: FloatArray, observer: StepObserver
+        self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
     ) -> AscentResult:
-        """Climb until a gradient or a mean of gradients vanishes, or nothing is gained any more."""
-        began = self.smooth.maximise(objective, start, observer)
+        """Climb until a gradient or a mean of gradients vanishes, or no step gains anything."""
+        began = self.smooth.maximise(objective, start, on_step)
         if began.converged or began.message == STOPPED:
             return began
-        run = _Run(objective, self, began, observer)
-        message = run.climb()
-        return AscentResult(
-            vector=run.here.vector,
-            objective=run.here.value,
-            gradient_norm=run.mean_norm,
-            n_steps=len(run.trace),
-            n_evaluations=run.n_evaluations,
-            converged=run.mean_norm <= self.gradient_tolerance,
-            message=message,
-            objective_trace=np.array(run.trace),
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class _Place:
-    vector: FloatArray
-    value: float
-    gradient: FloatArray
+        climb = Climb(objective, on_step, list(began.objective_trace), began.n_evaluations)
+        run = _Run(climb, self, began.vector)
+        reason = run.climb_on()
+        return climb.result(run.here, self.gradient_tolerance, reason, run.mean_norm)
 
 
 class _Run:
-    """One climb: where it stands, the inverse metric, and the places seen lately."""
+    """One climb: its current point, the inverse metric, and the points seen lately."""
 
-    def __init__(
-        self,
-        objective: Objective,
-        settings: KinkedAscent,
-        began: AscentResult,
-        observer: StepObserver,
-    ) -> None:
-        self.objective, self.settings, self.observer = objective, settings, observer
-        self.trace = list(began.objective_trace)
-        self.n_evaluations = began.n_evaluations
-        self.seen: deque[_Place] = deque(maxlen=2 * len(began.vector) + 20)
-        self.steepest_down: list[_Place] = []
-        self.here = self._visit(began.vector)
-        self.metric = first_metric(objective.hessian(began.vector))
-        self.mean_norm = largest(self.here.gradient)
+    def __init__(self, climb: Climb, settings: KinkedAscent, start: FloatArray) -> None:
+        self.climb, self.settings = climb, settings
+        # Longer than a line search, whose last trials would otherwise displace its first.
+        self.seen: deque[Point] = deque(maxlen=2 * len(start) + 20 + MAX_TRIALS)
+        self.steepest_down: list[Point] = []
+        self.here = self._visit(start)
+        self.metric = first_metric(climb.objective.hessian(start))
+        self.mean_norm = self.here.gradient_norm
 
-    def climb(self) -> str:
-        """Step until done; returns why."""
+    def climb_on(self) -> str:
+        """Step until done; returns why, should that not be convergence."""
         for _ in range(self.settings.max_steps):
             moved = self._step()
             self.mean_norm = largest(smallest_mean(self._gradients_around()))
-            stopped = moved and self._told()
-            if largest(self.here.gradient) <= self.settings.gradient_tolerance:
-                return CONVERGED
-            if self.mean_norm <= self.settings.gradient_tolerance:
-                return AT_A_KINK
-            if not moved:
+            if moved:
+                self.climb.accept(self.here, self.mean_norm)
+            smallest = min(self.here.gradient_norm, self.mean_norm)
+            if not moved or self.climb.stopped or smallest <= self.settings.gradient_tolerance:
                 return STALLED
-            if stopped:
-                return STOPPED
         return OUT_OF_STEPS
 
     def _step(self) -> bool:
@@ -134,10 +109,9 @@ class _Run:
         moved = there.vector - self.here.vector
         self.metric = updated_metric(self.metric, moved, self.here.gradient - there.gradient)
         self.here, self.steepest_down = there, []
-        self.trace.append(there.value)
         return True
 
-    def _search(self, direction: FloatArray, slope: float) -> _Place | None:
+    def _search(self, direction: FloatArray, slope: float) -> Point | None:
         """A place along the direction that meets the weak Wolfe conditions, or at least gains."""
         longest = self.settings.longest_step / max(float(np.linalg.norm(direction)), TINY)
         short, long, length, found = 0.0, np.inf, min(1.0, longest), None
@@ -154,16 +128,16 @@ class _Run:
             length = min(2.0 * short, longest) if np.isinf(long) else 0.5 * (short + long)
         return found
 
-    def _gains(self, there: _Place, wanted: float) -> bool:
+    def _gains(self, there: Point, wanted: float) -> bool:
         """Whether a place is higher by as much as wanted; by nothing at all is no gain.
 
         Near a kink `wanted` drowns in rounding, and steps to the same height would go on for ever.
         """
         return there.value >= self.here.value + wanted and there.value > self.here.value
 
-    def _across_kinks(self) -> _Place | None:
+    def _across_kinks(self) -> Point | None:
         """A gain along the smallest mean of the gradients around, as the metric measures them."""
-        self.metric = first_metric(self.objective.hessian(self.here.vector))
+        self.metric = first_metric(self.climb.objective.hessian(self.here.vector))
         root = np.linalg.cholesky(self.metric)
         for _ in range(MAX_DIRECTIONS):
             mean = np.linalg.solve(root.T, smallest_mean(self._gradients_around() @ root))
@@ -175,34 +149,65 @@ class _Run:
                 return there
             # What failed the direction must not be forgotten, or the next may fail the same way.
             self.steepest_down.append(
-                min(self._places_around(), key=lambda place: float(place.gradient @ direction))
+                min(self._points_around(), key=lambda point: float(point.gradient @ direction))
             )
         return None
 
-    def _visit(self, vector: FloatArray) -> _Place:
-        value, gradient = evaluate_at(self.objective, vector)
-        self.n_evaluations += 1
-        place = _Place(vector, value, gradient)
-        if np.isfinite(value):
-            self.seen.append(place)
-        return place
+    def _visit(self, vector: FloatArray) -> Point:
+        point = self.climb.evaluate(vector)
+        if np.isfinite(point.value):
+            self.seen.append(point)
+        return point
 
     def _gradients_around(self) -> FloatArray:
         """(k, n) gradients seen within the neighbourhood, the present one first."""
-        return np.array([place.gradient for place in self._places_around()])
+        return np.array([point.gradient for point in self._points_around()])
 
-    def _places_around(self) -> list[_Place]:
+    def _points_around(self) -> list[Point]:
         here = self.here.vector
         radius = self.settings.neighbourhood * max(1.0, float(np.linalg.norm(here)))
         others = [
-            place
-            for place in (*self.seen, *self.steepest_down)
-            if place is not self.here and np.linalg.norm(place.vector - here) <= radius
+            point
+            for point in (*self.seen, *self.steepest_down)
+            if point is not self.here and np.linalg.norm(point.vector - here) <= radius
         ]
         return [self.here, *others]
 
-    def _told(self) -> bool:
-        here = self.here
-        return self.observer(
-            Step(len(self.trace), here.value, self.mean_norm, self.n_evaluations, here.vector)
-        )
+
+def first_metric(hessian: FloatArray) -> FloatArray:
+    """(n, n) inverse of the Hessian's absolute value, with a floor under its curvatures."""
+    values, vectors = np.linalg.eigh(hessian)
+    curvature = np.abs(values)
+    floor = LEAST_CURVATURE * max(float(curvature.max(initial=0.0)), 1.0)
+    return np.asarray((vectors / np.maximum(curvature, floor)) @ vectors.T)
+
+
+def updated_metric(metric: FloatArray, moved: FloatArray, drop: FloatArray) -> FloatArray:
+    """(n, n) BFGS update for a step `moved` (n,) that lowered the gradient by `drop` (n,).
+
+    A step without curvature along it leaves the metric as it was.
+    """
+    curvature = float(moved @ drop)
+    if not curvature > np.finfo(np.float64).eps * float(moved @ moved):
+        return metric
+    along = metric @ drop
+    scale = (1.0 + float(drop @ along) / curvature) / curvature
+    mixed = np.outer(moved, along) / curvature
+    return np.asarray(metric + scale * np.outer(moved, moved) - mixed - mixed.T)
+
+
+def smallest_mean(gradients: FloatArray) -> FloatArray:
+    """(n,) mean of (k, n) gradients with the shares that make it shortest.
+
+        min |sum_j w_j g_j|  over  w >= 0, sum w = 1
+
+    as non-negative least squares with one more row for the sum.
+    """
+    scale = float(np.max(np.abs(gradients), initial=0.0))
+    if scale == 0.0:
+        return np.zeros(gradients.shape[1])
+    count = len(gradients)
+    table = np.vstack([gradients.T / scale, np.full(count, SUM_WEIGHT)])
+    wanted = np.append(np.zeros(gradients.shape[1]), SUM_WEIGHT)
+    shares, _ = scipy.optimize.nnls(table, wanted, maxiter=100 * count)
+    return np.asarray((shares / shares.sum()) @ gradients)

@@ -1,22 +1,19 @@
 """Limited-memory BFGS of scipy.optimize, stopped by the gradient and nothing weaker."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.optimize
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import (
-    CONVERGED,
     OUT_OF_STEPS,
-    STOPPED,
     Ascent,
     AscentResult,
+    Climb,
     Objective,
-    Step,
-    StepObserver,
-    evaluate_at,
-    largest,
+    Point,
+    StepCallback,
     require_limits,
 )
 
@@ -33,49 +30,32 @@ class Lbfgs(Ascent):
         require_limits(self.gradient_tolerance, self.max_steps)
 
     def maximise(
-        self, objective: Objective, start: FloatArray, observer: StepObserver
+        self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
     ) -> AscentResult:
-        """Climb; where the line search stalls by rounding it is started afresh once."""
-        run = _Run(objective=objective, observer=observer)
-        run.move_to(np.array(start, dtype=np.float64))
-        message = ""
+        """Climb; where the line search stalls by rounding it is restarted once."""
+        climb = Climb(objective, on_step)
+        run = _Run(climb, climb.evaluate(np.array(start, dtype=np.float64)))
+        reason = ""
         for _ in range(2):
-            if run.stopped or self._done(run):
-                break
-            message = self._climb(run, run.vector)
-        converged = run.gradient_norm <= self.gradient_tolerance
-        return AscentResult(
-            vector=run.vector,
-            objective=run.value,
-            gradient_norm=run.gradient_norm,
-            n_steps=len(run.trace),
-            n_evaluations=run.n_evaluations,
-            converged=converged,
-            message=self._message(run, converged, message),
-            objective_trace=np.array(run.trace),
-        )
+            if not (climb.stopped or self._done(run)):
+                reason = self._minimise(run)
+        out = len(climb.trace) >= self.max_steps
+        otherwise = OUT_OF_STEPS if out else f"not converged: {reason}"
+        return climb.result(run.here, self.gradient_tolerance, otherwise)
 
     def _done(self, run: "_Run") -> bool:
-        return run.gradient_norm <= self.gradient_tolerance or len(run.trace) >= self.max_steps
+        out = len(run.climb.trace) >= self.max_steps
+        return run.here.gradient_norm <= self.gradient_tolerance or out
 
-    def _message(self, run: "_Run", converged: bool, scipy_message: str) -> str:
-        if converged:
-            return CONVERGED
-        if run.stopped:
-            return STOPPED
-        if len(run.trace) >= self.max_steps:
-            return OUT_OF_STEPS
-        return f"not converged: {scipy_message}"
-
-    def _climb(self, run: "_Run", start: FloatArray) -> str:
+    def _minimise(self, run: "_Run") -> str:
         result = scipy.optimize.minimize(
             run.negated,
-            start,
+            run.here.vector,
             jac=True,
             method="L-BFGS-B",
             callback=run.after_step,
             options={
-                "maxiter": self.max_steps - len(run.trace),
+                "maxiter": self.max_steps - len(run.climb.trace),
                 "maxfun": 20 * self.max_steps,
                 "maxcor": self.memory,
                 "gtol": self.gradient_tolerance,
@@ -89,38 +69,22 @@ class Lbfgs(Ascent):
 
 @dataclass(eq=False)
 class _Run:
-    """Book-keeping of one ascent: scipy's callback does not pass the gradient on."""
+    """The last point that was evaluated: scipy's callback does not pass the gradient on."""
 
-    objective: Objective
-    observer: StepObserver
-    n_evaluations: int = 0
-    trace: list[float] = field(default_factory=list)
-    stopped: bool = False
-    vector: FloatArray = field(default_factory=lambda: np.full(1, np.nan))
-    value: float = -np.inf
-    gradient: FloatArray = field(default_factory=lambda: np.zeros(0))
-
-    @property
-    def gradient_norm(self) -> float:
-        return largest(self.gradient)
+    climb: Climb
+    here: Point
 
     def negated(self, vector: FloatArray) -> tuple[float, FloatArray]:
         self.move_to(vector)
-        return -self.value, -self.gradient
+        return -self.here.value, -self.here.gradient
 
     def move_to(self, vector: FloatArray) -> None:
         """Evaluate at `vector` unless that was the last evaluation."""
-        if not np.array_equal(vector, self.vector):
-            self.vector = vector.copy()
-            self.value, self.gradient = evaluate_at(self.objective, self.vector)
-            self.n_evaluations += 1
+        if not np.array_equal(vector, self.here.vector):
+            self.here = self.climb.evaluate(vector.copy())
 
     def after_step(self, intermediate_result: scipy.optimize.OptimizeResult) -> None:
         self.move_to(np.asarray(intermediate_result.x))
-        self.trace.append(self.value)
-        step = Step(
-            len(self.trace), self.value, self.gradient_norm, self.n_evaluations, self.vector
-        )
-        if self.observer(step):
-            self.stopped = True
+        self.climb.accept(self.here)
+        if self.climb.stopped:
             raise StopIteration

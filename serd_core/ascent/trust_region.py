@@ -15,16 +15,13 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import (
-    CONVERGED,
     OUT_OF_STEPS,
-    STOPPED,
     Ascent,
     AscentResult,
+    Climb,
     Objective,
-    Step,
-    StepObserver,
-    evaluate_at,
-    largest,
+    Point,
+    StepCallback,
     require_limits,
 )
 
@@ -33,6 +30,8 @@ SHRINK, GROW, ACCEPT = 0.25, 2.0, 1e-4
 FLAT, LEVEL = 1e-12, 1e-10
 #: Gains below this share of the objective are lost in rounding.
 ROUNDING = 1e-14
+#: Radius below which steps are lost in rounding.
+SHORTEST_RADIUS = 1e-13
 NO_ROOM = "not converged: steps became too short, at a kink or by rounding"
 
 
@@ -49,30 +48,28 @@ class TrustRegion(Ascent):
         require_limits(self.gradient_tolerance, self.max_steps)
 
     def maximise(
-        self, objective: Objective, start: FloatArray, observer: StepObserver
+        self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
     ) -> AscentResult:
-        """Climb until the gradient vanishes, the observer stops, or steps or radius run out."""
-        here = _evaluated(objective, np.array(start, dtype=np.float64))
-        radius, trace, tries, stopped = self.initial_radius, [], 0, False
-        eigen = None
-        while here.gradient_norm > self.gradient_tolerance and tries < self.max_steps:
+        """Climb until the gradient vanishes, the callback stops, or steps or radius run out."""
+        climb = Climb(objective, on_step)
+        here = climb.evaluate(np.array(start, dtype=np.float64))
+        radius, tries, eigen = self.initial_radius, 0, None
+        while here.gradient_norm > self.gradient_tolerance and not climb.stopped:
+            if tries >= self.max_steps:
+                return climb.result(here, self.gradient_tolerance, OUT_OF_STEPS)
             tries += 1
             if eigen is None:
                 eigen = np.linalg.eigh(-objective.hessian(here.vector))
             step = quadratic_step(here.gradient, eigen.eigenvalues, eigen.eigenvectors, radius)
-            there = _evaluated(objective, here.vector + step)
+            there = climb.evaluate(here.vector + step)
             quality = _quality(here, there, step, eigen.eigenvalues, eigen.eigenvectors)
             radius = self._next_radius(radius, quality, float(np.linalg.norm(step)))
-            if radius < 1e-13:
+            if radius < SHORTEST_RADIUS:
                 break
-            if quality < ACCEPT:
-                continue
-            here, eigen = there, None
-            trace.append(here.value)
-            report = Step(len(trace), here.value, here.gradient_norm, tries + 1, here.vector)
-            if stopped := observer(report):
-                break
-        return self._result(here, trace, tries, stopped)
+            if quality >= ACCEPT:
+                here, eigen = there, None
+                climb.accept(here)
+        return climb.result(here, self.gradient_tolerance, NO_ROOM)
 
     def _next_radius(self, radius: float, quality: float, length: float) -> float:
         if not quality > SHRINK:
@@ -80,22 +77,6 @@ class TrustRegion(Ascent):
         if quality > 0.75 and length > 0.8 * radius:
             return min(GROW * radius, self.largest_radius)
         return radius
-
-    def _result(
-        self, here: "_Place", trace: list[float], tries: int, stopped: bool
-    ) -> AscentResult:
-        converged = here.gradient_norm <= self.gradient_tolerance
-        reason = OUT_OF_STEPS if tries >= self.max_steps else NO_ROOM
-        return AscentResult(
-            vector=here.vector,
-            objective=here.value,
-            gradient_norm=here.gradient_norm,
-            n_steps=len(trace),
-            n_evaluations=tries + 1,
-            converged=converged,
-            message=CONVERGED if converged else STOPPED if stopped else reason,
-            objective_trace=np.array(trace),
-        )
 
 
 def quadratic_step(
@@ -130,24 +111,8 @@ def _shift(slopes: FloatArray, curvatures: FloatArray, radius: float, low: float
     return high
 
 
-@dataclass(frozen=True, eq=False)
-class _Place:
-    vector: FloatArray
-    value: float
-    gradient: FloatArray
-
-    @property
-    def gradient_norm(self) -> float:
-        return largest(self.gradient)
-
-
-def _evaluated(objective: Objective, vector: FloatArray) -> _Place:
-    value, gradient = evaluate_at(objective, vector)
-    return _Place(vector, value, gradient)
-
-
 def _quality(
-    here: _Place, there: _Place, step: FloatArray, curvatures: FloatArray, directions: FloatArray
+    here: Point, there: Point, step: FloatArray, curvatures: FloatArray, directions: FloatArray
 ) -> float:
     """Gain over predicted gain; where both drown in rounding, whether the gradient shrank."""
     along = directions.T @ step

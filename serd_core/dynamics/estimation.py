@@ -116,7 +116,6 @@ def outcome_models_of(mdp: Mdp) -> OutcomeModels:
     if not isinstance(mdp.transitions, OutcomeModels):
         raise SerdError(
             "dynamics can be estimated for OutcomeModels only, got"
-            f" {type(mdp.transitions).__name__}; pass its parameters as dynamics or"
-            " initial_dynamics"
+            f" {type(mdp.transitions).__name__}; pass its parameters as dynamics"
         )
     return mdp.transitions

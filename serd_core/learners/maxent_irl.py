@@ -19,19 +19,19 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray, weighted_counts
-from serd_core.ascent.ascent import Ascent, FunctionObjective
+from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.trajectories import (
     absorption_features,
     feature_counts,
     trajectories_of,
 )
-from serd_core.dynamics.transitions import Transitions, transitions_of
-from serd_core.learners.irl_result import IrlResult, irl_result
-from serd_core.learners.serd import initial_weights_or_sample, known_dynamics_or_estimate
+from serd_core.dynamics.transitions import Transitions
+from serd_core.learners.fit_result import FitResult
+from serd_core.learners.known_dynamics import reward_search
 from serd_core.mdp.problem import Problem
+from serd_core.policies.mdce import MdcePolicy
 
 LBFGS = Lbfgs()
 
@@ -44,15 +44,22 @@ def fit_maxent_irl(
     rng: np.random.Generator | None = None,
     dynamics: FloatArray | None = None,
     ascent: Ascent = LBFGS,
-) -> IrlResult:
+    on_step: StepCallback | None = None,
+) -> FitResult:
     """Reward weights under which the demonstrated trajectories are most likely.
 
     dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate. The objective is
     the mean over episodes.
     """
-    observe(problem.mdp, decisions)
-    table = known_dynamics_or_estimate(problem, decisions, dynamics)
-    model = TrajectoryModel(problem, transitions_of(problem.mdp.transitions, table))
+    search = reward_search(
+        problem,
+        decisions,
+        MdcePolicy(),
+        initial_weights=initial_weights,
+        rng=rng,
+        dynamics=dynamics,
+    )
+    model = TrajectoryModel(problem, search.transitions)
     episodes = trajectories_of(decisions)
     demonstrated = feature_counts(problem, decisions).mean(axis=0)
 
@@ -66,9 +73,7 @@ def fit_maxent_irl(
             log_z, expected = log_z + part, expected + counts
         return float(weights @ demonstrated) - log_z, demonstrated - expected
 
-    start = initial_weights_or_sample(problem, initial_weights, rng)
-    ascended = ascent.maximise(FunctionObjective(log_likelihood), start, lambda _: False)
-    return irl_result(problem.feature_names, table, ascended)
+    return search.maximise(log_likelihood, ascent, on_step)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,26 +17,26 @@ Both agree for many demonstrations under true dynamics, and differ for few. Feat
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent, FunctionObjective
+from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.newton import Newton
 from serd_core.bellman.soft import SoftBellman
 from serd_core.bellman.solution import BellmanSolution
 from serd_core.demonstrations.decisions import Decisions, start_distribution
-from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.trajectories import feature_counts
-from serd_core.dynamics.transitions import Transitions, transitions_of
+from serd_core.dynamics.transitions import Transitions
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.irl_result import IrlResult, irl_result
+from serd_core.learners.known_dynamics import reward_search
 from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.learners.serd import initial_weights_or_sample, known_dynamics_or_estimate
+from serd_core.learners.serd import UNIFORM
 from serd_core.mdp.occupancy import state_action_occupancy
 from serd_core.mdp.problem import Problem
+from serd_core.policies.mdce import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
-from serd_core.priors.prior import Prior, UniformPrior, require_weight
+from serd_core.priors.prior import Prior, require_weight
 
-UNIFORM, LBFGS = UniformPrior(), Lbfgs()
+LBFGS = Lbfgs()
 
 
 def fit_mdce_irl_by_likelihood(
@@ -48,6 +48,7 @@ def fit_mdce_irl_by_likelihood(
     dynamics: FloatArray | None = None,
     prior: Prior = UNIFORM,
     ascent: Ascent = LBFGS,
+    on_step: StepCallback | None = None,
 ) -> FitResult:
     """Reward weights of highest likelihood.
 
@@ -59,10 +60,11 @@ def fit_mdce_irl_by_likelihood(
         decisions,
         initial_weights=initial_weights,
         rng=rng,
-        initial_dynamics=dynamics,
+        dynamics=dynamics,
         belief=FixedBelief(),
         prior=prior,
         ascent=ascent,
+        on_step=on_step,
     )
 
 
@@ -75,7 +77,8 @@ def fit_mdce_irl_by_entropy(
     dynamics: FloatArray | None = None,
     slack: float = 0.0,
     ascent: Ascent = LBFGS,
-) -> IrlResult:
+    on_step: StepCallback | None = None,
+) -> FitResult:
     """Reward weights whose policy matches the discounted features of the demonstrations.
 
     dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate.
@@ -86,26 +89,29 @@ def fit_mdce_irl_by_entropy(
     demonstrations may grow without bound, as no policy has their features.
     """
     require_weight("slack", slack)
-    observe(problem.mdp, decisions)
-    table = known_dynamics_or_estimate(problem, decisions, dynamics)
-    transitions = transitions_of(problem.mdp.transitions, table)
+    search = reward_search(
+        problem,
+        decisions,
+        MdcePolicy(),
+        initial_weights=initial_weights,
+        rng=rng,
+        dynamics=dynamics,
+    )
     wanted = empirical_feature_expectation(problem, decisions)
     starts = start_distribution(decisions, problem.mdp.n_states)
     last: list[BellmanSolution] = []
 
     def dual(weights: FloatArray) -> tuple[float, FloatArray]:
         """J scaled by 1 - gamma, which makes feature expectations averages."""
-        solution = _solve(problem, transitions, weights, last[-1].value if last else None)
+        solution = _solve(problem, search.transitions, weights, last[-1].value if last else None)
         last[:] = [solution]
-        expected = feature_expectation(problem, transitions, solution.policy, starts)
+        expected = feature_expectation(problem, search.transitions, solution.policy, starts)
         value = float(weights @ wanted - starts @ solution.value)
         scale = 1.0 - problem.mdp.discount
         penalty = 0.5 * slack * float(weights @ weights)
         return value * scale - penalty, (wanted - expected) * scale - slack * weights
 
-    start = initial_weights_or_sample(problem, initial_weights, rng)
-    ascended = ascent.maximise(FunctionObjective(dual), start, lambda _: False)
-    return irl_result(problem.feature_names, table, ascended, solution=last[-1])
+    return search.maximise(dual, ascent, on_step)
 
 
 def empirical_feature_expectation(problem: Problem, decisions: Decisions) -> FloatArray:

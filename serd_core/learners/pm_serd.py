@@ -1,8 +1,8 @@
 """PM SERD: SERD with a Boltzmann policy over optimal Q-values (section 4.4.2).
 
 The temperature theta_P is learned with rewards and dynamics. Scaling all rewards and theta_P by
-one factor changes nothing, so what the demonstrations say is the ratio. A prior that holds theta_P
-near a value fixes the scale and leaves the likelihood alone; one that only shrinks rewards and
+one factor changes nothing, so demonstrations determine their ratio only. A prior that holds theta_P
+near a value fixes the scale and does not change the likelihood; one that only shrinks rewards and
 temperature has no maximum, as both then go to zero together.
 
     fit = fit_pm_serd(problem, decisions, rng=rng, prior=GaussianPrior(0.1, Block.POLICY, 1.0))
@@ -11,19 +11,12 @@ temperature has no maximum, as both then go to zero together.
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent
+from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.serd import (
-    TIED,
-    UNIFORM,
-    OnStep,
-    SerdSettings,
-    fit_serd,
-    initial_dynamics_or_estimate,
-    initial_weights_or_sample,
-)
+from serd_core.learners.serd import UNIFORM, SerdSettings, fit_serd
+from serd_core.learners.start import TIED
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_matching import PolicyMatchingPolicy
 from serd_core.posterior.beliefs import Belief
@@ -38,25 +31,26 @@ def fit_pm_serd(
     *,
     initial_weights: FloatArray | None = None,
     rng: np.random.Generator | None = None,
-    initial_dynamics: FloatArray | None = None,
+    dynamics: FloatArray | None = None,
     initial_temperature: float = 1.0,
     belief: Belief = TIED,
     prior: Prior = UNIFORM,
     ascent: Ascent = KINKED,
-    on_step: OnStep | None = None,
+    on_step: StepCallback | None = None,
 ) -> FitResult:
     """Learn rewards, dynamics and temperature of an expert who knows the optimal Q-values.
 
-    Arguments as in `fit_mdce_serd`; initial_temperature: theta_P to start from. The objective has
-    kinks where the greedy policy changes, and most maxima lie on one: `KinkedAscent` finds and
-    certifies them, smooth ascents stop there without convergence and say so.
+    Arguments as in `fit_serd`; initial_temperature: theta_P to start from. The objective has kinks
+    where the greedy policy changes, and most maxima lie on one: `KinkedAscent` finds and certifies
+    them, smooth ascents stop there and report that they did not converge.
     """
     return fit_serd(
         problem,
         decisions,
         PolicyMatchingPolicy(start_temperature=initial_temperature),
         SerdSettings(belief=belief, prior=prior, ascent=ascent),
-        initial_weights=initial_weights_or_sample(problem, initial_weights, rng),
-        initial_dynamics=initial_dynamics_or_estimate(problem, decisions, initial_dynamics),
+        initial_weights=initial_weights,
+        rng=rng,
+        dynamics=dynamics,
         on_step=on_step,
     )

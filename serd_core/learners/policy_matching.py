@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent, FunctionObjective
+from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.hard import HardBellman
@@ -24,14 +24,13 @@ from serd_core.bellman.newton import Newton
 from serd_core.bellman.soft import boltzmann
 from serd_core.bellman.solution import BellmanSolution
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe
 from serd_core.derivatives.adjoint import adjoint
-from serd_core.dynamics.transitions import transitions_of
 from serd_core.errors import SerdError
-from serd_core.learners.irl_result import IrlResult, irl_result
-from serd_core.learners.serd import initial_weights_or_sample, known_dynamics_or_estimate
+from serd_core.learners.fit_result import FitResult
+from serd_core.learners.known_dynamics import reward_search
 from serd_core.linear.automatic import Automatic
 from serd_core.mdp.problem import Problem
+from serd_core.policies.policy_matching import PolicyMatchingPolicy
 
 
 class MatchingObjective(ABC):
@@ -83,7 +82,8 @@ def fit_policy_matching(
     dynamics: FloatArray | None = None,
     objective: MatchingObjective = SQUARED_LOSS,
     ascent: Ascent = LBFGS,
-) -> IrlResult:
+    on_step: StepCallback | None = None,
+) -> FitResult:
     """Reward weights whose Boltzmann policy matches the observed choices.
 
     dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate. The loss is not
@@ -94,9 +94,15 @@ def fit_policy_matching(
             f"inverse_temperature must be finite and above 0, got {inverse_temperature}"
         )
     mdp = problem.mdp
-    counts = observe(mdp, decisions).state_action
-    table = known_dynamics_or_estimate(problem, decisions, dynamics)
-    transitions = transitions_of(mdp.transitions, table)
+    search = reward_search(
+        problem,
+        decisions,
+        PolicyMatchingPolicy(1.0 / inverse_temperature),
+        initial_weights=initial_weights,
+        rng=rng,
+        dynamics=dynamics,
+    )
+    counts, transitions = search.observations.state_action, search.transitions
     last: list[BellmanSolution] = []
 
     def matching(weights: FloatArray) -> tuple[float, FloatArray]:
@@ -111,12 +117,4 @@ def fit_policy_matching(
         found = adjoint(mdp, transitions, solution, by_q, Automatic())
         return value, np.tensordot(found.reward_gradient, problem.features, axes=2)
 
-    start = initial_weights_or_sample(problem, initial_weights, rng)
-    ascended = ascent.maximise(FunctionObjective(matching), start, lambda _: False)
-    return irl_result(
-        problem.feature_names,
-        table,
-        ascended,
-        solution=last[-1],
-        inverse_temperature=inverse_temperature,
-    )
+    return search.maximise(matching, ascent, on_step)

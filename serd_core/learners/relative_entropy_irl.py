@@ -27,14 +27,23 @@ import numpy as np
 import scipy.optimize
 
 from serd_core.arrays import FloatArray, float_array
+from serd_core.ascent.ascent import (
+    AscentResult,
+    Climb,
+    FunctionObjective,
+    Point,
+    StepCallback,
+    require_limits,
+)
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
 from serd_core.errors import SerdError
+from serd_core.learners.fit_result import FitResult
 from serd_core.learners.importance_samples import hoeffding_thresholds, importance_log_weights
-from serd_core.learners.irl_result import IrlResult
-from serd_core.learners.serd import initial_weights_or_sample, known_dynamics_or_estimate
+from serd_core.learners.known_dynamics import reward_search
 from serd_core.mdp.problem import Problem
+from serd_core.policies.mdce import MdcePolicy
 
 
 def fit_relative_entropy_irl(
@@ -52,53 +61,64 @@ def fit_relative_entropy_irl(
     largest_weight: float = 100.0,
     gradient_tolerance: float = 1e-6,
     max_steps: int = 5_000,
-) -> IrlResult:
-    """Reward weights from demonstrations and samples of the real dynamics.
+    on_step: StepCallback | None = None,
+) -> FitResult:
+    """Reward weights from demonstrations and samples of the real dynamics; maximises g.
 
     samples: episodes made by `sampling_policy` (S, A); baseline_policy: (S, A), uniform if None.
     thresholds: (F,) epsilon, or None for Hoeffding's at `confidence`; zeros for exact matching.
-    dynamics: (M, K), or the parameters of a SparseModel, None for the M-estimate; reported with the
-    weights, the fit does not use them.
+    dynamics: (M, K), or the parameters of a SparseModel, None for the M-estimate; for the policy of
+    the weights, the fit itself does not use them.
     Where the demonstrated features lie outside what the samples span, the dual grows without bound;
-    weights then stop at `largest_weight` and the fit says that it did not converge.
+    weights then stop at `largest_weight` and the fit has not converged.
     """
     if not largest_weight > 0:
         raise SerdError(f"largest_weight must be above 0, got {largest_weight}; use 100")
-    observe(problem.mdp, decisions)
+    require_limits(gradient_tolerance, max_steps)
+    search = reward_search(
+        problem,
+        decisions,
+        MdcePolicy(),
+        initial_weights=initial_weights,
+        rng=rng,
+        dynamics=dynamics,
+    )
     observe(problem.mdp, samples, name="samples")
-    table = known_dynamics_or_estimate(problem, decisions, dynamics)
     dual = SampledDual(
         wanted=feature_counts(problem, decisions).mean(axis=0),
         sampled=feature_counts(problem, samples),
         log_weights=importance_log_weights(problem, samples, sampling_policy, baseline_policy),
         thresholds=_thresholds(problem, decisions, thresholds, confidence),
     )
-    start = initial_weights_or_sample(problem, initial_weights, rng)
-    trace: list[float] = []
+    climb = Climb(FunctionObjective(dual.evaluate), on_step)
+    start = search.start.reward
     found = scipy.optimize.minimize(
-        dual.negative,
+        lambda halves: _negative(climb.evaluate(halves)),
         np.concatenate([np.maximum(start, 0.0), np.maximum(-start, 0.0)]),
         jac=True,
         method="L-BFGS-B",
         bounds=[(0.0, largest_weight)] * (2 * len(start)),
-        callback=lambda intermediate_result: trace.append(-float(intermediate_result.fun)),
+        callback=lambda intermediate_result: _after_step(climb, dual, intermediate_result.x),
         options={"gtol": gradient_tolerance, "ftol": 0.0, "maxiter": max_steps, "maxls": 40},
     )
-    return _result(problem.feature_names, table, found, trace, gradient_tolerance, largest_weight)
+    return search.result(_ascended(climb, dual, found, gradient_tolerance, largest_weight))
 
 
 @dataclass(frozen=True, eq=False)
 class SampledDual:
-    """g(theta) on samples. wanted: (F,) phi~; sampled: (N, F); log_weights: (N,) log U_Q / U_a."""
+    """g(theta) on samples, by the positive and negative parts of theta, (2 F,) in a row.
+
+    wanted: (F,) phi~; sampled: (N, F); log_weights: (N,) log U_Q / U_a; thresholds: (F,) epsilon.
+    """
 
     wanted: FloatArray
     sampled: FloatArray
     log_weights: FloatArray
     thresholds: FloatArray
 
-    def negative(self, halves: FloatArray) -> tuple[float, FloatArray]:
-        """-g and its gradient by the positive and negative parts of theta, (2 F,) in a row."""
-        weights = halves[: len(self.wanted)] - halves[len(self.wanted) :]
+    def evaluate(self, halves: FloatArray) -> tuple[float, FloatArray]:
+        """g and its (2 F,) gradient."""
+        weights = self.weights(halves)
         log_terms = self.log_weights + self.sampled @ weights
         highest = float(log_terms.max())
         share = np.exp(log_terms - highest)
@@ -106,7 +126,17 @@ class SampledDual:
         gradient = self.wanted - share @ self.sampled / share.sum()
         slack = float(np.tile(self.thresholds, 2) @ halves)
         both = np.concatenate([gradient - self.thresholds, -gradient - self.thresholds])
-        return -(float(weights @ self.wanted) - log_z - slack), -both
+        return float(weights @ self.wanted) - log_z - slack, both
+
+    def weights(self, halves: FloatArray) -> FloatArray:
+        """(F,) theta."""
+        return halves[: len(self.wanted)] - halves[len(self.wanted) :]
+
+    def at(self, halves: FloatArray) -> Point:
+        """The weights with g and the gradient that is left once parts held at 0 are taken out."""
+        value, gradient = self.evaluate(halves)
+        free = np.where((halves > 0) | (gradient > 0), gradient, 0.0)
+        return Point(self.weights(halves), value, free)
 
 
 def _thresholds(
@@ -124,30 +154,23 @@ def _thresholds(
     return checked
 
 
-def _result(
-    feature_names: tuple[str, ...],
-    dynamics: FloatArray,
+def _negative(point: Point) -> tuple[float, FloatArray]:
+    return -point.value, -point.gradient
+
+
+def _after_step(climb: Climb, dual: SampledDual, halves: FloatArray) -> None:
+    climb.accept(dual.at(halves))
+    if climb.stopped:
+        raise StopIteration
+
+
+def _ascended(
+    climb: Climb,
+    dual: SampledDual,
     found: scipy.optimize.OptimizeResult,
-    trace: list[float],
     gradient_tolerance: float,
     largest_weight: float,
-) -> IrlResult:
-    n_features = len(feature_names)
-    # What is left of the gradient once parts held at their bound are taken out.
-    free = np.where((found.x > 0) | (found.jac < 0), found.jac, 0.0)
-    norm = float(np.max(np.abs(free)))
-    converged = norm <= gradient_tolerance
+) -> AscentResult:
     stuck = bool(np.any(found.x >= largest_weight))
     reason = "weights reached largest_weight; take more samples" if stuck else found.message
-    return IrlResult(
-        feature_names=feature_names,
-        reward_weights=found.x[:n_features] - found.x[n_features:],
-        outcome_probabilities=dynamics,
-        objective=-float(found.fun),
-        gradient_norm=norm,
-        n_steps=int(found.nit),
-        n_evaluations=int(found.nfev),
-        converged=converged,
-        message="gradient within tolerance" if converged else f"not converged: {reason}",
-        objective_trace=np.array(trace),
-    )
+    return climb.result(dual.at(found.x), gradient_tolerance, f"not converged: {reason}")

@@ -27,7 +27,7 @@ def weights_under_initial_dynamics(
     problem: Problem,
     decisions: Decisions,
     *,
-    initial_dynamics: FloatArray | None = None,
+    dynamics: FloatArray | None = None,
     prior: Prior = WIDE,
     ascent: Ascent = TRUST_REGION,
 ) -> FloatArray:
@@ -39,7 +39,7 @@ def weights_under_initial_dynamics(
         problem,
         decisions,
         initial_weights=np.zeros(len(problem.feature_names)),
-        dynamics=initial_dynamics,
+        dynamics=dynamics,
         prior=prior,
         ascent=ascent,
     )

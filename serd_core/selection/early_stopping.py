@@ -6,14 +6,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step, StepObserver, largest
+from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step, StepCallback, largest
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.transitions import Transitions
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.serd import OnStep, SerdSettings, fit_serd, starting_parameters
+from serd_core.learners.serd import SETTINGS, SerdSettings, fit_serd
+from serd_core.learners.start import (
+    dynamics_or_estimate,
+    initial_weights_or_sample,
+    starting_parameters,
+)
 from serd_core.linear.automatic import Automatic
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
@@ -27,7 +32,7 @@ from serd_core.priors.prior import UniformPrior
 class EarlyStopping(Ascent):
     """Runs another ascent and returns the step with the best score.
 
-    score: vector (n,) to a number, larger is better, seen by nobody but this object.
+    score: vector (n,) to a number, larger is better; it does not change the ascent otherwise.
     patience: steps without improvement after which the ascent is stopped.
     """
 
@@ -40,17 +45,17 @@ class EarlyStopping(Ascent):
             raise SerdError(f"patience must be at least 1, got {self.patience}")
 
     def maximise(
-        self, objective: Objective, start: FloatArray, observer: StepObserver
+        self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
     ) -> AscentResult:
-        """Climb; the result stands at the best step and says so in its message."""
+        """Climb; the result is the best step, and its message gives the score."""
         first = self.score(start)
         if np.isnan(first):
-            # No later score would compare as better, and the start be handed back as the best.
+            # No later score would compare as better, and the start would be returned as the best.
             raise SerdError(
                 f"score of the start must be a number, got {first}; score validation decisions that"
                 " the problem allows"
             )
-        watch = _Watch(self, observer, np.array(start), first)
+        watch = _Watch(self, on_step, np.array(start), first)
         result = self.inner.maximise(objective, start, watch)
         if np.array_equal(watch.best_vector, result.vector):
             return result
@@ -72,7 +77,7 @@ class EarlyStopping(Ascent):
 @dataclass(eq=False)
 class _Watch:
     settings: EarlyStopping
-    observer: StepObserver
+    on_step: StepCallback | None
     best_vector: FloatArray
     best_score: float
     best_step: int = 0
@@ -82,35 +87,35 @@ class _Watch:
         if score > self.best_score:
             self.best_score, self.best_step = score, step.number
             self.best_vector = step.vector.copy()
-        tired = step.number - self.best_step >= self.settings.patience
-        return self.observer(step) or tired
+        stopped = self.on_step is not None and bool(self.on_step(step))
+        return stopped or step.number - self.best_step >= self.settings.patience
 
 
 def fit_serd_with_early_stopping(
     problem: Problem,
-    training: Decisions,
+    decisions: Decisions,
     validation: Decisions,
     policy_model: PolicyModel,
-    settings: SerdSettings,
+    settings: SerdSettings = SETTINGS,
     *,
-    initial_weights: FloatArray,
-    initial_dynamics: FloatArray,
+    initial_weights: FloatArray | None = None,
+    rng: np.random.Generator | None = None,
+    dynamics: FloatArray | None = None,
     patience: int = 20,
-    on_step: OnStep | None = None,
+    on_step: StepCallback | None = None,
 ) -> FitResult:
-    """`fit_serd` on the training decisions, ended by the likelihood of the validation ones."""
-    like = starting_parameters(
-        problem, policy_model, initial_weights, initial_dynamics, settings.belief
-    )
+    """`fit_serd` on the (training) decisions, ended by the likelihood of the validation ones."""
+    weights = initial_weights_or_sample(problem, initial_weights, rng)
+    given = dynamics_or_estimate(problem, decisions, dynamics)
+    like = starting_parameters(problem, policy_model, weights, given, settings.belief)
     score = validation_score(problem, validation, policy_model, settings.belief, like)
-    stopping = EarlyStopping(settings.ascent, score, patience)
     return fit_serd(
         problem,
-        training,
+        decisions,
         policy_model,
-        replace(settings, ascent=stopping),
-        initial_weights=initial_weights,
-        initial_dynamics=initial_dynamics,
+        replace(settings, ascent=EarlyStopping(settings.ascent, score, patience)),
+        initial_weights=weights,
+        dynamics=given,
         on_step=on_step,
     )
 

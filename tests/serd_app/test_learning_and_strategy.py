@@ -72,7 +72,7 @@ def test_a_model_file_gives_the_fit_and_the_policy_back(lesson, tmp_path):
     assert np.array_equal(back.reward_weights, fit.reward_weights)
     assert np.array_equal(back.outcome_probabilities, fit.outcome_probabilities)
     assert (back.objective, back.converged) == (fit.objective, fit.converged)
-    local = strategy.problem.outcome_models.local_probabilities(back.outcome_parameters.ravel())
+    local = strategy.problem.outcome_models.local_probabilities(back.parameters.truth)
     assert local == pytest.approx(fit.outcome_probabilities, abs=1e-12)
     arrival = strategy.predicted_arrival(start_distribution(HALLWAY, "train"), 200)
     assert (np.diff(arrival.cdf) >= 0).all()

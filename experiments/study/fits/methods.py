@@ -25,7 +25,6 @@ from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.importance_samples import hoeffding_thresholds
-from serd_core.learners.irl_result import IrlResult
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
@@ -141,7 +140,7 @@ def relative_entropy_irl(trial: Trial) -> Learned:
     return _of_weights(trial, fit.reward_weights, converged=fit.converged)
 
 
-def _fit_reirl(trial: Trial, decisions: Decisions, smoothing: float, share: float) -> IrlResult:
+def _fit_reirl(trial: Trial, decisions: Decisions, smoothing: float, share: float) -> FitResult:
     """smoothing: of the cloned policy that samples; share: of Hoeffding's thresholds."""
     problem = trial.problem
     policy = clone_behaviour(problem, decisions, smoothing)

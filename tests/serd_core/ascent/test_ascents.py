@@ -37,7 +37,7 @@ def test_the_top_of_a_quadratic_is_found(ascent):
 
 
 @EACH_ASCENT
-def test_the_observer_sees_every_step_and_can_stop(ascent):
+def test_the_callback_sees_every_step_and_can_stop(ascent):
     seen = []
 
     def stop_after_two(step):
@@ -47,7 +47,7 @@ def test_the_observer_sees_every_step_and_can_stop(ascent):
     found = ascent.maximise(FunctionObjective(quadratic), np.zeros(2), stop_after_two)
     assert [step.number for step in seen] == [1, 2]
     assert not found.converged
-    assert found.message == "stopped by the observer"
+    assert found.message == "stopped by the callback"
     np.testing.assert_array_equal(found.vector, seen[-1].vector)
 
 
@@ -64,27 +64,29 @@ def test_no_ascent_takes_more_steps_than_it_may(kind, max_steps):
     settings = {"step_size": lambda _: 1e-3} if kind is GradientAscent else {}
     if kind is KinkedAscent:
         settings = {"smooth": TrustRegion(max_steps=0)}
-    told = []
+    numbers = []
     found = kind(max_steps=max_steps, **settings).maximise(
-        FunctionObjective(valley), np.array([-1.2, 1.0]), lambda step: told.append(step.number)
+        FunctionObjective(valley), np.array([-1.2, 1.0]), lambda step: numbers.append(step.number)
     )
     assert found.n_steps <= max_steps
-    assert told == list(range(1, found.n_steps + 1))
+    assert numbers == list(range(1, found.n_steps + 1))
     assert not found.converged
     assert found.message == "not converged: out of steps"
 
 
-def test_a_gradient_step_that_leaves_the_numbers_is_said_and_not_taken():
+def test_a_gradient_step_to_a_point_that_is_not_finite_is_reported_and_not_taken():
     start = np.array([-1.2, 1.0])
     ascent = GradientAscent(step_size=lambda number: 1e-3 if number == 1 else 1e200)
     found = ascent.maximise(FunctionObjective(valley), start, never)
-    assert found.message.startswith("not converged: a step led where the objective is no number")
+    assert found.message.startswith(
+        "not converged: a step reached a point where the objective is not finite"
+    )
     assert not found.converged
     assert found.n_steps == 1
     np.testing.assert_array_equal(found.vector, start + 1e-3 * valley(start)[1])
 
 
-def test_gradient_steps_that_are_too_long_are_told_from_too_few():
+def test_gradient_steps_that_are_too_long_are_distinguished_from_too_few():
     long = GradientAscent(step_size=lambda _: 0.25, max_steps=10)
     found = long.maximise(FunctionObjective(quadratic), np.zeros(2), never)
     assert found.message.endswith("the objective fell on the way, use a smaller step_size")
@@ -94,7 +96,7 @@ def test_gradient_steps_that_are_too_long_are_told_from_too_few():
 
 
 @pytest.mark.parametrize("ascent", [Lbfgs(), TrustRegion(), GradientAscent(), KinkedAscent()])
-def test_an_ascent_does_not_evaluate_where_parameters_are_no_numbers(ascent):
+def test_an_ascent_does_not_evaluate_at_parameters_that_are_not_finite(ascent):
     with pytest.raises(SerdError, match="parameter 1 of 2 became nan; start from smaller weights"):
         ascent.maximise(FunctionObjective(quadratic), np.array([0.0, np.nan]), never)
 

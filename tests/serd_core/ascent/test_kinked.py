@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from serd_core.ascent.ascent import STOPPED, FunctionObjective
-from serd_core.ascent.inverse_metric import first_metric, updated_metric
-from serd_core.ascent.kinked import AT_A_KINK, STALLED, KinkedAscent
-from serd_core.ascent.smallest_mean import smallest_mean
+from serd_core.ascent.ascent import AT_A_KINK, STOPPED, FunctionObjective
+from serd_core.ascent.kinked import (
+    STALLED,
+    KinkedAscent,
+    first_metric,
+    smallest_mean,
+    updated_metric,
+)
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.selection.early_stopping import EarlyStopping
 
@@ -95,13 +99,13 @@ def test_the_top_of_a_bowl_of_six_planes_is_certified(seed):
     assert found.objective == pytest.approx(-best.fun, abs=1e-6)
 
 
-def test_the_observer_is_told_the_last_step_and_an_early_stop_may_keep_it():
+def test_the_callback_receives_the_last_step_and_early_stopping_may_select_it():
     objective, start = FunctionObjective(rosenbrock_with_a_kink), np.array([-1.2, 0.5])
-    told = []
-    plain = KinkedAscent().maximise(objective, start, told.append)
-    assert [step.number for step in told] == list(range(1, plain.n_steps + 1))
-    np.testing.assert_array_equal(told[-1].vector, plain.vector)
-    assert told[-1].gradient_norm == plain.gradient_norm
+    steps = []
+    plain = KinkedAscent().maximise(objective, start, steps.append)
+    assert [step.number for step in steps] == list(range(1, plain.n_steps + 1))
+    np.testing.assert_array_equal(steps[-1].vector, plain.vector)
+    assert steps[-1].gradient_norm == plain.gradient_norm
     watched = EarlyStopping(KinkedAscent(), lambda v: objective.evaluate(v)[0], patience=500)
     kept = watched.maximise(objective, start, never)
     assert kept.n_steps == plain.n_steps
@@ -118,7 +122,7 @@ def test_a_smooth_objective_is_left_to_the_smooth_ascent():
     assert found.message == alone.message
 
 
-def test_the_observer_stops_it_on_either_side_of_the_stall():
+def test_the_callback_stops_it_before_and_after_the_stall():
     objective = FunctionObjective(rosenbrock_with_a_kink)
     n_smooth = TrustRegion().maximise(objective, np.array([-1.2, 0.5]), never).n_steps
     for last in (1, n_smooth + 2):
@@ -134,14 +138,14 @@ def test_the_observer_stops_it_on_either_side_of_the_stall():
         assert numbers == list(range(1, last + 1))
 
 
-def test_a_gradient_that_lies_is_no_convergence():
-    """Every direction goes down, but the gradient promises a rise: said, not hidden."""
+def test_a_wrong_gradient_is_no_convergence():
+    """Every direction goes down, but the gradient promises a rise: the message reports it."""
 
-    def deceitful(vector):
+    def wrong_gradient(vector):
         return -float(np.abs(vector).sum()), np.ones(2)
 
     found = KinkedAscent(max_steps=5).maximise(
-        FunctionObjective(deceitful), np.array([1e-9, 1e-9]), never
+        FunctionObjective(wrong_gradient), np.array([1e-9, 1e-9]), never
     )
     assert not found.converged
     assert found.message == STALLED

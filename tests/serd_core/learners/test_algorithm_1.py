@@ -54,5 +54,5 @@ def test_the_learner_takes_the_steps_of_algorithm_1(make_gridworld):
         ascent=GradientAscent(step_size=lambda _: 0.3, max_steps=5),
     )
     np.testing.assert_allclose(fit.reward_weights, expected[:2], atol=1e-7)
-    np.testing.assert_allclose(fit.outcome_parameters.ravel(), expected[2:], atol=1e-7)
+    np.testing.assert_allclose(fit.parameters.truth, expected[2:], atol=1e-7)
     assert fit.n_steps == 5

@@ -78,7 +78,7 @@ def test_learned_dynamics_may_not_start_at_zeros_and_the_sentence_says_who_may(g
             gridworld.problem,
             gridworld.decisions,
             initial_weights=np.zeros(2),
-            initial_dynamics=gridworld.probabilities,
+            dynamics=gridworld.probabilities,
         )
 
 

@@ -173,7 +173,7 @@ def test_progress_is_reported_and_a_fit_can_be_stopped(gridworld):
     assert len(seen) == 3
     assert fit.n_steps == 3
     assert not fit.converged
-    assert fit.message == "stopped by the observer"
+    assert fit.message == "stopped by the callback"
     np.testing.assert_allclose(fit.objective_trace, np.array(seen) * len(gridworld.decisions))
 
 
@@ -229,7 +229,7 @@ def test_a_general_sparse_model_with_its_own_parameters_fits_the_same_learner():
             problem,
             decisions,
             initial_weights=np.zeros(1),
-            initial_dynamics=np.zeros(1),
+            dynamics=np.zeros(1),
             ascent=ascent,
         )
         for ascent in (Lbfgs(), TrustRegion())
@@ -237,12 +237,12 @@ def test_a_general_sparse_model_with_its_own_parameters_fits_the_same_learner():
     for fit in fits:
         assert fit.converged
         assert fit.reward_weights[0] == pytest.approx(1.5, abs=0.1)
-        assert fit.outcome_parameters[0] == pytest.approx(0.4, abs=0.1)
+        assert fit.parameters.truth == pytest.approx(0.4, abs=0.1)
     assert fits[1].n_steps < fits[0].n_steps
     information = fit_information(problem, decisions, fits[1])
     assert information.names == ("reward goal", "dynamics parameter 0")
     assert identifiability(information).identified
-    with pytest.raises(SerdError, match="SparseModel; pass its parameters as dynamics or init"):
+    with pytest.raises(SerdError, match="SparseModel; pass its parameters as dynamics"):
         estimate_dynamics(problem, decisions)
 
 
@@ -255,10 +255,8 @@ def test_wrong_starts_are_refused_by_name(gridworld):
     with pytest.raises(SerdError, match=r"initial_weights\[1\] must be finite, got nan"):
         fit_mdce_serd(problem, decisions, initial_weights=np.array([0, np.nan]))
     with pytest.raises(SerdError, match=r"outcome probabilities must have shape \(9, 5\)"):
-        fit_mdce_serd(
-            problem, decisions, initial_weights=np.zeros(2), initial_dynamics=np.ones((2, 5)) / 5
-        )
+        fit_mdce_serd(problem, decisions, initial_weights=np.zeros(2), dynamics=np.ones((2, 5)) / 5)
     dynamics = gridworld.probabilities.copy()
     dynamics[8] = 0.3
     with pytest.raises(SerdError, match=r"outcome probabilities\[8\] must sum to 1, got 1.5"):
-        fit_mdce_serd(problem, decisions, initial_weights=np.zeros(2), initial_dynamics=dynamics)
+        fit_mdce_serd(problem, decisions, initial_weights=np.zeros(2), dynamics=dynamics)

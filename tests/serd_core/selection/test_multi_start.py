@@ -76,14 +76,15 @@ def test_no_starts_are_refused():
 def test_the_open_scale_of_policy_matching_makes_no_second_explanation(minimum_example, always_a):
     """Rewards and temperature ten times as large choose alike."""
     one = fit_pm_serd(minimum_example, always_a, initial_weights=np.ones(1))
-    large = replace(one, reward_weights=10 * one.reward_weights, temperature=10 * one.temperature)
-    other = replace(one, reward_weights=10 * one.reward_weights)
+    ten_times = one.parameters.with_block(Block.REWARD, 10 * one.reward_weights)
+    large = replace(one, parameters=ten_times, temperature=10 * one.temperature)
+    other = replace(one, parameters=ten_times)
     assert len(multi_start(iter_of(one, large), 2, np.random.default_rng(0)).explanations) == 1
     assert len(multi_start(iter_of(one, other), 2, np.random.default_rng(0)).explanations) == 2
 
 
 def iter_of(*fits):
-    """A learner that hands out these fits one after the other."""
+    """A learner that returns these fits one after the other."""
     remaining = iter(fits)
     return lambda _: next(remaining)
 

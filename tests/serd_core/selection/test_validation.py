@@ -51,7 +51,7 @@ def test_known_dynamics_with_zeros_can_be_stopped_early(gridworld):
         MdcePolicy(),
         SerdSettings(belief=FixedBelief()),
         initial_weights=np.zeros(2),
-        initial_dynamics=gridworld.probabilities,
+        dynamics=gridworld.probabilities,
     )
     np.testing.assert_allclose(fit.outcome_probabilities, gridworld.probabilities, rtol=1e-12)
     assert np.all(np.isfinite(fit.reward_weights))
@@ -72,7 +72,7 @@ def test_no_other_step_of_the_fit_explains_the_validation_set_better(make_gridwo
     training, validation = split_episodes(case.decisions, 0.5, np.random.default_rng(0))
     start = {
         "initial_weights": np.array([-4.0, 9.0]),
-        "initial_dynamics": estimate_dynamics(case.problem, training),
+        "dynamics": estimate_dynamics(case.problem, training),
     }
     scores = []
     fit = fit_serd_with_early_stopping(

@@ -139,7 +139,7 @@ def test_errors_say_how_much_estimates_scatter(make_gridworld):
             case.problem,
             decisions,
             initial_weights=case.weights,
-            initial_dynamics=table,
+            dynamics=table,
             belief=FixedBelief(),
             ascent=TrustRegion(),
         )
@@ -284,7 +284,7 @@ def test_a_kink_has_no_standard_errors(make_gridworld):
 
 @pytest.mark.parametrize("factor", [1e-5, 1e5])
 def test_units_of_features_change_the_errors_by_their_factor_only(gridworld, factor):
-    """Metres or kilometres: exactly the same fit, told in other units."""
+    """Metres or kilometres: exactly the same fit, in other units."""
     problem, decisions = gridworld.problem, gridworld.decisions
     fit = fit_mdce_serd(
         problem, decisions, initial_weights=np.ones(2), prior=KldPrior(1.0), ascent=PRECISE
@@ -292,14 +292,12 @@ def test_units_of_features_change_the_errors_by_their_factor_only(gridworld, fac
     units = np.array([factor, 1.0])
     rescaled = TabularProblem(problem.mdp, problem.features * units, problem.feature_names)
     at = fit.parameters
-    told = replace(
-        fit,
-        reward_weights=at.reward / units,
-        parameters=Parameters(at.reward / units, at.belief, at.truth, at.policy),
+    rescaled_fit = replace(
+        fit, parameters=Parameters(at.reward / units, at.belief, at.truth, at.policy)
     )
     one, other = (
         fit_information(each, decisions, found)
-        for each, found in ((problem, fit), (rescaled, told))
+        for each, found in ((problem, fit), (rescaled, rescaled_fit))
     )
     for name in ("observed", "outer_product"):
         errors, scaled = (

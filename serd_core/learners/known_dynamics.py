@@ -1,0 +1,104 @@
+"""What learners of rewards alone have in common: dynamics they take as known, and their result."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.ascent.ascent import Ascent, AscentResult, FunctionObjective, StepCallback
+from serd_core.bellman.newton import Newton
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import Observations, observe
+from serd_core.dynamics.transitions import Transitions, transitions_of
+from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
+from serd_core.learners.start import (
+    dynamics_or_estimate,
+    initial_weights_or_sample,
+    starting_parameters,
+)
+from serd_core.linear.automatic import Automatic
+from serd_core.mdp.problem import Problem
+from serd_core.policies.policy_model import PolicyModel
+from serd_core.posterior.beliefs import FixedBelief
+from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.posterior import Posterior
+from serd_core.priors.prior import UniformPrior
+
+
+@dataclass(frozen=True, eq=False)
+class RewardSearch:
+    """Reward weights to find under known dynamics.
+
+    policy_model: the policy that the weights are learned for; start: parameters to begin with;
+    table: local probabilities of the dynamics, exactly as given.
+    """
+
+    problem: Problem
+    observations: Observations
+    policy_model: PolicyModel
+    start: Parameters
+    table: FloatArray
+
+    @cached_property
+    def transitions(self) -> Transitions:
+        """The known dynamics."""
+        return transitions_of(self.problem.mdp.transitions, self.table)
+
+    def maximise(
+        self,
+        objective: Callable[[FloatArray], tuple[float, FloatArray]],
+        ascent: Ascent,
+        on_step: StepCallback | None,
+    ) -> FitResult:
+        """The fit at the maximum of a function of the (F,) weights with its gradient."""
+        return self.result(
+            ascent.maximise(FunctionObjective(objective), self.start.reward, on_step)
+        )
+
+    def result(self, ascended: AscentResult) -> FitResult:
+        """The fit of an ascent over the weights, with the likelihood of its policy."""
+        assumptions = Assumptions(self.policy_model, FixedBelief(), UniformPrior())
+        posterior = Posterior(
+            self.problem,
+            self.observations,
+            self.policy_model,
+            assumptions.prior,
+            Newton(),
+            Automatic(),
+        )
+        parameters = self.start.with_block(Block.REWARD, ascended.vector)
+        return fit_result(
+            self.problem,
+            assumptions,
+            parameters,
+            posterior.evaluate(parameters),
+            ascended,
+            tables=(self.table, self.table, self.table),
+            n_decisions=self.observations.n_decisions,
+            objective=ascended.objective,
+            objective_trace=ascended.objective_trace,
+        )
+
+
+def reward_search(
+    problem: Problem,
+    decisions: Decisions,
+    policy_model: PolicyModel,
+    *,
+    initial_weights: FloatArray | None,
+    rng: np.random.Generator | None,
+    dynamics: FloatArray | None,
+) -> RewardSearch:
+    """Prepare a search from the arguments that all these learners take."""
+    observations = observe(problem.mdp, decisions)
+    known = dynamics_or_estimate(problem, decisions, dynamics)
+    weights = initial_weights_or_sample(problem, initial_weights, rng)
+    return RewardSearch(
+        problem=problem,
+        observations=observations,
+        policy_model=policy_model,
+        start=starting_parameters(problem, policy_model, weights, known, FixedBelief()),
+        table=problem.mdp.transitions.known_probabilities(known),
+    )

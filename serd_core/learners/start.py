@@ -1,0 +1,64 @@
+"""Where a fit starts: line 3 of Algorithm 1, and the reward weights of section 4.6.2."""
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, float_array
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.errors import SerdError
+from serd_core.mdp.problem import Problem
+from serd_core.policies.policy_model import PolicyModel
+from serd_core.posterior.beliefs import Belief, TiedBelief
+from serd_core.posterior.parameters import Parameters
+
+TIED = TiedBelief()
+
+
+def dynamics_or_estimate(
+    problem: Problem, decisions: Decisions, dynamics: FloatArray | None
+) -> FloatArray:
+    """The given dynamics, or the M-estimate with a uniform prior (line 3 of Algorithm 1).
+
+    In the terms of the model: an (M, K) table, or the parameters of a SparseModel. A model without
+    parameters needs neither.
+    """
+    model = problem.mdp.transitions
+    if dynamics is None:
+        return estimate_dynamics(problem, decisions) if model.n_parameters else np.zeros(0)
+    table = np.asarray(dynamics, dtype=np.float64)
+    if isinstance(model, OutcomeModels):
+        model.require_distributions(table)
+    return table
+
+
+def initial_weights_or_sample(
+    problem: Problem, initial_weights: FloatArray | None, rng: np.random.Generator | None
+) -> FloatArray:
+    """The given (F,) weights, or a sample of U[-10, 10] as in section 4.6.2."""
+    n_features = len(problem.feature_names)
+    if initial_weights is not None:
+        return float_array("initial_weights", initial_weights, (n_features,))
+    if rng is None:
+        raise SerdError("initial_weights or rng must be given, got neither; pass one of them")
+    return rng.uniform(-10.0, 10.0, n_features)
+
+
+def starting_parameters(
+    problem: Problem,
+    policy_model: PolicyModel,
+    initial_weights: FloatArray,
+    dynamics: FloatArray,
+    relation: Belief = TIED,
+) -> Parameters:
+    """All four blocks for given weights and dynamics; belief and truth start equal."""
+    model = problem.mdp.transitions
+    if relation.learns_dynamics:
+        theta = model.parameters_of(dynamics)
+    else:
+        theta = model.fixed_parameters_of(dynamics)
+    model.require_stochastic(model.entries(model.local_probabilities(theta)))
+    weights = float_array("initial_weights", initial_weights, (len(problem.feature_names),))
+    return Parameters(
+        reward=weights, belief=theta, truth=theta, policy=policy_model.initial_parameters
+    )
