@@ -27,7 +27,7 @@ from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from sim.drivers.decision import is_decision_tick, waypoint_of_intent
 from sim.planning.catalogue import make_planner
-from sim.planning.planner_status import PlannerStatus
+from sim.planning.local_planner import PlannerStatus
 from sim.scenario.grid import grid_of
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation

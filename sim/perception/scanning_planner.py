@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sim.perception.people_tracker import TrackerState
 from sim.perception.scan_perception import ScanPerception
-from sim.planning.planner_status import PlannerStatus
+from sim.planning.local_planner import PlannerStatus
 from sim.planning.recovery import RecoveringPlanner
 from sim.scenario.scenario import Scenario
 from sim.world.command import Command

@@ -1,26 +1,29 @@
 """Dynamic window planner (Fox, Burgard & Thrun 1997) among walking people.
 
-Every control period it rolls out the commands the robot can reach soon, throws away those that
-would hit a wall or a person before the robot could have stopped, and takes the cheapest:
+Every control period it rolls out the commands the robot can reach soon, forbids those that would
+hit a wall or a person before the robot could have stopped, and takes the cheapest:
 
     cost = w_p mean_t d_t + w_s last distance + w_h |heading error|
            + w_n max_t nearness of people + w_w nearness of walls
 
 with d_t the smallest distance to the waypoint up to t (`rollout_costs`). Standing still is always
-allowed: a robot that stands does not run into anybody. Blocked on all sides, it turns on the spot
-towards where there will be a way out.
+allowed: a robot at rest does not run into people. When all motions are forbidden, it turns in place
+towards the direction in which it will be able to leave.
 """
 
 import math
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray
-from sim.planning.clearance import cannot_stop_before, up_to_last
-from sim.planning.dwa_settings import DwaSettings, reachable_window
-from sim.planning.rollout_costs import PeopleAround, RolloutCosts
-from sim.planning.rollouts import Rollouts, roll_out
-from sim.planning.stopping import REACTION_S, require_foresight
+from serd_core.arrays import FloatArray
+from sim.planning.rollout_costs import CostSettings, PeopleAround, RolloutCosts
+from sim.planning.rollouts import Rollouts, reachable_window, roll_out
+from sim.planning.stopping import (
+    REACTION_S,
+    before_stop,
+    require_foresight,
+    speed_to_stop_within,
+)
 from sim.scenario.scenario import Scenario
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation
@@ -29,38 +32,45 @@ from sim.world.waypoint import Waypoint
 _FORBIDDEN = 1e6
 _SLOWEST_MPS = 1e-3
 _STANDS_MPS = 0.05
+#: Time (s) within which a sampled command must be reachable.
+_WINDOW_S = 0.3
+#: How long (s) a sampled turn lasts before the rollout goes straight on.
+_TURN_TIME_S = 0.4
+#: How long (s) a blocked robot may turn in place before it drives on.
+_LEAVING_TURN_S = 0.6
+_TURNING_WEIGHT = 0.01
 
 
 class DwaPlanner:
     """Drives to a waypoint around people and away from walls."""
 
-    def __init__(self, scenario: Scenario, settings: DwaSettings | None = None) -> None:
-        parameters = scenario.local_planner
-        self.settings = settings if settings is not None else parameters.dwa
-        self._robot = parameters.limited(scenario.robot)
-        count, step_s = self.settings.n_steps, self.settings.time_granularity_s
+    def __init__(self, scenario: Scenario) -> None:
+        self._settings = scenario.local_planner
+        self._robot = self._settings.limited(scenario.robot)
+        step_s = self._settings.time_granularity
+        count = max(2, round(self._settings.sim_time / step_s))
         require_foresight("local_planner.sim_time", count * step_s, self._robot)
         self._time_s: FloatArray = step_s * np.arange(1, count + 1, dtype=np.float64)
-        self._costs = RolloutCosts(scenario, self.settings.costs, self._time_s)
-        spread = np.linspace(-1.0, 1.0, self.settings.vtheta_samples)
+        self._costs = RolloutCosts(scenario, CostSettings(), self._time_s)
+        spread = np.linspace(-1.0, 1.0, self._settings.vtheta_samples)
         self._turn_shares: FloatArray = np.sign(spread) * np.abs(spread) ** 1.5
         self._is_blocked = False
 
     @property
     def is_blocked(self) -> bool:
-        """Whether every way to move was forbidden when it was asked last."""
+        """Whether every motion was forbidden at the last step."""
         return self._is_blocked
 
     def reset(self) -> None:
-        """Nothing is remembered but whether the robot was blocked."""
+        """Clear the only state: whether the robot was blocked."""
         self._is_blocked = False
 
     def snapshot(self) -> bool:
-        """All that changes: whether the robot was blocked."""
+        """The only state: whether the robot was blocked."""
         return self._is_blocked
 
     def restore(self, state: bool) -> None:
-        """Go back to a snapshot."""
+        """Return to a snapshot."""
         self._is_blocked = state
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
@@ -69,7 +79,7 @@ class DwaPlanner:
         if waypoint is None:
             return STOP
         distance_m = math.hypot(waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m)
-        if distance_m < self.settings.xy_goal_tolerance_m:
+        if distance_m < self._settings.xy_goal_tolerance:
             return STOP
         speeds, turns = self._samples(observation, distance_m)
         around = self._costs.look(observation)
@@ -85,14 +95,13 @@ class DwaPlanner:
         self, observation: Observation, distance_m: float
     ) -> tuple[FloatArray, FloatArray]:
         """Speeds (V,) forward, slow enough to stop at the waypoint, the last one 0; turns (W,)."""
-        robot, settings = self._robot, self.settings
+        robot = self._robot
         window = reachable_window(
-            robot, observation.speed_mps, observation.yaw_rate_radps, settings.window_s
+            robot, observation.speed_mps, observation.yaw_rate_radps, _WINDOW_S
         )
-        stopping = math.sqrt(2.0 * settings.braking_share * robot.acc_lim_x_mps2 * distance_m)
-        fastest = max(min(window.fastest_mps, stopping), 0.0)
+        fastest = max(min(window.fastest_mps, speed_to_stop_within(distance_m, robot)), 0.0)
         slowest = min(max(window.slowest_mps, 0.0), fastest)
-        speeds = np.append(np.linspace(slowest, fastest, settings.vx_samples - 1), 0.0)
+        speeds = np.append(np.linspace(slowest, fastest, self._settings.vx_samples - 1), 0.0)
         half = 0.5 * (window.leftmost_radps - window.rightmost_radps)
         middle = 0.5 * (window.leftmost_radps + window.rightmost_radps)
         return speeds, middle + half * self._turn_shares
@@ -100,11 +109,10 @@ class DwaPlanner:
     def _turn_to_leave(
         self, observation: Observation, around: PeopleAround, waypoint: Waypoint
     ) -> Command:
-        """Turn on the spot towards the best way out; stay as it is where there is none."""
-        settings, robot = self.settings, self._robot
-        speeds = np.append(np.linspace(0.25, 1.0, 3) * robot.max_vel_x_mps, 0.0)
-        turns = robot.max_vel_theta_radps * self._turn_shares
-        cost = self._cost(observation, around, waypoint, speeds, turns, settings.leaving_turn_s)
+        """Turn in place towards the best way out; stand still where there is none."""
+        speeds = np.append(np.linspace(0.25, 1.0, 3) * self._robot.max_vel_x_mps, 0.0)
+        turns = self._robot.max_vel_theta_radps * self._turn_shares
+        cost = self._cost(observation, around, waypoint, speeds, turns, _LEAVING_TURN_S)
         best_v, best_w = np.unravel_index(int(np.argmin(cost)), cost.shape)
         return Command(0.0, float(turns[best_w]) if speeds[best_v] > 0.0 else 0.0)
 
@@ -117,9 +125,9 @@ class DwaPlanner:
         turns: FloatArray,
         turn_first_s: float = 0.0,
     ) -> FloatArray:
-        """(V, W) cost of commands, _FORBIDDEN and more where they would hit something.
+        """(V, W) cost of commands, at least _FORBIDDEN where they would hit something.
 
-        turn_first_s: above zero, of turning on the spot for so long before driving on.
+        turn_first_s: when above zero, the robot turns in place for so long before it drives on.
         """
         rollouts = roll_out(
             observation.pose,
@@ -127,11 +135,17 @@ class DwaPlanner:
             (observation.yaw_rate_radps, turns),
             self._robot,
             self._time_s,
-            max(self.settings.turn_time_s, turn_first_s),
+            max(_TURN_TIME_S, turn_first_s),
             turn_first_s,
         )
         x_m, y_m = rollouts.x_m, rollouts.y_m
-        soon = self._soon(rollouts, REACTION_S + turn_first_s)
+        soon = before_stop(
+            rollouts.speed_mps[:, -1],
+            self._robot,
+            self._time_s,
+            slowest_mps=_SLOWEST_MPS,
+            reaction_s=REACTION_S + turn_first_s,
+        )
         wall_cost, at_wall = self._costs.walls(x_m, y_m, soon.shape[1])
         people_cost, at_person = self._costs.people(x_m, y_m, around, soon.shape[1])
         hits = ((at_wall | at_person) & soon[:, None, :]).any(axis=2)
@@ -147,16 +161,9 @@ class DwaPlanner:
         rollouts: Rollouts,
         turns: FloatArray,
     ) -> FloatArray:
-        """(1, W) for not facing the waypoint after the turn, and for turning fast."""
+        """(1, W) cost of not facing the waypoint after the turn, and of the turning rate."""
         to_x, to_y = waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m
         error = math.atan2(to_y, to_x) - rollouts.yaw_rad[:, -1]
         facing = self._costs.heading(error, math.hypot(to_x, to_y))
-        cost: FloatArray = facing + self.settings.turning_weight * np.abs(turns)
+        cost: FloatArray = facing + _TURNING_WEIGHT * np.abs(turns)
         return cost[None, :]
-
-    def _soon(self, rollouts: Rollouts, soon_s: float) -> BoolArray:
-        """(V, n_soon) times before which a rollout that ends up moving cannot stop."""
-        final_speed = rollouts.speed_mps[:, -1]
-        soon = cannot_stop_before(final_speed, self._robot.acc_lim_x_mps2, self._time_s, soon_s)
-        soon &= (np.abs(final_speed) > _SLOWEST_MPS)[:, None]
-        return up_to_last(soon)

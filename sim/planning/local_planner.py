@@ -1,5 +1,6 @@
-"""What every local planner is: a thing that turns what is seen and a waypoint into a command."""
+"""The interface of local planners, which turn observations and waypoints into commands."""
 
+from enum import IntEnum
 from typing import Any, Protocol
 
 from sim.world.command import Command
@@ -7,24 +8,33 @@ from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
 
 
+class PlannerStatus(IntEnum):
+    """NONE: no error; the others are the error codes of nav2_msgs/FollowPath."""
+
+    NONE = 0
+    PATIENCE_EXCEEDED = 104
+    FAILED_TO_MAKE_PROGRESS = 105
+    NO_VALID_CONTROL = 106
+
+
 class LocalPlanner(Protocol):
-    """Drives to waypoints around people; one object for the node, batch runs and tests."""
+    """Drives to waypoints around people; used by the node, batch runs and tests alike."""
 
     @property
     def is_blocked(self) -> bool:
-        """Whether every way to move was forbidden when it was asked last."""
+        """Whether every motion was forbidden at the last step."""
         ...
 
     def reset(self) -> None:
-        """Forget the past, at the start of an episode."""
+        """Discard all state, at the start of an episode."""
         ...
 
     def snapshot(self) -> Any:
-        """Everything that changes, as a value of the planner's own kind."""
+        """Copy of all that changes, in a type of the planner's own."""
         ...
 
     def restore(self, state: Any) -> None:
-        """Go back to a snapshot of a planner of this kind; what follows repeats exactly."""
+        """Return to a snapshot of a planner of this kind; later steps repeat exactly."""
         ...
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:

@@ -5,8 +5,8 @@ N plans out under the robot's limits, and averages them with weights
 
     w_n ~ exp(-(S_n - min S) / temperature)
 
-where S_n is the cost of the rollout: way left to the waypoint, nearness of people and of walls. A
-plan that would run into somebody or something before it could stop costs so much that it has no
+where S_n is the cost of the rollout: distance to the waypoint, nearness of people and of walls. A
+plan that would hit a person or a wall before the robot could stop costs so much that it has no
 weight; when the average is such a plan, the best sample is driven instead, or the robot stops.
 """
 
@@ -17,11 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray
-from sim.planning.clearance import cannot_stop_before, up_to_last
-from sim.planning.mppi_settings import MppiSettings
-from sim.planning.rollout_costs import PeopleAround, RolloutCosts
-from sim.planning.stopping import REACTION_S, require_foresight
+from serd_core.arrays import FloatArray
+from sim.planning.rollout_costs import CostSettings, PeopleAround, RolloutCosts
+from sim.planning.stopping import before_stop, require_foresight, speed_to_stop_within
 from sim.scenario.scenario import Scenario
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation
@@ -29,11 +27,15 @@ from sim.world.waypoint import Waypoint
 
 _FORBIDDEN = 1e4
 _SLOWEST_MPS = 0.02
+#: Steps over which a sampled acceleration is held.
+_NOISE_HOLD_STEPS = 2
+_SEED = 1
+_COSTS = CostSettings(staying_weight=0.5, people_weight=1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class MppiState:
-    """What a snapshot keeps of the planner. plan: (2, T) accelerations."""
+    """A snapshot of the planner. plan: (2, T) accelerations."""
 
     is_blocked: bool
     plan: FloatArray
@@ -43,35 +45,34 @@ class MppiState:
 class MppiPlanner:
     """Drives to a waypoint by averaging many random plans."""
 
-    def __init__(self, scenario: Scenario, settings: MppiSettings | None = None) -> None:
-        parameters = scenario.local_planner
-        self.settings = settings if settings is not None else parameters.mppi
-        self._robot = parameters.limited(scenario.robot)
+    def __init__(self, scenario: Scenario) -> None:
+        self._settings = scenario.local_planner
+        self._robot = self._settings.limited(scenario.robot)
         self._control_period_s = scenario.control_period_s
-        steps, step_s = self.settings.time_steps, self.settings.model_dt_s
+        steps, step_s = self._settings.time_steps, self._settings.model_dt
         horizon = "local_planner.time_steps times model_dt"
         require_foresight(horizon, steps * step_s, self._robot)
         self._time_s: FloatArray = step_s * np.arange(1, steps + 1, dtype=np.float64)
-        self._costs = RolloutCosts(scenario, self.settings.costs, self._time_s)
+        self._costs = RolloutCosts(scenario, _COSTS, self._time_s)
         self.reset()
 
     @property
     def is_blocked(self) -> bool:
-        """Whether every way to move was forbidden when it was asked last."""
+        """Whether every motion was forbidden at the last step."""
         return self._is_blocked
 
     def reset(self) -> None:
-        """Forget the plan and start the random numbers again."""
+        """Discard the plan and seed the random numbers again."""
         self._is_blocked = False
-        self._rng = np.random.default_rng(self.settings.seed)
-        self._plan: FloatArray = np.zeros((2, self.settings.time_steps))
+        self._rng = np.random.default_rng(_SEED)
+        self._plan: FloatArray = np.zeros((2, self._settings.time_steps))
 
     def snapshot(self) -> MppiState:
         """Copy of all that changes."""
         return MppiState(self._is_blocked, self._plan.copy(), self._rng.bit_generator.state)
 
     def restore(self, state: MppiState) -> None:
-        """Go back to a snapshot."""
+        """Return to a snapshot."""
         self._is_blocked, self._plan = state.is_blocked, state.plan.copy()
         self._rng.bit_generator.state = state.generator_state
 
@@ -87,7 +88,7 @@ class MppiPlanner:
         cost = self._cost(observation, around, waypoint, speed, turning)
         moving = speed[:, 0] > _SLOWEST_MPS
         self._is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
-        weight = np.exp(-(cost - cost.min()) / self.settings.temperature)
+        weight = np.exp(-(cost - cost.min()) / self._settings.temperature)
         weight /= weight.sum()
         # einsum, not BLAS: the sum's order must not depend on the number of threads.
         mean_speed, mean_turning = np.einsum("n,knt->kt", weight, np.stack([speed, turning]))
@@ -103,18 +104,18 @@ class MppiPlanner:
 
     def _is_at(self, observation: Observation, waypoint: Waypoint) -> bool:
         away = math.hypot(waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m)
-        return away < self.settings.xy_goal_tolerance_m
+        return away < self._settings.xy_goal_tolerance
 
     def _sampled_plans(self) -> FloatArray:
-        """(2, N, T) accelerations: the plan of before with noise held over a few steps.
+        """(2, N, T) accelerations: the last plan with noise that is held over a few steps.
 
         The first sample is the plan itself, the second one brakes.
         """
-        settings = self.settings
-        n_draws = -(-settings.time_steps // settings.noise_hold_steps)
+        settings = self._settings
+        n_draws = -(-settings.time_steps // _NOISE_HOLD_STEPS)
         noise = self._rng.standard_normal((2, settings.batch_size, n_draws))
-        noise = np.repeat(noise, settings.noise_hold_steps, axis=2)[:, :, : settings.time_steps]
-        noise *= np.array([settings.vx_std_mps2, settings.wz_std_radps2])[:, None, None]
+        noise = np.repeat(noise, _NOISE_HOLD_STEPS, axis=2)[:, :, : settings.time_steps]
+        noise *= np.array([settings.vx_std, settings.wz_std])[:, None, None]
         noise[:, :2] = 0.0
         plans: FloatArray = noise + self._plan[:, None, :]
         plans[0, 1] = -self._robot.acc_lim_x_mps2
@@ -127,12 +128,12 @@ class MppiPlanner:
 
         A clipped ramp is never steeper than the ramp, so the accelerations stay within limits too.
         """
-        robot, step_s, share = self._robot, self.settings.model_dt_s, self.settings.braking_share
+        robot, step_s = self._robot, self._settings.model_dt
         limits = robot.acc_lim_x_mps2, robot.acc_lim_theta_radps2
         change_v = step_s * np.cumsum(np.clip(plans[0], -limits[0], limits[0]), axis=1)
         change_w = step_s * np.cumsum(np.clip(plans[1], -limits[1], limits[1]), axis=1)
         distance = math.hypot(waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m)
-        fastest = min(robot.max_vel_x_mps, math.sqrt(2.0 * share * robot.acc_lim_x_mps2 * distance))
+        fastest = min(robot.max_vel_x_mps, speed_to_stop_within(distance, robot))
         speed = np.clip(observation.speed_mps + change_v, 0.0, fastest)
         fastest_turn = robot.max_vel_theta_radps
         turning = np.clip(observation.yaw_rate_radps + change_w, -fastest_turn, fastest_turn)
@@ -147,29 +148,23 @@ class MppiPlanner:
         turning: FloatArray,
     ) -> FloatArray:
         """(N,) cost of rollouts with (N, T) speeds and turning rates."""
-        step_s = self.settings.model_dt_s
+        step_s = self._settings.model_dt
         yaw = observation.yaw_rad + step_s * np.cumsum(turning, axis=1)
         middle_yaw = yaw - 0.5 * step_s * turning
         x_m = observation.x_m + step_s * np.cumsum(speed * np.cos(middle_yaw), axis=1)
         y_m = observation.y_m + step_s * np.cumsum(speed * np.sin(middle_yaw), axis=1)
         to_x, to_y = waypoint.x_m - x_m[:, -1], waypoint.y_m - y_m[:, -1]
         heading_error = np.arctan2(to_y, to_x) - yaw[:, -1]
-        soon = self._soon(speed[:, 0])
+        soon = before_stop(speed[:, 0], self._robot, self._time_s, slowest_mps=_SLOWEST_MPS)
         wall_cost, at_wall = self._costs.walls(x_m, y_m, soon.shape[1])
         people_cost, at_person = self._costs.people(x_m, y_m, around, soon.shape[1])
         cost = self._costs.progress(x_m, y_m, waypoint) + wall_cost + people_cost
         cost += self._costs.heading(heading_error, np.hypot(to_x, to_y))
         return cost + _FORBIDDEN * ((at_wall | at_person) & soon).any(axis=1)
 
-    def _soon(self, first_speed: FloatArray) -> BoolArray:
-        """(N, n_soon) times before which a moving rollout cannot stop from its first speed."""
-        soon = cannot_stop_before(first_speed, self._robot.acc_lim_x_mps2, self._time_s, REACTION_S)
-        soon &= (first_speed > _SLOWEST_MPS)[:, None]
-        return up_to_last(soon)
-
     def _keep_plan(self, observation: Observation, speed: FloatArray, turning: FloatArray) -> None:
-        """Turn the driven speeds back into accelerations, moved on by one control period."""
-        step_s = self.settings.model_dt_s
+        """Keep the accelerations of the driven speeds, moved on by one control period."""
+        step_s = self._settings.model_dt
         speeds = np.stack([speed, turning])
         start = np.array([[observation.speed_mps], [observation.yaw_rate_radps]])
         plan = np.diff(speeds, axis=1, prepend=start) / step_s

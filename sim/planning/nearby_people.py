@@ -50,3 +50,32 @@ def predict_nearby(
         now_x_m=now_x_m,
         now_y_m=now_y_m,
     )
+
+
+def gap_to_people_m(
+    x_m: FloatArray,
+    y_m: FloatArray,
+    people_x_m: FloatArray,
+    people_y_m: FloatArray,
+    reach_m: float,
+) -> FloatArray:
+    """Gap to the nearest of K people at each point; `reach_m` is the sum of the two radii.
+
+    people_x_m, people_y_m: (K, T), or (K, 1) for people who stand.
+    """
+    if x_m.size == x_m.shape[-1]:  # of one rollout, all people at once
+        squared = np.square(x_m.ravel() - people_x_m) + np.square(y_m.ravel() - people_y_m)
+        nearest = squared.min(axis=0, initial=np.inf).reshape(x_m.shape)
+    else:  # of many, person by person: what is at hand then stays in the processor's cache
+        nearest = np.full(x_m.shape, np.inf)
+        away_x, away_y = np.empty(x_m.shape), np.empty(x_m.shape)
+        for person_x, person_y in zip(people_x_m, people_y_m, strict=True):
+            np.subtract(x_m, person_x, out=away_x)
+            np.subtract(y_m, person_y, out=away_y)
+            away_x *= away_x
+            away_y *= away_y
+            away_x += away_y
+            np.minimum(nearest, away_x, out=nearest)
+    gap: FloatArray = np.sqrt(nearest, out=nearest)
+    gap -= reach_m
+    return gap

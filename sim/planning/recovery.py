@@ -1,8 +1,8 @@
-"""Recovery for a local planner that gets nowhere: back off, turn, wait, and try again.
+"""Recovery of a local planner that makes no progress: drive backward, turn, wait, and try again.
 
-Wraps any planner. How it fares is told in Nav2's words: NO_VALID_CONTROL while every way is
-blocked, PATIENCE_EXCEEDED when that lasts too long, FAILED_TO_MAKE_PROGRESS when recoveries have
-not helped either. The robot keeps trying all the same.
+Wraps any planner. Its status has the names of Nav2's FollowPath: NO_VALID_CONTROL while every
+motion is forbidden, PATIENCE_EXCEEDED when that lasts too long, FAILED_TO_MAKE_PROGRESS when
+recoveries have not helped either. The robot keeps trying in every case.
 """
 
 import math
@@ -13,21 +13,25 @@ import numpy as np
 
 from sim.crowd.social_force import model_named
 from sim.geometry.occupancy import wall_distance_raster
-from sim.planning.gentle_commands import GentleCommands
-from sim.planning.local_planner import LocalPlanner
-from sim.planning.planner_status import PlannerStatus
+from sim.planning.local_planner import LocalPlanner, PlannerStatus
 from sim.planning.progress_checker import ProgressChecker, ProgressState
-from sim.planning.recovery_settings import RecoverySettings
+from sim.planning.settings import PlannerSettings
+from sim.robot.unicycle import limited_velocity
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings import RobotSettings
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
 
+#: A robot that stands nearer than this (m) to its waypoint is never stuck.
+_AT_WAYPOINT_M = 0.25
+#: Where the space behind the robot is checked before and while it drives backward.
+_FREE_SPACE_BEHIND_M = 0.35
+
 
 @dataclass(frozen=True)
 class Behaviour:
-    """One command for some time."""
+    """A command and how long it lasts."""
 
     command: Command
     duration_s: float
@@ -35,7 +39,7 @@ class Behaviour:
 
 @dataclass(frozen=True, eq=False)
 class RecoveryState:
-    """What a snapshot keeps of the planner, its progress and the recoveries tried."""
+    """A snapshot of the planner, its progress and the recoveries tried."""
 
     planner: Any
     progress: ProgressState
@@ -49,47 +53,44 @@ class RecoveryState:
     blocked_since_s: float | None
 
 
-def behaviours_of(settings: RecoverySettings, limits: RobotSettings) -> tuple[Behaviour, ...]:
-    """What is tried in turn, no faster than the limits; who may not drive back does not."""
-    back_mps = min(settings.backup_speed_mps, -limits.min_vel_x_mps)
-    spin_radps = min(settings.max_rotational_vel_radps, limits.max_vel_theta_radps)
-    spin = Behaviour(Command(0.0, spin_radps), settings.spin_dist_rad / spin_radps)
-    wait = Behaviour(STOP, settings.wait_duration_s)
+def behaviours_of(settings: PlannerSettings, limits: RobotSettings) -> tuple[Behaviour, ...]:
+    """The recoveries in their order, within the limits; a robot that must not reverse turns."""
+    back_mps = min(settings.backup_speed, -limits.min_vel_x_mps)
+    spin_radps = min(settings.max_rotational_vel, limits.max_vel_theta_radps)
+    spin = Behaviour(Command(0.0, spin_radps), settings.spin_dist / spin_radps)
+    wait = Behaviour(STOP, settings.wait_duration)
     if back_mps <= 0.0:
         return spin, wait
-    return Behaviour(Command(-back_mps, 0.0), settings.backup_dist_m / back_mps), spin, wait
+    return Behaviour(Command(-back_mps, 0.0), settings.backup_dist / back_mps), spin, wait
 
 
 class RecoveringPlanner:
-    """A planner that does not stay stuck; `status` tells how it fares."""
+    """A planner with recoveries; `status`: that of Nav2's FollowPath."""
 
     _running: Behaviour | None
     _blocked_since_s: float | None
 
-    def __init__(
-        self, planner: LocalPlanner, scenario: Scenario, settings: RecoverySettings | None = None
-    ) -> None:
-        parameters = scenario.local_planner
-        self.settings = settings if settings is not None else parameters.recovery
+    def __init__(self, planner: LocalPlanner, scenario: Scenario) -> None:
         self.planner = planner
         self.n_recoveries = 0
-        self._robot_radius_m = scenario.robot.radius_m
-        self._gentle = GentleCommands(scenario)
+        self._settings = scenario.local_planner
+        self._robot, self._period_s = scenario.robot, scenario.control_period_s
+        self._limits = self._settings.limited(scenario.robot)
         self._person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         self._walls = wall_distance_raster(scenario)
         self._progress = ProgressChecker(
-            self.settings.required_movement_radius_m, self.settings.movement_time_allowance_s
+            self._settings.required_movement_radius, self._settings.movement_time_allowance
         )
-        self._behaviours = behaviours_of(self.settings, parameters.limited(scenario.robot))
+        self._behaviours = behaviours_of(self._settings, self._limits)
         self.reset()
 
     @property
     def is_blocked(self) -> bool:
-        """Whether the planner found no way to move when it was asked last."""
+        """Whether every motion was forbidden at the last step."""
         return self.planner.is_blocked
 
     def reset(self) -> None:
-        """Forget the past, at the start of an episode."""
+        """Discard all state, at the start of an episode."""
         self.planner.reset()
         self._begin_anew()
 
@@ -109,7 +110,7 @@ class RecoveringPlanner:
         )
 
     def restore(self, state: RecoveryState) -> None:
-        """Go back to a snapshot."""
+        """Return to a snapshot."""
         self.planner.restore(state.planner)
         self._progress.restore(state.progress)
         self.status, self.n_recoveries = state.status, state.n_recoveries
@@ -118,11 +119,22 @@ class RecoveringPlanner:
         self._moves_before, self._blocked_since_s = state.moves_before, state.blocked_since_s
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
-        """The planner's command, or that of the recovery that runs."""
-        if not observation.tells_place:
+        """The command of the planner or of the running recovery; without a pose, stop."""
+        if not observation.is_finite:
             self.status = PlannerStatus.NO_VALID_CONTROL
             return STOP
-        return self._gentle.gentle(observation, self._wanted(observation, waypoint))
+        return self._within_accelerations(observation, self._wanted(observation, waypoint))
+
+    def _within_accelerations(self, observation: Observation, command: Command) -> Command:
+        """The command as far as accelerations below those of the robot allow in one period."""
+        robot, limits = self._robot, self._limits
+        if (
+            limits.acc_lim_x_mps2 >= robot.acc_lim_x_mps2
+            and limits.acc_lim_theta_radps2 >= robot.acc_lim_theta_radps2
+        ):
+            return command
+        speeds = observation.speed_mps, observation.yaw_rate_radps
+        return Command(*limited_velocity(command, *speeds, limits, self._period_s))
 
     def _wanted(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         command = self.planner.step(observation, waypoint)
@@ -136,9 +148,9 @@ class RecoveringPlanner:
         return command if recovery is None else recovery
 
     def _is_at(self, observation: Observation, waypoint: Waypoint) -> bool:
-        """Whether the robot may stand where it is: it has come to its waypoint."""
+        """Whether the robot may stand still because it has reached its waypoint."""
         away_m = math.hypot(waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m)
-        return away_m < self.settings.xy_goal_tolerance_m
+        return away_m < max(_AT_WAYPOINT_M, self._settings.xy_goal_tolerance)
 
     def _begin_anew(self) -> None:
         self.status = PlannerStatus.NONE
@@ -173,12 +185,12 @@ class RecoveringPlanner:
 
     def _is_free_behind(self, observation: Observation) -> bool:
         """Whether neither wall nor person is close behind the robot."""
-        reach_m = self.settings.free_space_behind_m
-        x_m = np.array([observation.x_m - reach_m * math.cos(observation.yaw_rad)])
-        y_m = np.array([observation.y_m - reach_m * math.sin(observation.yaw_rad)])
-        away = observation.people_position_m - np.array([x_m[0], y_m[0]])
-        people_gap = np.hypot(away[:, 0], away[:, 1]) - self._robot_radius_m - self._person_radius_m
-        wall_gap = self._walls.at(x_m, y_m)[0] - self._robot_radius_m
+        x_m = observation.x_m - _FREE_SPACE_BEHIND_M * math.cos(observation.yaw_rad)
+        y_m = observation.y_m - _FREE_SPACE_BEHIND_M * math.sin(observation.yaw_rad)
+        away = observation.people_position_m - np.array([x_m, y_m])
+        radius_m = self._robot.radius_m
+        people_gap = np.hypot(away[:, 0], away[:, 1]) - radius_m - self._person_radius_m
+        wall_gap = self._walls.at(np.array([x_m]), np.array([y_m]))[0] - radius_m
         return bool(wall_gap > 0.0 and (people_gap > 0.0).all())
 
     def _update_status(self, observation: Observation) -> None:
@@ -186,11 +198,11 @@ class RecoveringPlanner:
             self._blocked_since_s = None
         elif self._blocked_since_s is None:
             self._blocked_since_s = observation.time_s
-        if self._tries > self.settings.number_of_retries:
+        if self._tries > self._settings.number_of_retries:
             self.status = PlannerStatus.FAILED_TO_MAKE_PROGRESS
         elif self._blocked_since_s is None:
             self.status = PlannerStatus.NONE
-        elif observation.time_s - self._blocked_since_s > self.settings.failure_tolerance_s:
+        elif observation.time_s - self._blocked_since_s > self._settings.failure_tolerance:
             self.status = PlannerStatus.PATIENCE_EXCEEDED
         else:
             self.status = PlannerStatus.NO_VALID_CONTROL

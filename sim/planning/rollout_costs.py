@@ -12,15 +12,42 @@ import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
 from sim.crowd.social_force import model_named
+from sim.errors import SimError
 from sim.geometry.occupancy import wall_distance_raster
-from sim.planning.clearance import gap_to_people_m, gap_to_walls_m
-from sim.planning.cost_settings import CostSettings
-from sim.planning.nearby_people import PredictedPeople, predict_nearby
+from sim.planning.nearby_people import PredictedPeople, gap_to_people_m, predict_nearby
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
 
 _NO_NEARER_M = 1e-3
+
+
+@dataclass(frozen=True)
+class CostSettings:
+    """Margins in metres between surfaces; weights of the terms; foresight_s: how soon matters.
+
+    wall_margin_m: more than half the diagonal of a cell of the wall raster (0.035 m).
+    person_margin_m, stopped_margin_m: to somebody who walks straight on, and who stops.
+    """
+
+    wall_margin_m: float = 0.05
+    person_margin_m: float = 0.08
+    stopped_margin_m: float = 0.02
+    people_range_m: float = 3.5
+    max_people: int = 8
+    progress_weight: float = 1.0
+    staying_weight: float = 0.3
+    heading_weight: float = 0.25
+    people_weight: float = 1.2
+    people_decay_m: float = 0.25
+    foresight_s: float = 0.8
+    wall_weight: float = 0.3
+    wall_decay_m: float = 0.12
+
+    def __post_init__(self) -> None:
+        for name in ("people_decay_m", "foresight_s", "wall_decay_m", "people_range_m"):
+            if not getattr(self, name) > 0:
+                raise SimError(f"{name} must be above 0, got {getattr(self, name)}; raise it")
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +100,8 @@ class RolloutCosts:
         """Nearness of walls (...), and where (..., n_soon) one would be touched."""
         settings = self.settings
         reach_m = self._robot_radius_m + settings.wall_margin_m
-        gap = gap_to_walls_m(x_m, y_m, self._walls, reach_m)
+        gap = self._walls.at(x_m, y_m)
+        gap -= reach_m
         nearness = np.exp(-np.maximum(gap.min(axis=-1), 0.0) / settings.wall_decay_m)
         return settings.wall_weight * nearness, gap[..., :n_soon] < 0.0
 

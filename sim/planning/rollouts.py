@@ -1,4 +1,4 @@
-"""Where the robot would be: rollouts of many commands at once, under its acceleration limits.
+"""Commands the robot can reach soon, and their rollouts under its acceleration limits.
 
 Index order [i, j, t]: speed i, turning rate j, time t. A rollout ramps to its speed and keeps it;
 it ramps to its turning rate, keeps it for the turn time and then goes straight on.
@@ -10,6 +10,29 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from sim.scenario.settings import RobotSettings
+
+
+@dataclass(frozen=True)
+class Window:
+    """Speeds the robot can reach soon, low to high."""
+
+    slowest_mps: float
+    fastest_mps: float
+    rightmost_radps: float
+    leftmost_radps: float
+
+
+def reachable_window(
+    robot: RobotSettings, speed_mps: float, yaw_rate_radps: float, window_s: float
+) -> Window:
+    """The dynamic window (Fox, Burgard & Thrun 1997): limits of the robot and its accelerations."""
+    change_v, change_w = robot.acc_lim_x_mps2 * window_s, robot.acc_lim_theta_radps2 * window_s
+    return Window(
+        slowest_mps=max(robot.min_vel_x_mps, speed_mps - change_v),
+        fastest_mps=min(robot.max_vel_x_mps, speed_mps + change_v),
+        rightmost_radps=max(-robot.max_vel_theta_radps, yaw_rate_radps - change_w),
+        leftmost_radps=min(robot.max_vel_theta_radps, yaw_rate_radps + change_w),
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,18 +1,13 @@
-"""Parameters of the local planners as Nav2 users know them: metres, seconds and radians.
+"""Parameters of the local planners, their progress check and recoveries, under Nav2's names.
 
 They stand in a scenario under `local_planner` and are the parameters of the node local_planner.
 """
 
-from pydantic import Field
-
-from sim.planning.dwa_settings import DwaSettings
-from sim.planning.mppi_settings import MppiSettings
-from sim.planning.recovery_settings import RecoverySettings
 from sim.scenario.settings import RobotSettings
+from storage.settings import setting
 from storage.yaml_config import StrictModel
 
-_DWA, _MPPI, _RECOVERY = DwaSettings(), MppiSettings(), RecoverySettings()
-#: Parameter of the planner -> what it is of the robot.
+#: Limit of the planner -> limit of the robot.
 _LIMITS = {
     "max_vel_x": "max_vel_x_mps",
     "min_vel_x": "min_vel_x_mps",
@@ -23,137 +18,71 @@ _LIMITS = {
 
 
 class PlannerSettings(StrictModel):
-    """The first five limit what is commanded; those of the robot where they are None."""
+    """Parameters in SI units; each limit defaults to that of the robot."""
 
-    max_vel_x: float | None = Field(default=None, description="fastest, m/s", gt=0)
-    min_vel_x: float | None = Field(
-        default=None, description="fastest backwards, m/s, not above 0", le=0
+    max_vel_x: float | None = setting(None, "largest commanded speed forward", unit="m/s", gt=0)
+    min_vel_x: float | None = setting(
+        None, "largest commanded speed backward; 0: never drive backward", unit="m/s", le=0
     )
-    max_vel_theta: float | None = Field(default=None, description="fastest turn, rad/s", gt=0)
-    acc_lim_x: float | None = Field(
-        default=None, description="acceleration and braking, m/s2", gt=0
+    max_vel_theta: float | None = setting(
+        None, "largest commanded turning rate", unit="rad/s", gt=0
     )
-    acc_lim_theta: float | None = Field(
-        default=None, description="acceleration of turns, rad/s2", gt=0
+    acc_lim_x: float | None = setting(
+        None, "largest acceleration and deceleration", unit="m/s²", gt=0
     )
-    controller_frequency: float | None = Field(
-        default=None,
-        description="commands per second, Hz: must be 1 / control_period_s",
+    acc_lim_theta: float | None = setting(
+        None, "largest acceleration of turns", unit="rad/s²", gt=0
+    )
+    controller_frequency: float | None = setting(
+        None, "commands per second; must be 1 / control_period_s", unit="Hz", gt=0
+    )
+    xy_goal_tolerance: float = setting(
+        0.1, "stand still nearer than this to the waypoint", unit="m", gt=0
+    )
+
+    sim_time: float = setting(1.4, "dwa: horizon of a rollout", unit="s", gt=0, le=20)
+    time_granularity: float = setting(0.1, "dwa: step of a rollout", unit="s", ge=0.01, le=1.0)
+    vx_samples: int = setting(9, "dwa: sampled speeds", ge=3, le=200)
+    vtheta_samples: int = setting(21, "dwa: sampled turning rates", ge=3, le=200)
+
+    batch_size: int = setting(300, "mppi: sampled plans", ge=2, le=20000)
+    time_steps: int = setting(14, "mppi: steps of a plan", ge=2, le=200)
+    model_dt: float = setting(0.1, "mppi: length of a step", unit="s", ge=0.01, le=1.0)
+    temperature: float = setting(
+        0.08, "mppi: a lower temperature gives the best plan more weight", gt=0
+    )
+    vx_std: float = setting(
+        2.0,
+        "mppi: standard deviation of the sampled accelerations (in Nav2, of speeds)",
+        unit="m/s²",
         gt=0,
     )
-    xy_goal_tolerance: float = Field(
-        default=_DWA.xy_goal_tolerance_m,
-        description="nearer than this to its waypoint the robot stands, m",
+    wz_std: float = setting(
+        6.0,
+        "mppi: standard deviation of the sampled turning accelerations (in Nav2, of rates)",
+        unit="rad/s²",
         gt=0,
     )
 
-    sim_time: float = Field(
-        default=_DWA.sim_time_s, description="dwa: how far ahead it looks, s", gt=0, le=20
+    required_movement_radius: float = setting(
+        0.5, "a robot that moves less than this is stuck", unit="m", gt=0
     )
-    time_granularity: float = Field(
-        default=_DWA.time_granularity_s, description="dwa: step of that, s", ge=0.01, le=1.0
+    movement_time_allowance: float = setting(
+        10.0, "time within which it must move so far", unit="s", gt=0
     )
-    vx_samples: int = Field(default=_DWA.vx_samples, description="dwa: speeds tried", ge=3, le=200)
-    vtheta_samples: int = Field(
-        default=_DWA.vtheta_samples, description="dwa: turns tried", ge=3, le=200
+    failure_tolerance: float = setting(
+        5.0, "status PATIENCE_EXCEEDED after being blocked for longer", unit="s", ge=0
     )
-
-    batch_size: int = Field(
-        default=_MPPI.batch_size, description="mppi: plans tried", ge=2, le=20000
+    number_of_retries: int = setting(
+        3, "status FAILED_TO_MAKE_PROGRESS after more recoveries; recoveries go on", ge=0
     )
-    time_steps: int = Field(
-        default=_MPPI.time_steps, description="mppi: steps of a plan", ge=2, le=200
+    backup_dist: float = setting(
+        0.225, "first recovery: distance backward, when free", unit="m", gt=0
     )
-    model_dt: float = Field(
-        default=_MPPI.model_dt_s, description="mppi: one step, s", ge=0.01, le=1.0
-    )
-    temperature: float = Field(
-        default=_MPPI.temperature,
-        description="mppi: the lower, the more the best plan counts",
-        gt=0,
-    )
-    vx_std: float = Field(
-        default=_MPPI.vx_std_mps2,
-        description="mppi: deviation of the accelerations tried, m/s2",
-        gt=0,
-    )
-    wz_std: float = Field(
-        default=_MPPI.wz_std_radps2, description="mppi: deviation of those of turns, rad/s2", gt=0
-    )
-
-    required_movement_radius: float = Field(
-        default=_RECOVERY.required_movement_radius_m,
-        description="who moves less than this is stuck, m",
-        gt=0,
-    )
-    movement_time_allowance: float = Field(
-        default=_RECOVERY.movement_time_allowance_s, description="in so much time, s", gt=0
-    )
-    failure_tolerance: float = Field(
-        default=_RECOVERY.failure_tolerance_s, description="no way may be free so long, s", ge=0
-    )
-    number_of_retries: int = Field(
-        default=_RECOVERY.number_of_retries,
-        description="recoveries before FAILED_TO_MAKE_PROGRESS is told",
-        ge=0,
-    )
-    backup_dist: float = Field(
-        default=_RECOVERY.backup_dist_m, description="recovery: way back, m", gt=0
-    )
-    backup_speed: float = Field(
-        default=_RECOVERY.backup_speed_mps, description="recovery: speed back, m/s", gt=0
-    )
-    spin_dist: float = Field(
-        default=_RECOVERY.spin_dist_rad, description="recovery: turn on the spot, rad", gt=0
-    )
-    max_rotational_vel: float = Field(
-        default=_RECOVERY.max_rotational_vel_radps,
-        description="recovery: speed of that turn, rad/s",
-        gt=0,
-    )
-    wait_duration: float = Field(
-        default=_RECOVERY.wait_duration_s, description="recovery: wait, s", gt=0
-    )
-
-    @property
-    def dwa(self) -> DwaSettings:
-        """What of it concerns the dynamic window planner."""
-        return DwaSettings(
-            xy_goal_tolerance_m=self.xy_goal_tolerance,
-            sim_time_s=self.sim_time,
-            time_granularity_s=self.time_granularity,
-            vx_samples=self.vx_samples,
-            vtheta_samples=self.vtheta_samples,
-        )
-
-    @property
-    def mppi(self) -> MppiSettings:
-        """What of it concerns the path-integral planner."""
-        return MppiSettings(
-            xy_goal_tolerance_m=self.xy_goal_tolerance,
-            batch_size=self.batch_size,
-            time_steps=self.time_steps,
-            model_dt_s=self.model_dt,
-            temperature=self.temperature,
-            vx_std_mps2=self.vx_std,
-            wz_std_radps2=self.wz_std,
-        )
-
-    @property
-    def recovery(self) -> RecoverySettings:
-        """What of it concerns recoveries; who stands at a waypoint is never stuck."""
-        return RecoverySettings(
-            xy_goal_tolerance_m=max(_RECOVERY.xy_goal_tolerance_m, self.xy_goal_tolerance),
-            required_movement_radius_m=self.required_movement_radius,
-            movement_time_allowance_s=self.movement_time_allowance,
-            failure_tolerance_s=self.failure_tolerance,
-            number_of_retries=self.number_of_retries,
-            backup_dist_m=self.backup_dist,
-            backup_speed_mps=self.backup_speed,
-            spin_dist_rad=self.spin_dist,
-            max_rotational_vel_radps=self.max_rotational_vel,
-            wait_duration_s=self.wait_duration,
-        )
+    backup_speed: float = setting(0.15, "first recovery: speed backward", unit="m/s", gt=0)
+    spin_dist: float = setting(1.5, "second recovery: angle of a turn in place", unit="rad", gt=0)
+    max_rotational_vel: float = setting(1.5, "second recovery: turning rate", unit="rad/s", gt=0)
+    wait_duration: float = setting(2.0, "third recovery: waiting time", unit="s", gt=0)
 
     def limited(self, robot: RobotSettings) -> RobotSettings:
         """The robot as the planners may drive it."""
@@ -166,14 +95,14 @@ class PlannerSettings(StrictModel):
         )
 
     def complete(self, robot: RobotSettings, control_period_s: float) -> "PlannerSettings":
-        """The same with every value said that follows from the robot or the control period."""
+        """The same with every value that defaults to the robot's or the control period's."""
         limited = self.limited(robot)
         values = {name: getattr(limited, of_robot) for name, of_robot in _LIMITS.items()}
         values["controller_frequency"] = 1.0 / control_period_s
         return self.model_copy(update=values)
 
     def require_within(self, robot: RobotSettings, control_period_s: float) -> None:
-        """ValueError where the robot cannot do what the planners may ask, or not so often."""
+        """ValueError where a limit exceeds the robot's or the frequency is not the scenario's."""
         for name, of_robot in _LIMITS.items():
             value, limit = getattr(self, name), getattr(robot, of_robot)
             if value is not None and abs(value) > abs(limit):

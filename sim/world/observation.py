@@ -33,7 +33,7 @@ class Observation:
     people_id: IntArray
 
     @property
-    def tells_place(self) -> bool:
+    def is_finite(self) -> bool:
         """Whether pose and motion of the robot are finite numbers."""
         return all(map(math.isfinite, (*self.pose, self.speed_mps, self.yaw_rate_radps)))
 
