@@ -17,7 +17,7 @@ help:
 	@echo "make check     format, lint, types, import rules, tests"
 	@echo "make bench     speed against peers, results as JSON"
 	@echo "make pictures  draw the architecture pictures again (needs Graphviz)"
-	@echo "make reference write nodes.yaml and docs/nodes.md from the settings models"
+	@echo "make reference write nodes.yaml and the tables of docs from the settings models"
 	@echo "make clean     remove .venv, builds and caches (never your demo output)"
 
 setup: build

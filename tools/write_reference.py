@@ -1,20 +1,43 @@
-"""Write what is generated from the settings models: nodes.yaml and docs/nodes.md.
+"""Write what is generated from the settings models.
 
-Run `make reference` after changing a parameter of a node or the graph.
+These are nodes.yaml, docs/nodes.md and the tables of keys in docs/scenarios.md.
+Run `make reference` after changing a setting or the graph.
 """
 
+import re
 import textwrap
 from pathlib import Path
 from typing import Any
 
 import yaml
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
 
 from serd_ros.graph.graph import NodeEndpoints, load_graph
 from serd_ros.parameters.configs import CONFIGS
+from sim.planning.settings import PlannerSettings
+from sim.scenario.scenario import Scenario
+from sim.scenario.settings import (
+    LidarSettings,
+    Loop,
+    OdometrySettings,
+    PedestrianSettings,
+    RobotSettings,
+)
 from storage.settings import Setting, settings_of
 
 ROOT = Path(__file__).resolve().parents[1]
 WIDTH = 100
+#: Models whose tables stand in docs/scenarios.md, each after a comment `<!-- keys: NAME -->`.
+SCENARIO_PARTS: tuple[type[BaseModel], ...] = (
+    Scenario,
+    PedestrianSettings,
+    Loop,
+    RobotSettings,
+    LidarSettings,
+    OdometrySettings,
+    PlannerSettings,
+)
 YAML_HEAD = """\
 # Every parameter of every node with its default, in the format of --params-file.
 # Generated from serd_ros/parameters/configs.py by `make reference`; do not edit.
@@ -36,6 +59,7 @@ def files() -> dict[Path, str]:
     return {
         ROOT / "serd_ros" / "parameters" / "nodes.yaml": nodes_yaml(),
         ROOT / "docs" / "nodes.md": nodes_page(),
+        ROOT / "docs" / "scenarios.md": scenarios_page(),
     }
 
 
@@ -58,13 +82,37 @@ def nodes_page() -> str:
     sections = [PAGE_HEAD]
     endpoints = load_graph().nodes
     for node, settings in parameters().items():
-        rows = "\n".join(
-            f"| `{each.name}` | `{plain(default)}` | {each.range} | {cell(each.description)} |"
-            for each, default in settings
-        )
-        table = f"| parameter | default | range | meaning |\n| --- | --- | --- | --- |\n{rows}\n"
+        table = settings_table("parameter", settings)
         sections.append(f"## {node}\n\n{topics_of(endpoints[node])}\n{table}")
     return "\n".join(sections)
+
+
+def scenarios_page() -> str:
+    """docs/scenarios.md with the tables of keys written anew."""
+    page = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
+    for part in SCENARIO_PARTS:
+        # Keys that hold a model have a table of their own.
+        keys = [(each, each.default) for each in settings_of(part) if "$ref" not in each.schema]
+        marker = f"<!-- keys: {part.__name__} -->\n\n"
+        table = marker + settings_table("key", keys)
+        page = re.sub(rf"{marker}(\|.*\n)*", lambda _, text=table: text, page)
+    return page
+
+
+def settings_table(head: str, settings: list[tuple[Setting, Any]]) -> str:
+    """A Markdown table of settings with their defaults."""
+    rows = "\n".join(
+        f"| `{each.name}` | {default_cell(default)} | {each.range} | {cell(each.description)} |"
+        for each, default in settings
+    )
+    return f"| {head} | default | range | meaning |\n| --- | --- | --- | --- |\n{rows}\n"
+
+
+def default_cell(default: Any) -> str:
+    """A default as code; empty where the value follows from another setting."""
+    if default is PydanticUndefined:
+        return "required"
+    return "" if default is None else f"`{plain(default)}`"
 
 
 def parameters() -> dict[str, list[tuple[Setting, Any]]]:

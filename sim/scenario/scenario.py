@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
@@ -27,32 +27,68 @@ from sim.scenario.settings import (
 )
 from sim.scenario.walkable_cells import WalkableCells, walkable_cells
 from storage.nearest import nearest_name
+from storage.settings import setting
 from storage.yaml_config import StrictModel, load_yaml_model
 
 _BUILTIN_FOLDER = Path(__file__).parent / "scenarios"
 
 
 class Obstacle(StrictModel):
-    """Something solid inside the walkable area."""
+    """A solid inside the walkable area."""
 
     name: str
     outline_m: Outline
 
 
 class Scenario(StrictModel):
-    """Everything that defines one world; the same for every run of it but for the seed."""
+    """Everything that defines a world except the seed."""
 
-    name: str
-    description: str = ""
-    cell_size_m: float = Field(default=1.0, gt=0)
-    decision_period_s: float = Field(default=2.0, gt=0)
-    control_period_s: float = Field(default=0.05, gt=0)
-    episode_timeout_s: float = Field(default=420.0, gt=0)
-    walkable_area_m: Outline
-    obstacles: tuple[Obstacle, ...] = ()
-    goal_area_m: Outline
-    start_areas_m: dict[str, Outline]
-    flow_convention: Literal["right_hand", "left_hand"] = "right_hand"
+    name: str = setting(..., "name in titles and tables")
+    description: str = setting("", "one line for `serd scenario list`")
+    cell_size_m: float = setting(
+        1.0,
+        f"side of the cells of the decision grid, of which there may be {rules.MOST_CELLS:,}",
+        unit="m",
+        gt=0,
+    )
+    decision_period_s: float = setting(
+        2.0,
+        "time between decisions, a multiple of the control period, in which an unhindered robot"
+        " must reach the next cell",
+        unit="s",
+        gt=0,
+    )
+    control_period_s: float = setting(
+        0.05,
+        f"time between commands, at most {rules.LONGEST_CONTROL_PERIOD_S:g} s; the robot must drive"
+        " less than its radius in it",
+        unit="s",
+        gt=0,
+    )
+    episode_timeout_s: float = setting(
+        420.0,
+        "simulated time after which an episode ends without arrival, at least a decision period",
+        unit="s",
+        gt=0,
+    )
+    walkable_area_m: Outline = setting(
+        ..., "corners of a simple polygon, in order; its edges are walls", unit="m"
+    )
+    obstacles: tuple[Obstacle, ...] = setting(
+        (), "solids in it, each with `name` and `outline_m`; they may extend beyond the walls"
+    )
+    goal_area_m: Outline = setting(
+        ..., "polygon; an episode ends when the robot's centre is inside", unit="m"
+    )
+    start_areas_m: dict[str, Outline] = setting(
+        ...,
+        "polygons by name, one of them `train`; choose another with `--start-area` or"
+        " `start_area:=`",
+        unit="m",
+    )
+    flow_convention: Literal["right_hand", "left_hand"] = setting(
+        "right_hand", "left_hand: people walk all loops backward"
+    )
     pedestrians: PedestrianSettings = PedestrianSettings()
     robot: RobotSettings = RobotSettings()
     lidar: LidarSettings = LidarSettings()

@@ -1,12 +1,13 @@
-"""Settings of the robot, its lidar and the crowd, as they stand in a scenario file."""
+"""Settings of the robot, its sensors and the crowd, as they stand in a scenario file."""
 
 import math
 from typing import Annotated
 
 from pydantic import AfterValidator, Field, field_validator
 
-from sim.crowd.social_force import model_named
+from sim.crowd.social_force import model_named, model_names
 from sim.geometry.polygon import Point, require_simple
+from storage.settings import setting
 from storage.yaml_config import StrictModel
 
 Polygon = Annotated[tuple[Point, ...], Field(min_length=3)]
@@ -15,25 +16,29 @@ Outline = Annotated[Polygon, AfterValidator(require_simple)]
 
 
 class RobotSettings(StrictModel):
-    """A round differential-drive robot. Limits carry the names Nav2 users know."""
+    """A round differential-drive robot. Limits have the names of Nav2, with units."""
 
-    radius_m: float = Field(default=0.25, gt=0)
-    height_m: float = Field(default=0.6, gt=0)
-    max_vel_x_mps: float = Field(default=1.2, gt=0)
-    min_vel_x_mps: float = Field(default=-0.3, le=0)
-    max_vel_theta_radps: float = Field(default=3.5, gt=0)
-    acc_lim_x_mps2: float = Field(default=2.5, gt=0)
-    acc_lim_theta_radps2: float = Field(default=12.0, gt=0)
+    radius_m: float = setting(0.25, "radius", unit="m", gt=0)
+    height_m: float = setting(0.6, "height", unit="m", gt=0)
+    max_vel_x_mps: float = setting(1.2, "largest speed forward", unit="m/s", gt=0)
+    min_vel_x_mps: float = setting(-0.3, "largest speed backward", unit="m/s", le=0)
+    max_vel_theta_radps: float = setting(3.5, "largest turning rate", unit="rad/s", gt=0)
+    acc_lim_x_mps2: float = setting(2.5, "largest acceleration", unit="m/s²", gt=0)
+    acc_lim_theta_radps2: float = setting(
+        12.0, "largest acceleration of turns", unit="rad/s²", gt=0
+    )
 
 
 class LidarSettings(StrictModel):
-    """A 2-D lidar at the robot's centre that looks all around."""
+    """A 2-D lidar at the robot's centre that scans the full circle."""
 
-    n_rays: int = Field(default=360, ge=4)
-    range_min_m: float = Field(default=0.1, ge=0)
-    range_max_m: float = Field(default=10.0, gt=0)
-    rate_hz: float = Field(default=10.0, gt=0)
-    noise_deviation_m: float = Field(default=0.0, ge=0)
+    n_rays: int = setting(360, "rays of a scan, over the full circle", ge=4)
+    range_min_m: float = setting(0.1, "smallest range; smaller ones are inf", unit="m", ge=0)
+    range_max_m: float = setting(10.0, "largest range; larger ones are inf", unit="m", gt=0)
+    rate_hz: float = setting(10.0, "scans per second, at whole control periods", unit="Hz", gt=0)
+    noise_deviation_m: float = setting(
+        0.0, "standard deviation of the normal noise of each range", unit="m", ge=0
+    )
 
     @property
     def angle_min_rad(self) -> float:
@@ -52,15 +57,26 @@ class LidarSettings(StrictModel):
 
 
 class OdometrySettings(StrictModel):
-    """Drift of the wheels' dead reckoning; none by default.
+    """Drift of the dead reckoning; none by default."""
 
-    Scale deviations are relative, drawn per episode; noise grows with the root of the way.
-    """
-
-    distance_scale_deviation: float = Field(default=0.0, ge=0)
-    turn_scale_deviation: float = Field(default=0.0, ge=0)
-    distance_noise_m: float = Field(default=0.0, ge=0)
-    turn_noise_rad: float = Field(default=0.0, ge=0)
+    distance_scale_deviation: float = setting(
+        0.0, "standard deviation of the relative error of distances, drawn per episode", ge=0
+    )
+    turn_scale_deviation: float = setting(
+        0.0, "standard deviation of the relative error of turns, drawn per episode", ge=0
+    )
+    distance_noise_m: float = setting(
+        0.0,
+        "standard deviation of the distance error after 1 m; grows with the root of the distance",
+        unit="m",
+        ge=0,
+    )
+    turn_noise_rad: float = setting(
+        0.0,
+        "standard deviation of the turn error after 1 m; grows with the root of the distance",
+        unit="rad",
+        ge=0,
+    )
 
     @property
     def drifts(self) -> bool:
@@ -70,28 +86,50 @@ class OdometrySettings(StrictModel):
 
 
 class Loop(StrictModel):
-    """A closed way people walk round and round, listed as right-hand traffic walks it.
+    """A closed line that people walk around, listed as right-hand traffic walks it."""
 
-    share: part of the people that walk here, relative to the other loops.
-    """
-
-    name: str
-    waypoints_m: Polygon
-    lane_half_width_m: float = Field(default=1.2, ge=0)
-    share: float = Field(default=1.0, gt=0)
+    name: str = setting(..., "name in the legend of the plan")
+    waypoints_m: Polygon = setting(
+        ...,
+        "three corners or more, in the order of right-hand traffic; no hairpins: turn round with"
+        " two corners",
+        unit="m",
+    )
+    lane_half_width_m: float = setting(
+        1.2,
+        "largest distance of people from the line; the whole lane must be walkable",
+        unit="m",
+        ge=0,
+    )
+    share: float = setting(1.0, "share of the people, relative to the other loops", gt=0)
 
 
 class PedestrianSettings(StrictModel):
     """How many people walk, where, how fast, and by which social force model."""
 
-    model: str = "circular_anisotropic"
-    count: int = Field(default=24, ge=0)
-    loops: tuple[Loop, ...] = ()
-    desired_speed_mean_mps: float = Field(default=1.34, gt=0)
-    desired_speed_deviation_mps: float = Field(default=0.26, ge=0)
-    fluctuation_mps2: float = Field(default=0.1, ge=0)
-    warm_up_s: float = Field(default=10.0, ge=0)
-    robot_visible: bool = True
+    model: str = setting(
+        "circular_anisotropic", f"social force model: {' or '.join(model_names())}"
+    )
+    count: int = setting(24, "number of people, at most 5.4 per walkable m²", ge=0)
+    loops: tuple[Loop, ...] = setting((), "closed lines that people walk around")
+    desired_speed_mean_mps: float = setting(
+        1.34,
+        "mean of the desired speeds, a normal distribution cut off at two deviations",
+        unit="m/s",
+        gt=0,
+    )
+    desired_speed_deviation_mps: float = setting(
+        0.26, "standard deviation of the desired speeds", unit="m/s", ge=0
+    )
+    fluctuation_mps2: float = setting(
+        0.1, "standard deviation of the random acceleration", unit="m/s²", ge=0
+    )
+    warm_up_s: float = setting(
+        10.0, "simulated time that people walk before an episode begins", unit="s", ge=0
+    )
+    robot_visible: bool = setting(
+        True, "whether people avoid the robot; contacts push them in either case"
+    )
 
     @field_validator("model")
     @classmethod

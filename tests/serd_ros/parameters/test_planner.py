@@ -46,14 +46,15 @@ def test_what_is_given_wins_and_reaches_the_planner(slow_corridor):
     scenario = config(slow_corridor, max_vel_x=0.5, vx_samples=5).planned_scenario()
     limited = scenario.local_planner.limited(scenario.robot)
     assert (limited.max_vel_x_mps, limited.acc_lim_x_mps2) == (0.5, 2.0)
-    assert (scenario.local_planner.dwa.vx_samples, scenario.local_planner.dwa.sim_time_s) == (5, 2)
+    assert (scenario.local_planner.vx_samples, scenario.local_planner.sim_time) == (5, 2)
     assert scenario.robot == load_scenario(slow_corridor).robot
 
 
 def test_a_node_without_parameters_plans_for_the_very_robot_of_the_scenario():
-    scenario = config("hallway").planned_scenario()
+    scenario, given = config("hallway").planned_scenario(), load_scenario("hallway")
     assert scenario.local_planner.limited(scenario.robot) == scenario.robot
-    assert scenario.local_planner.dwa == load_scenario("hallway").local_planner.dwa
+    complete = given.local_planner.complete(given.robot, given.control_period_s)
+    assert scenario.local_planner == complete
 
 
 @pytest.mark.parametrize(
