@@ -1,15 +1,16 @@
-"""Draw docs/pictures/packages.svg and topics_STACK.svg with Graphviz from their single sources.
+"""Draw packages.svg, journey.svg and topics_STACK.svg in docs/pictures with Graphviz.
 
-Packages: the layers of the import-linter contract in pyproject.toml, described by the first line of
-each package. Topics: serd_ros/graph/graph.yaml, a picture for each stack of STACKS, since one of
-all nodes cannot be read. Run `make pictures` after changing either.
+Packages: the layers of the import-linter contracts in pyproject.toml, described by the first line
+of each package. Journey: the modules of JOURNEY, described likewise. Topics:
+serd_ros/graph/graph.yaml, a picture for each stack of STACKS, since a picture of all nodes is
+unreadable. Run `make pictures` after changing any of them.
 """
 
 import ast
 import subprocess
 import textwrap
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -26,51 +27,84 @@ PICTURES = ROOT / "docs" / "pictures"
 GRAPH_FILE = ROOT / "serd_ros" / "graph" / "graph.yaml"
 #: The stacks that together show every node of interest.
 STACKS = ("demonstrate_and_learn", "navigate", "teleop", "replay_and_learn", "nav2")
+#: The way of the data from a recording to an arrival: each module, and what it passes on.
+JOURNEY = (
+    ("bags.reader", "messages"),
+    ("serd_app.drives.sessions", "drives: poses, actions, episodes"),
+    ("serd_app.demonstrations.discretise", "decisions (s, a, s')"),
+    ("serd_app.learning.recipe", "rewards and outcome models"),
+    ("storage.model_file", "model.yaml"),
+    ("serd_app.navigation.strategy", "plan: policy and remaining time"),
+    ("serd_app.navigation.navigator", "waypoint"),
+    ("sim.planning.local_planner", "velocity"),
+    ("sim.world.world", "pose, time of arrival"),
+    ("serd_app.navigation.arrival_log", "arrivals.csv"),
+)
+JOURNEY_START = "bag"
 
 _LOOK = """
   graph [bgcolor="white", fontname="DejaVu Sans", pad=0.25, nodesep=0.28, ranksep=0.5];
   node [fontname="DejaVu Sans", fontsize=11, fontcolor="#26323d", color="#6b7885", penwidth=1.1];
-  edge [color="#8a96a3", arrowsize=0.65, penwidth=1.0];
+  edge [color="#8a96a3", arrowsize=0.65, penwidth=1.0, fontname="DejaVu Sans", fontsize=10];
 """
 _NODE_LOOK = 'shape=box, style="rounded,filled", fillcolor="#dfeaf4", margin="0.15,0.09"'
 _TOPIC_LOOK = 'shape=ellipse, style="filled", fillcolor="#ffffff", fontsize=10, margin="0.04,0.03"'
 _SERVICE_LOOK = 'shape=ellipse, style="dashed", fontsize=10, margin="0.04,0.03"'
+_PACKAGE_LOOK = 'shape=box, style="rounded,filled", fillcolor="#eef3f8", margin="0.18,0.10"'
 _NOTE_LOOK = 'shape=note, style="filled", fillcolor="#f6f5f1", fontsize=10'
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A directed graph: label and Graphviz attributes of each node, edges, and ranks of nodes."""
+    """A directed graph: attributes of each node, edges, ranks of nodes, labels of edges."""
 
     direction: str
     nodes: Mapping[str, str]
     edges: tuple[tuple[str, str], ...]
     ranks: tuple[tuple[str, ...], ...] = ()
     caption: str = ""
+    labels: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     def dot(self) -> str:
         """The graph in the DOT language."""
         lines = [f"  {_quoted(name)} [{attributes}];" for name, attributes in self.nodes.items()]
         lines += [f"  {{ rank=same; {' '.join(map(_quoted, rank))} }}" for rank in self.ranks]
-        lines += [f"  {_quoted(start)} -> {_quoted(end)};" for start, end in self.edges]
+        lines += [f"  {self._edge(*edge)};" for edge in self.edges]
         if self.caption:
             lines.append(f'  label={_quoted(self.caption)}; fontsize=10; fontcolor="#6b7885";')
         return f"digraph {{\n  rankdir={self.direction};{_LOOK}" + "\n".join(lines) + "\n}\n"
 
+    def _edge(self, start: str, end: str) -> str:
+        label = self.labels.get((start, end))
+        attributes = f" [label={_quoted('  ' + label)}]" if label else ""
+        return f"{_quoted(start)} -> {_quoted(end)}{attributes}"
+
 
 def package_layers(pyproject: Path) -> list[list[str]]:
     """Packages from the top layer down, as the import-linter contract lists them."""
+    return _layers(pyproject, lambda name: "." not in name)
+
+
+def package_parts(pyproject: Path, package: str) -> list[str]:
+    """Subpackages that a layers contract orders, in the order of the data; none without one."""
+    layers = _layers(pyproject, lambda name: name.startswith(f"{package}."))
+    return [name.removeprefix(f"{package}.") for layer in reversed(layers) for name in layer]
+
+
+def _layers(pyproject: Path, is_wanted: Callable[[str], bool]) -> list[list[str]]:
+    """The layers contract whose names are wanted; empty where there is none."""
     contracts = tomllib.loads(pyproject.read_text())["tool"]["importlinter"]["contracts"]
-    layered = next(contract for contract in contracts if contract["type"] == "layers")
-    return [[name.strip() for name in layer.split("|")] for layer in layered["layers"]]
+    for contract in contracts:
+        if contract["type"] == "layers" and is_wanted(contract["layers"][0].split("|")[0]):
+            return [[name.strip() for name in layer.split("|")] for layer in contract["layers"]]
+    return []
 
 
 def packages_picture(root: Path = ROOT) -> Picture:
     """Packages in layers; an arrow goes to each package of the next layer down."""
     layers = package_layers(root / "pyproject.toml")
     nodes = {
-        name: f'shape=box, style="rounded,filled", fillcolor="#eef3f8", margin="0.18,0.10", '
-        f"label=<{_package_label(name, root / name / '__init__.py')}>"
+        name: f"{_PACKAGE_LOOK}, label=<{_package_label(name, root)}>"
         for layer in layers
         for name in layer
     }
@@ -79,6 +113,25 @@ def packages_picture(root: Path = ROOT) -> Picture:
     )
     caption = "arrow: may import; also everything further down"
     return Picture("TB", nodes, edges, tuple(map(tuple, layers)), caption)
+
+
+def journey_picture(root: Path = ROOT) -> Picture:
+    """The modules of JOURNEY from top to bottom; each arrow has what is passed on."""
+    names = [JOURNEY_START, *(module for module, _ in JOURNEY)]
+    modules = {
+        name: f"{_PACKAGE_LOOK}, "
+        f"label=<{_label(name, root.joinpath(*name.split('.')).with_suffix('.py'))}>"
+        for name, _ in JOURNEY
+    }
+    edges = tuple(pairwise(names))
+    passed_on = ["", *(data for _, data in JOURNEY[:-1])]
+    *_, (last, result) = JOURNEY
+    return Picture(
+        "TB",
+        {JOURNEY_START: _TOPIC_LOOK, **modules, result: _TOPIC_LOOK},
+        (*edges, (last, result)),
+        labels=dict(zip(edges, passed_on, strict=True)),
+    )
 
 
 def topics_picture(stack: str, graph_file: Path = GRAPH_FILE) -> Picture:
@@ -108,7 +161,7 @@ def topics_picture(stack: str, graph_file: Path = GRAPH_FILE) -> Picture:
 def pictures() -> dict[str, Picture]:
     """Every picture by the name of its file."""
     drawn = {f"topics_{stack}": topics_picture(stack) for stack in STACKS}
-    return {"packages": packages_picture(), **drawn}
+    return {"packages": packages_picture(), "journey": journey_picture(), **drawn}
 
 
 def draw(picture: Picture, path: Path) -> None:
@@ -121,7 +174,14 @@ def draw(picture: Picture, path: Path) -> None:
         raise SystemExit("draw_architecture needs Graphviz: apt-get install graphviz") from None
 
 
-def _package_label(name: str, module: Path) -> str:
+def _package_label(name: str, root: Path) -> str:
+    """Name, first line of the package and, where a contract orders them, its subpackages."""
+    label = _label(name, root / name / "__init__.py")
+    parts = " → ".join(package_parts(root / "pyproject.toml", name))
+    return f'{label}<br/><font point-size="10">{parts}</font>' if parts else label
+
+
+def _label(name: str, module: Path) -> str:
     documentation = ast.get_docstring(ast.parse(module.read_text())) or ""
     first_line = _escaped(documentation.split("\n")[0].rstrip("."))
     lines = "<br/>".join(textwrap.wrap(first_line, 44))

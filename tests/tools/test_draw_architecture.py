@@ -1,4 +1,4 @@
-"""The committed pictures show what their sources say; Graphviz is not needed to check."""
+"""The committed pictures agree with their sources; the check needs no Graphviz."""
 
 import importlib.util
 import sys
@@ -54,7 +54,22 @@ def test_the_packages_picture_names_every_package_of_the_import_rules(drawing: M
     assert {"serd_core", "serd_ros", "report"} <= packages
 
 
-def test_topics_with_the_same_ends_share_one_ellipse_and_topics_of_everybody_have_no_arrows(
+def test_the_packages_picture_shows_the_subpackages_of_serd_app_in_the_order_of_the_data(
+    drawing: ModuleType,
+) -> None:
+    parts = drawing.package_parts(ROOT / "pyproject.toml", "serd_app")
+    assert parts == ["drives", "demonstrations", "learning", "navigation"]
+    assert " → ".join(parts) in (drawing.PICTURES / "packages.svg").read_text()
+
+
+def test_the_modules_of_the_journey_exist_and_describe_themselves(drawing: ModuleType) -> None:
+    for name, _ in drawing.JOURNEY:
+        module = ROOT.joinpath(*name.split(".")).with_suffix(".py")
+        assert module.is_file(), name
+        assert module.read_text().startswith('"""'), name
+
+
+def test_topics_with_the_same_ends_share_one_ellipse_and_topics_of_all_nodes_have_no_arrows(
     drawing: ModuleType, tmp_path: Path
 ) -> None:
     graph = tmp_path / "graph.yaml"
