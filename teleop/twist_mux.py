@@ -9,8 +9,7 @@ limits slow down commands only.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sim.world.command import STOP, Command
-from sim.world.command_guard import CommandGuard
+from sim.world.command import STOP, Command, CommandGuard
 from teleop.mux_settings import MuxSettings
 from teleop.velocity_limits import VelocityLimits
 

@@ -12,7 +12,7 @@ from report.figures.map_axes import draw_areas, map_figure
 from report.layout import layout_of
 from serd_core.arrays import FloatArray
 from sim.crowd.routes import offset_loop
-from sim.geometry.polygon import edges_of
+from sim.scenario.polygon import edges_of
 from sim.scenario.scenario import Scenario
 
 _LOOKS = (

@@ -15,12 +15,11 @@ from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_core.arrays import FloatArray
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
-from sim.drivers.decision import waypoint_of_cell, waypoint_of_intent
 from sim.drivers.policy_driver import PolicyDriver
 from sim.scenario.goal import goal_at, with_goal
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
-from sim.world.waypoint import Waypoint
+from sim.world.waypoint import Waypoint, waypoint_of_cell, waypoint_of_intent
 from storage.model_file import ModelFile, load_model
 
 #: Marks of a prediction that people read: half and nine in ten have arrived.

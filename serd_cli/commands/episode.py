@@ -17,12 +17,10 @@ from serd_cli.terminal import console
 from sim.drivers.catalogue import driver_names, make_driver
 from sim.episodes.batch import EpisodeTask, scenario_of
 from sim.episodes.episode import EpisodeRecord, run_episode
-from sim.pictures.caption import with_caption
-from sim.pictures.movie import MOVIE_WRITERS, save_png
+from sim.pictures.movie import MOVIE_WRITERS, save_png, with_caption
 from sim.pictures.scene_view import SceneView
 from sim.pictures.top_view import TopView
-from sim.pictures.trajectory import Trajectory, TrajectoryRecorder
-from sim.pictures.view import EpisodeView, Frame
+from sim.pictures.trajectory import EpisodeView, Frame, Trajectory, TrajectoryRecorder
 from sim.planning.catalogue import planner_in_world, planner_names
 from sim.scenario.scenario import Scenario
 from sim.world.world import HallwayWorld

@@ -8,7 +8,7 @@ from nav_msgs.msg import OccupancyGrid
 from serd_ros.convert.pose import to_pose
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import topics
-from sim.geometry.occupancy import OccupancyRaster
+from sim.scenario.occupancy import OccupancyRaster
 
 
 def to_occupancy_grid(raster: OccupancyRaster, time_s: float) -> OccupancyGrid:

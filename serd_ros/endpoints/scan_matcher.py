@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_ros.convert.stamp import stamp_ns, to_stamp
-from sim.perception.scan_perception import ScanPerception
+from sim.perception.scan_people import ScanPerception
 from sim.perception.scanning_planner import ScanningPlanner, no_scans
 from sim.planning.recovery import RecoveringPlanner
 from sim.scenario.scenario import Scenario

@@ -24,11 +24,11 @@ from serd_ros.episodes.result import episode_result
 from serd_ros.graph.readiness import Readiness
 from serd_ros.parameters.configs import DriverConfig
 from serd_ros.process.serd_node import SerdNode
-from sim.drivers.decision import is_decision_tick
-from sim.drivers.driver import Driver
+from sim.drivers.catalogue import Driver
 from sim.episodes.progress import Ending, EpisodeProgress
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.world.observation import Observation
+from sim.world.waypoint import is_decision_tick
 from storage.episode_table import EpisodeResult, save_episodes
 
 Config = TypeVar("Config", bound=DriverConfig)

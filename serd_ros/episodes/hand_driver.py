@@ -23,10 +23,10 @@ from serd_ros.endpoints.observation import subscribe_observations
 from serd_ros.episodes.control import EpisodeControl
 from serd_ros.parameters.configs import HandDriverConfig
 from serd_ros.process.serd_node import SerdNode
-from sim.drivers.decision import is_decision_tick
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation
+from sim.world.waypoint import is_decision_tick
 from teleop.direction_choice import DirectionChoice
 from teleop.mode import Mode
 

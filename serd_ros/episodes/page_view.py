@@ -14,11 +14,10 @@ from serd_ros.convert.scan import ranges_of
 from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.control import EpisodeControl
 from serd_ros.process.serd_node import SerdNode
-from sim.drivers.decision import waypoint_of_intent
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
-from sim.world.waypoint import Waypoint
+from sim.world.waypoint import Waypoint, waypoint_of_intent
 from teleop.page.state import point, word, world_state
 
 _SHOWN = ("teleop_mux", "demo_recorder")

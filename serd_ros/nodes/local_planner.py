@@ -25,13 +25,12 @@ from serd_ros.parameters.configs import LocalPlannerConfig
 from serd_ros.parameters.params import accept_changes
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
-from sim.drivers.decision import is_decision_tick, waypoint_of_intent
 from sim.planning.catalogue import make_planner
 from sim.planning.local_planner import PlannerStatus
 from sim.scenario.grid import grid_of
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation
-from sim.world.waypoint import Waypoint
+from sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
 
 
 class LocalPlannerNode(SerdNode[LocalPlannerConfig]):

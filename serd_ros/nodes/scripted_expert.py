@@ -10,8 +10,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.driver import EpisodeDriverNode
 from serd_ros.parameters.configs import ScriptedExpertConfig
 from serd_ros.process.run_node import run_node
-from sim.drivers.catalogue import make_driver
-from sim.drivers.driver import Driver
+from sim.drivers.catalogue import Driver, make_driver
 from sim.world.observation import Observation
 
 

@@ -25,7 +25,7 @@ from serd_ros.episodes.goal_episodes import UNCOUNTED, GoalEpisodes
 from serd_ros.parameters.configs import StrategyConfig
 from serd_ros.parameters.params import accept_changes
 from serd_ros.process.run_node import run_node
-from sim.drivers.driver import Driver
+from sim.drivers.catalogue import Driver
 from sim.world.observation import Observation
 from storage.episode_table import EpisodeResult
 from storage.file_watch import FileWatch

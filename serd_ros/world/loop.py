@@ -16,7 +16,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.parameters.configs import HallwaySimConfig
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.world.publisher import WorldPublisher
-from sim.world.command_guard import CommandGuard
+from sim.world.command import CommandGuard
 from sim.world.world import HallwayWorld
 
 _RESEND_AFTER_S = 0.5

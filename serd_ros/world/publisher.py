@@ -16,8 +16,8 @@ from serd_ros.endpoints.observation import ObservationPublisher
 from serd_ros.parameters.configs import HallwaySimConfig
 from serd_ros.process.serd_node import SerdNode
 from sim.crowd.social_force import model_named
-from sim.drivers.decision import is_decision_tick
 from sim.world.observation import Observation
+from sim.world.waypoint import is_decision_tick
 from sim.world.world import HallwayWorld
 
 

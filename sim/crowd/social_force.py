@@ -13,8 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.crowd.pair_geometry import PairGeometry
-from sim.crowd.wall_geometry import WallGeometry
+from sim.crowd.distances import PairGeometry, WallGeometry
 from sim.errors import SimError
 from storage.nearest import nearest_name
 

@@ -1,15 +1,34 @@
-"""Drivers by name, for tables and command lines; the file of a learned model is a name too."""
+"""Drivers: their interface, and those that commands and tables name; a model file is a name too."""
 
 from collections.abc import Callable
 from functools import partial
+from typing import Protocol
 
-from sim.drivers.driver import Driver
+from serd_core.grid.grid import Action
 from sim.drivers.expert import ExpertSettings, ScriptedExpert
 from sim.drivers.expert_styles import STYLES, VariedExpert
-from sim.drivers.model_driver import MODEL_SUFFIXES, model_driver
+from sim.drivers.policy_driver import MODEL_SUFFIXES, model_driver
 from sim.errors import SimError
 from sim.scenario.scenario import Scenario
+from sim.world.observation import Observation
 from storage.nearest import nearest_name
+
+
+class Driver(Protocol):
+    """A person's stand-in or a learned policy."""
+
+    @property
+    def name(self) -> str:
+        """Name for tables."""
+        ...
+
+    def begin(self, episode: int) -> None:
+        """A new episode starts; random choices depend on its number only."""
+        ...
+
+    def decide(self, observation: Observation) -> Action:
+        """The action of the decision period that begins now."""
+        ...
 
 
 def _expert(scenario: Scenario, seed: int) -> Driver:

@@ -1,13 +1,17 @@
-"""The strategy: drives by a policy over the states of the grid."""
+"""Drivers by a policy over the states of the grid, for instance that of a learned model."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray, float_array
 from serd_core.grid.grid import Action, Grid
+from serd_core.policies.solved_policy import optimal_policy
 from sim.errors import SimError
+from sim.scenario.grid import grid_of, navigation_problem_of
+from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
 from sim.world.seeds import POLICY, episode_rng
+from storage.model_file import load_model
 
 
 class PolicyDriver:
@@ -56,3 +60,22 @@ class PolicyDriver:
         if self._greedy:
             return Action(int(np.argmax(row)))
         return Action(int(self._rng.choice(len(row), p=row / row.sum())))
+
+
+MODEL_SUFFIXES = (".yaml", ".yml")
+
+
+def model_driver(path: str, scenario: Scenario, seed: int) -> PolicyDriver:
+    """Drives by the optimal policy of a model; FileError where it is for another grid."""
+    grid = grid_of(scenario)
+    model = load_model(path, expected_grid=grid)
+    flow = model.flow_on(path, grid)
+    problem = navigation_problem_of(scenario, model.discount, model.feature_names, flow)
+    names = tuple(each.name for each in model.outcome_models)
+    if names != tuple(problem.model_names):
+        raise SimError(
+            f"{path}: outcome_models must be {', '.join(problem.model_names)}, "
+            f"got {', '.join(names)}; learn the model again"
+        )
+    policy = optimal_policy(problem, model.weights, model.outcome_probabilities)
+    return PolicyDriver(problem.grid, policy.probabilities, seed=seed, name=path)

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 from sim.drivers.catalogue import make_driver
-from sim.drivers.model_driver import MODEL_SUFFIXES
+from sim.drivers.policy_driver import MODEL_SUFFIXES
 from sim.episodes.episode import run_episode
 from sim.episodes.execution import Execution
 from sim.episodes.metrics import MetricsObserver

@@ -11,14 +11,13 @@ import numpy as np
 
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Action, Grid
-from sim.drivers.decision import is_decision_tick, waypoint_of_intent
-from sim.drivers.driver import Driver
+from sim.drivers.catalogue import Driver
 from sim.episodes.progress import Ending, EpisodeProgress
 from sim.planning.local_planner import LocalPlanner
 from sim.robot.contacts import ContactCounts
 from sim.world.command import Command
 from sim.world.observation import Observation
-from sim.world.waypoint import Waypoint
+from sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
 from sim.world.world import HallwayWorld
 
 Observer = Callable[[Observation, Command, Action], bool | None]

@@ -3,8 +3,8 @@
 import math
 from typing import Literal
 
-from sim.geometry.polygon import contains_point
 from sim.scenario.goal import Area
+from sim.scenario.polygon import contains_point
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.perception.people_tracker import TrackerState
-from sim.perception.scan_perception import ScanPerception
+from sim.perception.scan_people import ScanPerception
 from sim.planning.local_planner import PlannerStatus
 from sim.planning.recovery import RecoveringPlanner
 from sim.scenario.scenario import Scenario

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import imageio_ffmpeg
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 from sim.errors import SimError
-from sim.pictures.view import Frame
+from sim.pictures.trajectory import Frame
 from storage.errors import disk_error
 
 
@@ -88,3 +88,22 @@ def _first_and_others(frames: Iterable[Frame]) -> tuple[Frame, Iterator[Frame]]:
     if first is None:
         raise SimError("a movie must have at least one frame, got none; record an episode first")
     return first, iterator
+
+
+_HEIGHT_PX, _TEXT_PX, _MARGIN_PX = 22, 13, 6
+_PAPER, _INK = (255, 255, 255), (38, 50, 61)
+
+
+def with_caption(frame: Frame, text: str) -> Frame:
+    """The frame with a strip below it that says the text."""
+    height, width = frame.shape[:2]
+    image = Image.new("RGB", (width, height + _HEIGHT_PX), _PAPER)
+    image.paste(Image.fromarray(frame), (0, 0))
+    ImageDraw.Draw(image).text(
+        (_MARGIN_PX, height + _HEIGHT_PX // 2),
+        text,
+        fill=_INK,
+        font=ImageFont.load_default(_TEXT_PX),
+        anchor="lm",
+    )
+    return np.asarray(image)

@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike
 
 from sim.crowd.social_force import model_named
 from sim.pictures.camera import Camera, chase_camera, overview_camera
-from sim.pictures.trajectory import Trajectory
-from sim.pictures.view import Frame
+from sim.pictures.trajectory import Frame, Trajectory
 from sim.robot.physics import Physics
 from sim.scenario.scenario import Scenario
 

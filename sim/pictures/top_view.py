@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
 from sim.crowd.social_force import model_named
-from sim.geometry.occupancy import wall_distance_raster
-from sim.geometry.polygon import contains
-from sim.pictures.trajectory import Trajectory
-from sim.pictures.view import Frame
+from sim.pictures.trajectory import Frame, Trajectory
+from sim.scenario.occupancy import wall_distance_raster
+from sim.scenario.polygon import contains
 from sim.scenario.scenario import Scenario
 
 Colour = tuple[int, int, int]

@@ -1,8 +1,10 @@
 """Who was where during an episode, tick by tick."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Action
@@ -46,3 +48,14 @@ class TrajectoryRecorder:
             robot_pose=np.array([seen.pose for seen in self._seen]),
             people_position_m=np.stack([seen.people_position_m for seen in self._seen]),
         )
+
+
+Frame = NDArray[np.uint8]
+
+
+class EpisodeView(Protocol):
+    """Draws one scenario."""
+
+    def frame_at(self, trajectory: Trajectory, tick: int) -> Frame:
+        """(height, width, 3) picture of the trajectory at a tick."""
+        ...

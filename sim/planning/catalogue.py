@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from sim.errors import SimError
-from sim.perception.scan_perception import ScanPerception
+from sim.perception.scan_people import ScanPerception
 from sim.perception.scanning_planner import Scanner, ScanningPlanner, scans_of
 from sim.planning.dwa import DwaPlanner
 from sim.planning.local_planner import LocalPlanner

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from sim.crowd.social_force import model_named
-from sim.geometry.occupancy import wall_distance_raster
 from sim.planning.local_planner import LocalPlanner, PlannerStatus
 from sim.planning.progress_checker import ProgressChecker, ProgressState
 from sim.planning.settings import PlannerSettings
 from sim.robot.unicycle import limited_velocity
+from sim.scenario.occupancy import wall_distance_raster
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings import RobotSettings
 from sim.world.command import STOP, Command

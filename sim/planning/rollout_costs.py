@@ -13,8 +13,8 @@ import numpy as np
 from serd_core.arrays import BoolArray, FloatArray
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
-from sim.geometry.occupancy import wall_distance_raster
 from sim.planning.nearby_people import PredictedPeople, gap_to_people_m, predict_nearby
+from sim.scenario.occupancy import wall_distance_raster
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint

@@ -9,6 +9,7 @@ Bullet only knows where they are, for ray tests and pictures, and is told only w
 import math
 import os
 import sys
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +17,29 @@ from numpy.typing import NDArray
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
 from sim.pictures.camera import Camera, as_frame, overview_camera
-from sim.robot.quiet_pybullet import pybullet
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings import RobotSettings
+
+_STANDARD_ERROR = 2
+
+
+def import_pybullet() -> Any:
+    """The pybullet module; what its import writes to standard error is thrown away."""
+    sys.stderr.flush()
+    kept = os.dup(_STANDARD_ERROR)
+    null = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(null, _STANDARD_ERROR)
+        import pybullet
+    finally:
+        os.dup2(kept, _STANDARD_ERROR)
+        os.close(kept)
+        os.close(null)
+    return pybullet
+
+
+pybullet = import_pybullet()
+
 
 _WALL_THICKNESS_M = 0.1
 _WALL_HEIGHT_M = 0.8

@@ -7,7 +7,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from sim.crowd.crowd import RobotBody
-from sim.crowd.wall_geometry import WallGeometry
+from sim.crowd.distances import WallGeometry
 from sim.robot.physics import Physics
 from sim.robot.unicycle import chord_velocity, limited_velocity
 from sim.scenario.scenario import Scenario

@@ -6,8 +6,8 @@ import numpy as np
 
 from serd_core.grid.grid import Grid
 from sim.errors import SimError
-from sim.geometry.polygon import Point
 from sim.scenario.grid import grid_of
+from sim.scenario.polygon import Point
 from sim.scenario.scenario import Scenario
 
 Area = tuple[Point, ...]

@@ -5,14 +5,38 @@ from collections.abc import Sequence
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.grid.grid import Grid
+from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from serd_core.grid.navigation import FEATURE_NAMES, NavigationProblem, build_navigation_problem
 from sim.errors import SimError
-from sim.geometry.polygon import contains, distance_to_segments_m
-from sim.scenario.flow_field import flow_vectors, quantised_flow
+from sim.scenario.polygon import contains, distance_to_segments_m, edges_of
 from sim.scenario.rules import has_room
 from sim.scenario.scenario import Scenario
+from sim.scenario.settings import Loop
 from storage.nearest import nearest_name
+
+NO_FLOW = -1
+_WEAKEST_FLOW = 0.05
+
+
+def flow_vectors(loops: tuple[Loop, ...], points_m: FloatArray, cell_size_m: float) -> FloatArray:
+    """(N, 2) sum of the walking directions around each point, weighted by share and nearness."""
+    total = np.zeros((len(points_m), 2))
+    for loop in loops:
+        legs = edges_of(loop.waypoints_m)
+        along = legs[:, 1] - legs[:, 0]
+        direction = along / np.linalg.norm(along, axis=1, keepdims=True)
+        reach = loop.lane_half_width_m + 0.75 * cell_size_m
+        nearness = 1.0 - (distance_to_segments_m(points_m, legs) / reach) ** 2
+        total += loop.share * np.maximum(nearness, 0.0) @ direction
+    return total
+
+
+def quantised_flow(vectors: FloatArray) -> IntArray:
+    """(N,) the `Action` of the nearest direction, NO_FLOW where the vector nearly vanishes."""
+    alignment = vectors @ DIRECTION_VECTORS[1:].T
+    direction = np.argmax(alignment, axis=1) + int(Action.NORTH)
+    strong = np.linalg.norm(vectors, axis=1) > _WEAKEST_FLOW
+    return np.where(strong, direction, NO_FLOW).astype(np.int64)
 
 
 def grid_of(scenario: Scenario) -> Grid:

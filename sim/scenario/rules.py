@@ -10,7 +10,7 @@ from serd_core.arrays import BoolArray, FloatArray, IntArray
 from sim.crowd.ring_corridor import DENSITY_AT_WHICH_NOBODY_WALKS_PM2
 from sim.crowd.routes import offset_loop
 from sim.errors import SimError
-from sim.geometry.polygon import (
+from sim.scenario.polygon import (
     Point,
     contains,
     distance_to_segments_m,

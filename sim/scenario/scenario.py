@@ -14,9 +14,9 @@ from pydantic import model_validator
 
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
-from sim.geometry.polygon import edges_of, signed_area_m2, without_straight_corners
 from sim.planning.settings import PlannerSettings
 from sim.scenario import rules
+from sim.scenario.polygon import edges_of, signed_area_m2, without_straight_corners
 from sim.scenario.settings import (
     LidarSettings,
     Loop,

@@ -6,7 +6,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field, field_validator
 
 from sim.crowd.social_force import model_named, model_names
-from sim.geometry.polygon import Point, require_simple
+from sim.scenario.polygon import Point, require_simple
 from storage.settings import setting
 from storage.yaml_config import StrictModel
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.geometry.polygon import contains, distance_to_segments_m, edges_of
+from sim.scenario.polygon import contains, distance_to_segments_m, edges_of
 
 #: Least distance of a walkable cell's centre to the walls, as a share of the cell's side.
 CLEAR_OF_WALLS = 0.1

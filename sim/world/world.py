@@ -6,31 +6,47 @@ by which anyone who sees the observations can tell it from the last.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.grid.grid import Grid
-from sim.crowd.crowd import Crowd
-from sim.crowd.crowd_start import start_crowd
+from sim.crowd.crowd import Crowd, CrowdState, start_crowd
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
-from sim.geometry.occupancy import OccupancyRaster, occupancy_raster
-from sim.geometry.polygon import contains_point
 from sim.pictures.camera import Camera, overview_camera
-from sim.robot.contacts import ContactCounter, ContactCounts
+from sim.robot.contacts import ContactCounter, ContactCounts, ContactState
 from sim.robot.lidar import Lidar
-from sim.robot.odometry import Odometry
+from sim.robot.odometry import Odometry, OdometryState
 from sim.robot.physics import Physics
 from sim.robot.robot import Robot, RobotState, standing_at
 from sim.scenario.goal import Area
 from sim.scenario.grid import grid_of, start_states_of
+from sim.scenario.occupancy import OccupancyRaster, occupancy_raster
+from sim.scenario.polygon import contains_point
 from sim.scenario.rules import START_SPREAD
 from sim.scenario.scenario import Scenario, scenario_digest
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation, make_observation
 from sim.world.seeds import CROWD, LIDAR, ODOMETRY, START, episode_rng
-from sim.world.state import WorldState
+
+
+@dataclass(frozen=True, eq=False)
+class WorldState:
+    """A snapshot of a world of one scenario and seed; restoring repeats what followed exactly."""
+
+    scenario_digest: str
+    seed: int
+    episode: int
+    tick: int
+    first_tick: int
+    n_rejected_commands: int
+    goal_area_m: Area
+    robot: RobotState
+    crowd: CrowdState
+    contacts: ContactState
+    odometry: OdometryState
 
 
 class HallwayWorld:

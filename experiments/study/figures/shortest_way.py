@@ -7,7 +7,7 @@ import scipy.sparse
 import scipy.sparse.csgraph
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.geometry.polygon import contains
+from sim.scenario.polygon import contains
 from sim.scenario.scenario import Scenario
 
 _STEP_M = 0.05

@@ -20,8 +20,7 @@ from experiments.study.settings import StudySettings
 from experiments.study.world import TRAIN_AREA, TRANSFER_AREA, problem_of, scenario_of
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_core.grid.navigation import NavigationProblem
-from sim.drivers.catalogue import make_driver
-from sim.drivers.driver import Driver
+from sim.drivers.catalogue import Driver, make_driver
 from sim.drivers.policy_driver import PolicyDriver
 from sim.scenario.scenario import Scenario
 

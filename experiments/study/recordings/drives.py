@@ -17,13 +17,13 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import explained
 from serd_core.grid.grid import Action
 from serd_core.grid.navigation import NavigationProblem
-from sim.drivers.decision import is_decision_tick
-from sim.drivers.driver import Driver
+from sim.drivers.catalogue import Driver
 from sim.episodes.episode import EpisodeRecord, run_episode
 from sim.planning.catalogue import make_planner
 from sim.scenario.scenario import Scenario
 from sim.world.command import Command
 from sim.world.observation import Observation
+from sim.world.waypoint import is_decision_tick
 from sim.world.world import HallwayWorld
 
 

@@ -20,8 +20,7 @@ from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.navigation import NavigationProblem
-from sim.drivers.catalogue import make_driver
-from sim.drivers.driver import Driver
+from sim.drivers.catalogue import Driver, make_driver
 from sim.scenario.scenario import Scenario
 
 _CHUNK = 10

@@ -43,7 +43,7 @@ from serd_ros.convert.scan import ranges_of, to_scan
 from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
 from serd_ros.endpoints.inbox import ObservationInbox
 from serd_ros.errors import NodeError
-from sim.geometry.occupancy import OccupancyRaster
+from sim.scenario.occupancy import OccupancyRaster
 from sim.scenario.settings import LidarSettings
 from sim.world.command import Command
 from sim.world.waypoint import Waypoint

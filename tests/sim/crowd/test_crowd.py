@@ -5,11 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sim.crowd.crowd import RobotBody
-from sim.crowd.crowd_start import people_per_loop, start_crowd
+from sim.crowd.crowd import RobotBody, people_per_loop, start_crowd
 from sim.crowd.routes import offset_loop
 from sim.crowd.social_force import model_names
-from sim.geometry.polygon import contains, distance_to_segments_m
+from sim.scenario.polygon import contains, distance_to_segments_m
 from sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")

@@ -7,13 +7,12 @@ import pytest
 
 from serd_core.errors import SerdError
 from sim.crowd.corridor_measures import load_petrack, measure_recording, measure_simulation
-from sim.crowd.crowd import Crowd
-from sim.crowd.crowd_start import start_crowd
+from sim.crowd.crowd import Crowd, start_crowd
 from sim.crowd.lane_order import lane_order, shuffled_lane_order
 from sim.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
 from sim.crowd.routes import Routes
 from sim.crowd.social_force import model_named, model_names
-from sim.geometry.polygon import contains, edges_of
+from sim.scenario.polygon import contains, edges_of
 from sim.scenario.scenario import load_scenario
 
 REAL_CORRIDOR = (

@@ -8,8 +8,7 @@ from serd_core.grid.grid import Action
 from serd_core.policies.solved_policy import optimal_policy
 from sim.drivers.expert import ScriptedExpert
 from sim.drivers.expert_route import RouteCosts, costs_to_go, move_costs
-from sim.drivers.model_driver import model_driver
-from sim.drivers.policy_driver import PolicyDriver
+from sim.drivers.policy_driver import PolicyDriver, model_driver
 from sim.scenario.grid import flow_of, goal_states_of, grid_of, navigation_problem_of
 from sim.scenario.scenario import load_scenario
 from storage.flow_picture import flow_picture

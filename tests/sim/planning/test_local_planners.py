@@ -8,14 +8,13 @@ import pytest
 
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
-from sim.drivers.decision import waypoint_of_intent
 from sim.planning.catalogue import make_planner, planner_names
 from sim.planning.local_planner import PlannerStatus
 from sim.robot.unicycle import chord_velocity, limited_velocity
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP
-from sim.world.waypoint import Waypoint
+from sim.world.waypoint import Waypoint, waypoint_of_intent
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

@@ -8,10 +8,10 @@ from sim.drivers.policy_driver import PolicyDriver
 from sim.episodes.episode import run_episode
 from sim.episodes.progress import EpisodeProgress
 from sim.errors import SimError
-from sim.geometry.polygon import contains_point
 from sim.planning.catalogue import make_planner
 from sim.scenario.goal import cell_area_m, goal_at, goal_cell, point_of, with_goal
 from sim.scenario.grid import goal_states_of, grid_of
+from sim.scenario.polygon import contains_point
 from sim.scenario.scenario import load_scenario
 from sim.world.waypoint import Waypoint
 from sim.world.world import HallwayWorld

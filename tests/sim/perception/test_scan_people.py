@@ -8,13 +8,12 @@ import pytest
 from serd_core.errors import SerdError
 from sim.drivers.expert import ScriptedExpert
 from sim.episodes.episode import run_episode
-from sim.geometry.occupancy import wall_distance_raster
 from sim.perception.people_tracker import PeopleTracker
-from sim.perception.scan_people import people_in_scan
-from sim.perception.scan_perception import ScanPerception
+from sim.perception.scan_people import ScanPerception, people_in_scan
 from sim.perception.scanning_planner import ScanningPlanner
 from sim.planning.catalogue import make_planner, planner_in_world, planner_names
 from sim.robot.lidar import Lidar
+from sim.scenario.occupancy import wall_distance_raster
 from sim.scenario.scenario import load_scenario
 from sim.scenario.settings import LidarSettings
 from sim.world.waypoint import Waypoint

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.geometry.polygon import (
+from sim.scenario.polygon import (
     contains,
     contains_point,
     distance_to_segments_m,

@@ -1,14 +1,14 @@
 """From a decision to a waypoint."""
 
 from serd_core.grid.grid import Action
-from sim.drivers.decision import (
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import load_scenario
+from sim.world.waypoint import (
+    Waypoint,
     is_decision_tick,
     waypoint_of_cell,
     waypoint_of_intent,
 )
-from sim.scenario.grid import grid_of
-from sim.scenario.scenario import load_scenario
-from sim.world.waypoint import Waypoint
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

@@ -2,8 +2,7 @@
 
 import math
 
-from sim.world.command import STOP, Command
-from sim.world.command_guard import CommandGuard
+from sim.world.command import STOP, Command, CommandGuard
 
 DRIVE = Command(0.5, 0.1)
 

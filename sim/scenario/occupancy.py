@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
-from sim.geometry.polygon import contains, distance_to_segments_m, edges_of
+from sim.scenario.polygon import contains, distance_to_segments_m, edges_of
 from sim.scenario.scenario import Scenario
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1

@@ -1,1 +1,0 @@
-"""Plane geometry and the map as a raster."""
