@@ -1,4 +1,4 @@
-"""Start a node, spin it until it is done or told to stop, and end with an exit code."""
+"""Start a node, spin it until it is done or a signal stops it, and end with an exit code."""
 
 import signal
 import sys
@@ -16,24 +16,23 @@ from serd_ros.process.parent_watch import Starter
 from serd_ros.process.serd_node import BAD_INPUT, SerdNode
 
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
-#: How long (s) a signal may wait for an idle node.
+#: A signal ends the node after this time (s) at most, between two callbacks.
 _TURN_S = 0.2
 _QUOTES = "put a value that holds : into quotes, as topics:=[odom, '/imu:sensor_msgs/msg/Imu']"
 
 
 def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
-    """Exit code: the node's own, 0 when told to stop, 2 when it cannot start or go on."""
+    """Exit code: the node's own, 0 after a signal, 2 when it cannot start or go on."""
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         print(f"serd_ros: {_refusal(error)}", file=sys.stderr, flush=True)
         return BAD_INPUT
-    told = _ToldToStop()
+    stop = _StopSignal()
     node: SerdNode[Any] | None = None
     try:
         node = make_node()
-        told.finishes(node)
-        return _spin(node)
+        return _spin(node, stop)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except SerdError as error:
@@ -41,7 +40,7 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
         print(f"{name}: {error}", file=sys.stderr, flush=True)
         return BAD_INPUT
     except Exception:
-        # Told to stop while still starting, rcl complains of its closed context: no fault of ours.
+        # A signal during the start closes the context, of which rcl complains; that is no error.
         if rclpy.ok():
             raise
         return 0
@@ -61,35 +60,27 @@ def _refusal(error: RuntimeError) -> str:
     return f"{said}; {fix}"
 
 
-class _ToldToStop:
-    """At SIGINT or SIGTERM the node ends between two callbacks, or once it is made; at a second one
-    wherever it is.
+class _StopSignal:
+    """Notes the first SIGINT or SIGTERM; a second one raises KeyboardInterrupt wherever it arrives.
 
-    rclpy's own handlers close the context at once, and a callback that is about to publish fails.
+    The handler only sets a flag, since it may interrupt code that holds a lock: completing a future
+    here would wait for ever where the executor holds the future's lock. rclpy's own handlers close
+    the context at once, and a callback that is about to publish fails.
     """
 
     def __init__(self) -> None:
-        self._told = False
-        self._node: SerdNode[Any] | None = None
+        self.received = False
         for number in _STOPPING:
-            signal.signal(number, self._hear)
+            signal.signal(number, self._receive)
 
-    def finishes(self, node: SerdNode[Any]) -> None:
-        """It is this node that ends."""
-        self._node = node
-        if self._told:
-            node.finish()
-
-    def _hear(self, _: int, __: FrameType | None) -> None:
+    def _receive(self, _: int, __: FrameType | None) -> None:
         for number in _STOPPING:
             signal.signal(number, signal.default_int_handler)
-        self._told = True
-        if self._node is not None:
-            self._node.finish()
+        self.received = True
 
 
-def _spin(node: SerdNode[Any]) -> int:
-    """Spin with the events executor, the fastest here.
+def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
+    """Spin with the events executor, the fastest here, until the node is done or a signal came.
 
     Its `spin` keeps a core busy in these wheels; waiting for a future, turn by turn, does not.
     """
@@ -97,7 +88,7 @@ def _spin(node: SerdNode[Any]) -> int:
     executor.add_node(node)
     starter = Starter()
     try:
-        while rclpy.ok() and not node.finished.done():
+        while rclpy.ok() and not node.finished.done() and not stop.received:
             executor.spin_until_future_complete(node.finished, timeout_sec=_TURN_S)
             if starter.gone:
                 node.fail("the command that started it was killed; start it again")

@@ -31,19 +31,20 @@ def wait_until(
 class ProcessorWait:
     """How long threads have been runnable without a processor since this object was made, s.
 
-    Linux counts this time for each thread. A limit on what a program does in real time holds for
-    the time it was given a processor; a busy machine adds the rest. The threads are those of this
-    process and of all its descendants.
+    Linux counts this time for each thread, and the time that the host of a virtual machine has
+    given to others (steal). A limit on what a program does in real time holds for the time it was
+    given a processor; a busy machine adds the rest. The threads are those of this process and of
+    all its descendants.
     """
 
     def __init__(self) -> None:
-        self._before_ns = _waited_ns()
+        self._before_ns, self._stolen_before_s = _waited_ns(), _stolen_s()
 
     @property
     def total_s(self) -> float:
         """The sum over all threads."""
         waits = (now - self._before_ns.get(thread, 0) for thread, now in _waited_ns().items())
-        return sum(waits) * 1e-9
+        return sum(waits) * 1e-9 + _stolen_s() - self._stolen_before_s
 
 
 def descendants_of(pid: int) -> list[int]:
@@ -72,6 +73,11 @@ def _waited_ns() -> dict[str, int]:
             if text:
                 found[task.parent.name] = int(text.split()[1])
     return found
+
+
+def _stolen_s() -> float:
+    """Steal time of all processors, the eighth number of the first line of /proc/stat."""
+    return int(_text_of(Path("/proc/stat")).split()[8]) / os.sysconf("SC_CLK_TCK")
 
 
 def _text_of(path: Path) -> str:

@@ -1,5 +1,6 @@
 """Node processes and a probe node for whole-stack tests."""
 
+import contextlib
 import math
 import signal
 import subprocess
@@ -11,7 +12,7 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 
 from serd_cli.node_commands import stack_processes
@@ -78,6 +79,13 @@ class Probe:
     def spin_until(self, condition: Callable[[], object]) -> None:
         """Take messages until the condition holds."""
         wait_until(condition, turn=lambda: self._executor.spin_once(timeout_sec=0.05))
+
+    def spin_all(self) -> None:
+        """Take all messages that wait, so that what is known is as new as possible."""
+        with contextlib.suppress(TimeoutException):
+            while True:
+                handler, *_ = self._executor.wait_for_ready_callbacks(timeout_sec=0.0)
+                handler()
 
 
 @contextmanager

@@ -91,7 +91,7 @@ def test_a_pause_stops_bag_time_and_messages(probe, replay):
     answer = client.call_async(SetBool.Request(data=True))
     probe.spin_until(answer.done)
     assert answer.result().message == "paused"
-    probe.spin_until(lambda: reports[-1][0] == "paused")
+    probe.spin_until(lambda: reports and reports[-1][0] == "paused")
     n_sent = reports[-1][1]
     probe.spin_until(lambda: len(poses) == n_sent)
     n_reports, n_clocks, stopped_at_s = len(reports), len(clocks), clocks[-1]

@@ -64,6 +64,7 @@ def robot(nodes, probe):
 
 def test_a_plain_twist_drives_and_silence_stops_within_half_a_second(robot, probe):
     robot.spin_round()
+    probe.spin_all()
     silent_since_s, waited = robot.time_s, ProcessorWait()
     probe.spin_until(lambda: abs(robot.speed_mps) < STOPPED_MPS)
     # 0.5 s of silence, then braking at the acceleration limit, plus the odometry's own period.
@@ -91,6 +92,7 @@ def test_an_intent_drives_the_robot_into_the_next_cell_in_real_time(nodes, probe
 
 def test_a_command_that_is_not_finite_stops_at_once(robot, probe):
     robot.spin_round()
+    probe.spin_all()
     commanded_s, waited = robot.time_s, ProcessorWait()
     robot.command(math.nan, 2.0)
     probe.spin_until(lambda: abs(robot.speed_mps) < STOPPED_MPS)

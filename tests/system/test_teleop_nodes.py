@@ -225,8 +225,9 @@ def test_arrow_keys_drive_and_a_killed_keyboard_stops_the_robot(nodes, probe, ro
     probe.spin_until(fast)
     assert set(actions) <= {Action.NORTH, Action.WAIT}
     assert Action.NORTH in actions
-    running["teleop_keyboard"].kill()
+    probe.spin_all()
     killed_s, waited = motion[-1][0], ProcessorWait()
+    running["teleop_keyboard"].kill()
     probe.spin_until(lambda: sent["cmd_vel"] == 0.0)
     assert sent["cmd_vel_planner"] > 0.1  # the planner alone would continue
     probe.spin_until(lambda: abs(motion[-1][1]) < STOPPED_MPS)

@@ -166,9 +166,15 @@ class World:
     def until_it_drives(self):
         self.until(lambda: self.speed_mps > 0.25)
 
-    def until_it_stands(self, limit_s):
-        """limit_s: simulated, plus the time that threads wait for a processor."""
+    @contextmanager
+    def stops_within(self, limit_s):
+        """What is done inside stops the robot for good.
+
+        limit_s: simulated, plus the time that threads wait for a processor.
+        """
+        self.probe.spin_all()
         since_s, waited = self.time_s, ProcessorWait()
+        yield
         self.until(lambda: self.speed_mps < STOPPED_MPS)
         assert self.time_s - since_s <= limit_s + waited.total_s
         self.speeds_mps.clear()
@@ -268,16 +274,16 @@ def test_touch_drives_and_leaving_the_page_or_the_e_stop_stops_the_robot(driving
     north = page.browser.find_element(By.CSS_SELECTOR, "[data-way=north]")
     page.keys().click_and_hold(north).perform()
     world.until_it_drives()
-    page.run("window.dispatchEvent(new Event('blur'))")
-    world.until_it_stands(1.5)
+    with world.stops_within(1.5):
+        page.run("window.dispatchEvent(new Event('blur'))")
     page.wait(lambda: page.text("veil-title") == "The robot stands")
     page.keys().release().perform()
 
     page.part("veil").click()
     page.keys().key_down(Keys.ARROW_UP).perform()
     world.until_it_drives()
-    page.press(Keys.SPACE)
-    world.until_it_stands(1.5)
+    with world.stops_within(1.5):
+        page.press(Keys.SPACE)
     page.wait(lambda: page.text("veil-title") == "Emergency stop")
     assert page.text("stop").startswith("RELEASE")
     n_actions = len(world.actions)
@@ -295,16 +301,16 @@ def test_a_gamepad_drives_by_velocities_and_a_page_that_closes_stops_the_robot(d
     page.run(FAKE_GAMEPAD)
     world.until_it_drives()
     assert "test pad" in page.text("gamepad")
-    page.run("window.fake.buttons[4] = { pressed: false, value: 0 }")
-    world.until_it_stands(1.5)
+    with world.stops_within(1.5):
+        page.run("window.fake.buttons[4] = { pressed: false, value: 0 }")
     page.run("window.fake = null")
     page.keys().key_down(Keys.ARROW_LEFT).key_down(Keys.ARROW_DOWN).perform()
     world.until(lambda: world.speed_mps > 0.1)
     with page.frozen():
         world.until(lambda: world.speed_mps < STOPPED_MPS)
     world.until(lambda: world.speed_mps > 0.1)
-    page.browser.get("about:blank")
-    world.until_it_stands(1.5)
+    with world.stops_within(1.5):
+        page.browser.get("about:blank")
     assert world.actions == []
 
 

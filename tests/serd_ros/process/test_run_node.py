@@ -1,20 +1,11 @@
-"""A node that is told to stop ends between two callbacks, whenever that is."""
+"""A node ends between two callbacks after a signal, whenever the signal arrives."""
 
 import os
 import signal
 
 import pytest
 
-from serd_ros.process.run_node import _ToldToStop
-
-
-class Finishing:
-    """The part of a node that matters here."""
-
-    finished = False
-
-    def finish(self) -> None:
-        self.finished = True
+from serd_ros.process.run_node import _StopSignal
 
 
 @pytest.fixture(params=[signal.SIGINT, signal.SIGTERM])
@@ -25,19 +16,10 @@ def number(request):
         signal.signal(each, handler)
 
 
-def test_told_while_it_is_being_made_a_node_ends_once_it_is(number):
-    told, node = _ToldToStop(), Finishing()
+def test_the_first_signal_is_noted_and_the_second_interrupts(number):
+    stop = _StopSignal()
+    assert not stop.received
     os.kill(os.getpid(), number)
-    assert not node.finished
-    told.finishes(node)
-    assert node.finished
-
-
-def test_told_later_it_ends_and_a_second_signal_interrupts(number):
-    told, node = _ToldToStop(), Finishing()
-    told.finishes(node)
-    assert not node.finished
-    os.kill(os.getpid(), number)
-    assert node.finished
+    assert stop.received
     with pytest.raises(KeyboardInterrupt):
         os.kill(os.getpid(), number)
