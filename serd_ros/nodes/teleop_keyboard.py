@@ -1,6 +1,5 @@
 """teleop_keyboard: somebody drives with the keys of a terminal, as a ROS 2 node."""
 
-import signal
 import sys
 
 from serd_ros.episodes.hand_driver import HandDriverNode
@@ -23,8 +22,6 @@ class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):
         self._keys = KeyNames()
         self._velocity = VelocityKeys(config.speed_mps, config.turn_radps, config.key_timeout_s)
         self._terminal = RawTerminal(config.terminal)
-        # rclpy ends on SIGINT and SIGTERM; without this a closing window would end it unrestored.
-        signal.signal(signal.SIGHUP, lambda *_: self.finish(0))
         self.tell(f"driving by {self.mode}\n{HELP}")
 
     def close(self) -> None:

@@ -61,7 +61,7 @@ def _refusal(error: RuntimeError) -> str:
 
 
 class _StopSignal:
-    """Notes the first SIGINT or SIGTERM; a second one raises KeyboardInterrupt wherever it arrives.
+    """Notes the first SIGINT, SIGTERM or SIGHUP; a second one raises KeyboardInterrupt at once.
 
     The handler only sets a flag, since it may interrupt code that holds a lock: completing a future
     here would wait for ever where the executor holds the future's lock. rclpy's own handlers close
@@ -70,11 +70,15 @@ class _StopSignal:
 
     def __init__(self) -> None:
         self.received = False
-        for number in _STOPPING:
+        # nohup ignores SIGHUP, and that stays.
+        self._numbers = [*_STOPPING]
+        if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+            self._numbers.append(signal.SIGHUP)
+        for number in self._numbers:
             signal.signal(number, self._receive)
 
     def _receive(self, _: int, __: FrameType | None) -> None:
-        for number in _STOPPING:
+        for number in self._numbers:
             signal.signal(number, signal.default_int_handler)
         self.received = True
 
