@@ -13,8 +13,8 @@ from bags.rosbag2.message_types import MessageType, message_type
 from bags.rosbag2.metadata_file import FILE_NAME, ROOT_KEY, FileSpan, bag_metadata, metadata_text
 from bags.rosbag2.qos import RELIABLE, QosProfile
 from bags.rosbag2.topic import Topic
-from storage.atomic import atomic_write_text
 from storage.errors import FileError, disk_error
+from storage.files import atomic_write_text
 from storage.nearest import hint
 
 _LAST_TIME_NS = 2**63 - 1

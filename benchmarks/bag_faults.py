@@ -22,7 +22,7 @@ import numpy as np
 from bags.mcap.format import CHUNK, MAGIC, RECORD_HEAD
 from bags.mcap.scan import McapScan
 from bags.writer import BagWriter
-from storage.atomic import atomic_write_text
+from storage.files import atomic_write_text
 
 _DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "bags.md"
 _TYPE = "geometry_msgs/msg/PoseStamped"

@@ -30,7 +30,7 @@ from sim.world.command import Command
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
 from sim.world.world import HallwayWorld
-from storage.atomic import atomic_write_bytes
+from storage.files import atomic_write_bytes
 
 PLAN_CALL_PEOPLE = 20
 _ON_ITS_WAY_M = 0.3

@@ -39,7 +39,7 @@ from serd_core.policies.mdce import MdcePolicy
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior
-from storage.atomic import atomic_write_bytes
+from storage.files import atomic_write_bytes
 
 SIDES = (10, 32, 100, 316, 1000)
 DISCOUNT = 0.99

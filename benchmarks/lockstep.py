@@ -18,8 +18,8 @@ from serd_cli.workspace import ros_environment
 from serd_ros.graph.graph import find_stack
 from sim.planning.catalogue import planner_names
 from sim.scenario.scenario import Scenario, load_scenario
-from storage.atomic import atomic_write_text
 from storage.episode_table import load_episodes
+from storage.files import atomic_write_text
 from storage.yaml_config import model_yaml
 
 PEOPLE, SEED, EPISODES = 30, 3, 5

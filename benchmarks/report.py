@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from storage.atomic import atomic_write_text
+from storage.files import atomic_write_text
 
 RESULTS = Path(__file__).with_name("results")
 Row = Mapping[str, Any]

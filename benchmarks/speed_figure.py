@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter
 from benchmarks.report import RESULTS
 from report import style
 from report.canvas import new_figure, png_bytes
-from storage.atomic import atomic_write_bytes
+from storage.files import atomic_write_bytes
 
 PEOPLE = 200
 _BAR_IN, _ROOM_IN, _WIDTH_IN = 0.23, 1.3, 8.2

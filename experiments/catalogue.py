@@ -26,7 +26,7 @@ from report.canvas import png_bytes
 from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from sim.episodes.execution import Execution
-from storage.atomic import atomic_write_bytes
+from storage.files import atomic_write_bytes
 
 Run = Callable[[Any, Path, Execution, Progress], list[Row]]
 

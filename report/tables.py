@@ -1,8 +1,5 @@
 """The report's numbers as CSV text: one header line, one row per line, full precision."""
 
-import csv
-import io
-from collections.abc import Iterable, Sequence
 from dataclasses import astuple, fields
 
 import numpy as np
@@ -12,6 +9,7 @@ from report.episode_row import EpisodeRow
 from report.figure_set import decisions_per_model
 from report.figures.outcomes import OUTCOME_LABELS
 from report.inputs import ReportInputs
+from storage.table import csv_text
 
 
 def all_tables(inputs: ReportInputs) -> dict[str, str]:
@@ -26,7 +24,7 @@ def all_tables(inputs: ReportInputs) -> dict[str, str]:
 
 def episodes_table(episodes: tuple[EpisodeRow, ...]) -> str:
     """One row per episode; time_of_arrival_s is empty unless the robot arrived."""
-    return _csv([field.name for field in fields(EpisodeRow)], map(astuple, episodes))
+    return csv_text([field.name for field in fields(EpisodeRow)], map(astuple, episodes))
 
 
 def arrival_table(inputs: ReportInputs) -> str:
@@ -40,14 +38,14 @@ def arrival_table(inputs: ReportInputs) -> str:
         read = at_times(curve, times_s)
         columns += [read.probability, read.lower, read.upper]
         header += [f"{name}_cdf", f"{name}_lower_95", f"{name}_upper_95"]
-    return _csv(header, np.column_stack(columns).tolist())
+    return csv_text(header, np.column_stack(columns).tolist())
 
 
 def weights_table(inputs: ReportInputs) -> str:
     """feature, weight."""
     fit = inputs.fit
     rows = zip(fit.feature_names, fit.reward_weights.tolist(), strict=True)
-    return _csv(["feature", "reward_weight"], rows)
+    return csv_text(["feature", "reward_weight"], rows)
 
 
 def outcomes_table(inputs: ReportInputs) -> str:
@@ -61,12 +59,4 @@ def outcomes_table(inputs: ReportInputs) -> str:
         for k, outcome in enumerate(OUTCOME_LABELS)
     ]
     header = ["model", "outcome", "decisions_of_model"]
-    return _csv([*header, "initial_probability", "learned_probability"], rows)
-
-
-def _csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    return text.getvalue()
+    return csv_text([*header, "initial_probability", "learned_probability"], rows)

@@ -10,7 +10,7 @@ from report.page import render_page
 from report.run_facts import FileLink
 from report.summary import summary_of
 from report.tables import all_tables
-from storage.atomic import atomic_write_bytes, atomic_write_text
+from storage.files import atomic_write_bytes, atomic_write_text
 
 _OWN_FILES = (
     FileLink("summary.json", "every number of this page"),

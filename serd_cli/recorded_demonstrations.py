@@ -30,7 +30,7 @@ from serd_core.demonstrations.decisions import Decisions, state_counts
 from serd_core.grid.grid import Grid
 from sim.scenario.grid import flow_of
 from sim.scenario.scenario import Scenario
-from storage.atomic import atomic_write_bytes
+from storage.files import atomic_write_bytes
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ValidationError
 
 from serd_cli.errors import UsageError
 from storage.settings import settings_of
-from storage.validation_sentence import sentence_of
+from storage.yaml_config import sentence_of
 
 Model = TypeVar("Model", bound=BaseModel)
 

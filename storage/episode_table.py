@@ -1,24 +1,20 @@
-"""The table of driven episodes: one CSV row each, rewritten whole so that a crash loses none."""
+"""The table of driven episodes: one CSV row each, replaced atomically as a whole."""
 
-import csv
-import io
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import Any
 
-from storage.atomic import atomic_write_text
 from storage.errors import FileError
-from storage.text_file import read_text
+from storage.table import OptionalFloat, columns_of, read_rows, write_table
 
 
 @dataclass(frozen=True)
 class EpisodeResult:
-    """How one drive ended; times in simulated seconds, time_of_arrival_s NaN if it did not arrive.
+    """How one episode ended; times in simulated seconds.
 
-    wall_s: wall time from its first to its last observation, for the real-time factor. reason: why
-    its driver gave it up, empty where it did not.
+    time_of_arrival_s: NaN if the robot did not arrive. wall_s: wall time from the first to the last
+    observation, for the real-time factor. reason: why the driver gave up, empty otherwise.
     """
 
     episode: int
@@ -26,7 +22,7 @@ class EpisodeResult:
     driver: str
     start_area: str
     outcome: str
-    time_of_arrival_s: float
+    time_of_arrival_s: OptionalFloat
     duration_s: float
     distance_m: float
     robot_on_person: int
@@ -42,42 +38,22 @@ class EpisodeResult:
         return self.outcome == "arrived"
 
 
-_KINDS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "str": str}
-_FIELDS = {
-    field.name: _KINDS[getattr(field.type, "__name__", "")] for field in fields(EpisodeResult)
-}
+# Tables of the first version have no column `reason`.
+COLUMNS = columns_of(EpisodeResult, optional=("reason",))
 
 
 def save_episodes(path: str | Path, episodes: Sequence[EpisodeResult]) -> None:
-    """Write all rows; floats read back exactly."""
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(_FIELDS), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(asdict(episode) for episode in episodes)
-    atomic_write_text(path, stream.getvalue())
+    """Write all rows."""
+    write_table(path, COLUMNS, map(astuple, episodes))
 
 
 def load_episodes(path: str | Path) -> tuple[EpisodeResult, ...]:
-    """Rows of `save_episodes`; FileError names the line that is not one."""
-    reader = csv.DictReader(io.StringIO(read_text(path)))
-    # Tables written before there was a reason have none.
-    if tuple(reader.fieldnames or ()) not in (tuple(_FIELDS), tuple(_FIELDS)[:-1]):
-        raise FileError(
-            f"{path}: must have the columns {', '.join(_FIELDS)}, got "
-            f"{', '.join(reader.fieldnames or ()) or 'none'}; give a table of episodes"
-        )
-    return tuple(_row(path, reader.line_num, row) for row in reader)
-
-
-def _row(path: str | Path, line: int, row: dict[str, str]) -> EpisodeResult:
-    try:
-        result = EpisodeResult(
-            **{name: read(row[name]) for name, read in _FIELDS.items() if name in row}
-        )
-    except (TypeError, ValueError, KeyError) as error:
-        raise FileError(f"{path}, line {line}: is no row of episodes ({error}); mend it") from None
-    if result.arrived == math.isnan(result.time_of_arrival_s):
-        raise FileError(
-            f"{path}, line {line}: time_of_arrival_s must be a number exactly if it arrived"
-        )
-    return result
+    """Read what `save_episodes` wrote; FileError names the line of a fault."""
+    episodes = read_rows(path, EpisodeResult, COLUMNS)
+    for line, each in enumerate(episodes, start=2):
+        if each.arrived == math.isnan(each.time_of_arrival_s):
+            raise FileError(
+                f"{path}: line {line}, time_of_arrival_s must be a number exactly if outcome is"
+                f" 'arrived', got {each.time_of_arrival_s} and {each.outcome!r}; correct the line"
+            )
+    return episodes

@@ -1,4 +1,4 @@
-"""The one base error of the package and the sentences for what a disk can refuse."""
+"""The base error of the package and the parts of its messages."""
 
 import errno
 from pathlib import Path
@@ -19,14 +19,20 @@ _REASON_AND_FIX = {
     errno.ENAMETOOLONG: ("the name is too long", "choose a shorter one"),
     errno.EIO: ("the disk reports an input/output error", "check the disk"),
 }
+_LONGEST_VALUE = 60
 
 
 class FileError(SerdError):
-    """A file cannot be read, written or believed; the sentence names it and the fix."""
+    """A file cannot be read or written, or is invalid; the message names it and the fix."""
 
 
 def disk_error(doing: str, path: Path, error: OSError) -> FileError:
-    """FileError that says why the operating system refused `doing` ("read", "write") the path."""
+    """FileError with the operating system's reason; doing: "read" or "write"."""
     unknown = (error.strerror or str(error), "check the path and the disk")
     reason, fix = _REASON_AND_FIX.get(error.errno or 0, unknown)
     return FileError(f"cannot {doing} {path}: {reason}; {fix}")
+
+
+def shortened(text: str) -> str:
+    """The text, cut to a length that fits into an error message."""
+    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 1] + "…"

@@ -14,8 +14,8 @@ from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from storage.atomic import atomic_write_text
 from storage.errors import FileError
+from storage.files import atomic_write_text
 from storage.flow_picture import flow_of_picture, flow_picture
 from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
 

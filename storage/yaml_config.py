@@ -1,14 +1,18 @@
 """A YAML file as a frozen, validated model; any fault is one sentence with file, key and fix."""
 
 import json
+import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from types import UnionType
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
 
-from storage.errors import FileError
-from storage.text_file import read_text
-from storage.validation_sentence import sentence_of
+from storage.errors import FileError, shortened
+from storage.files import read_text
+from storage.nearest import hint
 from storage.yaml_text import read_yaml, write_yaml
 
 
@@ -67,3 +71,111 @@ def _require_format(values: dict[str, Any], model_class: type[BaseModel], name: 
 def model_yaml(model: BaseModel) -> str:
     """The model as YAML text that `yaml_model` reads back equal."""
     return write_yaml(model.model_dump(mode="json"))
+
+
+_PLAIN_WORDS = {
+    "must be have": "must have",
+    " a valid integer": " an integer",
+    " a valid ": " a ",
+    " array": " list",
+    " object": " group of keys",
+    " after validation": "",
+}
+
+
+def sentence_of(error: ValidationError, model_class: type[BaseModel]) -> str:
+    """The most telling of the faults; the number of the others is added."""
+    details = sorted(error.errors(include_url=False), key=_rank)
+    others = len(details) - 1
+    more = f" ({others} more fault{'s' if others > 1 else ''})" if others else ""
+    return _sentence(details[0], model_class) + more
+
+
+def dotted(place: Sequence[int | str]) -> str:
+    """A place inside a file as people write it: `walls[2].outline_m`."""
+    parts = [f"[{step}]" if isinstance(step, int) else f".{step}" for step in place]
+    return "".join(parts).lstrip(".")
+
+
+def _rank(detail: ErrorDetails) -> int:
+    """An unknown key first: the missing one it was meant to be is its consequence."""
+    return {"extra_forbidden": 0, "missing": 2}.get(detail["type"], 1)
+
+
+def _sentence(detail: ErrorDetails, model_class: type[BaseModel]) -> str:
+    key = dotted(detail["loc"])
+    if detail["type"] == "extra_forbidden":
+        name = str(detail["loc"][-1])
+        return f"{key} is not a known key; {hint(name, keys_at(model_class, detail['loc'][:-1]))}"
+    if detail["type"] == "missing":
+        return f"{key} is required but missing; add it"
+    if detail["type"] in ("value_error", "assertion_error"):
+        return _own_rule(key, detail["msg"].split(", ", 1)[1])
+    value = shortened(repr(detail["input"]))
+    return f"{key or 'the file'} {_rule(detail)}, got {value}{_near(detail)}"
+
+
+def _own_rule(key: str, message: str) -> str:
+    if not key:
+        return message
+    return f"{key} {message}" if message.startswith(("must ", "is ")) else f"{key}: {message}"
+
+
+def _rule(detail: ErrorDetails) -> str:
+    if detail["type"] == "model_type":
+        return "must hold keys and values"
+    message = re.sub(r"^Input should (?:be )?", "must be ", detail["msg"])
+    message = re.sub(r"^(\w+) should ", "must ", message)
+    for pydantic_word, plain_word in _PLAIN_WORDS.items():
+        message = message.replace(pydantic_word, plain_word)
+    return message
+
+
+def _near(detail: ErrorDetails) -> str:
+    if detail["type"] != "literal_error":
+        return ""
+    allowed = re.findall(r"'([^']*)'", detail["ctx"]["expected"])
+    return f"; {hint(str(detail['input']), allowed)}"
+
+
+def keys_at(model_class: type[BaseModel], place: Sequence[int | str]) -> tuple[str, ...]:
+    """Names of the fields allowed at `place`, a path of keys and indices from the root."""
+    found: list[Any] = [model_class]
+    for step in place:
+        found = [inner for each in found for inner in _inside(each, step)] or found
+    models = [each for annotation in found for each in _models(annotation)]
+    return tuple(sorted({_key(name, each) for each in models for name in each.model_fields}))
+
+
+def _inside(annotation: Any, step: int | str) -> Iterator[Any]:
+    for each in _alternatives(annotation):
+        if _is_model(each):
+            if step in each.model_fields:
+                yield each.model_fields[step].annotation
+        elif get_origin(each) is dict:
+            yield get_args(each)[1]
+        elif isinstance(step, int):
+            yield from (part for part in get_args(each) if part is not Ellipsis)
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    return (each for each in _alternatives(annotation) if _is_model(each))
+
+
+def _alternatives(annotation: Any) -> Iterator[Any]:
+    origin = get_origin(annotation)
+    if origin is Annotated:
+        yield from _alternatives(get_args(annotation)[0])
+    elif origin in (Union, UnionType):
+        for part in get_args(annotation):
+            yield from _alternatives(part)
+    else:
+        yield annotation
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _key(name: str, model_class: type[BaseModel]) -> str:
+    return model_class.model_fields[name].alias or name

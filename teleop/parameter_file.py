@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from storage.text_file import read_text
+from storage.files import read_text
 from storage.yaml_text import read_yaml
 
 _FRAME = "ros__parameters"

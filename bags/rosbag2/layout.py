@@ -11,7 +11,7 @@ from bags.errors import BagError
 from bags.rosbag2.metadata_file import FILE_NAME, ROOT_KEY
 from bags.rosbag2.unpacked import PACKED
 from storage.errors import FileError
-from storage.text_file import read_text
+from storage.files import read_text
 
 _SUFFIXES = (".mcap", ".db3")
 _ENDINGS = (*_SUFFIXES, *(suffix + PACKED for suffix in _SUFFIXES))

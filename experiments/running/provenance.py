@@ -15,7 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from storage.atomic import atomic_write_text
+from storage.files import atomic_write_text
 from storage.yaml_text import read_yaml, write_yaml
 
 FILE_NAME = "provenance.yaml"

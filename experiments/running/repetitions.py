@@ -17,7 +17,7 @@ from typing import Any
 from experiments.running.provenance import FILE_NAME
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
-from storage.atomic import atomic_write_text
+from storage.files import atomic_write_text
 
 #: One line of a result table; None where a number does not apply.
 Row = dict[str, Any]

@@ -13,8 +13,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from experiments.catalogue import Experiment
 from serd_core.errors import SerdError
+from storage.files import read_text
 from storage.nearest import hint
-from storage.text_file import read_text
 from storage.yaml_text import read_yaml
 
 EXPERIMENTS_YAML = Path(__file__).with_name("experiments.yaml")

@@ -21,7 +21,7 @@ from experiments.study.tables.results import Results
 from report.canvas import png_bytes, svg_bytes
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
-from storage.atomic import atomic_write_bytes, atomic_write_text
+from storage.files import atomic_write_bytes, atomic_write_text
 from storage.yaml_config import load_yaml_model, model_yaml
 
 SETTINGS_YAML = "settings.yaml"

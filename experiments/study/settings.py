@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
-from storage.text_file import read_text
+from storage.files import read_text
 from storage.yaml_config import StrictModel, yaml_model
 from storage.yaml_text import read_yaml, write_yaml
 

@@ -7,8 +7,8 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from serd_core.grid.grid import Grid
-from storage.atomic import atomic_write_text
 from storage.errors import FileError
+from storage.files import atomic_write_text
 from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
 
 _WALKABLE, _BLOCKED = ".", "#"

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from storage.atomic import atomic_write_text
+from storage.files import atomic_write_text
 from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
 
 

@@ -13,8 +13,8 @@ from pydantic import Field
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
-from storage.atomic import atomic_write_text
 from storage.errors import FileError
+from storage.files import atomic_write_text
 from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from serd_app.demonstrations.grid_file import save_grid
 from serd_app.learning.recipe import LearningTask, Lesson
-from storage.atomic import atomic_write_text
+from storage.files import atomic_write_text
 from storage.model_file import save_model
 
 

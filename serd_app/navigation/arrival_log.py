@@ -1,19 +1,12 @@
 """Predicted and measured arrivals, one CSV row per episode, appended as they come.
 
-A row goes to the disk in one write and is synced, so that a killed process leaves whole rows; a
-last row that a crash of the machine cut short is cut off before the next is appended.
+Each row is one synced write, so that a killed process leaves whole rows.
 """
 
-import csv
-import io
-import os
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import Any
 
-from storage.errors import FileError, disk_error
-from storage.text_file import read_text
+from storage.table import OptionalFloat, append_row, columns_of, read_rows
 
 
 @dataclass(frozen=True)
@@ -37,69 +30,20 @@ class ArrivalRow:
     outcome: str
     reason: str
     predicted_probability: float
-    predicted_median_s: float
-    predicted_most_s: float
-    time_of_arrival_s: float
-    predicted_share: float
+    predicted_median_s: OptionalFloat
+    predicted_most_s: OptionalFloat
+    time_of_arrival_s: OptionalFloat
+    predicted_share: OptionalFloat
 
 
-_KINDS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "str": str}
-_FIELDS = {field.name: _KINDS[getattr(field.type, "__name__", "")] for field in fields(ArrivalRow)}
+COLUMNS = columns_of(ArrivalRow)
 
 
 def append_arrival(path: str | Path, row: ArrivalRow) -> None:
-    """Append one row, below the column names in a new file; FileError where that cannot be."""
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("a+b") as stream:
-            is_new = _cut_to_whole_rows(stream)
-            stream.write(_text(row, with_names=is_new).encode())
-            stream.flush()
-            os.fsync(stream.fileno())
-    except OSError as error:
-        raise disk_error("write", path, error) from None
+    """Append one row, below the column names in a new file."""
+    append_row(path, COLUMNS, astuple(row))
 
 
 def load_arrivals(path: str | Path) -> tuple[ArrivalRow, ...]:
-    """All whole rows; FileError names the line that is none.
-
-    A file without a whole line, as it is while its first row is written, has none.
-    """
-    text = read_text(path)
-    whole = text[: text.rfind("\n") + 1]
-    if not whole:
-        return ()
-    reader = csv.DictReader(io.StringIO(whole))
-    if tuple(reader.fieldnames or ()) != tuple(_FIELDS):
-        raise FileError(
-            f"{path}: must have the columns {', '.join(_FIELDS)}, got "
-            f"{', '.join(reader.fieldnames or ()) or 'none'}; give a table of arrivals"
-        )
-    return tuple(_row(path, reader.line_num, row) for row in reader)
-
-
-def _cut_to_whole_rows(stream: Any) -> bool:
-    """Whether there is no row yet, after dropping what follows the last newline."""
-    stream.seek(0)
-    whole = stream.read()
-    kept = whole.rfind(b"\n") + 1
-    if kept < len(whole):
-        stream.truncate(kept)
-    return bool(kept == 0)
-
-
-def _text(row: ArrivalRow, *, with_names: bool) -> str:
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(_FIELDS), lineterminator="\n")
-    if with_names:
-        writer.writeheader()
-    writer.writerow(asdict(row))
-    return stream.getvalue()
-
-
-def _row(path: str | Path, line: int, row: dict[str, str]) -> ArrivalRow:
-    try:
-        return ArrivalRow(**{name: read(row[name]) for name, read in _FIELDS.items()})
-    except (TypeError, ValueError) as error:
-        raise FileError(f"{path}, line {line}: is no row of arrivals ({error}); mend it") from None
+    """All whole rows; FileError names the line of a fault."""
+    return read_rows(path, ArrivalRow, COLUMNS, growing=True)

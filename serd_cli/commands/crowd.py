@@ -20,7 +20,7 @@ from sim.crowd.comparison import ComparedSpeed, compare_one_way, compare_two_way
 from sim.crowd.corridor_measures import CorridorMeasures, load_petrack, measure_recording
 from sim.crowd.ring_corridor import weidmann_speed_mps
 from sim.crowd.social_force import model_names
-from storage.atomic import atomic_write_bytes
+from storage.files import atomic_write_bytes
 
 
 def register(app: typer.Typer) -> None:

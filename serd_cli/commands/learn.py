@@ -30,7 +30,7 @@ from serd_cli.recorded_demonstrations import files_beside
 from serd_cli.terminal import console
 from serd_core.ascent.ascent import Step
 from sim.scenario.goal import point_of
-from storage.validation_sentence import sentence_of
+from storage.yaml_config import sentence_of
 
 
 def register(app: typer.Typer) -> None:

@@ -24,8 +24,8 @@ from serd_cli.terminal import console
 from sim.planning.catalogue import make_planner
 from sim.scenario.goal import with_goal
 from sim.scenario.grid import grid_of, start_states_of
-from storage.atomic import atomic_write_bytes
 from storage.episode_table import EpisodeResult, load_episodes
+from storage.files import atomic_write_bytes
 from storage.model_file import load_model
 
 

@@ -15,7 +15,7 @@ from serd_cli.json_output import print_json
 from serd_cli.terminal import console
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
-from storage.atomic import atomic_write_bytes, atomic_write_text
+from storage.files import atomic_write_bytes, atomic_write_text
 
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON instead of a table")]
 

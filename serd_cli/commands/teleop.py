@@ -17,7 +17,7 @@ from serd_cli.teleop.terminal_output import DriverLines, restored_terminal
 from serd_cli.terminal import progress_console
 from serd_cli.workspace import ros_environment
 from sim.scenario.scenario import load_scenario
-from storage.atomic import atomic_write_text
+from storage.files import atomic_write_text
 from storage.yaml_config import model_yaml
 
 _VELOCITIES = BagMapping(action_from="velocity", action_topic="cmd_vel", episode_topic="episode")

@@ -1,6 +1,5 @@
 """From the files of a finished run to its report and the table on the terminal."""
 
-import csv
 import shlex
 import sys
 from collections.abc import Sequence
@@ -30,6 +29,7 @@ from serd_core.posterior.parameters import Parameters
 from sim.scenario.scenario import Scenario, load_scenario
 from storage.episode_table import EpisodeResult
 from storage.model_file import ModelFile, load_model
+from storage.table import Column, read_table
 
 _PACKAGES = ("serd", "numpy", "scipy", "pybullet", "ros-jazzy-rclpy", "rosbags")
 _FILES = (
@@ -108,8 +108,9 @@ def fit_of(model: ModelFile, problem: NavigationProblem, trace: FloatArray) -> F
 
 
 def _trace(folder: DemoFolder) -> FloatArray:
-    with folder.learning.open(encoding="utf-8") as stream:
-        return np.array([float(row["objective"]) for row in csv.DictReader(stream)])
+    columns = Column("step", int), Column("objective", float)
+    trace: FloatArray = read_table(folder.learning, columns)["objective"].to_numpy()
+    return trace
 
 
 def _row(episode: EpisodeResult) -> EpisodeRow:

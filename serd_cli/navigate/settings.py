@@ -9,8 +9,7 @@ from serd_cli.errors import UsageError
 from serd_cli.output_place import require_folder
 from sim.episodes.settings import WorldSettings
 from sim.scenario.scenario import Scenario, load_scenario, scenario_digest
-from storage.atomic import atomic_write_text
-from storage.text_file import read_text
+from storage.files import atomic_write_text, read_text
 from storage.yaml_config import load_yaml_model, model_yaml
 
 _FILE = "navigate.yaml"

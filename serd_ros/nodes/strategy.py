@@ -28,7 +28,7 @@ from serd_ros.process.run_node import run_node
 from sim.drivers.catalogue import Driver
 from sim.world.observation import Observation
 from storage.episode_table import EpisodeResult
-from storage.file_watch import FileWatch
+from storage.files import FileWatch
 from storage.model_file import ModelFile
 from storage.yaml_config import yaml_model
 

@@ -19,7 +19,7 @@ from serd_ros.errors import NodeError
 from serd_ros.parameters.configs import NodeConfig
 from storage.nearest import hint
 from storage.settings import Setting, settings_of
-from storage.validation_sentence import sentence_of
+from storage.yaml_config import sentence_of
 
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 Config = TypeVar("Config", bound=NodeConfig)

@@ -13,7 +13,7 @@ import numpy as np
 from serd_core.arrays import FloatArray, IntArray
 from sim.crowd.ring_corridor import ring_corridor_crowd
 from sim.errors import SimError
-from storage.text_file import read_text
+from storage.files import read_text
 
 
 @dataclass(frozen=True, eq=False)

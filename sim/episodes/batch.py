@@ -1,8 +1,8 @@
 """Many episodes over many processes, resumable, one row per episode in a CSV or Parquet file.
 
-Rows are written as they come; a run that is started again skips the episodes whose rows are there.
+Rows are written as episodes end; a run that is started again skips the episodes that have a row.
 An episode's result depends on its task only, not on the process or the order. Scenario and model
-files may change between runs: their digest stands in the row and must be the same.
+files may change between runs: each row holds their digest, which must be the same.
 """
 
 import hashlib
@@ -15,14 +15,16 @@ from sim.drivers.catalogue import make_driver
 from sim.drivers.policy_driver import MODEL_SUFFIXES
 from sim.episodes.episode import run_episode
 from sim.episodes.execution import Execution
-from sim.episodes.metrics import MetricsObserver
+from sim.episodes.metrics import EpisodeMetrics, MetricsObserver
 from sim.errors import SimError
 from sim.planning.catalogue import make_planner, planner_in_world, require_people_source
+from sim.robot.contacts import ContactCounts
 from sim.scenario.grid import grid_of, start_states_of
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.world.world import HallwayWorld
-from storage.row_table import Key, Row, RowTable, as_text
-from storage.text_file import read_text
+from storage.files import read_text
+from storage.row_table import Key, Row, RowTable
+from storage.table import Column, cell_text, columns_of
 
 Progress = Callable[[int, int], None]
 #: Column of the digest of everything that files say about an episode.
@@ -48,11 +50,25 @@ class EpisodeTask:
 
     @property
     def key(self) -> Key:
-        """The task as the strings that stand in its row."""
-        return tuple(as_text(getattr(self, each.name)) for each in fields(self))
+        """The task as the texts of its cells."""
+        return tuple(cell_text(getattr(self, each.name)) for each in fields(self))
 
 
 TASK_COLUMNS = tuple(each.name for each in fields(EpisodeTask))
+COLUMNS = (
+    *columns_of(EpisodeTask),
+    Column(INPUTS, str),
+    Column("outcome", str),
+    Column("time_of_arrival_s", float, nullable=True),
+    Column("duration_s", float),
+    Column("distance_m", float),
+    Column("n_decisions", int),
+    Column("minimum_person_distance_m", float),
+    *columns_of(ContactCounts),
+    Column("planner_status", str),
+    Column("n_recoveries", int),
+    *columns_of(EpisodeMetrics),
+)
 
 
 def run_task(task: EpisodeTask) -> Row:
@@ -99,7 +115,7 @@ def run_batch(
     """
     wanted = list(dict.fromkeys(tasks))
     require_runnable(wanted)
-    with RowTable(path, TASK_COLUMNS) as table:
+    with RowTable(path, COLUMNS, TASK_COLUMNS) as table:
         _require_same_inputs(wanted, table)
         missing = [task for task in wanted if task.key not in table.rows]
         done, total = len(wanted) - len(missing), len(wanted)
@@ -129,13 +145,13 @@ def inputs_digest(scenario: str, driver: str) -> str:
 
 
 def require_runnable(tasks: Iterable[EpisodeTask]) -> None:
-    """Raise now what would otherwise end a batch in its middle: bad names, files and areas."""
-    for alike in {replace(task, seed=0, episode=0) for task in tasks}:
-        place = scenario_of(alike.scenario, alike.n_people)
-        start_states_of(place, grid_of(place), alike.start_area)
-        make_planner(alike.planner, place)
-        require_people_source(alike.people_from)
-        make_driver(alike.driver, place, 0)
+    """Raise early for bad names, files and areas, which would end a batch in its middle."""
+    for condition in {replace(task, seed=0, episode=0) for task in tasks}:
+        scenario = scenario_of(condition.scenario, condition.n_people)
+        start_states_of(scenario, grid_of(scenario), condition.start_area)
+        make_planner(condition.planner, scenario)
+        require_people_source(condition.people_from)
+        make_driver(condition.driver, scenario, 0)
 
 
 def _require_same_inputs(tasks: list[EpisodeTask], table: RowTable) -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from storage.text_file import read_text
+from storage.files import read_text
 from teleop.errors import TeleopError
 
 SHORTEST_TOKEN = 16

@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from sim.episodes.batch import COLUMNS
 from storage.row_table import RowTable
 from support.waiting import PATIENCE_S, wait_until
 
@@ -30,7 +31,7 @@ def test_more_seeds_add_to_the_table_and_keep_what_is_there(serd, tmp_path):
     serd(*SMALL, "--seeds", "1", "--output", output)
     ended = serd(*SMALL, "--seeds", "2", "--output", output)
     assert "2 of 2" in ended.out
-    with RowTable(output, ["seed"]) as table:
+    with RowTable(output, COLUMNS, ["seed"]) as table:
         assert list(table.rows) == [("1",), ("2",)]
 
 

@@ -6,8 +6,8 @@ import stat
 
 import pytest
 
-from storage.atomic import atomic_write_bytes, atomic_write_text
 from storage.errors import FileError
+from storage.files import atomic_write_bytes, atomic_write_text
 
 
 def test_the_content_is_written_and_folders_are_made(tmp_path):

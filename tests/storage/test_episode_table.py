@@ -42,8 +42,16 @@ def test_an_episode_that_did_not_arrive_has_no_time_of_arrival(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("0,3,strategy", "zero,3,strategy", r"line 2: is no row of episodes"),
-        ("arrived", "timeout", r"line 2: time_of_arrival_s must be a number exactly if it arrived"),
+        (
+            "0,3,strategy",
+            "zero,3,strategy",
+            r"line 2, episode must be a whole number, got 'zero'; correct the line",
+        ),
+        (
+            "arrived",
+            "timeout",
+            r"line 2, time_of_arrival_s must be a number exactly if outcome is 'arrived'",
+        ),
         ("episode,", "number,", r"must have the columns episode, seed"),
     ],
 )

@@ -1,7 +1,6 @@
 """A file is noticed once for every time it was written."""
 
-from storage.atomic import atomic_write_text
-from storage.file_watch import FileWatch
+from storage.files import FileWatch, atomic_write_text
 
 
 def test_every_writing_is_noticed_once(tmp_path):

@@ -34,7 +34,7 @@ from serd_core.demonstrations.trajectories import trajectories_of
 from serd_core.grid.navigation import NavigationProblem
 from sim.drivers.policy_driver import PolicyDriver
 from sim.scenario.scenario import Scenario
-from storage.atomic import atomic_write_text
+from storage.files import atomic_write_text
 
 
 def arrival_tasks(settings: StudySettings, folder: Path, fits: Path) -> tuple[Task, ...]:

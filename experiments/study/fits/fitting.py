@@ -23,7 +23,7 @@ from serd_core.demonstrations.decisions import Decisions, state_action_counts
 from serd_core.evaluation import dynamics_divergence, policy_log_likelihood
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.selection.prior_weight import split_episodes
-from storage.atomic import atomic_write_text
+from storage.files import atomic_write_text
 
 
 def fitting_tasks(settings: StudySettings, folder: Path, work: Path) -> tuple[Task, ...]:

@@ -13,8 +13,7 @@ from experiments.study.page.arrival_tables import ARRIVAL_TABLES
 from experiments.study.page.learning_tables import LEARNING_TABLES
 from experiments.study.run import KEPT
 from serd_core.errors import SerdError
-from storage.atomic import atomic_write_text
-from storage.text_file import read_text
+from storage.files import atomic_write_text, read_text
 
 _BLOCK = re.compile(r"(<!-- table (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 TABLES = LEARNING_TABLES | ARRIVAL_TABLES

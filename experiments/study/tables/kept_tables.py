@@ -5,7 +5,7 @@ import io
 from pathlib import Path
 
 from experiments.running.repetitions import Row
-from storage.text_file import read_text
+from storage.files import read_text
 
 
 def read_table(folder: Path, name: str) -> list[Row]:

@@ -15,7 +15,7 @@ GRID = Grid((-1.0, 2.0), 0.5, np.array([[True, False, True], [True, True, True]]
 
 
 def save(path, grid, flow):
-    zeros = np.zeros(grid.n_states)
+    zeros = np.zeros(grid.n_states, dtype=int)
     velocity = np.zeros((grid.n_states, 2))
     save_flow(path, grid, flow=flow, order=zeros, count=zeros, mean_velocity_mps=velocity)
 
@@ -46,11 +46,12 @@ def test_what_is_no_picture_of_the_grid_is_none(rows):
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        (lambda _: "", "line 1 must be state,x_m,y_m,flow,order,count,vx_mps,vy_mps, got an"),
-        (lambda text: text.replace("flow", "direction"), "line 1 must be"),
+        (lambda _: "", "must have the columns state, x_m, y_m, flow, order, count, vx_mps, vy_mps,"
+         " got none"),
+        (lambda text: text.replace("flow", "direction"), "must have the columns"),
         (lambda text: text.replace("north", "nort"), "line 2, flow must be a direction or none,"
          " got 'nort'; did you mean 'north'?"),
-        (lambda text: text.replace("-0.75,", "east,", 1), "line 2, x_m and y_m must be numbers"),
+        (lambda text: text.replace("-0.75,", "east,", 1), "line 2, x_m must be a number, got 'ea"),
         (lambda text: text.replace("-0.75,", "9.0,", 1), "line 2 must be the cell at"),
         (lambda text: text.replace(",0.0,0.0\n", "\n", 1), "line 2 must have 8 columns, got 6"),
         (lambda text: text.rsplit("\n", 2)[0], "must have one line for each of the grid's 5"),

@@ -32,8 +32,8 @@ def test_decisions_survive_a_round_trip(tmp_path_factory, rows):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "line 1 must be episode,time_s,state,action,next_state,source, got an empty file"),
-        ("a,b\n", "line 1 must be .*, got a,b"),
+        ("", "must have the columns episode, time_s, state, action, next_state, source, got none"),
+        ("a,b\n", "must have the columns .*, got a, b"),
         ("HEAD\n1,2,3\n", "line 2 must have 6 columns, got 3"),
         ("HEAD\n1,x,3,4,5,s\n", "line 2, time_s must be a number, got 'x'"),
         ("HEAD\n1,2.0,3.5,4,5,s\n", "line 2, state must be a whole number, got '3.5'"),

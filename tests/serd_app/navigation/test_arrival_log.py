@@ -105,5 +105,5 @@ def test_another_table_is_refused_and_so_is_a_row_that_is_none(tmp_path):
     append_arrival(tmp_path / "good.csv", row())
     text = (tmp_path / "good.csv").read_text()
     path.write_text(text.replace("0,3,", "x,3,"))
-    with pytest.raises(FileError, match="line 2: is no row of arrivals"):
+    with pytest.raises(FileError, match="line 2, episode must be a whole number, got 'x'"):
         load_arrivals(path)

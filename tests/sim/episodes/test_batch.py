@@ -10,11 +10,11 @@ from distributed import LocalCluster
 
 from serd_core.errors import SerdError
 from sim.drivers.catalogue import driver_names, make_driver
-from sim.episodes.batch import TASK_COLUMNS, EpisodeTask, run_batch, run_task
+from sim.episodes.batch import COLUMNS, TASK_COLUMNS, EpisodeTask, run_batch, run_task
 from sim.episodes.execution import Execution
 from sim.scenario.scenario import Scenario, load_scenario
-from storage.parquet import read_parquet
-from storage.row_table import RowTable, waiting_lines
+from storage.row_table import RowTable, new_rows_path
+from storage.table import read_table, records
 from storage.yaml_config import model_yaml
 from support.waiting import wait_until
 
@@ -107,17 +107,17 @@ def test_a_batch_that_is_killed_leaves_no_worker_behind_and_goes_on_where_it_was
     path = tmp_path / "rows.parquet"
     command = [sys.executable, "-c", KILLED_PROGRAM, str(path)]
     with subprocess.Popen(command) as process:
-        lines = waiting_lines(path)
+        lines = new_rows_path(path)
         wait_until(lambda: lines.exists() and len(lines.read_text().splitlines()) > 1)
         workers = children_of(process.pid)
         process.kill()
     assert len(workers) >= 2
     wait_until(lambda: not any(is_running(pid) for pid in workers))
     assert not path.exists()
-    with RowTable(path, TASK_COLUMNS) as table:
+    with RowTable(path, COLUMNS, TASK_COLUMNS) as table:
         assert len(table.rows) >= 1
-    assert not waiting_lines(path).exists()
-    assert {row["outcome"] for row in read_parquet(path)} == {"arrived"}
+    assert not new_rows_path(path).exists()
+    assert {row["outcome"] for row in records(read_table(path, COLUMNS))} == {"arrived"}
 
 
 def test_a_parquet_file_holds_the_rows_that_a_csv_file_holds(table, tmp_path):
@@ -125,7 +125,7 @@ def test_a_parquet_file_holds_the_rows_that_a_csv_file_holds(table, tmp_path):
     path = tmp_path / "episodes.parquet"
     run_batch(TASKS[:1], path, execution=ONE)
     assert run_batch(TASKS, path, execution=ONE) == rows
-    assert read_parquet(path) == rows
+    assert records(read_table(path, COLUMNS)) == rows
     assert [each.name for each in tmp_path.iterdir()] == ["episodes.parquet"]
 
 

@@ -1,14 +1,33 @@
-"""Files written whole or not at all: a temporary beside it, synced, then renamed over it."""
+"""Reading files, writing them whole or not at all, and watching them for changes."""
 
 import os
 import tempfile
 from pathlib import Path
 
-from storage.errors import disk_error
+from storage.errors import FileError, disk_error
+
+
+def read_text(path: str | Path) -> str:
+    """The text of the file; FileError where it is missing, unreadable or not UTF-8."""
+    try:
+        return read_bytes(path).decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        raise FileError(
+            f"{path}: must be UTF-8 text, got byte {error.object[error.start]:#04x}"
+            f" at offset {error.start}; save it as UTF-8"
+        ) from None
+
+
+def read_bytes(path: str | Path) -> bytes:
+    """The content of the file; FileError where it is missing or unreadable."""
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise disk_error("read", Path(path), error) from None
 
 
 def atomic_write_text(path: str | Path, text: str) -> None:
-    """Write UTF-8 text as `atomic_write_bytes` does."""
+    """Write UTF-8 text atomically, see `atomic_write_bytes`."""
     atomic_write_bytes(path, text.encode("utf-8"))
 
 
@@ -59,3 +78,29 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+Mark = tuple[int, int, int]
+
+
+class FileWatch:
+    """Compares inode, size and time of writing; a missing file counts as unchanged."""
+
+    def __init__(self, path: str | Path) -> None:
+        self._path = Path(path)
+        self._mark = self._look()
+
+    def changed(self) -> bool:
+        """Whether it is another file than at the last call, or than at the beginning."""
+        mark = self._look()
+        if mark is None or mark == self._mark:
+            return False
+        self._mark = mark
+        return True
+
+    def _look(self) -> Mark | None:
+        try:
+            status = self._path.stat()
+        except OSError:
+            return None
+        return status.st_ino, status.st_size, status.st_mtime_ns
