@@ -17,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from benchmarks.closed_loop_figure import closed_loop_figure
 from benchmarks.closed_loop_plan import ClosedLoopPlan
 from benchmarks.report import RESULTS, Row, save
-from report.canvas import png_bytes
+from report.style import png_bytes
 from serd_cli.progress import WorkProgress
 from sim.drivers.catalogue import make_driver
 from sim.episodes.batch import run_batch

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from report import style
-from report.canvas import new_figure
+from report.style import new_figure
 from sim.episodes.batch_summary import ConditionSummary
 
 _Measure = Callable[[ConditionSummary], float]

@@ -28,8 +28,7 @@ from benchmarks.gridworld_problems import DYNAMICS, WEIGHTS, demonstrations, lan
 from benchmarks.peak_memory import peak_memory_mb
 from benchmarks.processor_time import best_of
 from benchmarks.report import RESULTS, Row, save
-from report.canvas import new_figure, png_bytes
-from report.style import BLUE, MUTED, RED, report_style
+from report.style import BLUE, MUTED, RED, new_figure, png_bytes, report_style
 from serd_core.bellman.backup import BellmanProblem, backup
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.transitions import transitions_of

@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter
 
 from benchmarks.report import RESULTS
 from report import style
-from report.canvas import new_figure, png_bytes
+from report.style import new_figure, png_bytes
 from storage.files import atomic_write_bytes
 
 PEOPLE = 200

@@ -22,7 +22,7 @@ from experiments.gridworld.learners import EXPERTS
 from experiments.gridworld.problem import true_dynamics
 from experiments.running.repetitions import Progress, Row, write_table
 from experiments.running.summary import quartiles, welch_test
-from report.canvas import png_bytes
+from report.style import png_bytes
 from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from sim.episodes.execution import Execution

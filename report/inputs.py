@@ -1,13 +1,14 @@
 """Everything a report is made of: one frozen record, checked for agreement of its parts."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+from typing import Any, Literal, get_args
 
-from report.checks import finite_number
-from report.episode_row import EpisodeRow
+import numpy as np
+
 from report.errors import ReportError
-from report.run_facts import FileLink, PhaseTiming, RunFacts
-from report.snapshot import CrowdSnapshot
-from serd_core.arrays import FloatArray, float_array, require_index
+from serd_core.arrays import FloatArray, first_index, float_array, require_index
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
@@ -15,7 +16,173 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import Policy
 from sim.scenario.scenario import Scenario
 
-__all__ = ["FileLink", "PhaseTiming", "ReportInputs", "RunFacts"]
+
+def finite_number(name: str, value: float) -> float:
+    """`value` as a float; NaN and infinity are refused."""
+    number = float(value)
+    if not np.isfinite(number):
+        raise ReportError(f"{name} must be a finite number, got {number}; leave out the bad sample")
+    return number
+
+
+def array_with_gaps(name: str, values: Any, shape: tuple[int | None, ...]) -> FloatArray:
+    """Read-only float copy of `values` in which NaN marks a gap; infinity is refused."""
+    array = np.array(values, dtype=np.float64)
+    infinite = first_index(np.isinf(array))
+    if infinite is not None:
+        raise ReportError(
+            f"{name}{list(infinite)} must be a number or NaN, got {array[infinite]}; repair it"
+        )
+    float_array(name, np.nan_to_num(array), shape)
+    array.flags.writeable = False
+    return array
+
+
+EpisodeOutcome = Literal["arrived", "timeout", "aborted"]
+
+
+@dataclass(frozen=True)
+class EpisodeRow:
+    """One drive; `time_of_arrival_s` is None unless the robot arrived."""
+
+    episode: int
+    seed: int
+    outcome: EpisodeOutcome
+    time_of_arrival_s: float | None
+    path_length_m: float
+    robot_on_person_contacts: int = 0
+    person_on_robot_contacts: int = 0
+    wall_contacts: int = 0
+
+    def __post_init__(self) -> None:
+        if self.outcome not in get_args(EpisodeOutcome):
+            raise ReportError(
+                f"outcome of episode {self.episode} must be one of "
+                f"{', '.join(get_args(EpisodeOutcome))}, got {self.outcome!r}: fix the table."
+            )
+        if (self.outcome == "arrived") != (self.time_of_arrival_s is not None):
+            raise ReportError(
+                f"time_of_arrival_s of episode {self.episode} must be given exactly if it arrived, "
+                f"got {self.time_of_arrival_s} with outcome {self.outcome!r}: use None otherwise."
+            )
+        if self.time_of_arrival_s is not None:
+            finite_number(f"time_of_arrival_s of episode {self.episode}", self.time_of_arrival_s)
+        finite_number(f"path_length_m of episode {self.episode}", self.path_length_m)
+
+    @property
+    def arrived(self) -> bool:
+        """True if the robot reached the goal area in time."""
+        return self.outcome == "arrived"
+
+
+@dataclass(frozen=True)
+class PhaseTiming:
+    """Wall-clock time of one phase, and the simulated time it covered if it simulated anything."""
+
+    name: str
+    wall_s: float
+    simulated_s: float | None = None
+
+    def __post_init__(self) -> None:
+        finite_number(f"wall_s of the phase {self.name!r}", self.wall_s)
+        if self.simulated_s is not None:
+            finite_number(f"simulated_s of the phase {self.name!r}", self.simulated_s)
+
+    @property
+    def real_time_factor(self) -> float | None:
+        """Simulated seconds per second of the wall clock."""
+        if self.simulated_s is None or self.wall_s <= 0:
+            return None
+        return self.simulated_s / self.wall_s
+
+
+@dataclass(frozen=True)
+class FileLink:
+    """A file or folder beside the report; `path` is relative to the report's folder."""
+
+    path: str
+    what: str
+
+    def __post_init__(self) -> None:
+        pure = PurePosixPath(self.path)
+        if not self.path or pure.is_absolute() or ".." in pure.parts or ":" in self.path:
+            raise ReportError(
+                f"path of a file link must be relative to the report and below it, "
+                f"got {self.path!r}; put the file beside the report"
+            )
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """What a reader needs to make the same run again; `finished_at` is ISO 8601."""
+
+    command: str
+    how: str
+    finished_at: str
+    phases: tuple[PhaseTiming, ...] = ()
+    seeds: Mapping[str, int] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class CrowdSnapshot:
+    """Who was where at `time_s`; trails run from oldest to newest.
+
+    robot_pose (3,) x_m, y_m, yaw_rad; people_position_m (N, 2); people_velocity_mps (N, 2);
+    people_trail_m (T, N, 2), NaN where a person was not seen yet; robot_trail_m (T, 2).
+    """
+
+    time_s: float
+    robot_pose: FloatArray
+    people_position_m: FloatArray
+    people_velocity_mps: FloatArray
+    people_trail_m: FloatArray
+    robot_trail_m: FloatArray
+
+    def __post_init__(self) -> None:
+        people = len(self.people_position_m)
+        finite_number("time_s of the snapshot", self.time_s)
+        shapes: dict[str, tuple[int | None, ...]] = {
+            "robot_pose": (3,),
+            "people_position_m": (people, 2),
+            "people_velocity_mps": (people, 2),
+            "robot_trail_m": (None, 2),
+        }
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, float_array(name, getattr(self, name), shape))
+        trail = array_with_gaps("people_trail_m", self.people_trail_m, (None, people, 2))
+        object.__setattr__(self, "people_trail_m", trail)
+
+
+def snapshot_from_history(
+    *,
+    times_s: Any,
+    robot_pose: Any,
+    people_position_m: Any,
+    people_velocity_mps: Any,
+    at_s: float,
+    trail_s: float = 4.0,
+) -> CrowdSnapshot:
+    """The last recorded moment not later than `at_s`, with the `trail_s` seconds before it.
+
+    times_s (T,) increasing; robot_pose (T, 3); people_position_m and people_velocity_mps (T, N, 2).
+    """
+    times = float_array("times_s", times_s, (None,))
+    last = int(np.searchsorted(times, at_s, side="right")) - 1
+    if last < 0:
+        raise ReportError(
+            f"at_s must not lie before the first recorded time, got {at_s} s; choose a later moment"
+        )
+    first = int(np.searchsorted(times, times[last] - trail_s, side="left"))
+    positions, poses = np.asarray(people_position_m), np.asarray(robot_pose)
+    return CrowdSnapshot(
+        time_s=float(times[last]),
+        robot_pose=poses[last],
+        people_position_m=positions[last],
+        people_velocity_mps=np.asarray(people_velocity_mps)[last],
+        people_trail_m=positions[first : last + 1],
+        robot_trail_m=poses[first : last + 1, :2],
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +218,12 @@ class ReportInputs:
             for i, track in enumerate(self.demonstration_tracks_m)
         )
         object.__setattr__(self, "demonstration_tracks_m", tracks)
+
+    @property
+    def arrival_times_s(self) -> FloatArray:
+        """(N,) time of arrival of each episode, inf where it did not arrive."""
+        times_s = [row.time_of_arrival_s for row in self.episodes]
+        return np.array([np.inf if time_s is None else time_s for time_s in times_s])
 
     def _check_learned(self) -> None:
         states, models = self.problem.grid.n_states, len(self.problem.model_names)

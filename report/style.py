@@ -6,10 +6,13 @@ colour alone: line styles, markers or labels repeat them.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from typing import Any
 
 from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
 
 INK = "#26323d"
 MUTED = "#6b7885"
@@ -77,3 +80,56 @@ def report_style() -> Iterator[None]:
     """The report's matplotlib settings for the length of a `with` block; nothing stays behind."""
     with rc_context(_STYLE):
         yield
+
+
+PNG_DOTS_PER_INCH = 160
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """An empty figure that lays itself out, attached to the Agg canvas only."""
+    with report_style():
+        figure = Figure(figsize=(width_in, height_in), layout="constrained")
+        FigureCanvasAgg(figure)
+    return figure
+
+
+def png_bytes(figure: Figure) -> bytes:
+    """The figure as PNG; equal figures give equal bytes."""
+    return _saved(figure, "png", {"Software": None}, dpi=PNG_DOTS_PER_INCH)
+
+
+def svg_bytes(figure: Figure) -> bytes:
+    """The figure as SVG with text as outlines, so that it looks the same everywhere."""
+    return _saved(figure, "svg", {"Date": None}, dpi=PNG_DOTS_PER_INCH)
+
+
+def _saved(figure: Figure, kind: str, metadata: dict[str, None], dpi: int) -> bytes:
+    buffer = BytesIO()
+    with report_style():
+        figure.draw_without_rendering()  # maps of fixed aspect settle in the second layout only
+        figure.savefig(buffer, format=kind, metadata=metadata, dpi=dpi)
+    return buffer.getvalue()
+
+
+def in_words(name: str) -> str:
+    """A code name for people: `with_flow` becomes `with flow`."""
+    return name.replace("_", " ")
+
+
+def seconds_in_words(seconds: float) -> str:
+    """A duration to the second, in minutes where that reads better."""
+    if round(seconds) < 120:
+        return f"{seconds:.0f} s" if seconds >= 10 else f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s" if rest else f"{minutes} min"
+
+
+def percent(share: float) -> str:
+    """A share of one as a percentage without needless digits."""
+    value = 100 * share
+    return f"{value:.0f} %" if abs(value - round(value)) < 0.05 else f"{value:.1f} %"
+
+
+def counted(number: int, noun: str) -> str:
+    """`3 episodes`, `1 episode`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

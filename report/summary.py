@@ -1,12 +1,15 @@
-"""The numbers of a report in one flat record: for summary.json, the headline and the terminal."""
+"""The numbers of a report: for summary.json, the headline and the terminal."""
 
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from report.curves import largest_gap, measured_curve, predicted_curve, time_reaching
-from report.figure_set import decisions_per_model, trapped_states
+from report.figures.arrival import measured_curve, predicted_curve, time_reaching
 from report.inputs import ReportInputs
+from report.style import counted, percent, seconds_in_words
+from serd_core.arrays import BoolArray, IntArray
+from serd_core.arrival.law import largest_gap
+from serd_core.arrival.trap_states import trap_states
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ def summary_of(inputs: ReportInputs) -> Summary:
     """Count and compare: everything the report states as a number."""
     episodes, fit, run = inputs.episodes, inputs.fit, inputs.run
     predicted = predicted_curve(inputs.predicted, len(episodes))
-    measured = measured_curve(episodes, inputs.timeout_s)
+    measured = measured_curve(inputs.arrival_times_s, inputs.timeout_s)
     times = [row.time_of_arrival_s for row in episodes if row.time_of_arrival_s is not None]
     models = inputs.problem.model_names
     counts = decisions_per_model(inputs).tolist()
@@ -66,9 +69,9 @@ def summary_of(inputs: ReportInputs) -> Summary:
         measured_arrival_interval_95=(float(measured.lower[-1]), float(measured.upper[-1])),
         predicted_arrival_probability=float(predicted.probability[-1]),
         measured_median_s=time_reaching(measured, 0.5),
-        predicted_median_s=time_reaching(predicted, 0.5),
+        predicted_median_s=inputs.predicted.quantile_s(0.5),
         measured_mean_s=float(np.mean(times)) if times else None,
-        largest_cdf_gap=largest_gap(predicted, measured),
+        largest_cdf_gap=largest_gap(inputs.predicted, inputs.arrival_times_s),
         timeout_s=inputs.timeout_s,
         robot_on_person_contacts=sum(row.robot_on_person_contacts for row in episodes),
         person_on_robot_contacts=sum(row.person_on_robot_contacts for row in episodes),
@@ -95,3 +98,37 @@ def summary_of(inputs: ReportInputs) -> Summary:
         how=run.how,
         finished_at=run.finished_at,
     )
+
+
+def headline_of(summary: Summary) -> str:
+    """From how many demonstrations, how many arrivals, how fast, and what had been predicted."""
+    learned = (
+        f"After {counted(summary.n_demonstrations, 'demonstration')} the robot reached the goal in "
+        f"{summary.n_arrived} of {counted(summary.n_episodes, 'new episode')} "
+        f"within {seconds_in_words(summary.timeout_s)} "
+        f"({percent(summary.measured_arrival_probability)}; predicted "
+        f"{percent(summary.predicted_arrival_probability)})"
+    )
+    return f"{learned}{_speed(summary)}."
+
+
+def _speed(summary: Summary) -> str:
+    if summary.measured_median_s is None:
+        return ", fewer than half of them in time"
+    measured = f", half of them within {seconds_in_words(summary.measured_median_s)}"
+    if summary.predicted_median_s is None:
+        return measured
+    return f"{measured} (predicted {seconds_in_words(summary.predicted_median_s)})"
+
+
+def trapped_states(inputs: ReportInputs) -> BoolArray:
+    """(S,) states from which the greedy policy never arrives."""
+    problem = inputs.problem
+    return trap_states(problem.grid.neighbours, inputs.policy.greedy, problem.goal_states)
+
+
+def decisions_per_model(inputs: ReportInputs) -> IntArray:
+    """(M,) how many demonstrated decisions each outcome model is learned from."""
+    model_of = inputs.problem.outcome_models.model_of
+    used = model_of[inputs.demonstrations.state, inputs.demonstrations.action]
+    return np.bincount(used, minlength=len(inputs.problem.model_names))

@@ -1,16 +1,35 @@
-"""Writing a report: figures, tables, summary and the page, each file atomically."""
+"""Every file of a report: figures, tables, summary and the page, each written atomically."""
 
 import json
+from dataclasses import astuple, fields
 from pathlib import Path
 
-from report.canvas import png_bytes, svg_bytes
-from report.figure_set import all_figures
-from report.inputs import ReportInputs
+import numpy as np
+from matplotlib.figure import Figure
+
+from report.figures.arrival import (
+    at_times,
+    draw_arrival,
+    measured_curve,
+    predicted_curve,
+    shown_until_s,
+)
+from report.figures.charts import (
+    OUTCOME_LABELS,
+    draw_outcomes,
+    draw_progress,
+    draw_weights,
+)
+from report.figures.hallway import draw_hallway
+from report.figures.map_axes import layout_of
+from report.figures.maps import draw_features, draw_policy_map, draw_visitation
+from report.inputs import EpisodeRow, FileLink, ReportInputs
 from report.page import render_page
-from report.run_facts import FileLink
-from report.summary import summary_of
-from report.tables import all_tables
+from report.style import png_bytes, svg_bytes
+from report.summary import decisions_per_model, summary_of, trapped_states
+from serd_core.demonstrations.decisions import state_counts
 from storage.files import atomic_write_bytes, atomic_write_text
+from storage.table import csv_text
 
 _OWN_FILES = (
     FileLink("summary.json", "every number of this page"),
@@ -48,3 +67,101 @@ def _links(inputs: ReportInputs) -> tuple[FileLink, ...]:
     """The caller's files first; its words win where both describe one file."""
     given = {link.path for link in inputs.files}
     return inputs.files + tuple(link for link in _OWN_FILES if link.path not in given)
+
+
+def all_tables(inputs: ReportInputs) -> dict[str, str]:
+    """CSV text by file name."""
+    return {
+        "episodes.csv": episodes_table(inputs.episodes),
+        "arrival_times.csv": arrival_table(inputs),
+        "reward_weights.csv": weights_table(inputs),
+        "outcome_models.csv": outcomes_table(inputs),
+    }
+
+
+def episodes_table(episodes: tuple[EpisodeRow, ...]) -> str:
+    """One row per episode; time_of_arrival_s is empty unless the robot arrived."""
+    return csv_text([field.name for field in fields(EpisodeRow)], map(astuple, episodes))
+
+
+def arrival_table(inputs: ReportInputs) -> str:
+    """Both curves with their bands at every time at which one of them steps."""
+    n_episodes = len(inputs.episodes)
+    predicted = predicted_curve(inputs.predicted, n_episodes)
+    measured = measured_curve(inputs.arrival_times_s, inputs.timeout_s)
+    times_s = np.union1d(predicted.time_s, measured.time_s)
+    columns, header = [times_s], ["time_s"]
+    for name, curve in (("predicted", predicted), ("measured", measured)):
+        read = at_times(curve, times_s)
+        columns += [read.probability, read.lower, read.upper]
+        header += [f"{name}_cdf", f"{name}_lower_95", f"{name}_upper_95"]
+    return csv_text(header, np.column_stack(columns).tolist())
+
+
+def weights_table(inputs: ReportInputs) -> str:
+    """feature, weight."""
+    fit = inputs.fit
+    rows = zip(fit.feature_names, fit.reward_weights.tolist(), strict=True)
+    return csv_text(["feature", "reward_weight"], rows)
+
+
+def outcomes_table(inputs: ReportInputs) -> str:
+    """One row per model and outcome: number of decisions, initial and learned probability."""
+    counts = decisions_per_model(inputs).tolist()
+    initial = inputs.fit.initial_outcome_probabilities.tolist()
+    learned = inputs.fit.outcome_probabilities.tolist()
+    rows = [
+        (model, outcome, counts[m], initial[m][k], learned[m][k])
+        for m, model in enumerate(inputs.problem.model_names)
+        for k, outcome in enumerate(OUTCOME_LABELS)
+    ]
+    header = ["model", "outcome", "decisions_of_model"]
+    return csv_text([*header, "initial_probability", "learned_probability"], rows)
+
+
+def all_figures(inputs: ReportInputs) -> dict[str, Figure]:
+    """Every figure of the report, keyed as in `report.page`."""
+    return _map_figures(inputs) | _chart_figures(inputs)
+
+
+def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
+    layout, problem = layout_of(inputs.scenario), inputs.problem
+    grid = problem.grid
+    visits = state_counts(inputs.demonstrations, grid.n_states)
+    return {
+        "hallway": draw_hallway(layout, inputs.snapshot),
+        "visitation": draw_visitation(layout, grid, visits, inputs.demonstration_tracks_m),
+        "policy": draw_policy_map(
+            layout,
+            grid,
+            inputs.policy.value,
+            inputs.policy.greedy,
+            problem.goal_states,
+            trapped_states(inputs),
+        ),
+        "features": draw_features(
+            layout, grid, problem.features, problem.feature_names, problem.mdp.available
+        ),
+    }
+
+
+def _chart_figures(inputs: ReportInputs) -> dict[str, Figure]:
+    fit, n_episodes = inputs.fit, len(inputs.episodes)
+    predicted = predicted_curve(inputs.predicted, n_episodes)
+    measured = measured_curve(inputs.arrival_times_s, inputs.timeout_s)
+    return {
+        "arrival": draw_arrival(
+            predicted,
+            measured,
+            n_episodes=n_episodes,
+            shown_until_s=shown_until_s(inputs.predicted, inputs.arrival_times_s, inputs.timeout_s),
+        ),
+        "weights": draw_weights(fit.feature_names, fit.reward_weights),
+        "outcomes": draw_outcomes(
+            inputs.problem.model_names,
+            fit.initial_outcome_probabilities,
+            fit.outcome_probabilities,
+            decisions_per_model(inputs),
+        ),
+        "progress": draw_progress(fit.objective_trace, converged=fit.converged),
+    }

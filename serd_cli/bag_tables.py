@@ -12,7 +12,7 @@ from rich.text import Text
 from bags.health.check import BagCheck
 from bags.health.topic_check import TopicCheck
 from bags.rewrite import RewriteReport
-from report.wording import counted, seconds_in_words
+from report.style import counted, seconds_in_words
 
 
 def bag_heading(check: BagCheck) -> Text:

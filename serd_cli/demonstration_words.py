@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from rich.markup import escape
 from rich.table import Table
 
-from report.wording import counted
+from report.style import counted
 from serd_app.demonstrations.discretise import OFF_GRID
 from serd_app.drives.mapped_drive import UNMARKED
 from serd_cli.recorded_demonstrations import RecordedDemonstrations

@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.table import Table
 
-from report.wording import in_words
+from report.style import in_words
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Outcome

@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from report.canvas import png_bytes
-from report.figures.fitted_visitation import draw_fitted_visitation
-from report.figures.flow_map import draw_flow_map
-from report.figures.visitation import draw_visitation
-from report.layout import layout_of
+from report.figures.map_axes import layout_of
+from report.figures.maps import draw_flow_map, draw_visitation
+from report.style import png_bytes
 from serd_app.demonstrations.concatenate import joined_decisions
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
@@ -132,10 +130,8 @@ def save_demonstrations(
     save_decisions(files["decisions"], decisions)
     save_grid(files["grid"], place.grid, place.name)
     save_record(files["record"], _record(place, found))
-    if place.scenario is None:
-        figure = draw_fitted_visitation(place.grid, visits, tracks)
-    else:
-        figure = draw_visitation(layout_of(place.scenario), place.grid, visits, tracks)
+    layout = layout_of(place.scenario) if place.scenario else None
+    figure = draw_visitation(layout, place.grid, visits, tracks)
     atomic_write_bytes(files["picture"], png_bytes(figure))
     if flow is None:  # that of other recordings must not stay beside this table
         for name in ("flow", "flow picture"):

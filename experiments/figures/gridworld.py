@@ -13,8 +13,7 @@ from experiments.figures.ticks import tick_sizes
 from experiments.gridworld.experiment import Scene
 from experiments.running.repetitions import Row
 from experiments.running.summary import quartiles
-from report.canvas import new_figure
-from report.style import HAIRLINE, INK, MUTED, RED, VISITS_MAP
+from report.style import HAIRLINE, INK, MUTED, RED, VISITS_MAP, new_figure
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import state_counts
 

@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from experiments.figures.ticks import tick_sizes
 from experiments.running.repetitions import Row
 from experiments.running.summary import quartiles
-from report.canvas import new_figure
-from report.style import BLUE, CYAN, HAIRLINE, INK, MUTED, RED
+from report.style import BLUE, CYAN, HAIRLINE, INK, MUTED, RED, new_figure
 
 COLOURS = {"MDCE SERD": BLUE, "MDCE IRL": RED}
 #: Weights beyond this either way are drawn in the outermost bins.

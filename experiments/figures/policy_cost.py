@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 from experiments.figures.ticks import tick_sizes
 from experiments.policy_cost import STATED
 from experiments.running.repetitions import Row
-from report.canvas import new_figure
-from report.style import BLUE, GREEN, PURPLE, RED, report_style
+from report.style import BLUE, GREEN, PURPLE, RED, new_figure, report_style
 
 COLOURS = dict(zip(STATED, (RED, BLUE, PURPLE, GREEN), strict=True))
 LABELS = {"n_states": "states", "n_actions": "actions", "n_parameters": "parameters"}

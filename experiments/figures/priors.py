@@ -8,8 +8,7 @@ from matplotlib.ticker import MaxNLocator
 
 from experiments.priors import Surface
 from experiments.running.repetitions import Row
-from report.canvas import new_figure
-from report.style import INK, RED
+from report.style import INK, RED, new_figure
 
 
 def surfaces_figure(surfaces: dict[str, Surface], optima: Sequence[Row]) -> Figure:

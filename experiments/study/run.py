@@ -18,7 +18,7 @@ from experiments.study.stages import stages_of
 from experiments.study.tables.catalogue import all_tables
 from experiments.study.tables.kept_tables import read_table
 from experiments.study.tables.results import Results
-from report.canvas import png_bytes, svg_bytes
+from report.style import png_bytes, svg_bytes
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 from storage.files import atomic_write_bytes, atomic_write_text

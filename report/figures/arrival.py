@@ -5,11 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from report import style
-from report.canvas import new_figure
 from report.errors import ReportError
+from report.style import new_figure
 from serd_core.arrays import FloatArray, float_array
+from serd_core.arrival.bands import empirical_arrival_cdf, sampling_band
+from serd_core.arrival.law import ArrivalLaw
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +34,49 @@ class ArrivalCurve:
                     "pass probabilities, not counts"
                 )
             object.__setattr__(self, name, column)
+
+
+def predicted_curve(predicted: ArrivalLaw, n_episodes: int) -> ArrivalCurve:
+    """Predicted CDF; the band is where the share of `n_episodes` episodes would fall in 95 %."""
+    lower, upper = sampling_band(predicted.cdf, n_episodes)
+    return ArrivalCurve(predicted.times_s, predicted.cdf, lower, upper)
+
+
+def measured_curve(arrival_times_s: ArrayLike, timeout_s: float) -> ArrivalCurve:
+    """Empirical CDF with its exact 95 % confidence band.
+
+    arrival_times_s: (N,) of each episode, inf where it did not arrive.
+    """
+    empirical = empirical_arrival_cdf(arrival_times_s, np.isinf(arrival_times_s), timeout_s)
+    return ArrivalCurve(empirical.times_s, empirical.cdf, empirical.lower, empirical.upper)
+
+
+def at_times(curve: ArrivalCurve, times_s: FloatArray) -> ArrivalCurve:
+    """The step functions of `curve` evaluated at other times; zero before its first."""
+    index = np.searchsorted(curve.time_s, times_s, side="right") - 1
+    before = index < 0
+    return ArrivalCurve(
+        time_s=times_s,
+        probability=np.where(before, 0.0, curve.probability[index]),
+        lower=np.where(before, 0.0, curve.lower[index]),
+        upper=np.where(before, 0.0, curve.upper[index]),
+    )
+
+
+def time_reaching(curve: ArrivalCurve, share: float) -> float | None:
+    """First time at which the curve is at or above `share`, None if it never is."""
+    reached = np.flatnonzero(curve.probability >= share - 1e-12)
+    return float(curve.time_s[reached[0]]) if reached.size else None
+
+
+def shown_until_s(predicted: ArrivalLaw, arrival_times_s: ArrayLike, timeout_s: float) -> float:
+    """End of the time axis: where both curves have settled, the timeout if one robot was late.
+
+    arrival_times_s: (N,) of each episode, inf where it did not arrive.
+    """
+    latest_s = float(np.max(arrival_times_s))
+    settled_s = predicted.quantile_s(0.99 * float(predicted.cdf[-1])) or 0.0
+    return min(timeout_s, 1.15 * max(latest_s, settled_s))
 
 
 def draw_arrival(

@@ -9,9 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from report import style
-from report.figures.map_axes import draw_areas, map_figure
-from report.layout import HallwayLayout
-from report.snapshot import CrowdSnapshot
+from report.figures.map_axes import HallwayLayout, draw_areas, map_figure
+from report.inputs import CrowdSnapshot
 from serd_core.arrays import FloatArray
 
 _PERSON_RADIUS_M = 0.22

@@ -13,14 +13,51 @@ from matplotlib.patches import Polygon, Rectangle
 from matplotlib.ticker import MultipleLocator
 
 from report import style
-from report.canvas import new_figure
-from report.layout import HallwayLayout
+from report.style import new_figure
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
+from sim.scenario.scenario import Scenario
 
 _MARGIN_M = 0.5
 _GAP_IN, _SIDE_IN, _FOOT_IN = 0.3, 0.85, 1.0
 _TITLE_HEIGHT_IN, _TITLE_WIDTH_IN, _LEGEND_WIDTH_IN = 0.45, 1.4, 4.3
+_LONGER_SIDE_IN, _SHORTEST_SIDE_IN = 5.5, 2.5
+_ROOM_IN = 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class HallwayLayout:
+    """What is drawn under every map; each polygon is (n, 2) corners in metres.
+
+    outline_m: walkable area; obstacles_m: solids in it; goal_area_m; start_areas_m: (name, polygon)
+    pairs; robot_radius_m.
+    """
+
+    outline_m: FloatArray
+    obstacles_m: tuple[FloatArray, ...]
+    goal_area_m: FloatArray
+    start_areas_m: tuple[tuple[str, FloatArray], ...]
+    robot_radius_m: float
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """(x_min, y_min, x_max, y_max) of the walkable area."""
+        low, high = self.outline_m.min(axis=0), self.outline_m.max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def layout_of(scenario: Scenario) -> HallwayLayout:
+    """The drawn parts of a scenario."""
+    outline, *obstacles = scenario.wall_polygons_m
+    return HallwayLayout(
+        outline_m=outline,
+        obstacles_m=tuple(obstacles),
+        goal_area_m=np.array(scenario.goal_area_m),
+        start_areas_m=tuple(
+            (name, np.array(corners)) for name, corners in scenario.start_areas_m.items()
+        ),
+        robot_radius_m=scenario.robot.radius_m,
+    )
 
 
 def map_figure(
@@ -37,6 +74,28 @@ def map_figure(
     for each in axes[:n_panels]:
         draw_layout(each, layout)
     return figure, axes[:n_panels]
+
+
+def place_figure(grid: Grid, layout: HallwayLayout | None) -> tuple[Figure, Axes]:
+    """A figure with one map of the plan, or of the grid alone where no plan is known."""
+    if layout is None:
+        return _fitted_figure(grid)
+    figure, (axes,) = map_figure(layout, height_in=7.3, width_in=6.4)
+    return figure, axes
+
+
+def _fitted_figure(grid: Grid) -> tuple[Figure, Axes]:
+    """A figure of the grid's proportions and its axes, where no plan of the place is known."""
+    rows, columns = grid.walkable.shape
+    width_in, height_in = np.maximum(
+        np.array([columns, rows]) * _LONGER_SIDE_IN / max(columns, rows), _SHORTEST_SIDE_IN
+    )
+    figure = new_figure(float(width_in) + _ROOM_IN, float(height_in) + _ROOM_IN)
+    axes = figure.subplots()
+    axes.set_aspect("equal")
+    axes.set_xlabel("x in m")
+    axes.set_ylabel("y in m")
+    return figure, axes
 
 
 @dataclass(frozen=True)

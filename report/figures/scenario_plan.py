@@ -8,8 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from report import style
-from report.figures.map_axes import draw_areas, map_figure
-from report.layout import layout_of
+from report.figures.map_axes import draw_areas, layout_of, map_figure
 from serd_core.arrays import FloatArray
 from sim.crowd.routes import offset_loop
 from sim.scenario.polygon import edges_of

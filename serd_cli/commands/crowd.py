@@ -10,8 +10,8 @@ import typer
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from report.canvas import png_bytes
 from report.figures.crowd_comparison import CrowdCurve, draw_crowd_comparison
+from report.style import png_bytes
 from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
 from serd_cli.output_place import require_file_place

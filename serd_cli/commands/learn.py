@@ -7,7 +7,7 @@ import typer
 from pydantic import ValidationError
 from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from report.wording import counted
+from report.style import counted
 from serd_app.learning.outcome_files import lesson_files, save_lesson
 from serd_app.learning.recipe import Lesson
 from serd_app.learning.recipe import learn as fit_lesson

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-from report.canvas import png_bytes
+from report.style import png_bytes
 from serd_app.navigation.settings import PolicyKind
 from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_cli.errors import UsageError

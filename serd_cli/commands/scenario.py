@@ -8,8 +8,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from report.canvas import png_bytes
 from report.figures.scenario_plan import draw_scenario_plan
+from report.style import png_bytes
 from serd_cli.errors import UsageError
 from serd_cli.json_output import print_json
 from serd_cli.terminal import console

@@ -8,7 +8,7 @@ from typing import Any
 
 from domain_coordinator import domain_id
 
-from report.run_facts import PhaseTiming
+from report.inputs import PhaseTiming
 from serd_cli.demo.folder import DemoFolder
 from serd_cli.demo.phase_progress import PhaseProgress
 from serd_cli.demo.settings import DemoSettings

@@ -9,12 +9,9 @@ from importlib.metadata import version
 import numpy as np
 from rich.table import Table
 
-from report.episode_row import EpisodeRow
-from report.headline import headline_of
-from report.inputs import ReportInputs
+from report.inputs import EpisodeRow, FileLink, PhaseTiming, ReportInputs, RunFacts
 from report.page import summary_rows
-from report.run_facts import FileLink, PhaseTiming, RunFacts
-from report.summary import summary_of
+from report.summary import headline_of, summary_of
 from report.write import write_report
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.navigation.strategy import load_strategy, start_distribution

@@ -10,14 +10,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from report.curves import predicted_curve
-from report.figures.arrival import ArrivalCurve, draw_arrival
-from report.wording import counted
+from report.figures.arrival import draw_arrival, measured_curve, predicted_curve, shown_until_s
+from report.style import counted
 from serd_app.navigation.forecast_text import traps_in_words
 from serd_app.navigation.navigator import HALF, MOST
 from serd_app.navigation.strategy import Strategy, start_distribution
 from serd_cli.navigate.settings import NavigateSettings
-from serd_core.arrival.bands import clopper_pearson, empirical_arrival_cdf
+from serd_core.arrival.bands import clopper_pearson
 from serd_core.arrival.law import ArrivalLaw, largest_gap, law_in_seconds
 from storage.episode_table import EpisodeResult
 
@@ -96,16 +95,11 @@ def comparison_figure(
     """Predicted and measured share of arrivals over time, with bands."""
     law = predicted_law(strategy, settings.start_area)
     times_s = [row.time_of_arrival_s if row.arrived else math.inf for row in episodes]
-    late = [not row.arrived for row in episodes]
-    measured = empirical_arrival_cdf(np.where(late, 0.0, times_s), late, settings.timeout_s)
-    latest_s = max([time_s for time_s in times_s if math.isfinite(time_s)], default=0.0)
-    settled_s = law.quantile_s(0.99 * float(law.cdf[-1])) or 0.0
-    shown_s = settings.timeout_s if any(late) else 1.15 * max(latest_s, settled_s)
     return draw_arrival(
         predicted_curve(law, len(episodes)),
-        ArrivalCurve(measured.times_s, measured.cdf, measured.lower, measured.upper),
+        measured_curve(times_s, settings.timeout_s),
         n_episodes=len(episodes),
-        shown_until_s=min(settings.timeout_s, shown_s),
+        shown_until_s=shown_until_s(law, times_s, settings.timeout_s),
     )
 
 

@@ -4,7 +4,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from report.wording import counted, in_words
+from report.style import counted, in_words
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
 from serd_app.drives.episode_spans import DISCARDED
 from serd_app.drives.sessions import read_drives

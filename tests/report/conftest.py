@@ -5,11 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from report.episode_row import EpisodeRow
-from report.inputs import ReportInputs
-from report.layout import HallwayLayout, layout_of
-from report.run_facts import FileLink, PhaseTiming, RunFacts
-from report.snapshot import CrowdSnapshot
+from report.figures.map_axes import HallwayLayout, layout_of
+from report.inputs import CrowdSnapshot, EpisodeRow, FileLink, PhaseTiming, ReportInputs, RunFacts
 from serd_core.arrival.chain import arrival_time_distribution
 from serd_core.arrival.law import law_in_seconds
 from serd_core.demonstrations.decisions import Decisions

@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 
-from report.curves import at_times, largest_gap, measured_curve, predicted_curve, time_reaching
-from report.episode_row import EpisodeRow
-from report.figures.arrival import ArrivalCurve
+from report.figures.arrival import (
+    ArrivalCurve,
+    at_times,
+    measured_curve,
+    predicted_curve,
+    shown_until_s,
+    time_reaching,
+)
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.errors import SerdError
 
@@ -15,15 +20,8 @@ def curve(times: list[float], shares: list[float]) -> ArrivalCurve:
     return ArrivalCurve(np.array(times), share, share, share)
 
 
-def rows(*times: float | None) -> tuple[EpisodeRow, ...]:
-    return tuple(
-        EpisodeRow(i, 0, "timeout" if time is None else "arrived", time, 1.0)
-        for i, time in enumerate(times)
-    )
-
-
 def test_the_measured_curve_counts_who_never_arrived() -> None:
-    measured = measured_curve(rows(3.0, 5.0, None, 5.0), 60.0)
+    measured = measured_curve([3.0, 5.0, np.inf, 5.0], 60.0)
     assert at_times(measured, np.array([2.9, 3.0, 5.0, 60.0])).probability.tolist() == [
         0.0,
         0.25,
@@ -41,10 +39,12 @@ def test_the_predicted_band_narrows_with_the_number_of_episodes() -> None:
     assert (many.upper - many.lower)[1:].max() < (few.upper - few.lower)[1:].min()
 
 
-def test_the_largest_gap_is_taken_whenever_the_prediction_may_step() -> None:
-    predicted = curve([0.0, 2.0, 4.0], [0.0, 0.5, 1.0])
-    measured = curve([0.0, 1.5, 2.5, 4.0], [0.0, 0.4, 0.8, 1.0])
-    assert largest_gap(predicted, measured) == pytest.approx(0.1)
+def test_the_time_axis_ends_where_both_curves_have_settled() -> None:
+    predicted = ArrivalLaw(2.0 * np.arange(4), np.array([0.0, 0.2, 0.6, 0.9]), 1.0)
+    assert shown_until_s(predicted, [3.0, 5.0], 60.0) == 1.15 * 6.0
+    assert shown_until_s(predicted, [3.0, 9.0], 60.0) == 1.15 * 9.0
+    assert shown_until_s(predicted, [3.0, np.inf], 60.0) == 60.0
+    assert shown_until_s(predicted, [3.0, 9.0], 10.0) == 10.0
 
 
 def test_a_share_that_is_never_reached_has_no_time() -> None:

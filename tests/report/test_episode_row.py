@@ -2,7 +2,7 @@
 
 import pytest
 
-from report.episode_row import EpisodeRow
+from report.inputs import EpisodeRow
 from serd_core.errors import SerdError
 
 

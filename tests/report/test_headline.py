@@ -2,11 +2,9 @@
 
 from dataclasses import replace
 
-from report.episode_row import EpisodeRow
-from report.headline import headline_of
-from report.inputs import ReportInputs
+from report.inputs import EpisodeRow, ReportInputs
 from report.page import summary_rows
-from report.summary import summary_of
+from report.summary import headline_of, summary_of
 
 
 def test_all_arrived(inputs: ReportInputs) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from report.snapshot import CrowdSnapshot, snapshot_from_history
+from report.inputs import CrowdSnapshot, snapshot_from_history
 from serd_core.errors import SerdError
 
 TIMES = np.arange(0.0, 10.0, 0.5)

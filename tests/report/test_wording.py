@@ -2,7 +2,7 @@
 
 import pytest
 
-from report.wording import counted, in_words, percent, seconds_in_words
+from report.style import counted, in_words, percent, seconds_in_words
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from report.captions import CAPTIONS, TITLES
-from report.inputs import ReportInputs
-from report.run_facts import FileLink, RunFacts
+from report.inputs import FileLink, ReportInputs, RunFacts
+from report.page import CAPTIONS, TITLES
 from report.summary import summary_of
 from report.write import write_report
 from serd_core.errors import SerdError

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import sim.scenario.scenario
-from report.wording import counted
+from report.style import counted
 from serd_app.navigation.arrival_log import load_arrivals
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_cli.navigate.comparison import compare, remarks

@@ -15,7 +15,7 @@ from experiments.study.fits.methods import BASELINE
 from experiments.study.tables.catalogue import beliefs
 from experiments.study.tables.results import Results
 from report import style
-from report.canvas import new_figure
+from report.style import new_figure
 
 ROWS = {
     "test_log_likelihood": "test log-likelihood\n(higher is better)",

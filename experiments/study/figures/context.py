@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from experiments.study.settings import StudySettings
 from experiments.study.world import problem_of, scenario_of
-from report.layout import HallwayLayout, layout_of
+from report.figures.map_axes import HallwayLayout, layout_of
 from serd_core.grid.navigation import NavigationProblem
 from sim.scenario.scenario import Scenario
 

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from experiments.running.repetitions import Row
 from experiments.study.figures.context import FigureContext
 from experiments.study.tables.results import Results
-from report.figures.features import draw_features
+from report.figures.maps import draw_features
 from serd_core.grid.grid import Action
 
 

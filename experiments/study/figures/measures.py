@@ -12,7 +12,7 @@ from experiments.study.figures.looks import METHOD_LOOKS
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.tables.results import Results
 from report import style
-from report.canvas import new_figure
+from report.style import new_figure
 
 PANELS = {
     "test_log_likelihood": ("(a) test", "log-likelihood per decision"),

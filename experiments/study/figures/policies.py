@@ -15,8 +15,8 @@ from experiments.study.recordings.experts import PEOPLE
 from experiments.study.tables.results import Results
 from report import style
 from report.figures.map_axes import draw_areas, draw_cells, map_figure, outline_cells
-from report.figures.policy_map import draw_arrows
-from report.wording import counted
+from report.figures.maps import draw_arrows
+from report.style import counted
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.trap_states import trap_states
 

@@ -10,7 +10,7 @@ from experiments.running.summary import quantile
 from experiments.study.figures.context import FigureContext
 from experiments.study.tables.results import Results
 from report import style
-from report.canvas import new_figure
+from report.style import new_figure
 from serd_core.arrays import FloatArray
 
 PANELS = {

@@ -6,11 +6,13 @@ import pytest
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
-from report.canvas import png_bytes
 from report.figures.arrival import ArrivalCurve, draw_arrival
-from report.figures.outcomes import draw_outcomes
-from report.figures.progress import draw_progress
-from report.figures.weights import draw_weights
+from report.figures.charts import (
+    draw_outcomes,
+    draw_progress,
+    draw_weights,
+)
+from report.style import png_bytes
 from serd_core.errors import SerdError
 from serd_core.grid.navigation import FEATURE_NAMES, MODEL_NAMES
 

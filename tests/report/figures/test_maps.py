@@ -10,14 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 from matplotlib.quiver import Quiver
 
-from report.canvas import png_bytes, svg_bytes
-from report.figures.features import draw_features
-from report.figures.flow_map import draw_flow_map
 from report.figures.hallway import draw_hallway
-from report.figures.policy_map import draw_policy_map
-from report.figures.visitation import draw_visitation
-from report.layout import HallwayLayout, layout_of
-from report.snapshot import CrowdSnapshot
+from report.figures.map_axes import HallwayLayout, layout_of
+from report.figures.maps import draw_features, draw_flow_map, draw_policy_map, draw_visitation
+from report.inputs import CrowdSnapshot
+from report.style import png_bytes, svg_bytes
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
 from serd_core.grid.navigation import NavigationProblem

@@ -4,8 +4,8 @@ import pytest
 from matplotlib.lines import Line2D
 from matplotlib.text import Annotation
 
-from report.canvas import png_bytes
 from report.figures.scenario_plan import draw_scenario_plan
+from report.style import png_bytes
 from sim.scenario.scenario import builtin_scenarios, load_scenario
 
 HALLWAY = load_scenario("hallway")

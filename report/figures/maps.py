@@ -1,0 +1,183 @@
+"""Maps of values per cell: visitation (Fig. 5.7), features (5.5), policy (5.11) and flow."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from report import style
+from report.figures.map_axes import (
+    HallwayLayout,
+    colour_bar,
+    draw_areas,
+    draw_cells,
+    map_figure,
+    outline_cells,
+    place_figure,
+)
+from report.style import counted, in_words
+from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
+from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
+from serd_core.grid.navigation import NO_FLOW
+
+
+def draw_visitation(
+    layout: HallwayLayout | None,
+    grid: Grid,
+    decisions_per_state: FloatArray,
+    tracks_m: Sequence[FloatArray] = (),
+) -> Figure:
+    """Decisions taken per cell (S,) in shades of red, tracks (T, 2) as thin lines.
+
+    layout: plan of the place; where it is None, a dot marks the start of each track.
+    """
+    counts = float_array("decisions_per_state", decisions_per_state, (grid.n_states,))
+    with style.report_style():
+        figure, axes = place_figure(grid, layout)
+        cells = draw_cells(axes, grid, counts, Normalize(0, max(counts.max(), 1)), style.VISITS_MAP)
+        for track in tracks_m:
+            axes.plot(*track.T, color=style.INK, linewidth=0.7, alpha=0.55, zorder=4, gid="track")
+        if layout is not None:
+            draw_areas(axes, layout, filled=False)
+        else:
+            for track in tracks_m:
+                axes.plot(*track[0], "o", color=style.INK, markersize=4, zorder=5)
+            axes.autoscale_view()
+        colour_bar(figure, axes, cells, "decisions taken in the cell")
+        n_tracks = f", {counted(len(tracks_m), 'track')}" if len(tracks_m) else ""
+        axes.set_title(f"{int(counts.sum())} decisions{n_tracks}")
+    return figure
+
+
+def draw_features(
+    layout: HallwayLayout,
+    grid: Grid,
+    features: FloatArray,
+    feature_names: tuple[str, ...],
+    available: BoolArray,
+) -> Figure:
+    """features (S, A, F); available (S, A): a cell without the action stays empty."""
+    table = float_array("features", features, (grid.n_states, len(Action), len(feature_names)))
+    panels = [
+        panel
+        for i, name in enumerate(feature_names)
+        for panel in _panels(name, table[:, :, i], np.asarray(available))
+    ]
+    with style.report_style():
+        figure, axes = map_figure(layout, len(panels), height_in=4.8, width_in=12.0)
+        for each, (title, values) in zip(axes, panels, strict=True):
+            cells = draw_cells(each, grid, values, Normalize(-1, 1), style.FEATURE_MAP)
+            each.set_title(title, fontsize=8)
+        bar = figure.colorbar(cells, ax=axes, shrink=0.8, pad=0.01, aspect=25)
+        bar.set_label("feature value")
+        bar.outline.set_visible(False)
+    return figure
+
+
+def _panels(name: str, values: FloatArray, available: BoolArray) -> list[tuple[str, FloatArray]]:
+    if (values == values[:, :1]).all():
+        return [(f"{in_words(name)}\nany action", values[:, 0])]
+    masked = np.where(available, values, np.nan)
+    return [(f"{in_words(name)}\n{action.name.lower()}", masked[:, action]) for action in Action]
+
+
+def draw_policy_map(
+    layout: HallwayLayout,
+    grid: Grid,
+    value: FloatArray,
+    greedy: IntArray,
+    goal_states: IntArray,
+    trapped: BoolArray,
+) -> Figure:
+    """value (S,) as shades of blue, greedy (S,) as arrows (dot = wait), trapped (S,) outlined."""
+    values = float_array("value", value, (grid.n_states,))
+    with style.report_style():
+        figure, axes = place_figure(grid, layout)
+        elsewhere = np.delete(values, goal_states)
+        norm = Normalize(*_colour_range(elsewhere if len(elsewhere) else values))
+        cells = draw_cells(axes, grid, values, norm, style.VALUE_MAP)
+        draw_areas(axes, layout, filled=False)
+        draw_arrows(axes, grid, greedy, np.isin(np.arange(grid.n_states), goal_states), trapped)
+        outline_cells(axes, grid, np.flatnonzero(trapped).tolist(), style.RED, "trap")
+        colour_bar(figure, axes, cells, "value of the cell (discounted reward)", extend="both")
+        n_traps = counted(int(trapped.sum()), "trap state")
+        axes.set_title(
+            f"{n_traps} (dashed red)" if trapped.any() else "every arrow leads to the goal"
+        )
+    return figure
+
+
+def _colour_range(values: FloatArray) -> tuple[float, float]:
+    low, high = np.percentile(values, [2, 98])
+    return (float(low), float(high)) if high > low else (float(low) - 0.5, float(low) + 0.5)
+
+
+def draw_arrows(
+    axes: Axes,
+    grid: Grid,
+    greedy: IntArray,
+    is_goal: BoolArray,
+    trapped: BoolArray,
+    width_in: float = 0.016,
+) -> None:
+    """Arrows of the moves and dots of the waits of a greedy policy (S,), red where trapped."""
+    moving = (greedy != Action.WAIT) & ~is_goal
+    waiting = (greedy == Action.WAIT) & ~is_goal
+    colours = np.where(trapped, style.RED, style.INK)
+    shift = 0.62 * grid.cell_size_m * DIRECTION_VECTORS[greedy[moving]]
+    tail = grid.centers_m[moving] - shift / 2
+    if moving.any():
+        axes.quiver(
+            *tail.T,
+            *shift.T,
+            angles="xy",
+            scale_units="xy",
+            scale=1.0,
+            units="inches",
+            width=width_in,
+            headwidth=4.5,
+            headlength=4.5,
+            headaxislength=4.0,
+            color=colours[moving].tolist(),
+            zorder=5,
+            gid="greedy moves",
+        )
+    x, y = grid.centers_m[waiting].T
+    axes.scatter(x, y, s=1000 * width_in, c=colours[waiting].tolist(), zorder=5, gid="greedy waits")
+
+
+def draw_flow_map(
+    grid: Grid,
+    flow: IntArray,
+    order: FloatArray,
+    *,
+    layout: HallwayLayout | None = None,
+    scenario_flow: IntArray | None = None,
+) -> Figure:
+    """flow (S,) as arrows (dot = none), order (S,) 0 to 1 in shades of blue.
+
+    layout: plan of the place where one is known. scenario_flow: (S,) that of the scenario; arrows
+    that differ from it are red.
+    """
+    shades = float_array("order", order, (grid.n_states,))
+    differing = np.zeros(grid.n_states, dtype=bool)
+    if scenario_flow is not None:
+        differing = (flow != scenario_flow) & (flow != NO_FLOW)
+    with style.report_style():
+        figure, axes = place_figure(grid, layout)
+        cells = draw_cells(axes, grid, shades, Normalize(0, 1), style.VALUE_MAP)
+        arrows = np.where(flow == NO_FLOW, int(Action.WAIT), flow)
+        draw_arrows(axes, grid, arrows, np.zeros(grid.n_states, dtype=bool), differing)
+        if layout is None:
+            axes.autoscale_view()
+        colour_bar(figure, axes, cells, "1: all walk the same way, 0: they cancel")
+        axes.set_title(_flow_title(flow, differing, compared=scenario_flow is not None))
+    return figure
+
+
+def _flow_title(flow: IntArray, differing: BoolArray, *, compared: bool) -> str:
+    n_known = int((flow != NO_FLOW).sum())
+    known = f"flow known in {n_known} of {len(flow)} cells"
+    return f"{known},\n{int(differing.sum())} not the scenario's (red)" if compared else known
