@@ -28,14 +28,14 @@ from serd_core.derivatives.forward import (
     q_gradient_by_lu,
 )
 from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.dynamics.transitions import transitions_at
+from serd_core.dynamics.transition_model import transitions_at
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.serd import SerdSettings
 from serd_core.learners.staged_start import weights_under_initial_dynamics
 from serd_core.learners.start import starting_parameters
 from serd_core.mdp.problem import Problem
-from serd_core.policies.mdce import MdcePolicy
+from serd_core.policies.policy_model import MdcePolicy
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior

@@ -31,10 +31,10 @@ from benchmarks.report import RESULTS, Row, save
 from report.style import BLUE, MUTED, RED, new_figure, png_bytes, report_style
 from serd_core.bellman.backup import BellmanProblem, backup
 from serd_core.demonstrations.observations import observe
-from serd_core.dynamics.transitions import transitions_of
+from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.serd import SerdSettings
 from serd_core.learners.start import starting_parameters
-from serd_core.policies.mdce import MdcePolicy
+from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior

@@ -29,7 +29,7 @@ from experiments.gridworld.problem import Gridworld
 from serd_core.arrays import FloatArray
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions, start_distribution
-from serd_core.dynamics.transitions import transitions_of
+from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
 from serd_core.policies.solved_policy import optimal_policy
 

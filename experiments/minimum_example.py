@@ -19,7 +19,6 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
-from serd_core.evaluation import fitted_policy
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.mdp.mdp import Mdp, require_discount
@@ -27,6 +26,7 @@ from serd_core.mdp.problem import TabularProblem
 from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.norm import NormPrior
+from serd_core.selection.evaluation import fitted_policy
 from sim.episodes.execution import Execution
 
 FIRST, SECOND = 0, 1

@@ -16,10 +16,10 @@ import numpy as np
 from experiments.running.repetitions import Row
 from experiments.running.setting import setting
 from serd_core.arrays import FloatArray
-from serd_core.bellman.solution import BellmanSolution
+from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.derivatives.adjoint import adjoint
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.dynamics.transitions import Transitions, transitions_of
+from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.errors import SerdError
 from serd_core.linear.sparse_lu import SparseLu
 from serd_core.mdp.mdp import Mdp

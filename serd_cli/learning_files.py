@@ -18,9 +18,8 @@ from serd_cli.errors import UsageError
 from serd_cli.recorded_demonstrations import files_beside
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.grid.grid import Grid
+from serd_core.grid.grid import Grid, grid_wall_distance_m
 from serd_core.grid.navigation import NO_FLOW, build_navigation_problem
-from serd_core.grid.wall_distance import grid_wall_distance_m
 from sim.scenario.grid import flow_of, goal_states_of, grid_of, wall_distance_of
 from sim.scenario.scenario import Scenario, load_scenario
 from storage.errors import FileError

@@ -28,10 +28,14 @@ from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions, state_action_counts
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
-from serd_core.evaluation import dynamics_divergence, policy_divergence, policy_log_likelihood
 from serd_core.mdp.mdp import require_discount
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
+from serd_core.selection.evaluation import (
+    dynamics_divergence,
+    policy_divergence,
+    policy_log_likelihood,
+)
 from sim.episodes.execution import Execution
 
 #: The four panels of Figs. 4.12 and 4.13, as columns of the table.

@@ -10,8 +10,7 @@ from enum import Enum
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.grid.directions import action_of_direction
-from serd_core.grid.grid import Action, Grid
+from serd_core.grid.grid import Action, Grid, action_of_direction
 
 
 class Move(Enum):

@@ -9,8 +9,7 @@ Waypoint: the direction from the robot to it, WAIT where it is nearer than `reac
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.grid.directions import action_of_direction
-from serd_core.grid.grid import Action
+from serd_core.grid.grid import Action, action_of_direction
 
 
 def actions_of_velocities(

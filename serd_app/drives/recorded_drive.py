@@ -11,7 +11,7 @@ from bags.errors import BagError
 from bags.messages.plain import vector3_stamped
 from serd_app.drives.episode_spans import EpisodeMark, EpisodeSpan, marks_of, spans_of_marks
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.grid.directions import action_of_direction
+from serd_core.grid.grid import action_of_direction
 
 POSE, INTENT = "robot_pose", "intent"
 NOT_FINITE = "direction not finite"

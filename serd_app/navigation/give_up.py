@@ -8,7 +8,7 @@ longer than its time-out is ended by whoever counts the time.
 from dataclasses import dataclass
 from enum import Enum
 
-from serd_core.arrival.by_state import ArrivalByState
+from serd_core.arrival.chain import ArrivalByState
 from serd_core.errors import SerdError
 
 

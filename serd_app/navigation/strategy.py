@@ -8,8 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_app.navigation.usable_model import usable_model
-from serd_core.arrival.by_state import ArrivalByState, arrival_by_state
-from serd_core.arrival.chain import ArrivalTimes, arrival_time_distribution
+from serd_core.arrival.chain import (
+    ArrivalByState,
+    ArrivalTimes,
+    arrival_by_state,
+    arrival_time_distribution,
+)
 from serd_core.arrival.law import ArrivalLaw, law_in_seconds
 from serd_core.arrival.trap_states import Traps, find_traps
 from serd_core.grid.grid import Action

@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from serd_core.bellman.equation import BellmanEquation
-from serd_core.dynamics.transitions import Transitions
+from serd_core.bellman.equations import BellmanEquation
+from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
 
 EPSILON = float(np.finfo(np.float64).eps)

@@ -15,13 +15,13 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.bellman.backup import Backup, BellmanProblem, backup
 from serd_core.bellman.bellman_solver import (
+    BellmanSolution,
     BellmanSolver,
     require_limits,
     residual_target,
     solution_from,
     starting_value,
 )
-from serd_core.bellman.solution import BellmanSolution
 from serd_core.linear.automatic import Automatic
 from serd_core.linear.linear_solver import LinearSolver, LinearSystem
 from serd_core.mdp.mdp import Mdp

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from serd_core.arrays import FloatArray
 from serd_core.bellman.backup import Backup, BellmanProblem, backup
 from serd_core.bellman.bellman_solver import (
+    BellmanSolution,
     BellmanSolver,
     require_limits,
     residual_target,
     solution_from,
     starting_value,
 )
-from serd_core.bellman.solution import BellmanSolution
 from serd_core.mdp.mdp import Mdp
 
 

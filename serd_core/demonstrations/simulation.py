@@ -6,10 +6,9 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.dynamics.transitions import Transitions, transitions_of
+from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.errors import SerdError
-from serd_core.mdp.distributions import checked_distribution, checked_policy
-from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
 
 
 def sample_decisions(

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.bellman.solution import BellmanSolution
-from serd_core.dynamics.transitions import Transitions
+from serd_core.bellman.bellman_solver import BellmanSolution
+from serd_core.dynamics.transition_model import Transitions
 from serd_core.linear.linear_solver import LinearSolver
 from serd_core.mdp.mdp import Mdp
 

@@ -14,7 +14,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from serd_core.arrays import FloatArray
-from serd_core.dynamics.transitions import Transitions
+from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 

@@ -1,15 +1,102 @@
-"""Second derivatives of the log posterior by all parameters."""
+"""Second derivatives of the log posterior by all parameters.
+
+Derivatives of V and Q come first, for all parameters at once from one S x S factorisation: the
+thesis's Q-gradient (4.21) reduced to states, N right-hand sides of one LU.
+
+    (I - gamma P_pi) dV = sum_a pi (f + gamma dP V),   dQ = f + gamma dP V + gamma P dV
+
+With the Lagrangian J(Q) + lambda . (T(Q, theta) - Q) at the converged Q and its adjoint lambda, the
+policy's log-likelihood has by rewards, believed dynamics and temperature
+
+    d2J = dQ^T (J_QQ + lambda T_QQ) dQ + 2 lambda T_Qtheta dQ + lambda T_thetatheta
+
+    J_QQ       = -n(s) / temperature^2 Cov_pi,       T_QQ = y(s) Cov_pi for soft, 0 for hard
+    T_Qtheta   = gamma dP dV,                        T_thetatheta = gamma d2P V
+
+where y = gamma P^T lambda is the state part of the adjoint.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse
 
 from serd_core.arrays import FloatArray
-from serd_core.derivatives.log_transitions import log_transition_hessian
-from serd_core.derivatives.policy_hessian import CurvatureParts, covariance_sum, dynamics_terms
-from serd_core.derivatives.sensitivities import sensitivities
-from serd_core.dynamics.transitions import transitions_at
+from serd_core.bellman.bellman_solver import BellmanSolution
+from serd_core.derivatives.adjoint import Adjoint
+from serd_core.derivatives.transition_derivatives import log_transition_hessian
+from serd_core.dynamics.transition_model import Transitions, transitions_at
+from serd_core.linear.linear_solver import LinearSystem
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivities:
+    """by_value: (S, n); by_q: (S, A, n), zero where an action is unavailable."""
+
+    by_value: FloatArray
+    by_q: FloatArray
+
+
+def sensitivities(
+    features: FloatArray,
+    discount: float,
+    transitions: Transitions,
+    solution: BellmanSolution,
+    local_jacobian: FloatArray,
+    system: LinearSystem,
+) -> Sensitivities:
+    """Derivatives by reward weights, then dynamics parameters."""
+    model = transitions.model
+    rows = model.available.size
+    weighted = scipy.sparse.csr_array(
+        (discount * solution.value[model.successor], (model.row, model.local_index)),
+        shape=(rows, len(local_jacobian)),
+    )
+    by_dynamics = (weighted @ local_jacobian).reshape(*model.available.shape, -1)
+    usable = np.where(model.available[:, :, None], features, 0.0)
+    immediate = np.concatenate([usable, by_dynamics], axis=2)
+    by_value = system.solve(np.einsum("sa,san->sn", solution.policy, immediate))
+    onward = (transitions.matrix @ by_value).reshape(immediate.shape)
+    return Sensitivities(by_value=by_value, by_q=immediate + discount * onward)
+
+
+@dataclass(frozen=True, eq=False)
+class CurvatureParts:
+    """Everything the second derivative is made of; n counts reward and dynamics parameters."""
+
+    sensitivities: Sensitivities
+    transitions: Transitions
+    adjoint: Adjoint
+    local_jacobian: FloatArray
+    discount: float
+
+
+def covariance_sum(policy: FloatArray, by_q: FloatArray, weights: FloatArray) -> FloatArray:
+    """(n, n) sum_s weights(s) Cov_{a ~ policy(s)} of dQ(s, a)."""
+    mean = np.einsum("sa,san->sn", policy, by_q)
+    centred = (by_q - mean[:, None, :]).reshape(-1, by_q.shape[2])
+    share = (policy * weights[:, None]).reshape(-1, 1)
+    return np.asarray((centred * share).T @ centred)
+
+
+def dynamics_terms(parts: CurvatureParts, theta: FloatArray, n_features: int) -> FloatArray:
+    """(n, n) the terms lambda T_Qtheta dQ (both sides) and lambda T_thetatheta."""
+    model = parts.transitions.model
+    weights = parts.discount * parts.adjoint.reward_gradient.ravel()[model.row]
+    carrier = scipy.sparse.csr_array(
+        (weights, (model.local_index, model.successor)),
+        shape=(len(parts.local_jacobian), model.n_states),
+    )
+    cross = parts.local_jacobian.T @ (carrier @ parts.sensitivities.by_value)
+    table = np.zeros((cross.shape[1],) * 2)
+    table[n_features:] += cross
+    table[:, n_features:] += cross.T
+    by_local = model.gather(parts.adjoint.entry_gradient)
+    table[n_features:, n_features:] += model.local_curvature(theta, by_local)
+    return table
 
 
 def posterior_hessian(

@@ -11,16 +11,54 @@ outcomes per local model), which are a smooth function of its parameter vector.
 """
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
 from serd_core.derivatives.differences import gradient_differences
-from serd_core.dynamics.structure import with_numbers
-from serd_core.dynamics.transition_groups import TransitionGroups, group_entries
 from serd_core.errors import SerdError
+from serd_core.linear.policy_pattern import with_numbers
+
+
+@dataclass(frozen=True, eq=False)
+class TransitionGroups:
+    """G distinct transitions, sorted by row, then successor.
+
+    group_of_entry: (E,); row, successor: (G,).
+    """
+
+    group_of_entry: IntArray
+    row: IntArray
+    successor: IntArray
+    n_states: int
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def probabilities(self, entries: FloatArray) -> FloatArray:
+        """(G,) probability of each distinct transition."""
+        return weighted_counts(self.group_of_entry, entries, len(self))
+
+    def find(self, row: IntArray, successor: IntArray) -> IntArray:
+        """(N,) group of each transition asked for, -1 where the structure has none."""
+        keys = self.row * self.n_states + self.successor
+        wanted = np.asarray(row) * self.n_states + np.asarray(successor)
+        place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        return np.where(keys[place] == wanted, place, -1)
+
+
+def group_entries(row: IntArray, successor: IntArray, n_states: int) -> TransitionGroups:
+    """Group entries by (row, successor)."""
+    keys, group_of_entry = np.unique(row * n_states + successor, return_inverse=True)
+    return TransitionGroups(
+        group_of_entry=group_of_entry.reshape(-1),
+        row=keys // n_states,
+        successor=keys % n_states,
+        n_states=n_states,
+    )
 
 
 class TransitionModel(ABC):
@@ -168,3 +206,42 @@ class TransitionModel(ABC):
             f"transition probabilities of state {state}, action {action} must be non-negative and"
             f" sum to 1, but the row {problem}; normalise that row"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Transitions:
+    """A transition model with its (E,) entries filled in."""
+
+    model: TransitionModel
+    entries: FloatArray
+
+    @cached_property
+    def matrix(self) -> scipy.sparse.csr_array:
+        """(S*A, S) sparse matrix."""
+        return self.model.matrix(self.entries)
+
+    @cached_property
+    def _transposed(self) -> scipy.sparse.csc_array:
+        return self.matrix.T
+
+    def expected(self, values: FloatArray) -> FloatArray:
+        """(S, A) expectation sum_s' P(s'|s,a) values(s'); 0 where an action is unavailable."""
+        expected: FloatArray = self.matrix @ values
+        return expected.reshape(self.model.available.shape)
+
+    def flow(self, weights: FloatArray) -> FloatArray:
+        """(S,) transposed product sum_{s,a} P(s'|s,a) weights(s,a)."""
+        flow: FloatArray = self._transposed @ weights.ravel()
+        return flow
+
+
+def transitions_at(model: TransitionModel, parameters: FloatArray) -> Transitions:
+    """The model's transitions at (n_parameters,) parameters."""
+    return Transitions(model, model.entries(model.local_probabilities(parameters)))
+
+
+def transitions_of(model: TransitionModel, local_probabilities: FloatArray) -> Transitions:
+    """The transitions of given local probabilities; SerdError where a row is no distribution."""
+    entries = model.entries(local_probabilities)
+    model.require_stochastic(entries)
+    return Transitions(model, entries)

@@ -5,6 +5,7 @@ by row from row 0. A cell covers [low, high) in both coordinates.
 """
 
 import hashlib
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -131,3 +132,39 @@ class Grid:
 def _read_only(array: AnyArray) -> AnyArray:
     array.flags.writeable = False
     return array
+
+
+def direction_of_action(action: Action) -> tuple[float, float]:
+    """(east, north) unit vector of an action, (0, 0) to wait."""
+    east, north = DIRECTION_VECTORS[action]
+    return float(east), float(north)
+
+
+def action_of_direction(east: float, north: float) -> Action:
+    """The action a direction vector means: the nearest axis, WAIT for a vector shorter than 1/2."""
+    if not (math.isfinite(east) and math.isfinite(north)):
+        raise SerdError(f"a direction must be finite, got ({east}, {north}); send (0, 0) to wait")
+    if math.hypot(east, north) < 0.5:
+        return Action.WAIT
+    if abs(east) >= abs(north):
+        return Action.EAST if east > 0 else Action.WEST
+    return Action.NORTH if north > 0 else Action.SOUTH
+
+
+def grid_wall_distance_m(grid: Grid) -> FloatArray:
+    """(S,) metres from each cell's centre to the nearest blocked cell; outside is blocked."""
+    distance = np.full(grid.n_states, np.inf)
+    for blocked in _facing_cells(grid.walkable):
+        gap = np.maximum(np.abs(grid.cells - blocked) - 0.5, 0.0)
+        distance = np.minimum(distance, np.hypot(gap[:, 0], gap[:, 1]))
+    return np.asarray(distance * grid.cell_size_m)
+
+
+def _facing_cells(walkable: BoolArray) -> FloatArray:
+    """(B, 2) row and column of the blocked cells next to a walkable one, corners included."""
+    free = np.pad(walkable, 2)
+    near = np.zeros_like(free)
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            near |= np.roll(free, (down, right), axis=(0, 1))
+    return np.asarray(np.argwhere(near & ~free) - 2.0)

@@ -11,7 +11,7 @@ from serd_core.ascent.ascent import Ascent, AscentResult, FunctionObjective, Ste
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import Observations, observe
-from serd_core.dynamics.transitions import Transitions, transitions_of
+from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
 from serd_core.learners.start import (
     dynamics_or_estimate,

@@ -20,19 +20,20 @@ from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.bellman_solver import BellmanSolution
+from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.newton import Newton
-from serd_core.bellman.soft import SoftBellman
-from serd_core.bellman.solution import BellmanSolution
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.trajectories import feature_counts
-from serd_core.dynamics.transitions import Transitions
+from serd_core.dynamics.transition_model import Transitions
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.known_dynamics import reward_search
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.serd import UNIFORM
-from serd_core.mdp.occupancy import state_action_occupancy
+from serd_core.linear.automatic import Automatic
+from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
 from serd_core.mdp.problem import Problem
-from serd_core.policies.mdce import MdcePolicy
+from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.priors.prior import Prior, require_weight
 
@@ -139,3 +140,14 @@ def _solve(
         available=mdp.available,
     )
     return Newton().solve(mdp, bellman, value)
+
+
+def state_action_occupancy(
+    mdp: Mdp, transitions: Transitions, policy: FloatArray, starts: FloatArray
+) -> FloatArray:
+    """(S, A) expected discounted visits of an (S, A) policy from the (S,) start distribution."""
+    choice = checked_policy("policy", policy, mdp)
+    begin = checked_distribution("starts", starts, mdp.n_states)
+    data = mdp.policy_pattern.system_data(choice, transitions.entries, mdp.discount)
+    system = Automatic().prepare(mdp.policy_pattern, data)
+    return np.asarray(system.solve_transposed(begin)[:, None] * choice)

@@ -12,7 +12,7 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import LBFGS, UNIFORM, SerdSettings, fit_serd
 from serd_core.learners.start import TIED
 from serd_core.mdp.problem import Problem
-from serd_core.policies.mdce import MdcePolicy
+from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import Belief
 from serd_core.priors.prior import Prior
 

@@ -18,7 +18,7 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import UNIFORM, SerdSettings, fit_serd
 from serd_core.learners.start import TIED
 from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_matching import PolicyMatchingPolicy
+from serd_core.policies.policy_model import PolicyMatchingPolicy
 from serd_core.posterior.beliefs import Belief
 from serd_core.priors.prior import Prior
 

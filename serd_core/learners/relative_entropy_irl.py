@@ -43,7 +43,7 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.learners.importance_samples import hoeffding_thresholds, importance_log_weights
 from serd_core.learners.known_dynamics import reward_search
 from serd_core.mdp.problem import Problem
-from serd_core.policies.mdce import MdcePolicy
+from serd_core.policies.policy_model import MdcePolicy
 
 
 def fit_relative_entropy_irl(

@@ -29,9 +29,8 @@ from serd_core.linear.linear_solver import LinearSolver
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
-from serd_core.posterior.dynamics_likelihood import require_possible
 from serd_core.posterior.parameters import Parameters
-from serd_core.posterior.posterior import Posterior, PosteriorValue
+from serd_core.posterior.posterior import Posterior, PosteriorValue, require_possible
 from serd_core.priors.prior import Prior, UniformPrior
 
 UNIFORM, LBFGS = UniformPrior(), Lbfgs()

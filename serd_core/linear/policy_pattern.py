@@ -6,6 +6,7 @@ The matrix is stored by columns (CSC). Only its numbers change between solves, s
 computed once per MDP and each matrix costs one weighted count over the entries.
 """
 
+import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,7 +16,6 @@ import scipy.sparse.csgraph
 import scipy.sparse.linalg
 
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.dynamics.structure import with_numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,3 +162,12 @@ def policy_pattern(
         column_start=column_start.astype(np.int32),
         row_index=(unique % n_states).astype(np.int32),
     )
+
+
+def with_numbers(
+    structure: scipy.sparse.csr_array | scipy.sparse.csc_array, numbers: FloatArray
+) -> scipy.sparse.csr_array | scipy.sparse.csc_array:
+    """A matrix that shares the index arrays of `structure` and has the given (nnz,) numbers."""
+    matrix = copy.copy(structure)
+    matrix.data = numbers
+    return matrix

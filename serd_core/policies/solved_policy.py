@@ -9,13 +9,10 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.bellman.backup import BellmanProblem
-from serd_core.bellman.bellman_solver import BellmanSolver
-from serd_core.bellman.equation import BellmanEquation
-from serd_core.bellman.hard import HardBellman
+from serd_core.bellman.bellman_solver import BellmanSolution, BellmanSolver
+from serd_core.bellman.equations import BellmanEquation, HardBellman, SoftBellman, boltzmann
 from serd_core.bellman.newton import Newton
-from serd_core.bellman.soft import SoftBellman, boltzmann
-from serd_core.bellman.solution import BellmanSolution
-from serd_core.dynamics.transitions import transitions_of
+from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem, rewards
 

@@ -1,26 +1,57 @@
 """The log posterior of the SERD problem and its gradient (Eqs. 4.5 to 4.9).
 
-J(theta) = sum_D log pi_theta(a | s) + sum_D log P_T(s' | s, a) + log P(theta)
+    J(theta) = sum_D log pi_theta(a | s) + sum_D log P_T(s' | s, a) + log P(theta)
+
+Where several outcomes land in s', their probabilities add up; the likelihood selects none of them.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, floored, weighted_counts
 from serd_core.bellman.backup import BellmanProblem
-from serd_core.bellman.bellman_solver import BellmanSolver
-from serd_core.bellman.solution import BellmanSolution
+from serd_core.bellman.bellman_solver import BellmanSolution, BellmanSolver
 from serd_core.demonstrations.observations import Observations
 from serd_core.derivatives.adjoint import Adjoint, adjoint
-from serd_core.dynamics.transition_model import TransitionModel
-from serd_core.dynamics.transitions import Transitions, transitions_at
+from serd_core.dynamics.transition_model import TransitionModel, Transitions, transitions_at
+from serd_core.errors import SerdError
 from serd_core.linear.linear_solver import LinearSolver
+from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
-from serd_core.posterior.dynamics_likelihood import dynamics_log_likelihood
 from serd_core.posterior.parameters import Parameters
 from serd_core.priors.prior import Prior
+
+
+def dynamics_log_likelihood(
+    observations: Observations, entries: FloatArray
+) -> tuple[float, FloatArray]:
+    """Value and (E,) gradient by the entries of P."""
+    probability = floored(
+        weighted_counts(
+            observations.entry_group, entries[observations.entry], len(observations.group)
+        )
+    )
+    value = float(np.sum(observations.group_count * np.log(probability)))
+    gradient = np.zeros_like(entries)
+    ratio = observations.group_count / probability
+    gradient[observations.entry] = ratio[observations.entry_group]
+    return value, gradient
+
+
+def require_possible(observations: Observations, mdp: Mdp, local_probabilities: FloatArray) -> None:
+    """SerdError naming the first observed transition of probability 0: nothing makes it likely."""
+    model = mdp.transitions
+    found = model.groups.probabilities(model.entries(local_probabilities))[observations.group]
+    impossible = observations.group[found <= 0]
+    if impossible.size:
+        state, action = divmod(int(model.groups.row[impossible[0]]), mdp.n_actions)
+        raise SerdError(
+            f"dynamics must explain every decision, but rule out the observed step from state"
+            f" {state} by action {action} to state {model.groups.successor[impossible[0]]}; give"
+            " it a positive probability or drop such decisions"
+        )
 
 
 @dataclass(frozen=True, eq=False)

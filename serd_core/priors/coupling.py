@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray, floored
-from serd_core.derivatives.log_transitions import transition_hessian, transition_jacobian
+from serd_core.derivatives.transition_derivatives import transition_hessian, transition_jacobian
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.divergence import dynamics_gradient, group_weights

@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import FloatArray, first_index, float_array, floored
-from serd_core.derivatives.log_transitions import log_transition_hessian
-from serd_core.dynamics.transition_model import TransitionModel
-from serd_core.dynamics.transitions import transitions_of
+from serd_core.derivatives.transition_derivatives import log_transition_hessian
+from serd_core.dynamics.transition_model import TransitionModel, transitions_of
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.prior import LogPrior, Prior, require_weight

@@ -10,7 +10,7 @@ from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step, StepC
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
-from serd_core.dynamics.transitions import Transitions
+from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import SETTINGS, SerdSettings, fit_serd

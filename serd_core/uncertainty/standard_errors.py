@@ -19,8 +19,8 @@ from serd_core.arrays import FloatArray, first_index
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.parameters import Block
+from serd_core.uncertainty.identifiability import NULL_SHARE, Spectrum, spectrum
 from serd_core.uncertainty.information import Information
-from serd_core.uncertainty.spectrum import NULL_SHARE, Spectrum, spectrum
 
 #: Part of a null direction below which a parameter counts as not moved by it.
 TOUCHED = 1e-6

@@ -2,8 +2,7 @@
 
 from geometry_msgs.msg import Vector3Stamped
 
-from serd_core.grid.directions import action_of_direction, direction_of_action
-from serd_core.grid.grid import Action
+from serd_core.grid.grid import Action, action_of_direction, direction_of_action
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import topics
 

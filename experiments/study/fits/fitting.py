@@ -20,8 +20,8 @@ from experiments.study.settings import StudySettings
 from experiments.study.world import problem_of
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions, state_action_counts
-from serd_core.evaluation import dynamics_divergence, policy_log_likelihood
 from serd_core.grid.navigation import NavigationProblem
+from serd_core.selection.evaluation import dynamics_divergence, policy_log_likelihood
 from serd_core.selection.prior_weight import split_episodes
 from storage.files import atomic_write_text
 

@@ -20,7 +20,6 @@ from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import trajectories_of
 from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.evaluation import policy_log_likelihood, validation_log_likelihood
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
@@ -35,6 +34,7 @@ from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import Prior
+from serd_core.selection.evaluation import policy_log_likelihood, validation_log_likelihood
 from serd_core.selection.prior_weight import select_weight
 
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=200)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from serd_app.navigation.give_up import GiveUp, GiveUpRules, Patience
-from serd_core.arrival.by_state import ArrivalByState
+from serd_core.arrival.chain import ArrivalByState
 from serd_core.errors import SerdError
 
 #: States 0, 1, 2 have a mean of 3, 2, 1 periods to go; the goal is state 3.

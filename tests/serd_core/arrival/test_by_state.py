@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import nbinom
 
-from serd_core.arrival.by_state import arrival_by_state
-from serd_core.arrival.chain import arrival_time_distribution
+from serd_core.arrival.chain import arrival_by_state, arrival_time_distribution
 from serd_core.arrival.law import law_in_seconds
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.sparse_model import fixed_transitions

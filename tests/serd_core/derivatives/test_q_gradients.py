@@ -4,9 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_core.bellman.backup import BellmanProblem
-from serd_core.bellman.hard import HardBellman
+from serd_core.bellman.equations import HardBellman, SoftBellman
 from serd_core.bellman.newton import Newton
-from serd_core.bellman.soft import SoftBellman
 from serd_core.derivatives.adjoint import adjoint
 from serd_core.derivatives.forward import (
     entry_jacobian,
@@ -14,7 +13,7 @@ from serd_core.derivatives.forward import (
     q_gradient_by_iteration,
     q_gradient_by_lu,
 )
-from serd_core.dynamics.transitions import transitions_at
+from serd_core.dynamics.transition_model import transitions_at
 from serd_core.linear.sparse_lu import SparseLu
 
 EACH_EQUATION = pytest.mark.parametrize("equation", [SoftBellman(), HardBellman()], ids=repr)

@@ -4,7 +4,7 @@ import pytest
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.sparse_model import SparseModel, fixed_transitions
-from serd_core.dynamics.transitions import transitions_at
+from serd_core.dynamics.transition_model import transitions_at
 from serd_core.errors import SerdError
 from serd_core.learners.maxent_irl import fit_maxent_irl
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood

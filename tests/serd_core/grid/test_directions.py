@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from serd_core.errors import SerdError
-from serd_core.grid.directions import action_of_direction, direction_of_action
-from serd_core.grid.grid import Action
+from serd_core.grid.grid import Action, action_of_direction, direction_of_action
 
 
 @pytest.mark.parametrize("action", list(Action))

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from serd_core.grid.grid import Grid
-from serd_core.grid.wall_distance import grid_wall_distance_m
+from serd_core.grid.grid import Grid, grid_wall_distance_m
 
 
 def test_in_an_open_room_the_nearest_border_counts():

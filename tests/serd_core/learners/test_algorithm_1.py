@@ -4,7 +4,7 @@ import numpy as np
 
 from serd_core.ascent.gradient_ascent import GradientAscent
 from serd_core.bellman.backup import BellmanProblem
-from serd_core.bellman.soft import SoftBellman
+from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.value_iteration import ValueIteration
 from serd_core.derivatives.forward import (
     entry_jacobian,
@@ -12,7 +12,7 @@ from serd_core.derivatives.forward import (
     q_gradient_by_iteration,
 )
 from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.dynamics.transitions import transitions_at
+from serd_core.dynamics.transition_model import transitions_at
 from serd_core.learners.mdce_serd import fit_mdce_serd
 
 

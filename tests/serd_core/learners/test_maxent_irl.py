@@ -6,7 +6,7 @@ import pytest
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.sparse_model import fixed_transitions
-from serd_core.dynamics.transitions import transitions_at, transitions_of
+from serd_core.dynamics.transition_model import transitions_at, transitions_of
 from serd_core.learners.maxent_irl import TrajectoryModel, fit_maxent_irl
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem

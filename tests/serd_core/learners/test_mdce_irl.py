@@ -5,7 +5,7 @@ from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
-from serd_core.dynamics.transitions import transitions_of
+from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.learners.mdce_irl import (
     empirical_feature_expectation,

@@ -6,7 +6,7 @@ import pytest
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import feature_counts
-from serd_core.dynamics.transitions import transitions_of
+from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import build_navigation_problem

@@ -4,9 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.newton import Newton
-from serd_core.bellman.soft import SoftBellman
-from serd_core.dynamics.transitions import transitions_of
+from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.linear.automatic import Automatic, StandBy
 from serd_core.linear.banded_lu import BandedFactor, BandedLu

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.dynamics.transitions import transitions_of
+from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
-from serd_core.evaluation import policy_log_likelihood
-from serd_core.mdp.distributions import checked_distribution, checked_policy
-from serd_core.mdp.occupancy import state_action_occupancy
+from serd_core.learners.mdce_irl import state_action_occupancy
+from serd_core.mdp.mdp import checked_distribution, checked_policy
+from serd_core.selection.evaluation import policy_log_likelihood
 
 
 @pytest.fixture

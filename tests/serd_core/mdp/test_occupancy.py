@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.dynamics.transitions import transitions_of
+from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
-from serd_core.mdp.occupancy import state_action_occupancy
+from serd_core.learners.mdce_irl import state_action_occupancy
 
 
 def uniform(mdp):

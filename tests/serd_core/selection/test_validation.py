@@ -6,10 +6,9 @@ from serd_core.ascent.gradient_ascent import GradientAscent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.errors import SerdError
-from serd_core.evaluation import validation_log_likelihood
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.serd import SerdSettings
-from serd_core.policies.mdce import MdcePolicy
+from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief, TiedBelief
 from serd_core.priors.divergence import KldPrior
 from serd_core.selection.early_stopping import (
@@ -17,6 +16,7 @@ from serd_core.selection.early_stopping import (
     fit_serd_with_early_stopping,
     validation_score,
 )
+from serd_core.selection.evaluation import validation_log_likelihood
 from serd_core.selection.prior_weight import select_weight, split_episodes
 
 

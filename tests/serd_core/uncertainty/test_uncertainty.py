@@ -13,8 +13,7 @@ from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.pm_serd import fit_pm_serd
 from serd_core.linear.sparse_lu import SparseLu
 from serd_core.mdp.problem import TabularProblem
-from serd_core.policies.mdce import MdcePolicy
-from serd_core.policies.policy_matching import PolicyMatchingPolicy
+from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.posterior.beliefs import FixedBelief, FreeBelief, TiedBelief
 from serd_core.posterior.parameters import Block, Parameters
@@ -22,10 +21,8 @@ from serd_core.posterior.posterior import Posterior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import UniformPrior
-from serd_core.uncertainty.identifiability import identifiability
-from serd_core.uncertainty.information import fit_information
-from serd_core.uncertainty.scores import decision_scores
-from serd_core.uncertainty.spectrum import gauge_free_basis
+from serd_core.uncertainty.identifiability import gauge_free_basis, identifiability
+from serd_core.uncertainty.information import decision_scores, fit_information
 from serd_core.uncertainty.standard_errors import (
     confidence_interval,
     probability_interval,

@@ -21,8 +21,8 @@ from experiments.study.fits.methods import (
     serd_free,
 )
 from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.evaluation import policy_log_likelihood, validation_log_likelihood
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
+from serd_core.selection.evaluation import policy_log_likelihood, validation_log_likelihood
 
 #: A robot that is held up more than any demonstration says.
 REFERENCE = np.array(

@@ -12,10 +12,10 @@ from scipy.special import rel_entr
 from serd_core.arrays import FloatArray, float_array, weighted_counts
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
-from serd_core.dynamics.transitions import transitions_of
+from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
-from serd_core.mdp.distributions import checked_choices, checked_policy
+from serd_core.mdp.mdp import checked_choices, checked_policy
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 
