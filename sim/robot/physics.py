@@ -109,13 +109,6 @@ class Physics:
                 body, (x, y, 0.5 * _PERSON_HEIGHT_M), upright, self.client
             )
 
-    def cast_rays(self, start_m: FloatArray, end_m: FloatArray) -> FloatArray:
-        """(R,) share of each ray from (R, 3) start to end that is free; 1 where it hits nothing."""
-        hits = pybullet.rayTestBatch(
-            start_m.tolist(), end_m.tolist(), numThreads=1, physicsClientId=self.client
-        )
-        return np.array([hit[2] if hit[0] != self._robot else 1.0 for hit in hits])
-
     def render(self, camera: Camera) -> NDArray[np.uint8]:
         """(height, width, 3) picture by PyBullet's software renderer."""
         view = pybullet.computeViewMatrixFromYawPitchRoll(

@@ -67,6 +67,16 @@ def test_a_robot_that_squeezes_people_against_a_wall_pushes_nobody_through_it():
     assert distance_to_segments_m(place, HALLWAY.wall_segments_m).min() > 0.1
 
 
+def test_a_push_is_at_most_a_tenth_of_a_metre_and_never_carries_through_a_wall():
+    crowd = hallway_crowd(24, 6)
+    crowd.x_m[:3], crowd.y_m[:3] = (3.05, 3.46, 5.84), (10.0, 8.0, 12.0)
+    for x_m, y_m in ((3.0, 10.0), (3.0, 8.0), (5.8, 12.0)):
+        crowd.push_out_of(RobotBody(x_m, y_m, 0.0, 0.0, 0.25))
+    assert crowd.x_m[:2] == pytest.approx([3.15, 3.5])
+    assert crowd.x_m[2] == pytest.approx(5.85)  # 0.15 m from the wall at 6 m
+    assert crowd.y_m[:3] == pytest.approx([10.0, 8.0, 12.0])
+
+
 def test_people_walk_on_the_right_of_the_hallway():
     crowd = hallway_crowd(24, 7)
     on_their_side = total = 0
