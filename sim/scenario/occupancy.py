@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
-from sim.scenario.polygon import contains, distance_to_segments_m, edges_of
+from sim.scenario.polygon import cell_centers, contains, signed_wall_distance_m
 from sim.scenario.scenario import Scenario
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
@@ -52,7 +52,7 @@ class WallDistanceRaster:
 def wall_distance_raster(scenario: Scenario, resolution_m: float = 0.05) -> WallDistanceRaster:
     """Distance to the walls at the centre of every raster cell, with a margin outside.
 
-    Computed once for each set of walls and shared, read-only, by everything that asks again.
+    Computed once for each set of walls and cached; the array is read-only.
     """
     outlines = tuple(
         tuple((float(x), float(y)) for x, y in polygon) for polygon in scenario.wall_polygons_m
@@ -77,14 +77,7 @@ def _wall_distance_raster(
     outlines: tuple[tuple[tuple[float, float], ...], ...], resolution_m: float
 ) -> WallDistanceRaster:
     points, shape = _raster_points(np.array(outlines[0]), resolution_m)
-    segments = np.concatenate([edges_of(outline) for outline in outlines])
-    distance = np.full(len(points), np.inf)
-    for segment in segments:
-        np.minimum(distance, distance_to_segments_m(points, segment[None])[:, 0], out=distance)
-    walkable = contains(outlines[0], points)
-    for solid in outlines[1:]:
-        walkable &= ~contains(solid, points)
-    signed = np.where(walkable, distance, -distance).reshape(shape)
+    signed = signed_wall_distance_m(points, outlines).reshape(shape)
     signed.flags.writeable = False
     corner = points[0] - 0.5 * resolution_m
     return WallDistanceRaster((float(corner[0]), float(corner[1])), resolution_m, signed)
@@ -93,11 +86,6 @@ def _wall_distance_raster(
 def _raster_points(
     outline_m: FloatArray, resolution_m: float
 ) -> tuple[FloatArray, tuple[int, int]]:
-    """(rows * columns, 2) cell centres around the outline, and (rows, columns)."""
+    """(rows * columns, 2) cell centres of the raster around the outline, and (rows, columns)."""
     low, high = outline_m.min(axis=0) - _MARGIN_M, outline_m.max(axis=0) + _MARGIN_M
-    columns, rows = np.ceil((high - low) / resolution_m - 1e-9).astype(int)
-    x, y = np.meshgrid(
-        low[0] + (np.arange(columns) + 0.5) * resolution_m,
-        low[1] + (np.arange(rows) + 0.5) * resolution_m,
-    )
-    return np.stack([x.ravel(), y.ravel()], axis=1), (int(rows), int(columns))
+    return cell_centers(low, high, resolution_m)

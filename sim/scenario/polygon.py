@@ -1,12 +1,13 @@
 """Plane geometry of simple polygons and wall segments.
 
 A polygon is an (n, 2) array of corners in order, closed implicitly. A segment list is (W, 2, 2):
-start and end points.
+start and end points. Rules that are checked once use shapely; what trajectories depend on is NumPy.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import BoolArray, FloatArray
@@ -23,14 +24,13 @@ def edges_of(polygon_m: ArrayLike) -> FloatArray:
     return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
 
 
-def signed_area_m2(polygon_m: ArrayLike) -> float:
-    """Area of a simple polygon, positive when its corners run counter-clockwise."""
-    start, end = np.moveaxis(edges_of(polygon_m), 1, 0)
-    return float(0.5 * np.sum(start[:, 0] * end[:, 1] - end[:, 0] * start[:, 1]))
+def counter_clockwise(polygon_m: FloatArray) -> FloatArray:
+    """The polygon with its corners in counter-clockwise order."""
+    return polygon_m if shapely.is_ccw(shapely.linearrings(polygon_m)) else polygon_m[::-1]
 
 
 def without_straight_corners(polygon_m: FloatArray) -> FloatArray:
-    """The same polygon with the corners only at which it turns, so that every edge is a whole wall.
+    """The polygon without the corners at which it goes straight on, so that edges are whole walls.
 
     A corner at which it goes straight back stays.
     """
@@ -56,7 +56,7 @@ def contains(polygon_m: ArrayLike, points_m: ArrayLike) -> BoolArray:
 
 
 def contains_point(polygon_m: Sequence[tuple[float, float]], x_m: float, y_m: float) -> bool:
-    """`contains` for one point, without arrays: for every tick."""
+    """`contains` for one point, without arrays, for use in every tick."""
     inside = False
     x_before, y_before = polygon_m[-1]
     for x, y in polygon_m:
@@ -78,15 +78,10 @@ def distance_to_segments_m(points_m: ArrayLike, segments_m: FloatArray) -> Float
     return distance
 
 
-def self_intersection(polygon_m: ArrayLike) -> tuple[int, int] | None:
-    """Two edges of the polygon that properly cross each other, or None when it is simple."""
-    edges = edges_of(polygon_m)
-    return first_crossing(edges, edges)
-
-
 def require_simple(corners: tuple[Point, ...]) -> tuple[Point, ...]:
     """The corners; ValueError where their outline crosses itself or has no area."""
-    crossing = self_intersection(corners)
+    edges = edges_of(corners)
+    crossing = first_crossing(edges, edges)
     if crossing is not None:
         raise ValueError(
             f"must not cross itself, but edges {crossing[0]} and {crossing[1]} do"
@@ -95,30 +90,48 @@ def require_simple(corners: tuple[Point, ...]) -> tuple[Point, ...]:
     for start, end in zip(corners, (*corners[1:], corners[0]), strict=True):
         if start == end:
             raise ValueError(f"must not have a corner twice in a row, got {list(start)} again")
-    if abs(signed_area_m2(corners)) < _SMALLEST_AREA_M2:
+    if shapely.Polygon(corners).area < _SMALLEST_AREA_M2:
         raise ValueError("must bound an area, but the corners are in one line; move one of them")
     return corners
 
 
 def first_crossing(segments_m: FloatArray, others_m: FloatArray) -> tuple[int, int] | None:
-    """Numbers of a segment (N, 2, 2) and of another (M, 2, 2) that properly cross, else None."""
-    crossing = _separated(segments_m, others_m) & _separated(others_m, segments_m).T
-    pairs = np.argwhere(crossing)
+    """Indices of a segment (N, 2, 2) and of another (M, 2, 2) that properly cross, else None."""
+    lines, others = shapely.linestrings(segments_m), shapely.linestrings(others_m)
+    pairs = np.argwhere(shapely.crosses(lines[:, None], others))
     return (int(pairs[0, 0]), int(pairs[0, 1])) if len(pairs) else None
 
 
 def overlap(first_m: ArrayLike, second_m: ArrayLike) -> bool:
-    """Whether two polygons have a point in common: a corner in the other one, or crossing edges."""
-    corner_inside = contains(first_m, second_m).any() or contains(second_m, first_m).any()
-    return bool(corner_inside or first_crossing(edges_of(first_m), edges_of(second_m)) is not None)
+    """Whether the interiors of two polygons have a point in common."""
+    first, second = shapely.Polygon(first_m), shapely.Polygon(second_m)
+    return bool(first.intersects(second) and not first.touches(second))
 
 
-def _separated(lines_m: FloatArray, segments_m: FloatArray) -> BoolArray:
-    """(N, M) whether line n has the two ends of segment m on different sides."""
-    start, along = lines_m[:, 0], lines_m[:, 1] - lines_m[:, 0]
-    towards = segments_m[None] - start[:, None, None]
-    side = np.sign(
-        along[:, None, None, 0] * towards[..., 1] - along[:, None, None, 1] * towards[..., 0]
+def cell_centers(
+    low_m: FloatArray, high_m: FloatArray, cell_size_m: float
+) -> tuple[FloatArray, tuple[int, int]]:
+    """(rows * columns, 2) centres of the square cells that cover a box, and (rows, columns).
+
+    Row by row from the lower-left corner; row 0 has the lowest y.
+    """
+    columns, rows = np.ceil((high_m - low_m) / cell_size_m - 1e-9).astype(int)
+    x, y = np.meshgrid(
+        low_m[0] + (np.arange(columns) + 0.5) * cell_size_m,
+        low_m[1] + (np.arange(rows) + 0.5) * cell_size_m,
     )
-    apart: BoolArray = side[..., 0] * side[..., 1] < 0
-    return apart
+    return np.stack([x.ravel(), y.ravel()], axis=1), (int(rows), int(columns))
+
+
+def signed_wall_distance_m(points_m: FloatArray, polygons_m: Sequence[ArrayLike]) -> FloatArray:
+    """(N,) distance to the nearest wall, negative outside the walkable area.
+
+    polygons_m: the outline of the walkable area, then the solids inside it.
+    """
+    distance = np.full(len(points_m), np.inf)
+    for wall in np.concatenate([edges_of(polygon) for polygon in polygons_m]):
+        np.minimum(distance, distance_to_segments_m(points_m, wall[None])[:, 0], out=distance)
+    walkable = contains(polygons_m[0], points_m)
+    for solid in polygons_m[1:]:
+        walkable &= ~contains(solid, points_m)
+    return np.where(walkable, distance, -distance)

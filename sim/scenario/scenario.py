@@ -16,7 +16,7 @@ from serd_core.arrays import FloatArray
 from sim.errors import SimError
 from sim.planning.settings import PlannerSettings
 from sim.scenario import rules
-from sim.scenario.polygon import edges_of, signed_area_m2, without_straight_corners
+from sim.scenario.polygon import counter_clockwise, edges_of, without_straight_corners
 from sim.scenario.settings import (
     LidarSettings,
     Loop,
@@ -145,12 +145,11 @@ class Scenario(StrictModel):
         Corners are ordered so that the free side is to the left of every edge. Corners amid a
         straight wall are left out: people keep away from each edge, however a wall is cut.
         """
-        outline = without_straight_corners(np.array(self.walkable_area_m))
-        solids = [without_straight_corners(np.array(each.outline_m)) for each in self.obstacles]
-        return [
-            outline if signed_area_m2(outline) > 0 else outline[::-1],
-            *(solid if signed_area_m2(solid) < 0 else solid[::-1] for solid in solids),
-        ]
+        outlines = (self.walkable_area_m, *(each.outline_m for each in self.obstacles))
+        area, *solids = (
+            counter_clockwise(without_straight_corners(np.array(outline))) for outline in outlines
+        )
+        return [area, *(solid[::-1] for solid in solids)]
 
     @cached_property
     def wall_segments_m(self) -> FloatArray:

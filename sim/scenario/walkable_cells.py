@@ -1,7 +1,7 @@
 """The square cells a walkable area is cut into: a cell counts when its centre is walkable.
 
-A centre on a wall, or nearer to one than a tenth of a cell, is not: nobody can stand there, and
-1 / distance would outweigh that of every other cell.
+A centre on a wall, or nearer to one than a tenth of a cell, does not count: a robot cannot stand
+there, and its feature 1 / distance would outweigh that of every other cell.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.scenario.polygon import contains, distance_to_segments_m, edges_of
+from sim.scenario.polygon import cell_centers, signed_wall_distance_m
 
 #: Least distance of a walkable cell's centre to the walls, as a share of the cell's side.
 CLEAR_OF_WALLS = 0.1
@@ -41,19 +41,7 @@ def walkable_cells(
     """Cells over the bounds of the outline; walkable are those with a centre clear of all walls."""
     corners = np.asarray(outline_m, dtype=np.float64)
     low, high = corners.min(axis=0), corners.max(axis=0)
-    columns, rows = np.ceil((high - low) / cell_size_m - 1e-9).astype(int)
-    x, y = np.meshgrid(
-        low[0] + (np.arange(columns) + 0.5) * cell_size_m,
-        low[1] + (np.arange(rows) + 0.5) * cell_size_m,
-    )
-    centers = np.stack([x.ravel(), y.ravel()], axis=1)
-    walkable = contains(corners, centers)
-    for solid in solids_m:
-        walkable &= ~contains(solid, centers)
-    walls_m = np.concatenate([edges_of(each) for each in (corners, *solids_m)])
-    for wall_m in walls_m:
-        away_m = distance_to_segments_m(centers, wall_m[None])[:, 0]
-        walkable &= away_m >= CLEAR_OF_WALLS * cell_size_m
-    return WalkableCells(
-        (float(low[0]), float(low[1])), cell_size_m, walkable.reshape(int(rows), int(columns))
-    )
+    centers, shape = cell_centers(low, high, cell_size_m)
+    distance = signed_wall_distance_m(centers, [corners, *solids_m])
+    walkable = distance >= CLEAR_OF_WALLS * cell_size_m
+    return WalkableCells((float(low[0]), float(low[1])), cell_size_m, walkable.reshape(shape))

@@ -8,19 +8,28 @@ from hypothesis import strategies as st
 from sim.scenario.polygon import (
     contains,
     contains_point,
+    counter_clockwise,
     distance_to_segments_m,
     edges_of,
-    self_intersection,
-    signed_area_m2,
+    overlap,
+    require_simple,
     without_straight_corners,
 )
 
 L_SHAPE = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]]
 
 
-def test_area_of_an_l_shape_is_positive_counter_clockwise_and_negative_clockwise():
-    assert signed_area_m2(L_SHAPE) == pytest.approx(6.0)
-    assert signed_area_m2(L_SHAPE[::-1]) == pytest.approx(-6.0)
+def test_corners_are_ordered_counter_clockwise_whatever_their_order_was():
+    shape = np.array(L_SHAPE, dtype=float)
+    np.testing.assert_array_equal(counter_clockwise(shape), shape)
+    np.testing.assert_array_equal(counter_clockwise(shape[::-1]), shape)
+
+
+def test_polygons_that_only_touch_do_not_overlap():
+    assert overlap(L_SHAPE, [[0.5, 0.5], [2, 0.5], [2, 3]])
+    assert overlap(L_SHAPE, [[-1, -1], [9, -1], [9, 9], [-1, 9]])
+    assert not overlap(L_SHAPE, [[1, 1], [4, 1], [4, 3]])
+    assert not overlap(L_SHAPE, [[5, 0], [6, 0], [6, 1]])
 
 
 def test_the_notch_of_an_l_shape_is_outside():
@@ -38,8 +47,15 @@ def test_distance_to_a_segment_is_that_to_a_brute_force_nearest_point(x, y):
 
 
 def test_a_bow_tie_crosses_itself_and_a_square_does_not():
-    assert self_intersection([[0, 0], [1, 1], [1, 0], [0, 1]]) == (0, 2)
-    assert self_intersection([[0, 0], [1, 0], [1, 1], [0, 1]]) is None
+    with pytest.raises(ValueError, match="edges 0 and 2 do; list the corners in order"):
+        require_simple(((0, 0), (1, 1), (1, 0), (0, 1)))
+    square = ((0, 0), (1, 0), (1, 1), (0, 1))
+    assert require_simple(square) == square
+
+
+def test_a_wall_without_thickness_may_stand_in_an_outline():
+    spiked = ((0, 0), (2, 0), (2, 1), (2, 0), (4, 0), (4, 3), (0, 3))
+    assert require_simple(spiked) == spiked
 
 
 @given(x=st.floats(-1, 5), y=st.floats(-1, 4))
