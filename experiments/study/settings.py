@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
+from serd_app.learning.settings import RecipeSettings
 from storage.files import read_text
 from storage.yaml_config import StrictModel, yaml_model
 from storage.yaml_text import read_yaml, write_yaml
@@ -39,18 +40,11 @@ class ReferenceSettings(StrictModel):
     exploring_s: float = Field(gt=0)
 
 
-class LearningSettings(StrictModel):
+class LearningSettings(RecipeSettings):
     """How the learners are compared; sizes count demonstrations, validation included."""
 
     repetitions: int = Field(ge=2)
     sizes: Sizes = Field(min_length=1)
-    prior_weights: tuple[float, ...] = Field(min_length=1)
-    validation_share: float = Field(gt=0, lt=1)
-    reward_deviation: float = Field(gt=0)
-    reirl_threshold_shares: tuple[float, ...] = Field(min_length=1)
-    reirl_smoothing: tuple[float, ...] = Field(min_length=1)
-    reirl_samples: int = Field(ge=1)
-    entropy_slack: float = Field(ge=0)
 
 
 class BeliefSettings(StrictModel):

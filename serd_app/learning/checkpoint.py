@@ -1,4 +1,4 @@
-"""Where a learner stands, so that one that was killed goes on instead of beginning again.
+"""What a live learner has observed and where its fit stands, on disk against a kill.
 
 The folder holds `decisions.csv`, every decision learned from or still to learn from, and
 `checkpoint.yaml`, where the newest fit stood.
@@ -8,11 +8,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
+from serd_app.demonstrations.demonstrations import Demonstrations
+from serd_app.demonstrations.live import LiveDrive
+from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
+from serd_core.grid.navigation import FEATURE_NAMES
+from serd_core.learners.fit_result import FitResult
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import Scenario
 from storage.errors import FileError
 from storage.files import atomic_write_text
 from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
@@ -44,11 +52,11 @@ class CheckpointFolder:
     grid: Grid
 
     def new(self) -> LearnerCheckpoint:
-        """That of a learner that knows nothing."""
+        """The checkpoint of a learner without demonstrations."""
         return LearnerCheckpoint(scenario=self.scenario, grid_fingerprint=self.grid.fingerprint())
 
     def load(self) -> tuple[LearnerCheckpoint, Decisions] | None:
-        """What was kept, None where nothing was; FileError where it is of another grid."""
+        """The checkpoint, None where there is none; FileError where it is of another grid."""
         if not self._decisions.exists() or not self._checkpoint.exists():
             return None
         checkpoint = load_yaml_model(self._checkpoint, LearnerCheckpoint)
@@ -60,11 +68,11 @@ class CheckpointFolder:
         return checkpoint, load_decisions(self._decisions)
 
     def save_decisions(self, decisions: Decisions) -> None:
-        """Keep the decisions."""
+        """Write the decisions."""
         save_decisions(self._decisions, decisions)
 
     def save(self, checkpoint: LearnerCheckpoint) -> None:
-        """Keep where the fit stands."""
+        """Write where the fit stands."""
         atomic_write_text(self._checkpoint, model_yaml(checkpoint))
 
     @property
@@ -74,3 +82,61 @@ class CheckpointFolder:
     @property
     def _checkpoint(self) -> Path:
         return self.path / "checkpoint.yaml"
+
+
+class LearnerMemory:
+    """Demonstrations as they come, and the newest weights, from and to a checkpoint folder."""
+
+    def __init__(self, scenario: Scenario, folder: Path) -> None:
+        grid = grid_of(scenario)
+        self.folder = CheckpointFolder(folder, scenario.name, grid)
+        loaded = self.folder.load()
+        self._checkpoint, earlier = (self.folder.new(), None) if loaded is None else loaded
+        self.demonstrations: Demonstrations | None = None
+        if earlier is not None:
+            self.demonstrations = Demonstrations(earlier, self._checkpoint.goal_entry_s)
+        self.drive = LiveDrive(
+            "live topics", grid, scenario.decision_period_s, earlier=self.demonstrations
+        )
+
+    @property
+    def n_decisions(self) -> int:
+        """Decisions there are."""
+        return 0 if self.demonstrations is None else len(self.demonstrations.decisions)
+
+    @property
+    def unlearned(self) -> bool:
+        """Whether there are decisions no finished fit has learned from."""
+        return self.n_decisions != self._checkpoint.n_learned
+
+    @property
+    def warm_weights(self) -> FloatArray | None:
+        """(F,) where the newest fit stood, None before the first."""
+        weights = self._checkpoint.reward_weights
+        if set(weights) != set(FEATURE_NAMES):
+            return None
+        return np.array([weights[name] for name in FEATURE_NAMES])
+
+    def gather(self, *, unfinished: bool) -> Demonstrations:
+        """Everything observed, which is written too; unfinished: see `LiveDrive.gathered`."""
+        self.demonstrations = self.drive.gathered(unfinished=unfinished)
+        self.folder.save_decisions(self.demonstrations.decisions)
+        self._save(goal_entry_s=self.demonstrations.goal_entry_s)
+        return self.demonstrations
+
+    def save_step(self, weights: FloatArray, step: int) -> None:
+        """Write where an unfinished fit stands."""
+        self._save(reward_weights=_named(weights), step=step)
+
+    def save_learned(self, fit: FitResult) -> None:
+        """Write what a finished fit found; the next starts cold where this did not converge."""
+        weights = _named(fit.reward_weights) if fit.converged else {}
+        self._save(reward_weights=weights, step=0, n_learned=fit.n_decisions)
+
+    def _save(self, **changes: object) -> None:
+        self._checkpoint = LearnerCheckpoint(**(self._checkpoint.model_dump() | changes))
+        self.folder.save(self._checkpoint)
+
+
+def _named(weights: FloatArray) -> dict[str, float]:
+    return dict(zip(FEATURE_NAMES, weights.tolist(), strict=True))

@@ -1,17 +1,66 @@
-"""Settings of the learning recipe."""
+"""Settings of learning: the recipe that product and study share, and what a command adds."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from storage.settings import setting
 from storage.yaml_config import StrictModel
 
+MethodName = Literal[
+    "mdce_serd",
+    "mdce_serd_coupled",
+    "mdce_serd_free",
+    "pm_serd",
+    "mdce_irl",
+    "mdce_irl_entropy",
+    "maxent_irl",
+    "policy_matching",
+    "relative_entropy_irl",
+]
 
-class LessonSettings(StrictModel):
-    """How rewards and dynamics are learned from decisions."""
 
-    minimum_decisions: int = setting(20, "refuse to learn from fewer decisions", ge=1)
-    seed: int = setting(0, "seed of the random starts", ge=0)
-    discount: float = setting(0.99, "discount of the reward", ge=0, lt=1)
-    prior_weight: float = setting(
-        0.1, "weight lambda of the divergence prior to the M-estimate", ge=0
+class RecipeSettings(StrictModel):
+    """What decides a fit besides the demonstrations; every learner reads its own part."""
+
+    prior_weights: tuple[Annotated[float, Field(ge=0)], ...] = setting(
+        (0.001, 0.01, 0.1, 1.0, 10.0, 100.0, 1000.0),
+        "candidate weights lambda of the divergence prior, chosen on validation episodes",
+        min_length=1,
+    )
+    default_prior_weight: float = setting(
+        10.0, "weight lambda where a single episode leaves none for validation", ge=0
+    )
+    validation_share: float = setting(
+        0.15, "share of the episodes on which weights are compared", gt=0, lt=1
+    )
+    reward_deviation: float = setting(
+        30.0, "standard deviation of the normal prior on reward weights", gt=0
     )
     pseudo_count: float = setting(1.0, "uniform prior of the M-estimate: added counts", gt=0)
-    starts: int = setting(4, "random starts of the weights; the best fit is used", ge=1)
+    inverse_temperature: float = setting(
+        1.0, "policy_matching: inverse temperature of the policy", gt=0
+    )
+    entropy_slack: float = setting(
+        0.001, "mdce_irl_entropy: slack of the matched features, times the weights", ge=0
+    )
+    reirl_threshold_shares: tuple[Annotated[float, Field(ge=0)], ...] = setting(
+        (0.0, 0.03, 0.1),
+        "relative_entropy_irl: candidate shares of Hoeffding's thresholds",
+        min_length=1,
+    )
+    reirl_smoothing: tuple[Annotated[float, Field(gt=0)], ...] = setting(
+        (0.03, 0.1, 0.3),
+        "relative_entropy_irl: candidate pseudo-counts of the sampling policy",
+        min_length=1,
+    )
+    reirl_samples: int = setting(500, "relative_entropy_irl: sampled trajectories", ge=1)
+
+
+class LearningSettings(RecipeSettings):
+    """How a command or node learns from decisions."""
+
+    method: MethodName = setting("mdce_serd", "learning method")
+    minimum_decisions: int = setting(20, "refuse to learn from fewer decisions", ge=1)
+    seed: int = setting(0, "seed of the choice of validation episodes and of samples", ge=0)
+    discount: float = setting(0.99, "discount of the reward", ge=0, lt=1)

@@ -8,11 +8,10 @@ from pydantic import ValidationError
 from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from report.style import counted
-from serd_app.learning.outcome_files import lesson_files, save_lesson
-from serd_app.learning.recipe import Lesson
-from serd_app.learning.recipe import learn as fit_lesson
-from serd_app.learning.settings import LessonSettings
-from serd_app.learning.summary import lesson_in_words, lesson_values
+from serd_app.learning.methods import FitProgress
+from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
+from serd_app.learning.recipe import learn as fit
+from serd_app.learning.settings import LearningSettings, MethodName
 from serd_cli.errors import FAILED, UsageError
 from serd_cli.fit_words import (
     Certainty,
@@ -28,7 +27,6 @@ from serd_cli.overwriting import require_apart
 from serd_cli.progress import WorkProgress
 from serd_cli.recorded_demonstrations import files_beside
 from serd_cli.terminal import console
-from serd_core.ascent.ascent import Step
 from sim.scenario.goal import point_of
 from storage.yaml_config import sentence_of
 
@@ -59,13 +57,14 @@ def learn(
         ),
     ] = None,
     discount: Annotated[float, typer.Option(help="of the reward, below 1")] = 0.99,
+    method: Annotated[MethodName, typer.Option(help="learning method")] = "mdce_serd",
     prior_weight: Annotated[
-        float, typer.Option(min=0.0, help="of the divergence to the counted outcomes")
-    ] = 0.1,
+        list[float] | None,
+        typer.Option(min=0.0, help="of the divergence prior; repeat to choose on validation"),
+    ] = None,
     pseudo_count: Annotated[float, typer.Option(help="added to every counted outcome")] = 1.0,
-    starts: Annotated[int, typer.Option(min=1, help="random starts, the best is kept")] = 4,
     minimum_decisions: Annotated[int, typer.Option(min=1, help="refuse to learn from fewer")] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="of the random starts")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="of the choice of validation episodes")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
 ) -> None:
     """Learn rewards and dynamics from a table of decisions.
@@ -77,14 +76,14 @@ def learn(
     """
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise UsageError(f"--output must end in .yaml, got {output}; name a .yaml file")
-    require_apart(output, lesson_files(output).values(), (*files_beside(table).values(), scenario))
+    require_apart(output, outcome_files(output).values(), (*files_beside(table).values(), scenario))
     settings = _settings(
         minimum_decisions=minimum_decisions,
         seed=seed,
         discount=discount,
-        prior_weight=prior_weight,
+        method=method,
         pseudo_count=pseudo_count,
-        starts=starts,
+        **({"prior_weights": tuple(prior_weight)} if prior_weight else {}),
     )
     files = read_learning_files(
         table,
@@ -94,23 +93,23 @@ def learn(
         goals_m=tuple(point_of(each) for each in goal or ()),
     )
     _require_left(files, minimum_decisions)
-    lesson = _fitted(files, settings)
-    save_lesson(output, lesson, files.task)
+    outcome = _fitted(files, settings)
+    save_outcome(output, outcome, files.task.problem.grid)
     decisions, problem = files.demonstrations.decisions, files.task.problem
-    certainty = certainty_of(problem, decisions, lesson.fit)
+    certainty = certainty_of(problem, decisions, outcome.fit)
     if as_json:
-        print_json(_values(files, lesson, certainty, output))
+        print_json(_values(files, outcome, certainty, output))
     else:
-        _print(files, lesson, certainty, output)
-    if not lesson.fit.converged:
+        _print(files, outcome, certainty, output)
+    if not outcome.fit.converged:
         raise typer.Exit(FAILED)
 
 
-def _settings(**values: float) -> LessonSettings:
+def _settings(**values: Any) -> LearningSettings:
     try:
-        return LessonSettings(**values)  # type: ignore[arg-type]
+        return LearningSettings(**values)
     except ValidationError as error:
-        raise UsageError(sentence_of(error, LessonSettings)) from None
+        raise UsageError(sentence_of(error, LearningSettings)) from None
 
 
 def _require_left(files: LearningFiles, minimum_decisions: int) -> None:
@@ -124,7 +123,7 @@ def _require_left(files: LearningFiles, minimum_decisions: int) -> None:
         )
 
 
-def _fitted(files: LearningFiles, settings: LessonSettings) -> Lesson:
+def _fitted(files: LearningFiles, settings: LearningSettings) -> FitOutcome:
     """Fit with a line of progress on stderr."""
     bar = WorkProgress(
         SpinnerColumn(),
@@ -135,14 +134,15 @@ def _fitted(files: LearningFiles, settings: LessonSettings) -> Lesson:
     with bar:
         task = bar.add_task("", total=None, said="")
 
-        def tell(start: int, step: Step) -> None:
-            said = f"start {start + 1} of {settings.starts}, step {step.number}"
+        def show(progress: FitProgress) -> None:
+            step = progress.step
+            said = f"fit {progress.number} of {progress.total}, step {step.number}"
             bar.update(task, said=f"{said}: {step.objective:.4f} per decision")
 
-        return fit_lesson(files.task, files.demonstrations, settings, tell)
+        return fit(files.task, files.demonstrations, settings, show)
 
 
-def _print(files: LearningFiles, lesson: Lesson, certainty: Certainty, output: Path) -> None:
+def _print(files: LearningFiles, outcome: FitOutcome, certainty: Certainty, output: Path) -> None:
     decisions = files.demonstrations.decisions
     left_out = f", {files.n_after_goal} after the goal left out" if files.n_after_goal else ""
     place = f"scenario {files.task.scenario}" if files.task.scenario else "fitted grid"
@@ -153,20 +153,20 @@ def _print(files: LearningFiles, lesson: Lesson, certainty: Certainty, output: P
         soft_wrap=True,
         markup=False,
     )
-    console.print(weights_table(lesson.fit, certainty))
-    console.print(outcomes_table(files.task.problem, lesson.fit, certainty))
+    console.print(weights_table(outcome.fit, certainty))
+    console.print(outcomes_table(files.task.problem, outcome.fit, certainty))
     for line in (*files.remarks(), *remarks(files.task.problem, certainty)):
         console.print(line, style="yellow", soft_wrap=True, markup=False)
-    console.print(lesson_in_words(lesson), soft_wrap=True, markup=False)
+    console.print(outcome.summary(), soft_wrap=True, markup=False)
     console.print(f"model: {output.resolve()}", soft_wrap=True, markup=False)
 
 
 def _values(
-    files: LearningFiles, lesson: Lesson, certainty: Certainty, output: Path
+    files: LearningFiles, outcome: FitOutcome, certainty: Certainty, output: Path
 ) -> dict[str, Any]:
     return {
-        **lesson_values(lesson),
-        "outcome_probabilities": lesson.fit.outcome_probabilities.tolist(),
+        **outcome.values(),
+        "outcome_probabilities": outcome.fit.outcome_probabilities.tolist(),
         **certainty_values(certainty),
         "scenario": files.task.scenario,
         "flow": files.flow_from,

@@ -11,7 +11,7 @@ from rich.table import Column
 from serd_cli.progress import WorkProgress
 
 _EPISODE = re.compile(r"episode (\d+) of \d+: (.*)")
-_START = re.compile(r"start (\d+) of (\d+), (step .*)")
+_FIT = re.compile(r"fit (\d+) of \d+, (step .*)")
 _ROS_PREFIX = re.compile(r"^\[\w+\] \[[\d.]+\] \[[\w.]+\]: ")
 _LONGEST = 62
 
@@ -51,8 +51,8 @@ class PhaseProgress:
         said = _ROS_PREFIX.sub("", line)
         if match := _EPISODE.search(said):
             self._show(match[2], done=int(match[1]))
-        elif match := _START.search(said):
-            self._show(match[3], done=int(match[1]) - 1)
+        elif match := _FIT.search(said):
+            self._show(match[2], done=int(match[1]) - 1)
         elif "waiting for" in said or "decisions from" in said:
             self._show(said)
 

@@ -65,7 +65,8 @@ def learn(
             "learner.output": str(folder.model),
             "decisions": str(folder.decisions),
         }
-        _run(folder, "learn", given, environment, total=LearnerConfig().starts)
+        n_fits = len(LearnerConfig().prior_weights) + 1
+        _run(folder, "learn", given, environment, total=n_fits)
         _require(folder.learned(), "learn")
     return PhaseTiming("learn", time.monotonic() - began_s)
 

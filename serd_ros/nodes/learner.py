@@ -12,11 +12,11 @@ from std_srvs.srv import Trigger
 
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
-from serd_app.learning.learner_memory import LearnerMemory
-from serd_app.learning.outcome_files import save_lesson
-from serd_app.learning.recipe import Lesson, check_enough, learn, task_in
-from serd_app.learning.summary import lesson_in_words, lesson_values
-from serd_app.learning.worker import LessonWorker, Progress
+from serd_app.learning.checkpoint import LearnerMemory
+from serd_app.learning.methods import FitProgress
+from serd_app.learning.outcome import FitOutcome, save_outcome
+from serd_app.learning.recipe import learn, require_enough, task_in
+from serd_app.learning.worker import FitWorker
 from serd_core.errors import SerdError
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
@@ -42,7 +42,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
         super().__init__("learner", LearnerConfig)
         self._scenario = load_scenario(self.config.scenario)
         self._task = task_in(self._scenario, self.config.discount, self.config.flow)
-        self._worker, self._memory = LessonWorker(), None if self.config.bag else self._listen()
+        self._worker, self._memory = FitWorker(), None if self.config.bag else self._listen()
         self._again = self._begin_anew = False
         self._begun_s = 0.0
         self._ended_s: float | None = None
@@ -87,9 +87,9 @@ class LearnerNode(SerdNode[LearnerConfig]):
 
     def _look(self) -> None:
         for event in self._worker.events():
-            if isinstance(event, Progress):
+            if isinstance(event, FitProgress):
                 self._show(event)
-            elif isinstance(event, Lesson):
+            elif isinstance(event, FitOutcome):
                 self._conclude(event)
             else:
                 self._refuse(str(event))
@@ -123,7 +123,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
         """Answers at once: this executor cannot hold an answer back until a fit has ended."""
         try:
             if self._memory is not None:
-                check_enough(self._gather(self._memory, unfinished=True), self.config)
+                require_enough(self._gather(self._memory, unfinished=True), self.config)
         except SerdError as error:
             self._refuse(str(error))
             response.success, response.message = False, f"not learned: {error}"
@@ -138,13 +138,15 @@ class LearnerNode(SerdNode[LearnerConfig]):
         self._begun_s = self.wall_s()
         memory = self._memory
         if memory is None:
-            self._worker.begin(lambda told: learn(self._task, self._read(), self.config, told))
+            self._worker.begin(lambda report: learn(self._task, self._read(), self.config, report))
             return
         demonstrations, warm = memory.demonstrations, None if anew else memory.warm_weights
         if demonstrations is None:
             self._refuse("no episode has ended yet; demonstrate, then call again")
             return
-        self._worker.begin(lambda told: learn(self._task, demonstrations, self.config, told, warm))
+        self._worker.begin(
+            lambda report: learn(self._task, demonstrations, self.config, report, warm)
+        )
 
     def _read(self) -> Demonstrations:
         demonstrations, report = demonstrations_of_bag(
@@ -156,13 +158,14 @@ class LearnerNode(SerdNode[LearnerConfig]):
             save_decisions(self.config.decisions, decisions)
         return demonstrations
 
-    def _show(self, progress: Progress) -> None:
+    def _show(self, progress: FitProgress) -> None:
         step = progress.step
         if self._memory is not None and self.wall_s() >= self._checkpoint_due_s:
             self._checkpoint_due_s = self.wall_s() + _CHECKPOINT_PERIOD_S
-            self._memory.note_step(progress.weights, step.number)
+            self._memory.save_step(progress.weights, step.number)
         values = {
-            "start": progress.start + 1,
+            "fit": progress.number,
+            "fits": progress.total,
             "step": step.number,
             "objective_per_decision": step.objective,
             "gradient_norm": step.gradient_norm,
@@ -170,22 +173,22 @@ class LearnerNode(SerdNode[LearnerConfig]):
         }
         self.report(0.0, values, message="learning")
         self.get_logger().info(
-            f"start {progress.start + 1} of {self.config.starts}, step {step.number}: objective "
+            f"fit {progress.number} of {progress.total}, step {step.number}: objective "
             f"{step.objective:.4f} per decision, gradient {step.gradient_norm:.1e}",
             throttle_duration_sec=1.0,
         )
 
-    def _conclude(self, lesson: Lesson) -> None:
-        save_lesson(Path(self.config.output), lesson, self._task)
-        self._models.publish(String(data=model_yaml(lesson.model)))
+    def _conclude(self, outcome: FitOutcome) -> None:
+        save_outcome(Path(self.config.output), outcome, self._task.problem.grid)
+        self._models.publish(String(data=model_yaml(outcome.model)))
         if self._memory is not None:
-            self._memory.note_learned(lesson.fit)
-        self.get_logger().info(lesson_in_words(lesson))
-        values = {**lesson_values(lesson), "model": self.config.output}
-        level = OK if lesson.fit.converged else WARN
-        self.report(0.0, values, level=level, message=lesson.fit.message)
+            self._memory.save_learned(outcome.fit)
+        self.get_logger().info(outcome.summary())
+        values = {**outcome.values(), "model": self.config.output}
+        level = OK if outcome.fit.converged else WARN
+        self.report(0.0, values, level=level, message=outcome.fit.message)
         if self._ends:
-            self.finish(0 if lesson.fit.converged else _UNCONVERGED)
+            self.finish(0 if outcome.fit.converged else _UNCONVERGED)
 
     def _refuse(self, reason: str) -> None:
         """The model stays as it is."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 from bags.recorder import RecorderSettings
-from serd_app.learning.settings import LessonSettings
+from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.settings import NavigationSettings
 from sim.drivers.catalogue import driver_names
 from sim.episodes.settings import EpisodeSettings, WorldSettings
@@ -176,7 +176,7 @@ class BagReplayConfig(NodeConfig):
     exit_when_done: bool = setting(True, "end the process after the last message")
 
 
-class LearnerConfig(LessonSettings, NodeConfig):
+class LearnerConfig(LearningSettings, NodeConfig):
     """Parameters of learner."""
 
     scenario: str = setting_of(EpisodeSettings, "scenario")

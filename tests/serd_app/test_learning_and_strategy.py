@@ -8,7 +8,7 @@ import pytest
 
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
 from serd_app.demonstrations.flow_table import save_flow
-from serd_app.learning.learner_memory import LearnerMemory
+from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.recipe import learn, task_in
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_cli.demo.report import fit_of
@@ -30,11 +30,11 @@ TRUTH = np.array(
         [0.8, 0.05, 0.05, 0.05, 0.05],
     ]
 )
-CONFIG = LearnerConfig(bag="sampled", starts=2)
+CONFIG = LearnerConfig(bag="sampled")
 
 
 @pytest.fixture(scope="module")
-def lesson():
+def outcome():
     problem = navigation_problem_of(HALLWAY, CONFIG.discount)
     expert = soft_policy(problem, np.array([5.0, 1.0, 0.2]), TRUTH)
     decisions = sample_decisions(
@@ -46,27 +46,31 @@ def lesson():
         n_steps=40,
         rng=np.random.default_rng(4),
     )
-    told = []
+    reports = []
     task = task_in(HALLWAY, CONFIG.discount)
-    return learn(task, Demonstrations(decisions), CONFIG, lambda start, _: told.append(start)), told
+    return learn(task, Demonstrations(decisions), CONFIG, reports.append), reports
 
 
-def test_every_start_is_told_of_and_the_likeliest_is_kept(lesson):
-    found, told = lesson
-    assert set(told) == {0, 1}
-    assert found.fit.objective == max(found.objectives)
+def test_every_fit_reports_its_steps_and_the_weight_best_on_validation_is_used(outcome):
+    found, reports = outcome
+    weights = (*sorted(CONFIG.prior_weights), found.prior_weight)
+    reported = {(each.number, each.prior_weight) for each in reports}
+    assert reported == set(enumerate(weights, start=1))
+    assert {each.total for each in reports} == {len(weights)}
+    assert found.prior_weight == max(found.validation, key=lambda pair: pair[1])[0]
+    assert reports[-1].weights.tolist() == found.fit.reward_weights.tolist()
     assert found.fit.converged
 
 
-def test_the_trace_lists_every_step_with_its_objective(lesson):
-    lines = lesson[0].trace_table().splitlines()
+def test_the_trace_lists_every_step_with_its_objective(outcome):
+    lines = outcome[0].trace_table().splitlines()
     assert lines[0] == "step,objective"
-    assert [float(line.split(",")[1]) for line in lines[1:]] == list(lesson[0].fit.objective_trace)
+    assert [float(line.split(",")[1]) for line in lines[1:]] == list(outcome[0].fit.objective_trace)
 
 
-def test_a_model_file_gives_the_fit_and_the_policy_back(lesson, tmp_path):
-    path, fit = tmp_path / "model.yaml", lesson[0].fit
-    save_model(path, lesson[0].model)
+def test_a_model_file_gives_the_fit_and_the_policy_back(outcome, tmp_path):
+    path, fit = tmp_path / "model.yaml", outcome[0].fit
+    save_model(path, outcome[0].model)
     strategy = load_strategy(str(path), HALLWAY, "optimal")
     back = fit_of(load_model(path), strategy.problem, fit.objective_trace)
     assert np.array_equal(back.reward_weights, fit.reward_weights)
@@ -79,9 +83,9 @@ def test_a_model_file_gives_the_fit_and_the_policy_back(lesson, tmp_path):
     assert arrival.cdf[-1] > 0.9
 
 
-def test_the_intended_path_leads_through_neighbours_to_the_goal(lesson, tmp_path):
+def test_the_intended_path_leads_through_neighbours_to_the_goal(outcome, tmp_path):
     path = tmp_path / "model.yaml"
-    save_model(path, lesson[0].model)
+    save_model(path, outcome[0].model)
     strategy = load_strategy(str(path), HALLWAY, "optimal")
     grid = strategy.problem.grid
     way_m = strategy.intended_path_m(grid.state_at(0.5, 0.5))
@@ -89,9 +93,9 @@ def test_the_intended_path_leads_through_neighbours_to_the_goal(lesson, tmp_path
     assert grid.state_at(*way_m[-1]) in set(strategy.problem.goal_states.tolist())
 
 
-def test_a_model_of_another_grid_is_refused_with_the_difference(lesson, tmp_path):
+def test_a_model_of_another_grid_is_refused_with_the_difference(outcome, tmp_path):
     path = tmp_path / "model.yaml"
-    save_model(path, lesson[0].model)
+    save_model(path, outcome[0].model)
     with pytest.raises(FileError, match="was made for another grid of the scenario 'hallway'"):
         load_strategy(str(path), load_scenario("corridor"), "optimal")
 
@@ -115,18 +119,18 @@ def first_episodes(number):
 
 def test_one_episode_gives_weights_that_are_finite_and_from_which_later_fits_come_back():
     task = task_in(HALLWAY, CONFIG.discount)
-    one = learn(task, first_episodes(1), CONFIG, lambda *_: None)
+    one = learn(task, first_episodes(1), CONFIG)
     assert one.fit.converged
     assert np.abs(one.fit.reward_weights).max() < 100.0
-    warm = learn(task, first_episodes(5), CONFIG, lambda *_: None, one.fit.reward_weights)
-    cold = learn(task, first_episodes(5), CONFIG, lambda *_: None)
+    warm = learn(task, first_episodes(5), CONFIG, warm_weights=one.fit.reward_weights)
+    cold = learn(task, first_episodes(5), CONFIG)
     assert warm.fit.converged
     assert warm.fit.reward_weights == pytest.approx(cold.fit.reward_weights, rel=0.01)
 
 
-def test_a_fit_that_found_no_end_is_no_start_for_the_next(lesson, tmp_path):
+def test_a_fit_that_found_no_end_is_no_start_for_the_next(outcome, tmp_path):
     memory = LearnerMemory(HALLWAY, tmp_path / "state")
-    memory.note_learned(lesson[0].fit)
-    assert memory.warm_weights.tolist() == lesson[0].fit.reward_weights.tolist()
-    memory.note_learned(replace(lesson[0].fit, converged=False))
+    memory.save_learned(outcome[0].fit)
+    assert memory.warm_weights.tolist() == outcome[0].fit.reward_weights.tolist()
+    memory.save_learned(replace(outcome[0].fit, converged=False))
     assert memory.warm_weights is None

@@ -137,7 +137,7 @@ def test_a_goal_that_no_episode_reaches_is_remarked(serd, demonstrations):
     assert files.n_reaching_goal == 0
     (remark,) = files.remarks()
     assert remark.startswith(f"no episode reaches the goal ({x_m:g},{y_m:g})")
-    assert remark in serd("learn", table, "--goal", f"{x_m},{y_m}", "--starts", "1").out
+    assert remark in serd("learn", table, "--goal", f"{x_m},{y_m}", "--prior-weight", "1").out
     files = read(table)
     assert 0 < files.n_reaching_goal <= 30
     assert not tuple(files.remarks())

@@ -74,7 +74,8 @@ def test_a_learner_killed_in_a_long_fit_resumes_from_its_last_checkpoint(
     folder = CheckpointFolder(tmp_path / "kept", HALLWAY.name, GRID)
     folder.save_decisions(demonstrations.decisions)
     folder.save(folder.new())
-    given = {"output": str(tmp_path / "model.yaml"), "state": str(folder.path), "starts": 1000}
+    given = {"output": str(tmp_path / "model.yaml"), "state": str(folder.path)}
+    given["prior_weights"] = [0.001 * number for number in range(1, 1000)]
 
     def stands_at() -> LearnerCheckpoint:
         kept = folder.load()
@@ -87,8 +88,8 @@ def test_a_learner_killed_in_a_long_fit_resumes_from_its_last_checkpoint(
     first.wait()
     assert stands_at().n_learned == 0
     assert not models
-    # One start, from the weights kept, takes seconds at most where a thousand take minutes.
-    nodes.start_stack("learn", **given)
+    # The second compares no weights, so that it ends soon.
+    nodes.start_stack("learn", **(given | {"prior_weights": [0.1]}))
     probe.spin_until(lambda: bool(models))
     assert models[-1].fit.n_decisions == len(demonstrations.decisions)
     probe.spin_until(lambda: stands_at().n_learned == len(demonstrations.decisions))
@@ -129,7 +130,7 @@ def test_a_call_to_learn_from_enough_decisions_is_answered_with_success(
     folder = CheckpointFolder(tmp_path / "kept", HALLWAY.name, GRID)
     folder.save_decisions(demonstrations.decisions)
     folder.save(folder.new())
-    given = {"output": str(tmp_path / "model.yaml"), "state": str(folder.path), "starts": 1}
+    given = {"output": str(tmp_path / "model.yaml"), "state": str(folder.path)}
     nodes.start_stack("learn", learn_on="call", **given)
     client = probe.node.create_client(Trigger, "learn")
     probe.spin_until(client.service_is_ready)

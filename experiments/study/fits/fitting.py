@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.running.repetitions import Row
 from experiments.study.fits.learned import Learned, learned_from_fit
-from experiments.study.fits.methods import ASSUMPTIONS, METHODS, Trial, fit_tied
+from experiments.study.fits.methods import ASSUMPTIONS, METHODS, Trial
 from experiments.study.products import Task
 from experiments.study.recordings.demonstration_sets import DemonstrationSets
 from experiments.study.recordings.demonstrations import load_sets, n_repetitions
@@ -18,6 +18,7 @@ from experiments.study.recordings.experts import EXPERTS, PEOPLE
 from experiments.study.recordings.reference import reference_dynamics
 from experiments.study.settings import StudySettings
 from experiments.study.world import problem_of
+from serd_app.learning.methods import fit_tied
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions, state_action_counts
 from serd_core.grid.navigation import NavigationProblem
@@ -62,7 +63,7 @@ def fit_repetition(
     candidates: list[Row] = []
     models: dict[str, Any] = {}
     for trial in trials(settings, problem, sets, chosen.sizes, reference, repetition):
-        size = len(trial.subset.episodes)
+        size = len(trial.decisions.episodes)
         place: Row = {"expert": expert, "repetition": repetition, "size": size}
         for name, method in methods.items():
             learned = method(trial)
@@ -92,7 +93,15 @@ def trials(
         rng = np.random.default_rng([settings.seed, repetition, size])
         subset = sets.training.select_episodes(shuffled[:size])
         training, validation = split_episodes(subset, settings.learning.validation_share, rng)
-        yield Trial(problem, settings.learning, subset, training, validation, reference, rng)
+        yield Trial(
+            problem=problem,
+            settings=settings.learning,
+            decisions=subset,
+            training=training,
+            validation=validation,
+            rng=rng,
+            reference=reference,
+        )
 
 
 def measured(

@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from serd_core.policies.solved_policy import optimal_policy, soft_policy
+from serd_core.policies.solved_policy import optimal_policy
+from serd_core.selection.evaluation import fitted_policy
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,31 +38,12 @@ def learned_from_fit(
     problem: NavigationProblem, fit: FitResult, prior_weight: float | None = None
 ) -> Learned:
     """Actions are predicted by the belief, as the expert planned; the robot plans by the truth."""
-    return learned_from_parts(
-        problem,
-        fit.reward_weights,
-        truth=fit.outcome_probabilities,
-        belief=fit.believed_outcome_probabilities,
-        converged=fit.converged,
-        prior_weight=prior_weight,
-    )
-
-
-def learned_from_parts(
-    problem: NavigationProblem,
-    reward_weights: FloatArray,
-    *,
-    truth: FloatArray,
-    belief: FloatArray,
-    converged: bool,
-    prior_weight: float | None = None,
-) -> Learned:
-    """As `learned_from_fit`, from rewards and dynamics."""
+    truth = fit.outcome_probabilities
     return Learned(
-        policy=soft_policy(problem, reward_weights, belief).probabilities,
-        greedy=optimal_policy(problem, reward_weights, truth).greedy,
+        policy=fitted_policy(problem, fit),
+        greedy=optimal_policy(problem, fit.reward_weights, truth).greedy,
         truth=truth,
-        reward_weights=np.asarray(reward_weights),
-        converged=converged,
+        reward_weights=fit.reward_weights,
+        converged=fit.converged,
         prior_weight=prior_weight,
     )

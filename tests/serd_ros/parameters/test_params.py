@@ -30,4 +30,4 @@ def test_a_bad_value_names_the_parameter_the_rule_and_the_value(values, sentence
 
 
 def test_a_whole_number_is_taken_for_a_float():
-    assert validated("learner", {"prior_weight": 1}, LearnerConfig).prior_weight == 1.0
+    assert validated("learner", {"pseudo_count": 1}, LearnerConfig).pseudo_count == 1.0

@@ -1,0 +1,395 @@
+"""The learning methods of the product and of the study, by name.
+
+Where a weight has to be chosen (of the divergence prior or of the coupling), it is the one of the
+highest likelihood on the validation episodes; the result is then fitted to all episodes, so every
+method learns from the same demonstrations.
+
+SERD starts in two stages: reward weights under the M-estimate of the dynamics first, then both.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+
+import numpy as np
+
+from serd_app.learning.priors import uniform_prior, uniform_prior_on_both
+from serd_app.learning.settings import MethodName, RecipeSettings
+from serd_core.arrays import FloatArray
+from serd_core.ascent.ascent import Step
+from serd_core.ascent.kinked import KinkedAscent
+from serd_core.ascent.trust_region import TrustRegion
+from serd_core.demonstrations.decisions import Decisions, start_distribution
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.demonstrations.trajectories import trajectories_of
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.grid.navigation import FEATURE_NAMES, NavigationProblem
+from serd_core.learners.behavioural_cloning import clone_behaviour
+from serd_core.learners.fit_result import FitResult
+from serd_core.learners.importance_samples import hoeffding_thresholds
+from serd_core.learners.maxent_irl import fit_maxent_irl
+from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
+from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.pm_serd import fit_pm_serd
+from serd_core.learners.policy_matching import fit_policy_matching
+from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
+from serd_core.learners.staged_start import weights_under_initial_dynamics
+from serd_core.posterior.beliefs import Belief, CoupledBelief, FreeBelief, TiedBelief
+from serd_core.posterior.parameters import Block
+from serd_core.priors.divergence import KldPrior
+from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.prior import Prior
+from serd_core.selection.evaluation import validation_log_likelihood
+from serd_core.selection.prior_weight import select_weight, split_episodes
+
+ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=200)
+#: Policy matching has its maxima on kinks.
+KINKED = KinkedAscent(smooth=ASCENT, gradient_tolerance=1e-5)
+#: Fixes the common scale of rewards and temperature, on which the likelihood does not depend.
+TEMPERATURE_PRIOR = GaussianPrior(0.1, Block.POLICY, mean=1.0)
+#: Decisions of a sampled trajectory: seven minutes, so that most arrive.
+_LONGEST_SAMPLE = 210
+
+
+@dataclass(frozen=True, eq=False)
+class FitProgress:
+    """A step of fit `number` of `total`; prior_weight: the one it uses, None for methods without.
+
+    The last fit is the one to all episodes, those before compare weights on validation.
+    """
+
+    number: int
+    total: int
+    prior_weight: float | None
+    step: Step
+
+    @property
+    def weights(self) -> FloatArray:
+        """(F,) reward weights, with which the vector of every method begins."""
+        return self.step.vector[: len(FEATURE_NAMES)]
+
+
+ProgressCallback = Callable[[FitProgress], None]
+OnStep = Callable[[Step], None]
+
+
+def ignore_progress(progress: FitProgress) -> None:
+    """A ProgressCallback that does nothing."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FitData:
+    """Demonstrations to learn from, and how they are split to choose a weight.
+
+    decisions: all of them; validation: empty where there is one episode, which is all of training.
+    initial_weights: (F,) where SERD starts, None for the start in two stages.
+    """
+
+    problem: NavigationProblem
+    settings: RecipeSettings
+    decisions: Decisions
+    training: Decisions
+    validation: Decisions
+    rng: np.random.Generator
+    initial_weights: FloatArray | None = None
+    on_progress: ProgressCallback = ignore_progress
+
+    @property
+    def reward_prior(self) -> Prior:
+        """Keeps reward weights finite where few demonstrations show one action only."""
+        return GaussianPrior(self.settings.reward_deviation, Block.REWARD)
+
+    def estimate(self, decisions: Decisions) -> FloatArray:
+        """(M, K) M-estimate of the dynamics."""
+        return _estimate(self.problem, decisions, self.settings.pseudo_count)
+
+    def start(self, decisions: Decisions) -> FloatArray:
+        """(F,) reward weights SERD starts from."""
+        if self.initial_weights is not None:
+            return self.initial_weights
+        return _staged_start(self.problem, decisions, self.settings.pseudo_count)
+
+    def reporter(
+        self, number: int = 1, total: int = 1, prior_weight: float | None = None
+    ) -> OnStep:
+        """What one fit calls after each step."""
+        return lambda step: self.on_progress(FitProgress(number, total, prior_weight, step))
+
+
+def fit_data(
+    problem: NavigationProblem,
+    decisions: Decisions,
+    settings: RecipeSettings,
+    rng: np.random.Generator,
+    *,
+    initial_weights: FloatArray | None = None,
+    on_progress: ProgressCallback = ignore_progress,
+) -> FitData:
+    """Split the episodes at random; a single one is not split."""
+    training, validation = decisions, decisions.select_episodes([])
+    if len(decisions.episodes) > 1:
+        training, validation = split_episodes(decisions, settings.validation_share, rng)
+    return FitData(
+        problem=problem,
+        settings=settings,
+        decisions=decisions,
+        training=training,
+        validation=validation,
+        rng=rng,
+        initial_weights=initial_weights,
+        on_progress=on_progress,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class MethodResult:
+    """The fit to all episodes; prior: what it assumed, in words.
+
+    prior_weight: the weight it used, None for methods without; validation: log-likelihood per
+    validation decision of each candidate weight, empty where none was chosen.
+    """
+
+    fit: FitResult
+    prior: str
+    prior_weight: float | None = None
+    validation: tuple[tuple[float, float], ...] = ()
+
+
+def mdce_serd(data: FitData) -> MethodResult:
+    """MDCE SERD, belief and truth tied."""
+    return _with_best_weight(data, fit_tied, "KLD to the M-estimate")
+
+
+def mdce_serd_coupled(data: FitData) -> MethodResult:
+    """MDCE SERD, belief coupled to the truth."""
+    return _with_best_weight(data, _fit_coupled, "KLD between belief and truth")
+
+
+def mdce_serd_free(data: FitData) -> MethodResult:
+    """MDCE SERD, belief independent of the truth."""
+    prior = uniform_prior_on_both(data.problem, data.settings.pseudo_count)
+    fit = _fit_serd(data, data.decisions, FreeBelief(), prior, data.reporter())
+    return MethodResult(fit, _serd_prior(data))
+
+
+def pm_serd(data: FitData) -> MethodResult:
+    """PM SERD: Boltzmann policy over optimal Q-values."""
+    return _with_best_weight(data, _fit_policy_matching_serd, "KLD to the M-estimate")
+
+
+def mdce_irl(data: FitData) -> MethodResult:
+    """MDCE IRL by likelihood under the M-estimate."""
+    return MethodResult(fit_rewards(data, data.estimate(data.decisions)), _normal(data))
+
+
+def mdce_irl_entropy(data: FitData) -> MethodResult:
+    """MDCE IRL by causal entropy under the M-estimate."""
+    slack = data.settings.entropy_slack
+    fit = fit_mdce_irl_by_entropy(
+        data.problem,
+        data.decisions,
+        rng=data.rng,
+        dynamics=data.estimate(data.decisions),
+        slack=slack,
+        ascent=ASCENT,
+        on_step=data.reporter(),
+    )
+    return MethodResult(fit, f"none; features match within a slack of {slack:g} times the weights")
+
+
+def maxent_irl(data: FitData) -> MethodResult:
+    """Maximum entropy IRL over trajectories under the M-estimate."""
+    fit = fit_maxent_irl(
+        data.problem,
+        data.decisions,
+        initial_weights=np.zeros(len(data.problem.feature_names)),
+        dynamics=data.estimate(data.decisions),
+        on_step=data.reporter(),
+    )
+    return MethodResult(fit, "none")
+
+
+def policy_matching(data: FitData) -> MethodResult:
+    """Policy matching IRL by squared loss under the M-estimate."""
+    fit = fit_policy_matching(
+        data.problem,
+        data.decisions,
+        inverse_temperature=data.settings.inverse_temperature,
+        initial_weights=data.start(data.decisions),
+        dynamics=data.estimate(data.decisions),
+        on_step=data.reporter(),
+    )
+    return MethodResult(fit, "none")
+
+
+def relative_entropy_irl(data: FitData) -> MethodResult:
+    """Relative entropy IRL on trajectories sampled from estimates (section 4.6.2).
+
+    Narrow samples let the weights grow without bound, and wide thresholds allow all weights to be
+    0. So the smoothing of the sampling policy and the share of Hoeffding's thresholds are chosen on
+    validation; a single episode gets the first of each.
+    """
+    settings = data.settings
+    choices = list(product(settings.reirl_smoothing, settings.reirl_threshold_shares))
+    best = 0
+    if len(data.validation):
+        scores = []
+        for smoothing, share in choices:
+            found = _fit_relative_entropy(data, data.training, smoothing, share)
+            scores.append(validation_log_likelihood(data.problem, data.validation, found))
+        best = int(np.argmax(scores))
+    smoothing, share = choices[best]
+    fit = _fit_relative_entropy(data, data.decisions, smoothing, share)
+    return MethodResult(fit, f"none; thresholds {share:g} of Hoeffding's, smoothing {smoothing:g}")
+
+
+METHODS: dict[MethodName, Callable[[FitData], MethodResult]] = {
+    "mdce_serd": mdce_serd,
+    "mdce_serd_coupled": mdce_serd_coupled,
+    "mdce_serd_free": mdce_serd_free,
+    "pm_serd": pm_serd,
+    "mdce_irl": mdce_irl,
+    "mdce_irl_entropy": mdce_irl_entropy,
+    "maxent_irl": maxent_irl,
+    "policy_matching": policy_matching,
+    "relative_entropy_irl": relative_entropy_irl,
+}
+
+
+def fit_tied(
+    data: FitData, decisions: Decisions, prior_weight: float, on_step: OnStep | None = None
+) -> FitResult:
+    """MDCE SERD: one model is what the expert believes and what is true."""
+    uniform = uniform_prior(data.problem, Block.TRUTH, data.settings.pseudo_count)
+    return _fit_serd(data, decisions, TiedBelief(), KldPrior(prior_weight) + uniform, on_step)
+
+
+def fit_rewards(data: FitData, dynamics: FloatArray) -> FitResult:
+    """MDCE IRL by likelihood under the given (M, K) dynamics."""
+    return fit_mdce_irl_by_likelihood(
+        data.problem,
+        data.decisions,
+        initial_weights=np.zeros(len(data.problem.feature_names)),
+        dynamics=dynamics,
+        prior=data.reward_prior,
+        ascent=ASCENT,
+        on_step=data.reporter(),
+    )
+
+
+def _with_best_weight(
+    data: FitData, fit: Callable[[FitData, Decisions, float, OnStep], FitResult], prior: str
+) -> MethodResult:
+    """Choose the weight on validation, then fit all episodes with it."""
+    candidates = sorted(data.settings.prior_weights)
+    validation: tuple[tuple[float, float], ...] = ()
+    if len(candidates) == 1:
+        weight, how = candidates[0], "given"
+    elif not len(data.validation):
+        weight, how = data.settings.default_prior_weight, "default for one episode"
+    else:
+        total = len(candidates) + 1
+
+        def fit_candidate(weight: float) -> FitResult:
+            number = 1 + candidates.index(weight)
+            return fit(data, data.training, weight, data.reporter(number, total, weight))
+
+        selection = select_weight(
+            fit_candidate,
+            lambda found: validation_log_likelihood(data.problem, data.validation, found),
+            candidates,
+        )
+        weight, how = selection.weight, "chosen on validation episodes"
+        validation = tuple(zip(candidates, selection.scores.tolist(), strict=True))
+    number = len(validation) + 1
+    found = fit(data, data.decisions, weight, data.reporter(number, number, weight))
+    words = f"{prior}, weight {weight:g} ({how}); {_serd_prior(data)}"
+    return MethodResult(found, words, weight, validation)
+
+
+def _fit_coupled(
+    data: FitData, decisions: Decisions, prior_weight: float, on_step: OnStep
+) -> FitResult:
+    prior = uniform_prior_on_both(data.problem, data.settings.pseudo_count)
+    return _fit_serd(data, decisions, CoupledBelief(prior_weight), prior, on_step)
+
+
+def _fit_serd(
+    data: FitData, decisions: Decisions, belief: Belief, prior: Prior, on_step: OnStep | None
+) -> FitResult:
+    return fit_mdce_serd(
+        data.problem,
+        decisions,
+        initial_weights=data.start(decisions),
+        dynamics=data.estimate(decisions),
+        belief=belief,
+        prior=prior + data.reward_prior,
+        ascent=ASCENT,
+        on_step=on_step,
+    )
+
+
+def _fit_policy_matching_serd(
+    data: FitData, decisions: Decisions, prior_weight: float, on_step: OnStep
+) -> FitResult:
+    uniform = uniform_prior(data.problem, Block.TRUTH, data.settings.pseudo_count)
+    return fit_pm_serd(
+        data.problem,
+        decisions,
+        initial_weights=data.start(decisions),
+        dynamics=data.estimate(decisions),
+        prior=KldPrior(prior_weight) + uniform + data.reward_prior + TEMPERATURE_PRIOR,
+        ascent=KINKED,
+        on_step=on_step,
+    )
+
+
+def _fit_relative_entropy(
+    data: FitData, decisions: Decisions, smoothing: float, share: float
+) -> FitResult:
+    """smoothing: of the cloned policy that samples; share: of Hoeffding's thresholds."""
+    problem, estimate = data.problem, data.estimate(decisions)
+    policy = clone_behaviour(problem, decisions, smoothing)
+    samples = sample_decisions(
+        problem.mdp,
+        policy,
+        estimate,
+        start_distribution(decisions, problem.mdp.n_states),
+        n_episodes=data.settings.reirl_samples,
+        n_steps=_LONGEST_SAMPLE,
+        rng=data.rng,
+    )
+    longest = int(trajectories_of(decisions).length.max())
+    thresholds = hoeffding_thresholds(problem, len(decisions.episodes), horizon=longest)
+    return fit_relative_entropy_irl(
+        problem,
+        decisions,
+        samples=samples,
+        sampling_policy=policy,
+        thresholds=share * thresholds,
+        dynamics=estimate,
+        rng=data.rng,
+    )
+
+
+# A fit for every candidate weight starts from the same estimate and weights.
+@lru_cache(maxsize=8)
+def _estimate(problem: NavigationProblem, decisions: Decisions, pseudo_count: float) -> FloatArray:
+    return estimate_dynamics(problem, decisions, pseudo_count)
+
+
+@lru_cache(maxsize=8)
+def _staged_start(
+    problem: NavigationProblem, decisions: Decisions, pseudo_count: float
+) -> FloatArray:
+    estimate = _estimate(problem, decisions, pseudo_count)
+    return weights_under_initial_dynamics(problem, decisions, dynamics=estimate)
+
+
+def _normal(data: FitData) -> str:
+    return f"normal on reward weights, standard deviation {data.settings.reward_deviation:g}"
+
+
+def _serd_prior(data: FitData) -> str:
+    return f"uniform on outcomes, pseudo-count {data.settings.pseudo_count:g}; {_normal(data)}"
