@@ -1,20 +1,24 @@
-"""A bag written anew: `recover` keeps what a broken one still holds, `convert` any as MCAP.
+"""A bag as a new bag: `recover` keeps what a damaged one still holds, `convert` writes MCAP.
 
-The new bag stands under its name only once it is whole.
+The new bag appears under its name only once it is complete: it is written under the same name
+inside a hidden folder beside it and then moved. What a killed process leaves is hidden.
 """
 
+import shutil
+import tempfile
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from bags.errors import BagError
 from bags.mcap.writer import Compression
 from bags.reader import BagReader
-from bags.rosbag2.qos import qos_of_text
-from bags.rosbag2.topic_definition import kept_definition
-from bags.whole_folder import whole_folder
+from bags.rosbag2.message_types import resolve_type_if_known
+from bags.topic import CDR
 from bags.writer import BagWriter
-
-_CDR = "cdr"
+from storage.errors import disk_error
 
 
 @dataclass(frozen=True)
@@ -22,7 +26,7 @@ class RewriteReport:
     """counts: messages per topic; damage: sentences, in order.
 
     skipped: topics left out and why; left_out: their messages.
-    n_lost: messages known to be lost, None where the broken bag cannot tell of any.
+    n_lost: messages known to be lost, None where the bag has no count of them.
     all_lost_known: whether no more than those can be lost.
     """
 
@@ -66,26 +70,25 @@ def _rewrite(
     reader: BagReader, target: Path, compression: Compression, max_file_bytes: int | None
 ) -> RewriteReport:
     skipped = {
-        topic.name: f"its messages are {topic.encoding}, not {_CDR}"
+        topic.name: f"its messages are {topic.encoding}, not {CDR}"
         for topic in reader.topics.values()
-        if topic.encoding != _CDR
+        if topic.encoding != CDR
     }
     left_out: Counter[str] = Counter()
     with (
-        whole_folder(target) as folder,
+        _new_folder(target) as folder,
         BagWriter(folder, compression=compression, max_file_bytes=max_file_bytes) as writer,
     ):
         for name, topic in reader.topics.items():
             if name not in skipped:
-                profiles = qos_of_text(topic.qos)
-                writer.add_topic(name, topic.type_name, profiles, kept_definition(topic))
+                writer.add_topic(name, resolve_type_if_known(topic.message_type), topic.qos)
         for name, _, data, log_time_ns, publish_time_ns in reader.messages():
             if name in skipped:
                 left_out[name] += 1
             else:
                 writer.write(name, data, log_time_ns, publish_time_ns)
     lost = reader.losses
-    tells = lost.n_messages or lost.all_known or not reader.damage
+    counted = lost.n_messages or lost.all_known or not reader.damage
     return RewriteReport(
         source=reader.path,
         target=target.resolve(),
@@ -93,6 +96,35 @@ def _rewrite(
         skipped=skipped,
         left_out={name: left_out[name] for name in skipped},
         damage=tuple(each.sentence() for each in reader.damage),
-        n_lost=lost.n_messages if tells else None,
+        n_lost=lost.n_messages if counted else None,
         all_lost_known=lost.all_known or not reader.damage,
     )
+
+
+@contextmanager
+def _new_folder(target: Path) -> Iterator[Path]:
+    """The folder to write; moved to `target` at the end, removed where writing failed.
+
+    BagError where `target` is not empty or the disk cannot be written.
+    """
+    target = target.resolve()
+    hidden = _hidden_beside(target)
+    try:
+        filling = hidden / target.name
+        yield filling
+        filling.replace(target)
+    except OSError as error:
+        raise BagError(str(disk_error("write", target, error))) from None
+    finally:
+        shutil.rmtree(hidden, ignore_errors=True)
+
+
+def _hidden_beside(target: Path) -> Path:
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        occupied = target.exists() and (not target.is_dir() or any(target.iterdir()))
+        if not occupied:
+            return Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+    except OSError as error:
+        raise BagError(str(disk_error("write", target, error))) from None
+    raise BagError(f"bag folder {target} must be new or empty; choose another name")

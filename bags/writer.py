@@ -12,7 +12,7 @@ from bags.mcap.writer import Compression, McapWriter
 from bags.rosbag2.message_types import MessageType, message_type
 from bags.rosbag2.metadata_file import FILE_NAME, ROOT_KEY, FileSpan, bag_metadata, metadata_text
 from bags.rosbag2.qos import RELIABLE, QosProfile
-from bags.rosbag2.topic import Topic
+from bags.topic import Topic
 from storage.errors import FileError, disk_error
 from storage.files import atomic_write_text
 from storage.nearest import hint
@@ -21,11 +21,11 @@ _LAST_TIME_NS = 2**63 - 1
 
 
 class BagWriter:
-    """Writes messages as they came (CDR bytes).
+    """Writes serialized messages (CDR bytes).
 
-    max_file_bytes: size at which the next file is begun, None for one file.
-    flush_period_s: what a killed process may lose; `flush_if_due` must be called that often.
-    sync: wait for the disk itself at each flush, so that power loss costs no more either.
+    max_file_bytes: size at which the next file is started, None for one file.
+    flush_period_s: what a killed process may lose; call `flush_if_due` that often.
+    sync: wait for the disk at each flush, so that power loss costs no more either.
     """
 
     def __init__(
@@ -59,16 +59,15 @@ class BagWriter:
     def add_topic(
         self,
         name: str,
-        type_name: str,
+        kind: str | MessageType,
         qos: tuple[QosProfile, ...] = (RELIABLE,),
-        definition: MessageType | None = None,
     ) -> None:
-        """Declare a topic; `definition` where the message type is not installed here."""
-        topic = Topic(name, definition or message_type(type_name), qos)
+        """Declare a topic; `kind`: an installed message type by its name, or any by definition."""
+        topic = Topic(name, message_type(kind) if isinstance(kind, str) else kind, qos)
         known = self.topics.setdefault(name, topic)
         if known.message_type != topic.message_type:
             raise BagError(
-                f"topic {name} must keep its type {known.message_type.name}, got {type_name}"
+                f"topic {name} must keep its type {known.type_name}, got {topic.type_name}"
                 "; record it under another name"
             )
         if known is topic:
@@ -78,7 +77,7 @@ class BagWriter:
     def write(
         self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None
     ) -> None:
-        """Append one message; publish time is the log time where unknown."""
+        """Append one message; the publish time defaults to the log time."""
         channel = self._channels.get(topic)
         if channel is None:
             raise BagError(f"topic {topic!r} must be added first; {hint(topic, self.topics)}")
@@ -95,7 +94,7 @@ class BagWriter:
 
     @property
     def failed(self) -> bool:
-        """Whether the disk refused a write; everything before it is kept."""
+        """Whether a write to the disk failed; everything before it is kept."""
         return self._failed
 
     @property
@@ -109,12 +108,12 @@ class BagWriter:
         return self._finished_bytes + self._file.size
 
     def flush_if_due(self) -> None:
-        """Flush where the flush period is over; call it also when no messages come."""
+        """Flush where the flush period is over; call it also while no messages arrive."""
         if self._clock() - self._flushed_s >= self._flush_period_s:
             self.flush()
 
     def flush(self) -> None:
-        """Put everything on the disk; begin the next file where this one is large enough."""
+        """Write everything to the disk; start the next file where this one is large enough."""
         self._flushed_s = self._clock()
         try:
             self._file.flush()
@@ -128,7 +127,7 @@ class BagWriter:
             raise
 
     def close(self) -> None:
-        """Finish the file and write metadata.yaml; a second time does nothing."""
+        """Finish the file and write metadata.yaml; further calls do nothing."""
         if self._closed:
             return
         self._closed = True
@@ -143,9 +142,9 @@ class BagWriter:
             raise
 
     def abandon(self) -> None:
-        """Close without an end, as after a crash: for a disk that takes nothing any more.
+        """Close without a summary, as after a crash: for a disk on which writes fail.
 
-        `counts` are then those of the messages that are on the disk.
+        Afterwards `counts` holds the messages that are on the disk.
         """
         self._closed = True
         unwritten = self._file.unwritten if self._file.is_open else {}
@@ -167,10 +166,11 @@ class BagWriter:
         return file
 
     def _finish_file(self) -> None:
-        summary = self._file.summary
-        times = (summary.first_ns, summary.last_ns) if summary.n_messages else (None, None)
-        files = [*self._finished, FileSpan(self._name, summary.n_messages, *times)]
-        self._file.finish({"serialized_metadata": metadata_text(self._metadata(files))})
+        file = self._file
+        file.flush()
+        times = (file.first_ns, file.last_ns) if file.n_messages else (None, None)
+        files = [*self._finished, FileSpan(self._name, file.n_messages, *times)]
+        file.finish({"serialized_metadata": metadata_text(self._metadata(files))})
         self._finished = files
 
     def _metadata(self, files: list[FileSpan]) -> dict[str, object]:

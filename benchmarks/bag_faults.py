@@ -18,8 +18,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from mcap.opcode import Opcode
+from mcap.stream_reader import MAGIC_SIZE
 
-from bags.mcap.format import CHUNK, MAGIC, RECORD_HEAD
+from bags.mcap.records import RECORD_HEAD
 from bags.mcap.scan import McapScan
 from bags.writer import BagWriter
 from storage.files import atomic_write_text
@@ -119,7 +121,7 @@ def _recording(folder: Path) -> Whole:
     file = path / "whole_0.mcap"
     messages, _ = _read(file)
     content = file.read_bytes()
-    starts = [start for start in _starts(content) if content[start] == CHUNK]
+    starts = [start for start in _starts(content) if content[start] == Opcode.CHUNK]
     ends = [*starts[1:], len(content)]
     counts = [len(_read_part(folder, content[:end])) for end in ends]
     return Whole(content, messages, tuple(zip(starts, counts, strict=True)))
@@ -159,7 +161,7 @@ def _of(folder: Path, whole: Whole, broken: bytes, n_taken: int | None = None) -
 def _read(path: Path) -> tuple[tuple[Message, ...], bool]:
     """(messages, whether damage was noticed)."""
     scan = McapScan(path)
-    found = tuple((channel.topic, log, data) for channel, log, _, data in scan.messages())
+    found = tuple((each.topic, each.log_time_ns, each.data) for each in scan.messages())
     return found, bool(scan.damage)
 
 
@@ -171,8 +173,8 @@ def _read_part(folder: Path, content: bytes) -> tuple[Message, ...]:
 
 def _starts(content: bytes) -> list[int]:
     """First byte of each record."""
-    offset, starts = len(MAGIC), []
-    while offset < len(content) - len(MAGIC):
+    offset, starts = MAGIC_SIZE, []
+    while offset < len(content) - MAGIC_SIZE:
         starts.append(offset)
         offset += RECORD_HEAD.size + RECORD_HEAD.unpack_from(content, offset)[1]
     return starts

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bags.health.losses import Losses
-from bags.reader import BagReader, topics_named
+from bags.damage import Losses
+from bags.reader import BagReader
+from bags.topic import topics_named
 from serd_app.drives.episode_spans import EPISODE
 from serd_app.drives.mapped_drive import mapped_drive_in
 from serd_app.drives.mapping import BagMapping

@@ -14,13 +14,12 @@ from pathlib import Path
 from bags.errors import BagError
 from bags.health.topic_check import TopicCheck, check_topic
 from bags.health.two_clocks import TwoClocks
-from bags.reader import BagReader, RawMessage, nearest_topic, topics_named
+from bags.messages.plain import message_stamp_ns
+from bags.reader import BagReader
 from bags.rosbag2.layout import storage_name
-from bags.rosbag2.message_types import ENCODING
-from bags.rosbag2.topic_definition import kept_definition
-from bags.rosbag2.topic_info import TopicInfo
+from bags.rosbag2.message_types import ENCODING, resolve_type_if_known
+from bags.topic import Topic, nearest_topic, topics_named
 
-_SECOND_NS = 1_000_000_000
 _NO_CHECKSUMS = (
     "sqlite3 files have no checksums: changed bytes within messages cannot be noticed;"
     " 'serd bag convert' gives the messages some"
@@ -61,7 +60,7 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
             logs, stamps = times[message.topic]
             logs.append(message.log_time_ns)
             if stamped[message.topic]:
-                stamps.append(_stamp_ns(message))
+                stamps.append(_stamp_ns(message.data))
     except BagError as error:
         faults.append(str(error))
     faults += [each.sentence() for each in reader.damage]
@@ -121,8 +120,8 @@ def _times(number: int) -> str:
     return "once" if number == 1 else f"{number} times"
 
 
-def _has_header(topic: TopicInfo) -> bool:
-    definition = kept_definition(topic)
+def _has_header(topic: Topic) -> bool:
+    definition = resolve_type_if_known(topic.message_type)
     return definition.encoding == ENCODING and _begins_with_header(definition.text)
 
 
@@ -133,10 +132,8 @@ def _begins_with_header(text: str) -> bool:
     return bool(first) and first[0] in ("std_msgs/Header", "std_msgs/msg/Header", "Header")
 
 
-def _stamp_ns(message: RawMessage) -> int:
-    data = message.data
-    if len(data) < 12:
+def _stamp_ns(data: bytes) -> int:
+    try:
+        return message_stamp_ns(data)
+    except BagError:
         return 0
-    little = bool(data[1] & 1)
-    second = int.from_bytes(data[4:8], "little" if little else "big", signed=True)
-    return second * _SECOND_NS + int.from_bytes(data[8:12], "little" if little else "big")

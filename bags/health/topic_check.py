@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bags.health.two_clocks import TwoClocks, two_clocks
-from bags.rosbag2.topic_info import TopicInfo
+from bags.topic import Topic
 from serd_core.arrays import FloatArray
 
 _SECOND_NS = 1_000_000_000
@@ -42,7 +42,7 @@ class TopicCheck:
     clocks: TwoClocks
 
 
-def check_topic(topic: TopicInfo, log_ns: "array[int]", stamp_ns: "array[int]") -> TopicCheck:
+def check_topic(topic: Topic, log_ns: "array[int]", stamp_ns: "array[int]") -> TopicCheck:
     """Times of one topic, in the order of the bag; stamps 0 where not set, none without headers."""
     logs = np.array(log_ns, dtype=np.int64)
     log_s = logs / _SECOND_NS

@@ -1,8 +1,8 @@
-"""All messages of one MCAP file, whole or damaged, in the order they were written.
+"""All messages of one MCAP file, sound or damaged, in the order they were written.
 
-Goes from record to record and trusts nothing: a chunk whose checksum does not fit is left out;
-where the chain of records is broken the walk goes on at the next chunk the file's end tells of;
-what was found is held against the number the file's end tells. Each fault is kept as a Damage.
+Reads record by record: a chunk whose checksum does not match is left out; where the chain of
+records is broken, reading continues at the next chunk in the summary; the number of messages is
+compared with that in the summary. Each fault becomes a Damage.
 """
 
 import os
@@ -12,73 +12,128 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+from mcap.stream_reader import MAGIC_SIZE
+from mcap.summary import Summary
+from mcap.writer import MCAP0_MAGIC
+
+from bags.damage import Damage
 from bags.errors import BagError
-from bags.health.damage import Damage
-from bags.mcap.chunk import split_messages, split_records, torn_chunk, unpacked_chunk
-from bags.mcap.definitions import Channel, Definitions
-from bags.mcap.ending import file_ending
-from bags.mcap.format import (
-    CHANNEL,
-    CHUNK,
-    DATA_END,
-    FIRST_PRIVATE,
-    FOOTER,
-    HEADER,
-    MAGIC,
-    MESSAGE,
-    MESSAGE_INDEX,
+from bags.mcap.records import (
+    MESSAGE_HEAD,
     RECORD_HEAD,
-    SCHEMA,
+    chunk_records,
+    index_matches,
+    read_record,
+    read_summary,
+    torn_chunk_records,
 )
-from bags.mcap.index import index_fits
+from bags.rosbag2.message_types import MessageType
+from bags.rosbag2.qos import qos_of_text
+from bags.topic import RawMessage, Topic
 from storage.errors import disk_error
 
-#: channel, log time, publish time, data
-Found = tuple[Channel, int, int, bytes]
+_FIRST_PRIVATE_OPCODE = 0x80
+_MESSAGE = int(Opcode.MESSAGE)
+_DEFINITIONS = (int(Opcode.SCHEMA), int(Opcode.CHANNEL))
 
 
 class McapScan:
-    """One walk through one file; what it collects is complete after `messages`.
+    """One pass through one file; `damage` and `counts` are complete after `messages`.
 
-    counts: readable messages by topic; expected: what the end of the file tells, None without one.
-    thorough: hold the index behind each chunk against the chunk.
+    expected: number of messages by the summary, None without one.
+    thorough: compare the index behind each chunk with the chunk.
     """
 
     def __init__(self, path: Path, *, thorough: bool = False) -> None:
         self.path = path
         self.damage: list[Damage] = []
-        self.ending = file_ending(path)
-        self.definitions = self.ending.definitions if self.ending else Definitions()
-        self.expected = self.ending.n_messages if self.ending else None
+        self._summary = read_summary(path)
+        summary = self._summary or Summary()
+        self.expected = summary.statistics.message_count if summary.statistics else None
+        self._schemas, self._channels = summary.schemas, summary.channels
+        self._chunk_starts = sorted(each.chunk_start_offset for each in summary.chunk_indexes)
         self._counts: defaultdict[int, int] = defaultdict(int)
         self._thorough = thorough
-        self._chunk_records = b""
+        self._last_chunk = b""
         self._indexes: list[bytes] = []
         self._offset = 0
         self._ended = False
-        self._chunked = bool(self.ending and self.ending.chunk_starts)
+        self._chunked = bool(self._chunk_starts)
 
     @property
     def counts(self) -> Counter[str]:
         """Readable messages by topic."""
         found: Counter[str] = Counter()
         for number, count in self._counts.items():
-            found[self.definitions.channels[number].topic] += count
+            found[self._channels[number].topic] += count
         return found
 
-    def messages(self, topics: frozenset[str] | None = None) -> Iterator[Found]:
+    def topics(self) -> list[Topic]:
+        """Topics by the summary; where it is brief or missing, by the whole file."""
+        if not self._summary_has_topics():
+            for _ in self.messages(frozenset()):
+                pass
+        return [_topic(each, self._schemas.get(each.schema_id)) for each in self._channels.values()]
+
+    def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
         """Messages of the given topics, None for all."""
         try:
             with self.path.open("rb") as stream:
                 size = os.fstat(stream.fileno()).st_size
                 if self._begins_well(stream, size):
-                    yield from self._walk(stream, size, topics)
+                    for records in self._parts(stream, size):
+                        yield from self._messages(records, topics)
         except OSError as error:
             raise BagError(str(disk_error("read", self.path, error))) from None
-        self._hold_against_ending()
+        self._compare_with_summary()
 
-    def _walk(self, stream: BinaryIO, size: int, topics: frozenset[str] | None) -> Iterator[Found]:
-        self._offset = len(MAGIC)
+    def _messages(self, records: bytes, topics: frozenset[str] | None) -> Iterator[RawMessage]:
+        """Messages in the records of a chunk, whose definitions are collected."""
+        unpack_message, message_size = MESSAGE_HEAD.unpack_from, MESSAGE_HEAD.size
+        counts, names = self._counts, dict[int, tuple[str, str] | None]()
+        n_unknown = offset = 0
+        end = len(records)
+        while offset + RECORD_HEAD.size <= end:
+            if records[offset] != _MESSAGE or offset + message_size > end:
+                offset = self._skip(records, offset)
+                continue
+            _, length, number, _, log_time, publish_time = unpack_message(records, offset)
+            start = offset + message_size
+            offset += RECORD_HEAD.size + length
+            if not start <= offset <= end:
+                break
+            if number not in names:
+                if number not in self._channels:
+                    n_unknown += 1
+                    continue
+                names[number] = self._names(number, topics)
+            counts[number] += 1
+            wanted = names[number]
+            if wanted is not None:
+                yield RawMessage(*wanted, records[start:offset], log_time, publish_time)
+        if n_unknown:
+            self._note(f"{n_unknown} messages are of topics declared in a part that is lost")
+
+    def _skip(self, records: bytes, offset: int) -> int:
+        """The end of a record that is no message; a definition is kept."""
+        opcode, length = RECORD_HEAD.unpack_from(records, offset)
+        start = offset + RECORD_HEAD.size
+        if opcode in _DEFINITIONS and start + length <= len(records):
+            self._define(opcode, records[start : start + length])
+        return start + int(length)
+
+    def _names(self, number: int, topics: frozenset[str] | None) -> tuple[str, str] | None:
+        """(topic, type name) of a channel, None where its messages are not wanted."""
+        channel = self._channels[number]
+        if topics is not None and channel.topic not in topics:
+            return None
+        return channel.topic, _type_name(self._schemas.get(channel.schema_id))
+
+    def _parts(self, stream: BinaryIO, size: int) -> Iterator[bytes]:
+        """The records of each chunk, or one message outside of chunks."""
+        self._offset = MAGIC_SIZE
         while not self._ended:
             stream.seek(self._offset)
             head = stream.read(RECORD_HEAD.size)
@@ -86,118 +141,118 @@ class McapScan:
                 return
             opcode, length = RECORD_HEAD.unpack(head)
             rest = size - self._offset - RECORD_HEAD.size
-            if not _plausible(opcode) or (length > rest and self._later_chunk() is not None):
-                if not self._go_on(f"no record begins with {head.hex(' ')}"):
+            following = self._following_chunk()
+            if not _plausible(opcode) or (length > rest and following is not None):
+                self._note(f"no record begins with {head.hex(' ')}")
+                if following is None:
                     return
+                self._offset = following
                 continue
-            whole = length <= rest
-            if not whole:
+            torn = length > rest
+            if torn:
                 self._note(f"the file ends within a record of {length} bytes")
-            faults = len(self.damage)
-            yield from self._record(opcode, stream.read(min(length, rest)), whole, topics)
-            following = self._later_chunk() if len(self.damage) > faults else None
-            step = RECORD_HEAD.size + min(length, rest)
-            self._offset = self._offset + step if following is None else following
+            n_faults, content = len(self.damage), stream.read(min(length, rest))
+            yield self._part(opcode, content, torn)
+            if len(self.damage) > n_faults and following is not None:
+                self._offset = following
+            else:
+                self._offset += RECORD_HEAD.size + len(content)
 
-    def _record(
-        self, opcode: int, content: bytes, whole: bool, topics: frozenset[str] | None
-    ) -> Iterator[Found]:
-        if opcode != MESSAGE_INDEX:
+    def _part(self, opcode: int, content: bytes, torn: bool) -> bytes:
+        """The records in one record of the file that may hold messages."""
+        if opcode != Opcode.MESSAGE_INDEX:
             self._check_index()
-        if opcode == CHUNK:
-            self._chunked = True
-            yield from self._chunk(content, whole, topics)
-        elif opcode == MESSAGE and self._chunked:
+        if opcode == Opcode.CHUNK:
+            return self._chunk(content, torn)
+        if opcode == Opcode.MESSAGE and self._chunked:
             self._note("a message stands outside the chunks")
-        elif opcode == MESSAGE and whole:
-            yield from self._found(RECORD_HEAD.pack(MESSAGE, len(content)) + content, topics)
-        elif opcode in (SCHEMA, CHANNEL) and whole:
+        elif opcode == Opcode.MESSAGE and not torn:
+            return RECORD_HEAD.pack(opcode, len(content)) + content
+        elif opcode in _DEFINITIONS and not torn:
             self._define(opcode, content)
-        elif opcode == MESSAGE_INDEX and whole:
+        elif opcode == Opcode.MESSAGE_INDEX and not torn:
             if int.from_bytes(content[2:6], "little") != len(content) - 6:
                 self._note("a message index is longer than its fields")
             self._indexes.append(content)
-        elif opcode == DATA_END:
+        elif opcode == Opcode.DATA_END:
             self._ended = True
+        return b""
+
+    def _chunk(self, content: bytes, torn: bool) -> bytes:
+        self._chunked = True
+        try:
+            records = torn_chunk_records(content) if torn else chunk_records(content)
+        except BagError as error:
+            self._note(str(error))
+            return b""
+        if self._thorough:
+            self._last_chunk = records
+        return records
 
     def _begins_well(self, stream: BinaryIO, size: int) -> bool:
-        magic, opcode = stream.read(len(MAGIC)), stream.read(1)
-        if magic == MAGIC:
+        magic, opcode = stream.read(MAGIC_SIZE), stream.read(1)
+        if magic == MCAP0_MAGIC:
             return True
         if size == 0:
             self._note("the file is empty")
         else:
-            self._note(f"an MCAP file begins with {MAGIC.hex(' ')}, this with {magic.hex(' ')}")
-        return opcode == bytes([HEADER]) and (magic[1:5] == MAGIC[1:5] or self.ending is not None)
+            self._note(
+                f"an MCAP file begins with {MCAP0_MAGIC.hex(' ')}, this with {magic.hex(' ')}"
+            )
+        alike = magic[1:5] == MCAP0_MAGIC[1:5] or self._summary is not None
+        return opcode == bytes([Opcode.HEADER]) and alike
 
-    def _chunk(self, content: bytes, whole: bool, topics: frozenset[str] | None) -> Iterator[Found]:
+    def _check_index(self) -> None:
+        if self._thorough and not index_matches(self._last_chunk, self._indexes):
+            self._note("the message index before this does not fit its chunk")
+        self._last_chunk = b""
+        self._indexes.clear()
+
+    def _define(self, opcode: int, content: bytes) -> None:
+        """Keep a schema or channel; one number never has two meanings."""
         try:
-            records = unpacked_chunk(content) if whole else torn_chunk(content)
+            if opcode == Opcode.SCHEMA:
+                schema = read_record(Schema, content)
+                same = self._schemas.setdefault(schema.id, schema) == schema
+                number = schema.id
+            else:
+                channel = read_record(Channel, content)
+                same = self._channels.setdefault(channel.id, channel) == channel
+                number = channel.id
         except BagError as error:
             self._note(str(error))
             return
-        for opcode, start, end in split_records(records):
-            if opcode in (SCHEMA, CHANNEL):
-                self._define(opcode, records[start:end])
-        if self._thorough:
-            self._chunk_records = records
-        yield from self._found(records, topics)
+        if not same:
+            kind = Opcode(opcode).name.lower()
+            self._note(f"{kind} {number} is defined twice, in different ways")
 
-    def _check_index(self) -> None:
-        if self._thorough and not index_fits(self._chunk_records, self._indexes):
-            self._note("the message index before this does not fit its chunk")
-        self._chunk_records = b""
-        self._indexes.clear()
+    def _following_chunk(self) -> int | None:
+        index = bisect_right(self._chunk_starts, self._offset)
+        return self._chunk_starts[index] if index < len(self._chunk_starts) else None
 
-    def _found(self, records: bytes, topics: frozenset[str] | None) -> Iterator[Found]:
-        channels, counts = self.definitions.channels, self._counts
-        unknown = 0
-        for number, log_time, publish_time, start, end in split_messages(records):
-            channel = channels.get(number)
-            if channel is None:
-                unknown += 1
-                continue
-            counts[number] += 1
-            if topics is None or channel.topic in topics:
-                yield channel, log_time, publish_time, records[start:end]
-        if unknown:
-            self._note(f"{unknown} messages are of topics declared in a part that is lost")
+    def _summary_has_topics(self) -> bool:
+        """Whether the summary repeats the channels of the file; the format leaves that open."""
+        if self._summary is None:
+            return False
+        statistics = self._summary.statistics
+        counted = statistics.channel_message_counts.keys() if statistics else set()
+        return bool(self._channels or self.expected == 0) and self._channels.keys() >= counted
 
-    def _define(self, opcode: int, content: bytes) -> None:
-        try:
-            if opcode == SCHEMA:
-                self.definitions.add_schema(content)
-            else:
-                self.definitions.add_channel(content)
-        except BagError as error:
-            self._note(str(error))
-
-    def _later_chunk(self) -> int | None:
-        starts = self.ending.chunk_starts if self.ending else ()
-        index = bisect_right(starts, self._offset)
-        return starts[index] if index < len(starts) else None
-
-    def _go_on(self, what: str) -> bool:
-        self._note(what)
-        following = self._later_chunk()
-        self._offset = self._offset if following is None else following
-        return following is not None
-
-    def _hold_against_ending(self) -> None:
+    def _compare_with_summary(self) -> None:
         if not self._ended and not self.damage:
             self._note("the file has no end: the recording was cut off here")
-        if self._ended and self.ending is None:
+        if self._ended and self._summary is None:
             self._note("the summary at the end of the file is damaged")
         found = sum(self._counts.values())
         if self.expected is not None and self.expected != found:
             self._note(f"{self.expected} messages were written, {found} are readable")
-        elif self.ending is not None and not self.damage:
-            self._hold_against_counts(self.ending.message_counts)
+        elif self._summary is not None and self._summary.statistics and not self.damage:
+            self._compare_topics(self._summary.statistics.channel_message_counts)
 
-    def _hold_against_counts(self, told: dict[int, int]) -> None:
-        """Each topic against the statistics, where the file has any."""
-        for number, channel in self.definitions.channels.items() if told else ():
-            written, found = told.get(number, 0), self._counts[number]
+    def _compare_topics(self, counts: dict[int, int]) -> None:
+        """Compare each topic with the statistics, where they count topics."""
+        for number, channel in self._channels.items() if counts else ():
+            written, found = counts.get(number, 0), self._counts[number]
             if written != found:
                 self._note(f"{written} messages were written on {channel.topic}, {found} are there")
 
@@ -206,5 +261,22 @@ class McapScan:
 
 
 def _plausible(opcode: int) -> bool:
-    """A record of the data section, or one a later version may bring."""
-    return (HEADER <= opcode <= DATA_END and opcode != FOOTER) or opcode >= FIRST_PRIVATE
+    """Whether it is an opcode of the data section, or one that a later version may add."""
+    in_data = Opcode.HEADER <= opcode <= Opcode.DATA_END and opcode != Opcode.FOOTER
+    return in_data or opcode >= _FIRST_PRIVATE_OPCODE
+
+
+def _type_name(schema: Schema | None) -> str:
+    return schema.name if schema else ""
+
+
+def _topic(channel: Channel, schema: Schema | None) -> Topic:
+    metadata = channel.metadata
+    recorded = MessageType(
+        name=_type_name(schema),
+        text=schema.data.decode("utf-8", errors="replace") if schema else "",
+        type_hash=metadata.get("topic_type_hash", ""),
+        encoding=schema.encoding if schema else "",
+    )
+    qos = qos_of_text(metadata.get("offered_qos_profiles", ""))
+    return Topic(channel.topic, recorded, qos, channel.message_encoding)

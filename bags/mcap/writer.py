@@ -1,42 +1,47 @@
-"""One MCAP file, written in small checked chunks, each appended whole.
+"""One MCAP file, written in small chunks with checksums, each appended whole.
 
-Schemas and channels stand in the chunks (under their checksums) and again in the summary.
+The records are those of the `mcap` package. Its writer is not used: it encodes messages at half
+the speed and cannot append a chunk and its index as one block. Schemas and channels are in the
+chunks (under their checksums) and again in the summary.
 """
 
-import struct
 import zlib
-from collections import defaultdict
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
 import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.well_known import Profile
+from mcap.writer import MCAP0_MAGIC
 
 from bags.mcap.disk_file import DiskFile
-from bags.mcap.format import (
-    CHANNEL,
-    CHUNK,
-    CHUNK_HEAD,
-    HEADER,
-    MAGIC,
-    MESSAGE,
-    MESSAGE_HEAD,
-    MESSAGE_INDEX,
-    MESSAGE_RECORD_HEAD,
-    METADATA,
-    RECORD_HEAD,
-    SCHEMA,
-    record,
-    text,
-    text_map,
-)
-from bags.mcap.summary import SummaryBuilder
+from bags.mcap.records import MESSAGE_HEAD, RECORD_HEAD
 from bags.rosbag2.message_types import MessageType
-from bags.rosbag2.qos import qos_yaml
-from bags.rosbag2.topic import Topic
+from bags.rosbag2.qos import qos_text
+from bags.topic import Topic
 
 Compression = Literal["none", "zstd"]
-PROFILE = "ros2"
 LIBRARY = "serd"
+_FIELDS_SIZE = MESSAGE_HEAD.size - RECORD_HEAD.size
+_MESSAGE = int(Opcode.MESSAGE)
 _LARGEST_CHUNK = 256 * 1024
 
 
@@ -44,13 +49,21 @@ class McapWriter:
     """Appends messages to one file; what `flush` has written survives the death of the process."""
 
     def __init__(self, path: Path, *, compression: Compression = "none", sync: bool = False):
-        self.summary = SummaryBuilder()
+        self.first_ns = self.last_ns = 0
+        self.message_counts: Counter[int] = Counter()
         self._file = DiskFile(path, sync=sync)
         self._compression = compression
-        self._schema_ids: dict[MessageType, int] = {}
+        self._schemas: dict[MessageType, Schema] = {}
+        self._channels: list[Channel] = []
+        self._chunk_indexes: list[ChunkIndex] = []
         self._chunk = bytearray()
-        self._index: dict[int, list[tuple[int, int]]] = defaultdict(list)
-        self._file.append(MAGIC + record(HEADER, text(PROFILE) + text(LIBRARY)))
+        self._indexes: dict[int, MessageIndex] = {}
+        self._file.append(MCAP0_MAGIC + _encoded(Header(Profile.ROS2, LIBRARY)))
+
+    @property
+    def n_messages(self) -> int:
+        """Messages on the disk."""
+        return self.message_counts.total()
 
     @property
     def size(self) -> int:
@@ -65,88 +78,137 @@ class McapWriter:
     @property
     def unwritten(self) -> dict[int, int]:
         """Messages per channel that are not on the disk yet."""
-        return {channel: len(entries) for channel, entries in self._index.items()}
+        return {channel: len(index.records) for channel, index in self._indexes.items()}
 
     def add_topic(self, topic: Topic) -> int:
         """Declare a topic; returns its channel number."""
-        schema_id = self._schema_ids.get(topic.message_type) or self._add_schema(topic.message_type)
-        channel = len(self.summary.channels) + 1
+        schema = self._schemas.get(topic.message_type) or self._add_schema(topic.message_type)
         metadata = {
-            "offered_qos_profiles": qos_yaml(topic.qos),
+            "offered_qos_profiles": qos_text(topic.qos),
             "topic_type_hash": topic.message_type.type_hash,
         }
-        content = struct.pack("<HH", channel, schema_id)
-        content += text(topic.name) + text("cdr") + text_map(metadata)
-        self.summary.channels.append(content)
-        self.summary.message_counts[channel] = 0
-        self._chunk += record(CHANNEL, content)
-        return channel
+        number = len(self._channels) + 1
+        channel = Channel(number, topic.name, topic.encoding, metadata, schema.id)
+        self._channels.append(channel)
+        self._indexes[number] = MessageIndex(number, [])
+        self._chunk += _encoded(channel)
+        return number
 
     def write(self, channel: int, data: bytes, log_time_ns: int, publish_time_ns: int) -> None:
         """Append one message to the chunk; a chunk of some size is flushed."""
-        self._index[channel].append((log_time_ns, len(self._chunk)))
-        size = MESSAGE_HEAD.size + len(data)
-        self._chunk += MESSAGE_RECORD_HEAD.pack(
-            MESSAGE, size, channel, 0, log_time_ns, publish_time_ns
-        )
+        self._indexes[channel].records.append((log_time_ns, len(self._chunk)))
+        size = _FIELDS_SIZE + len(data)
+        self._chunk += MESSAGE_HEAD.pack(_MESSAGE, size, channel, 0, log_time_ns, publish_time_ns)
         self._chunk += data
-        self.summary.count(channel, log_time_ns)
         if len(self._chunk) >= _LARGEST_CHUNK:
             self.flush()
 
     def flush(self) -> None:
-        """Put the chunk on the disk."""
+        """Append the chunk and its index to the file as one block."""
         if not self._chunk:
             return
-        times = [time for entries in self._index.values() for time, _ in entries] or [0]
-        first, last = min(times), max(times)
-        packed = self._packed()
-        head = CHUNK_HEAD.pack(first, last, len(self._chunk), zlib.crc32(self._chunk))
-        name = text("" if self._compression == "none" else self._compression)
-        content = head + name + struct.pack("<Q", len(packed)) + packed
-        chunk = record(CHUNK, content)
-        indexes, offsets = self._message_indexes(self._file.size + len(chunk))
-        span = struct.pack("<QQQQ", first, last, self._file.size, len(chunk))
-        sizes = struct.pack("<QQ", len(packed), len(self._chunk))
-        entry = span + text(offsets) + struct.pack("<Q", len(indexes)) + name + sizes
-        self._file.append(chunk + indexes)
-        self.summary.chunk_indexes.append(entry)
+        indexes = [index for index in self._indexes.values() if index.records]
+        times = [time_ns for index in indexes for time_ns, _ in index.records]
+        chunk = self._sealed_chunk(min(times, default=0), max(times, default=0))
+        block = bytearray(_encoded(chunk))
+        length, offsets = len(block), {}
+        for index in indexes:
+            offsets[index.channel_id] = self._file.size + len(block)
+            block += _encoded(index)
+        entry = ChunkIndex(
+            chunk_length=length,
+            chunk_start_offset=self._file.size,
+            compression=chunk.compression,
+            compressed_size=len(chunk.data),
+            message_end_time=chunk.message_end_time,
+            message_index_length=len(block) - length,
+            message_index_offsets=offsets,
+            message_start_time=chunk.message_start_time,
+            uncompressed_size=chunk.uncompressed_size,
+        )
+        self._file.append(block)
+        self._chunk_indexes.append(entry)
+        self._count(indexes, chunk)
         self._chunk.clear()
-        self._index.clear()
 
     def finish(self, metadata: dict[str, str]) -> None:
         """Write the last chunk, the metadata record `rosbag2` and the summary; close."""
         self.flush()
-        content = text("rosbag2") + text_map(metadata)
-        entry = struct.pack("<QQ", self._file.size, RECORD_HEAD.size + len(content))
-        self.summary.metadata_indexes.append(entry + text("rosbag2"))
-        kept = record(METADATA, content)
-        self._file.append(kept + self.summary.ending(self._file.size + len(kept)))
+        record = _encoded(Metadata("rosbag2", metadata))
+        index = MetadataIndex(self._file.size, len(record), "rosbag2")
+        record += _encoded(DataEnd(0))
+        self._file.append(record + self._summary(self._file.size + len(record), index))
         self.close()
 
     def close(self) -> None:
         """Close the file as it is."""
         self._file.close()
 
-    def _add_schema(self, message_type: MessageType) -> int:
-        schema_id = len(self._schema_ids) + 1
-        self._schema_ids[message_type] = schema_id
-        content = struct.pack("<H", schema_id) + text(message_type.name)
-        content += text(message_type.encoding) + text(message_type.text)
-        self.summary.schemas.append(content)
-        self._chunk += record(SCHEMA, content)
-        return schema_id
+    def _add_schema(self, message_type: MessageType) -> Schema:
+        text = message_type.text.encode()
+        schema = Schema(len(self._schemas) + 1, text, message_type.encoding, message_type.name)
+        self._schemas[message_type] = schema
+        self._chunk += _encoded(schema)
+        return schema
 
-    def _packed(self) -> bytes:
-        if self._compression == "none":
-            return bytes(self._chunk)
-        return zstandard.ZstdCompressor(level=1).compress(self._chunk)
+    def _sealed_chunk(self, first_ns: int, last_ns: int) -> Chunk:
+        content = bytes(self._chunk)
+        packed = self._compression == "zstd"
+        return Chunk(
+            compression="zstd" if packed else "",
+            data=zstandard.ZstdCompressor(level=1).compress(content) if packed else content,
+            message_end_time=last_ns,
+            message_start_time=first_ns,
+            uncompressed_crc=zlib.crc32(content),
+            uncompressed_size=len(content),
+        )
 
-    def _message_indexes(self, start: int) -> tuple[bytes, bytes]:
-        """Index records of the chunk, and where each begins."""
-        indexes, offsets = bytearray(), bytearray()
-        for channel, entries in self._index.items():
-            offsets += struct.pack("<HQ", channel, start + len(indexes))
-            packed = b"".join(struct.pack("<QQ", *entry) for entry in entries)
-            indexes += record(MESSAGE_INDEX, struct.pack("<H", channel) + text(packed))
-        return bytes(indexes), bytes(offsets)
+    def _count(self, indexes: Sequence[MessageIndex], chunk: Chunk) -> None:
+        """Add the messages of a chunk that was written to the statistics."""
+        if indexes:
+            first_ns = chunk.message_start_time
+            self.first_ns = min(self.first_ns, first_ns) if self.n_messages else first_ns
+            self.last_ns = max(self.last_ns, chunk.message_end_time)
+        for index in indexes:
+            self.message_counts[index.channel_id] += len(index.records)
+            index.records.clear()
+
+    def _summary(self, start: int, metadata: MetadataIndex) -> bytes:
+        """All records from `start` to the end of the file."""
+        groups: dict[int, Sequence[McapRecord]] = {
+            Opcode.SCHEMA: list(self._schemas.values()),
+            Opcode.CHANNEL: self._channels,
+            Opcode.STATISTICS: [self._statistics()],
+            Opcode.CHUNK_INDEX: self._chunk_indexes,
+            Opcode.METADATA_INDEX: [metadata],
+        }
+        summary, offsets = bytearray(), []
+        for opcode, records in groups.items():
+            group = b"".join(map(_encoded, records))
+            if group:
+                offsets.append(SummaryOffset(opcode, start + len(summary), len(group)))
+            summary += group
+        offset_start = start + len(summary)
+        summary += b"".join(map(_encoded, offsets))
+        unchecked = _encoded(Footer(start, offset_start, 0))[:-4]
+        checksum = zlib.crc32(unchecked, zlib.crc32(summary))
+        return bytes(summary) + _encoded(Footer(start, offset_start, checksum)) + MCAP0_MAGIC
+
+    def _statistics(self) -> Statistics:
+        return Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=self.message_counts,
+            chunk_count=len(self._chunk_indexes),
+            message_count=self.n_messages,
+            message_end_time=self.last_ns,
+            message_start_time=self.first_ns,
+            metadata_count=1,
+            schema_count=len(self._schemas),
+        )
+
+
+def _encoded(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call]

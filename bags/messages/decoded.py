@@ -1,16 +1,13 @@
-"""Decoded messages of a bag, by the short names of their topics, whatever their namespace."""
+"""Decoded messages of a bag, by the short names of their topics in any namespace."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
-
 from bags.errors import BagError
-from bags.reader import BagReader, RawMessage
-from bags.rosbag2.topic_definition import definition_of
-from bags.rosbag2.topic_info import TopicInfo
+from bags.messages.plain import decode
+from bags.reader import BagReader
+from bags.rosbag2.message_types import resolve_type, typestore_of
 
 
 def messages_of(directory: Path, names: Sequence[str]) -> Iterator[tuple[str, Any]]:
@@ -19,34 +16,26 @@ def messages_of(directory: Path, names: Sequence[str]) -> Iterator[tuple[str, An
     Raises BagError where the bag is damaged or has no message of one of them.
     """
     reader = BagReader(directory)
-    chosen = {_short(name): topic for name, topic in reader.topics.items()}
-    store = _store([chosen[name] for name in names if name in chosen])
+    topics = {_short(name): topic for name, topic in reader.topics.items()}
+    chosen = {topics[name].name: topics[name] for name in names if name in topics}
+    stores = {
+        name: typestore_of(resolve_type(topic.message_type)) for name, topic in chosen.items()
+    }
     found: set[str] = set()
-    for message in reader.messages([chosen[name].name for name in names if name in chosen]):
+    for message in reader.messages(chosen):
         found.add(_short(message.topic))
-        yield _short(message.topic), _decoded(store, message)
+        try:
+            yield (
+                _short(message.topic),
+                decode(message.data, message.type_name, stores[message.topic]),
+            )
+        except BagError as error:
+            raise BagError(f"bag {directory}, {message.topic}: {error}") from None
     for name in names:
         if name not in found:
             filled = {_short(message.topic) for message in reader.messages()}
             known = ", ".join(sorted(filled)) or "nothing"
             raise BagError(f"bag {directory} must hold {name}, it holds {known}; record it too")
-
-
-def _store(topics: Sequence[TopicInfo]) -> Typestore:
-    store = get_typestore(Stores.EMPTY)
-    for topic in topics:
-        store.register(get_types_from_msg(definition_of(topic).text, topic.type_name))
-    return store
-
-
-def _decoded(store: Typestore, message: RawMessage) -> Any:
-    try:
-        return store.deserialize_cdr(message.data, message.type_name)
-    except Exception as error:  # generated code meeting foreign bytes raises of any kind
-        raise BagError(
-            f"a message on {message.topic} is no {message.type_name}"
-            f" ({type(error).__name__}: {error}); look at what published it"
-        ) from None
 
 
 def _short(topic: str) -> str:

@@ -9,35 +9,35 @@ import yaml
 
 from bags.errors import BagError
 from bags.rosbag2.metadata_file import FILE_NAME, ROOT_KEY
-from bags.rosbag2.unpacked import PACKED
 from storage.errors import FileError
 from storage.files import read_text
 
+COMPRESSED_FILE = ".zstd"
 _SUFFIXES = (".mcap", ".db3")
-_ENDINGS = (*_SUFFIXES, *(suffix + PACKED for suffix in _SUFFIXES))
+_ENDINGS = (*_SUFFIXES, *(suffix + COMPRESSED_FILE for suffix in _SUFFIXES))
 
 
 @dataclass(frozen=True)
 class BagLayout:
-    """told: what stands below the root key of metadata.yaml, None where it cannot be read.
+    """metadata: values below the root key of metadata.yaml, None where it cannot be read.
 
-    fault: why metadata.yaml is missing or does not fit the files, empty where it is well.
+    fault: why metadata.yaml is missing or does not match the files, else empty.
     """
 
     path: Path
     files: tuple[Path, ...]
-    told: dict[str, Any] | None
+    metadata: dict[str, Any] | None
     fault: str = ""
 
     @property
     def n_messages(self) -> int | None:
         """Messages of the whole bag."""
-        return _count((self.told or {}).get("message_count"))
+        return _count((self.metadata or {}).get("message_count"))
 
     @property
     def messages_by_file(self) -> dict[str, int]:
-        """Messages of each file, by its name as it is called unpacked."""
-        entries = _dicts((self.told or {}).get("files"))
+        """Messages of each file, by its name without the suffix of compressed files."""
+        entries = _dicts((self.metadata or {}).get("files"))
         counts = {str(each.get("path")): _count(each.get("message_count")) for each in entries}
         return {storage_name(name): count for name, count in counts.items() if count is not None}
 
@@ -45,7 +45,7 @@ class BagLayout:
     def messages_by_topic(self) -> dict[str, int]:
         """Messages of each topic."""
         counts: dict[str, int] = {}
-        for entry in _dicts((self.told or {}).get("topics_with_message_count")):
+        for entry in _dicts((self.metadata or {}).get("topics_with_message_count")):
             topic, count = entry.get("topic_metadata"), _count(entry.get("message_count"))
             if isinstance(topic, dict) and count is not None:
                 name = str(topic.get("name"))
@@ -73,8 +73,8 @@ def bag_layout(path: str | Path) -> BagLayout:
 
 
 def storage_name(path: Path | str) -> str:
-    """The name of a storage file without the ending of a compressed one."""
-    return Path(path).name.removesuffix(PACKED)
+    """The name of a storage file without the suffix of compressed files."""
+    return Path(path).name.removesuffix(COMPRESSED_FILE)
 
 
 def _metadata(path: Path) -> dict[str, Any]:

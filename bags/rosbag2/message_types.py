@@ -1,30 +1,32 @@
-"""Message types as rosbag2 stores them: definition text with all it refers to, and type hash.
+"""Message types as rosbag2 stores them: definition text with all dependencies, and type hash.
 
 The text is the .msg file followed, depth first and in alphabetical order, by those of the types it
-uses, each below a line of 80 `=` and a line `MSG: package/Type`. The hash (REP 2016, RIHS01) stands
-in the .json file beside it. Types that are not installed come from the list rosbags carries.
+uses, each below a line of 80 `=` and a line `MSG: package/Type`. Dependencies and hash (REP 2016,
+RIHS01) are in the .json file beside it. A sourced ROS installation names its folders in
+AMENT_PREFIX_PATH; the wheels from PyPI install into the prefix of the Python environment. Types
+that are not installed come from the type store of rosbags.
 """
 
 import json
+import os
 import re
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from bags.errors import BagError
-from bags.rosbag2.share_folders import interface_file, share_folders
 from storage.nearest import hint
 
 ENCODING = "ros2msg"
 _SEPARATOR = "=" * 80
 _SAME_PACKAGE = 0.85
-_TYPE_NAME = re.compile(r"(\w+)/msg/(\w+)")
-_FIELD_TYPE = re.compile(r"^\s*([A-Za-z]\w*(?:/\w+)*)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]", re.M)
-_PRIMITIVE = re.compile(r"bool|byte|char|wchar|w?string|float(32|64)|u?int(8|16|32|64)")
+_TYPE_NAME = re.compile(r"\w+/msg/\w+")
 
 
 @dataclass(frozen=True)
@@ -42,72 +44,126 @@ class MessageType:
 
 @lru_cache(maxsize=256)
 def message_type(name: str) -> MessageType:
-    """The installed message type of that name; BagError names the nearest one where unknown."""
-    match = _TYPE_NAME.fullmatch(name)
-    if match is None:
+    """The message type of that name; BagError names the nearest one where it is unknown."""
+    if not _TYPE_NAME.fullmatch(name):
         raise BagError(f"message type must be written package/msg/Type, got {name!r}")
-    package, short = match.groups()
-    text_file = interface_file(package, short, ".msg")
-    hash_file = interface_file(package, short, ".json")
-    if text_file is None or hash_file is None:
-        return _carried_type(name)
-    return MessageType(name, _full_text(package, short, {name}), _type_hash(hash_file, name))
+    interface = _interface_file(name, ".json")
+    if interface is None or _interface_file(name, ".msg") is None:
+        return _type_of_rosbags(name)
+    values = json.loads(interface.read_text("utf-8"))
+    used: list[str] = []
+    _collect_dependencies(name, _nested_types(values["type_description_msg"]), used)
+    texts = [_text(name)]
+    for each in used:
+        package, _, short = each.split("/")
+        texts.append(f"\n{_SEPARATOR}\nMSG: {package}/{short}\n{_text(each)}")
+    hashes = {each["type_name"]: str(each["hash_string"]) for each in values["type_hashes"]}
+    return MessageType(name, "".join(texts), hashes[name])
+
+
+def resolve_type(recorded: MessageType) -> MessageType:
+    """Text and hash of a recorded type; BagError where neither bag nor installation has them."""
+    if recorded.text and recorded.encoding == ENCODING:
+        return replace(recorded, type_hash=recorded.type_hash or _computed_hash(recorded))
+    installed = message_type(recorded.name)
+    if recorded.type_hash not in ("", installed.type_hash):
+        raise BagError(
+            f"message type {recorded.name!r} is installed in another version than the recorded one;"
+            " install the version that was recorded"
+        )
+    return installed
+
+
+def resolve_type_if_known(recorded: MessageType) -> MessageType:
+    """The resolved type, or the recorded one where it cannot be resolved."""
+    try:
+        return resolve_type(recorded)
+    except BagError:
+        return recorded if recorded.text else replace(recorded, encoding="")
 
 
 def known_types() -> tuple[str, ...]:
-    """Names of all installed message types and of those rosbags carries."""
+    """Names of all installed message types and of those in the type store of rosbags."""
     installed = (
         f"{path.parts[-3]}/msg/{path.stem}"
         for folder in share_folders()
         for path in folder.glob("*/msg/*.msg")
     )
-    return tuple(sorted({*installed, *_carried().fielddefs}))
+    return tuple(sorted({*installed, *rosbags_types().fielddefs}))
 
 
-def _full_text(package: str, short: str, seen: set[str]) -> str:
-    path = interface_file(package, short, ".msg")
-    if path is None:
-        raise BagError(
-            f"message definition of {package}/{short} must be installed, got none in "
-            f"{', '.join(map(str, share_folders()))}; install the package {package}"
-        )
-    text = path.read_text("utf-8")
-    parts = [text]
-    for used_package, used in _dependencies(text, package):
-        if f"{used_package}/msg/{used}" not in seen:
-            seen.add(f"{used_package}/msg/{used}")
-            header = f"\n{_SEPARATOR}\nMSG: {used_package}/{used}\n"
-            parts.append(header + _full_text(used_package, used, seen))
-    return "".join(parts)
-
-
-def _dependencies(text: str, package: str) -> list[tuple[str, str]]:
-    names = {name for name in _FIELD_TYPE.findall(text) if not _PRIMITIVE.fullmatch(name)}
-    pairs = (name.split("/") for name in names)
-    return sorted((pair[0] if len(pair) > 1 else package, pair[-1]) for pair in pairs)
-
-
-def _type_hash(path: Path, name: str) -> str:
-    entries = json.loads(path.read_text("utf-8"))["type_hashes"]
-    return next(str(each["hash_string"]) for each in entries if each["type_name"] == name)
+def share_folders() -> tuple[Path, ...]:
+    """Existing `share` folders, the sourced installation first."""
+    prefixes = [part for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if part]
+    folders = (Path(prefix) / "share" for prefix in (*prefixes, sys.prefix))
+    return tuple(folder for folder in dict.fromkeys(folders) if folder.is_dir())
 
 
 @cache
-def _carried() -> Typestore:
+def rosbags_types() -> Typestore:
+    """The message types of ROS 2 Jazzy that rosbags includes."""
     return get_typestore(Stores.ROS2_JAZZY)
 
 
-def _carried_type(name: str) -> MessageType:
-    store = _carried()
+def typestore_of(definition: MessageType) -> Typestore:
+    """A type store with the type and its dependencies; what rosbags raises for a wrong text."""
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition.text, definition.name))
+    return store
+
+
+def _interface_file(name: str, suffix: str) -> Path | None:
+    """The file of a type, `share/<package>/msg/<Type><suffix>`, in the first folder that has it."""
+    files = (folder / f"{name}{suffix}" for folder in share_folders())
+    return next((path for path in files if path.is_file()), None)
+
+
+def _text(name: str) -> str:
+    path = _interface_file(name, ".msg")
+    if path is None:
+        raise BagError(
+            f"message definition of {name} must be installed, got none in "
+            f"{', '.join(map(str, share_folders()))}; install the package {name.partition('/')[0]}"
+        )
+    return path.read_text("utf-8")
+
+
+def _nested_types(description: dict[str, Any]) -> dict[str, list[str]]:
+    """Types that each type uses directly, in alphabetical order."""
+    types = [description["type_description"], *description["referenced_type_descriptions"]]
+    return {
+        each["type_name"]: sorted({field["type"]["nested_type_name"] for field in each["fields"]})
+        for each in types
+    }
+
+
+def _collect_dependencies(name: str, nested: dict[str, list[str]], used: list[str]) -> None:
+    """Append the types that `name` uses, depth first, each once."""
+    for each in nested[name]:
+        if each and each not in used:
+            used.append(each)
+            _collect_dependencies(each, nested, used)
+
+
+def _type_of_rosbags(name: str) -> MessageType:
+    store = rosbags_types()
     if name not in store.fielddefs:
         raise BagError(f"message type {name!r} is not installed; {_fix(name)}")
     return MessageType(name, store.generate_msgdef(name, ros_version=2)[0], store.hash_rihs01(name))
 
 
-def _fix(name: str) -> str:
-    """The nearest type of a package of that name or nearly so; else the package is missing.
+def _computed_hash(recorded: MessageType) -> str:
+    """RIHS01 of a definition recorded without (rosbag2 before Jazzy); empty if it lacks a part."""
+    try:
+        return typestore_of(recorded).hash_rihs01(recorded.name)
+    except Exception:  # a recorded text may be anything
+        return ""
 
-    Names of all packages end much alike, so types of other packages would be no help.
+
+def _fix(name: str) -> str:
+    """The nearest type of a package with almost this name; else to install the package.
+
+    Types of all packages have similar names, so a type of another package would be no help.
     """
     package, _, _ = name.partition("/")
     packages = {known.partition("/")[0] for known in known_types()}

@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from bags.rosbag2.topic import Topic
+from bags.topic import Topic
 
 VERSION = 9
 FILE_NAME = "metadata.yaml"
@@ -30,7 +30,7 @@ def bag_metadata(
     topics: Sequence[tuple[Topic, int]],
     custom_data: Mapping[str, str],
 ) -> dict[str, Any]:
-    """What stands below the root key; topics come with their number of messages."""
+    """Values below the root key; topics come with their number of messages."""
     filled = [span for span in files if span.first_ns is not None and span.last_ns is not None]
     first = min((span.first_ns or 0 for span in filled), default=None)
     last = max((span.last_ns or 0 for span in filled), default=None)
@@ -50,7 +50,7 @@ def bag_metadata(
 
 
 def metadata_text(values: Mapping[str, Any]) -> str:
-    """YAML text as it stands in metadata.yaml and in the MCAP record `rosbag2`."""
+    """YAML text, as in metadata.yaml and in the MCAP record `rosbag2`."""
     return yaml.safe_dump(dict(values), sort_keys=False, default_flow_style=False)
 
 

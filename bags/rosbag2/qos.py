@@ -1,5 +1,6 @@
 """Quality of service of a topic, written as rosbag2 of Jazzy (metadata version 9) writes it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -43,8 +44,8 @@ SENSOR_DATA = QosProfile(reliability="best_effort", depth=5)
 LATCHED = QosProfile(durability="transient_local", depth=1)
 
 
-def qos_yaml(profiles: tuple[QosProfile, ...]) -> str:
-    """The profiles as the text kept with an MCAP channel."""
+def qos_text(profiles: Sequence[QosProfile]) -> str:
+    """YAML text of the profiles, as rosbag2 writes it into an MCAP channel."""
     if not profiles:
         return ""
     values = [profile.values() for profile in profiles]
@@ -52,22 +53,25 @@ def qos_yaml(profiles: tuple[QosProfile, ...]) -> str:
 
 
 def qos_of_text(text: str) -> tuple[QosProfile, ...]:
-    """The profiles of such a text, unknown values at their default; none where it is no list.
+    """The profiles in such a text; none where it is no list of profiles."""
+    try:
+        return qos_of_values(yaml.safe_load(text)) if text else ()
+    except yaml.YAMLError:
+        return ()
+
+
+def qos_of_values(values: Any) -> tuple[QosProfile, ...]:
+    """Profiles of a list of dicts; unknown values become the defaults.
 
     Older rosbag2 writes history, reliability and durability as the numbers of rmw.
     """
-    try:
-        values = yaml.safe_load(text) if text else []
-    except yaml.YAMLError:
-        return ()
-    if not isinstance(values, list):
-        return ()
-    return tuple(_profile(value) for value in values if isinstance(value, dict))
+    profiles = values if isinstance(values, list) else []
+    return tuple(_profile(value) for value in profiles if isinstance(value, dict))
 
 
-def qos_of_yaml(text: str) -> QosProfile:
-    """What to offer for a topic of such a text: its first profile, ours where it has none."""
-    first = next(iter(qos_of_text(text)), RELIABLE)
+def profile_to_offer(recorded: Sequence[QosProfile]) -> QosProfile:
+    """What to offer for a recorded topic: its first profile, reliable where it has none."""
+    first = next(iter(recorded), RELIABLE)
     return replace(first, history="keep_last", depth=first.depth or RELIABLE.depth)
 
 

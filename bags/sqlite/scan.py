@@ -1,7 +1,7 @@
-"""All messages of one .db3 file (SQLite, the storage before MCAP), whole or damaged.
+"""All messages of one .db3 file (SQLite, the storage before MCAP), sound or damaged.
 
-A sound file is read by SQLite in the order it was written. SQLite knows no checksums: what it calls
-sound may hold flipped bits within messages. Of a damaged file its pages are read one by one.
+A sound file is opened by rosbags and read in the order it was written. SQLite has no checksums: a
+file it finds sound may hold flipped bits within messages. Of a damaged file each page is read.
 """
 
 import mmap
@@ -12,24 +12,31 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
+from typing import Any
+from urllib.parse import quote
 
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
+from rosbags.rosbag2.metadata import dump_qos_v9
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+from bags.damage import Damage
 from bags.errors import BagError
-from bags.health.damage import Damage
-from bags.rosbag2.message_types import ENCODING
-from bags.rosbag2.raw_message import RawMessage
-from bags.rosbag2.topic_info import TopicInfo
+from bags.rosbag2.message_types import ENCODING, MessageType
+from bags.rosbag2.qos import qos_of_text, qos_of_values
 from bags.sqlite.pages import SqlitePages
+from bags.topic import CDR, RawMessage, Topic
 from storage.errors import disk_error
 
 #: What SQLite keeps beside a file that was not closed.
 _UNFINISHED = ("-wal", "-journal")
+_ENCODINGS = {MessageDefinitionFormat.MSG: ENCODING, MessageDefinitionFormat.IDL: "ros2idl"}
 
 #: topic number, log time, data
 _Row = tuple[int, int, bytes]
 
 
 class SqliteScan:
-    """One walk through one file; `damage` and `counts` are complete after `messages`."""
+    """One pass through one file; `damage` and `counts` are complete after `messages`."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -37,24 +44,22 @@ class SqliteScan:
         self.counts: Counter[str] = Counter()
         self.expected: int | None = None
 
-    def fault(self) -> str:
-        """Why SQLite does not take the file for sound, empty where it does."""
-        with _reachable(self.path) as path:
-            return _fault(path)
-
-    def topics(self) -> dict[int, TopicInfo]:
-        """Topics by number; of a damaged file those whose rows are left."""
-        with _reachable(self.path) as path:
-            return self._topics(path)
+    def topics(self) -> list[Topic]:
+        """Topics of the file; of a damaged one those whose rows are left."""
+        with _complete(self.path) as path:
+            found = _topics(path)
+            if not found:
+                self._note(_fault(path) or "it names no topic")
+        return list(found.values())
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
-        """Messages of the given topics, None for all; published when they were logged."""
+        """Messages of the given topics, None for all; publish times are the log times."""
         n_unknown = 0
-        with _reachable(self.path) as path:
+        with _complete(self.path) as path:
             fault = _fault(path)
             if fault:
                 self._note(fault)
-            known = self._topics(path)
+            known = _topics(path)
             for number, time_ns, data in self._salvaged(path) if fault else _rows(path):
                 topic = known.get(number)
                 if topic is None or not isinstance(data, bytes):
@@ -66,17 +71,9 @@ class SqliteScan:
         if n_unknown:
             self._note(f"{n_unknown} messages have lost their topic or their content")
 
-    def _topics(self, path: Path) -> dict[int, TopicInfo]:
-        try:
-            with closing(_connection(path)) as connection:
-                return _named_topics(connection)
-        except sqlite3.Error:
-            rows = _left(path).rows()
-            return dict(each for number, row in rows for each in _topic_row(number, row))
-
     def _salvaged(self, path: Path) -> Iterator[_Row]:
         """Rows of messages, each once."""
-        pages = _left(path)
+        pages = _pages(path)
         seen: set[int] = set()
         for number, row in pages.rows():
             match row:
@@ -91,35 +88,74 @@ class SqliteScan:
         self.damage.append(Damage(self.path, None, what))
 
 
-def _connection(path: Path) -> sqlite3.Connection:
-    uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
-    connection = sqlite3.connect(uri, uri=True, check_same_thread=False)
-    connection.text_factory = lambda text: text.decode("utf-8", errors="replace")
-    return connection
+@contextmanager
+def _opened(path: Path) -> Iterator[Sqlite3Reader]:
+    """The file in rosbags' reader, which raises errors of several kinds for a damaged one."""
+    reader = Sqlite3Reader(Path(quote(str(path.resolve()))))  # rosbags makes a URI of the path
+    reader.open()
+    with closing(reader):
+        yield reader
 
 
 def _fault(path: Path) -> str:
-    """Why SQLite does not take the file for sound, empty where it does."""
+    """Why SQLite finds the file damaged, empty where it is sound."""
     try:
-        with closing(_connection(path)) as connection:
-            (verdict,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
-            connection.execute("SELECT id, topic_id, timestamp, data FROM messages LIMIT 1")
-            connection.execute("SELECT id, name, type FROM topics LIMIT 1")
-    except sqlite3.Error as error:
+        with _opened(path) as reader:
+            (result,) = next(_query(reader, "PRAGMA integrity_check(1)"))
+    except Exception as error:
         return f"the database cannot be read ({error})"
-    words = " ".join(str(verdict).removeprefix("*** in database main ***").split())
+    words = " ".join(str(result).removeprefix("*** in database main ***").split())
     return "" if words == "ok" else f"the database is damaged ({words})"
 
 
 def _rows(path: Path) -> Iterator[_Row]:
+    """Rows of messages in the order of recording; rosbags would sort them by log time."""
+    with _opened(path) as reader:
+        rows = _query(reader, "SELECT topic_id, timestamp, data FROM messages")
+        while True:
+            try:
+                row = next(rows, None)
+            except Exception as error:
+                raise BagError(f"{path} cannot be read any further ({error})") from None
+            if row is None:
+                return
+            yield row
+
+
+def _query(reader: Sqlite3Reader, text: str) -> Iterator[Any]:
+    assert reader.dbconn is not None
+    return iter(reader.dbconn.execute(text))
+
+
+def _topics(path: Path) -> dict[int, Topic]:
+    """Topics by number."""
     try:
-        with closing(_connection(path)) as connection:
-            yield from connection.execute("SELECT topic_id, timestamp, data FROM messages")
-    except sqlite3.Error as error:
-        raise BagError(f"{path} cannot be read any further ({error})") from None
+        with _opened(path) as reader:
+            return {each.id: _topic(each) for each in reader.connections}
+    except Exception:  # of a damaged file the rows that are left
+        rows = _pages(path).rows()
+        return dict(each for number, row in rows for each in _topic_row(number, row))
 
 
-def _left(path: Path) -> SqlitePages:
+def _topic(connection: Connection) -> Topic:
+    assert isinstance(connection.ext, ConnectionExtRosbag2)
+    definition = connection.msgdef
+    encoding = _ENCODINGS.get(definition.format, ENCODING)
+    recorded = MessageType(connection.msgtype, definition.data, connection.digest, encoding)
+    qos = qos_of_values(dump_qos_v9(connection.ext.offered_qos_profiles))
+    return Topic(connection.topic, recorded, qos, connection.ext.serialization_format)
+
+
+def _topic_row(number: int, row: tuple[object, ...]) -> Iterator[tuple[int, Topic]]:
+    """The topic that a row describes, if it describes one."""
+    match row:
+        case (None, str(name), str(type_name), "cdr", *rest) if name.startswith("/"):
+            qos, type_hash = [*(str(each) for each in rest), "", ""][:2]
+            recorded = MessageType(type_name, "", type_hash)
+            yield number, Topic(name, recorded, qos_of_text(qos), CDR)
+
+
+def _pages(path: Path) -> SqlitePages:
     try:
         with path.open("rb") as stream:
             size = path.stat().st_size
@@ -129,41 +165,9 @@ def _left(path: Path) -> SqlitePages:
         raise BagError(str(disk_error("read", path, error))) from None
 
 
-def _named_topics(connection: sqlite3.Connection) -> dict[int, TopicInfo]:
-    """Older schemas know no type hashes, still older ones no QoS."""
-    columns = {row[1] for row in connection.execute("PRAGMA table_info(topics)")}
-    qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
-    digest = "type_description_hash" if "type_description_hash" in columns else "''"
-    texts = _texts(connection)
-    query = f"SELECT id, name, type, serialization_format, {qos}, {digest} FROM topics"
-    found = {}
-    for number, name, type_name, encoding, profiles, type_hash in connection.execute(query):
-        text_encoding, text = texts.get(type_name, (ENCODING, ""))
-        found[number] = TopicInfo(
-            name, type_name, text, type_hash, profiles, encoding, text_encoding
-        )
-    return found
-
-
-def _texts(connection: sqlite3.Connection) -> dict[str, tuple[str, str]]:
-    """(encoding, definition) by type; none in files of before Iron."""
-    if not connection.execute("PRAGMA table_info(message_definitions)").fetchall():
-        return {}
-    query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-    return {name: (encoding, text) for name, encoding, text in connection.execute(query)}
-
-
-def _topic_row(number: int, row: tuple[object, ...]) -> Iterator[tuple[int, TopicInfo]]:
-    """The topic a row is about, if it is about one."""
-    match row:
-        case (None, str(name), str(type_name), "cdr", *rest) if name.startswith("/"):
-            qos, digest = [*(str(each) for each in rest), "", ""][:2]
-            yield number, TopicInfo(name, type_name, type_hash=digest, qos=qos)
-
-
 @contextmanager
-def _reachable(path: Path) -> Iterator[Path]:
-    """The file; where it was not closed a copy, in which SQLite puts its last messages."""
+def _complete(path: Path) -> Iterator[Path]:
+    """The file; where it was not closed a copy that includes what SQLite keeps beside it."""
     beside = [path.with_name(path.name + ending) for ending in _UNFINISHED]
     unfinished = [file for file in beside if file.is_file() and file.stat().st_size]
     if not unfinished:

@@ -14,7 +14,8 @@ import numpy as np
 
 from bags.errors import BagError
 from bags.messages.point_cloud import point_cloud
-from bags.reader import BagReader, topic_named, topics_named
+from bags.reader import BagReader
+from bags.topic import topic_named, topics_named
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.grid import Grid, action_of_direction
 from serd_core.grid.navigation import NO_FLOW

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bags.errors import BagError
-from bags.messages.plain import pose_stamped, twist, vector3_stamped
-from bags.reader import RawMessage
+from bags.messages.plain import pose_stamped, twist, twist_stamped, vector3_stamped
+from bags.topic import RawMessage
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.inferred_actions import actions_of_velocities, actions_of_waypoints
 from serd_app.drives.mapping import BagMapping
@@ -122,7 +122,8 @@ class MappedActions:
             pose = pose_stamped(message.data)
             return _stamp_s(pose.header.stamp_ns), pose.x_m, pose.y_m
         if kind in (("velocity", "TwistStamped"), ("intent", "Vector3Stamped")):
-            vector = vector3_stamped(message.data)
+            read = twist_stamped if kind[0] == "velocity" else vector3_stamped
+            vector = read(message.data)
             return _stamp_s(vector.header.stamp_ns), vector.x, vector.y
         raise BagError(
             f"action_topic {message.topic} must carry Twist or TwistStamped (velocity),"

@@ -11,8 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from bags.errors import BagError
-from bags.messages.plain import PlanarPose, odometry, pose_stamped, transforms
-from bags.reader import BagReader, RawMessage, topic_named
+from bags.messages.plain import (
+    PlanarPose,
+    odometry,
+    pose_stamped,
+    pose_with_covariance_stamped,
+    transforms,
+)
+from bags.reader import BagReader
+from bags.topic import RawMessage, topic_named
 from serd_app.drives.episode_spans import EpisodeMark, EpisodeSpan, marks_of, spans_of_marks
 from serd_app.drives.mapped_actions import MappedActions, PoseTrack
 from serd_app.drives.mapping import BagMapping
@@ -22,7 +29,7 @@ from serd_core.arrays import FloatArray, IntArray
 
 _POSE_READERS: dict[str, Callable[[bytes], PlanarPose]] = {
     "geometry_msgs/msg/PoseStamped": pose_stamped,
-    "geometry_msgs/msg/PoseWithCovarianceStamped": pose_stamped,
+    "geometry_msgs/msg/PoseWithCovarianceStamped": pose_with_covariance_stamped,
     "nav_msgs/msg/Odometry": odometry,
 }
 _TF = {"/tf": False, "/tf_static": True}

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bags.errors import BagError
-from bags.messages.plain import pose_position
-from bags.messages.stamp import message_stamp_ns
-from bags.reader import BagReader, RawMessage, topic_named
+from bags.messages.plain import message_stamp_ns, pose_position
+from bags.reader import BagReader
+from bags.topic import RawMessage, topic_named
 from serd_app.drives.episode_spans import END, EPISODE, marks_of
 from serd_app.drives.recorded_drive import INTENT, POSE, DriveBuilder, RecordedDrive, source_of
 

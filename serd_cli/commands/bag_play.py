@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from bags.excerpt import named_topics
 from bags.reader import BagReader
+from bags.topic import selected_topics
 from serd_cli.errors import UsageError
 from serd_cli.node_commands import node_command
 from serd_cli.workspace import ros_environment
@@ -39,7 +39,7 @@ def play(
 
     In a terminal: space pauses, right steps, up and down change the rate. Ctrl-C ends.
     """
-    named_topics(BagReader(bag).topics, topic or ())
+    selected_topics(BagReader(bag).topics, topic or ())
     parameters = {
         "bag": str(bag.resolve()),
         "topics": topic or [""],

@@ -10,9 +10,9 @@ import sys
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
-from bags.excerpt import Excerpt, named_topics
-from bags.playback import Playback
-from bags.reader import BagReader, RawMessage
+from bags.playback import Excerpt, Playback
+from bags.reader import BagReader
+from bags.topic import RawMessage, selected_topics
 from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
@@ -37,7 +37,7 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         super().__init__("bag_replay", BagReplayConfig)
         config = self.config
         self._reader = BagReader(config.bag)
-        wanted = named_topics(self._reader.topics, [name for name in config.topics if name])
+        wanted = selected_topics(self._reader.topics, [name for name in config.topics if name])
         if config.clock_hz > 0:
             wanted -= {topics.CLOCK}
         self._outlet = ReplayPublishers(self, [self._reader.topics[name] for name in wanted])

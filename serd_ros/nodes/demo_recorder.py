@@ -13,7 +13,7 @@ from pathlib import Path
 
 from std_srvs.srv import Trigger
 
-from bags.messages.stamp import message_stamp_ns
+from bags.messages.plain import message_stamp_ns
 from bags.recorder import BagRecorder, RecorderSettings
 from serd_core.errors import SerdError
 from serd_ros.convert.diagnostics import ERROR, OK, WARN

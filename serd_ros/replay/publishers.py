@@ -8,8 +8,8 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import ReliabilityPolicy
 
-from bags.reader import RawMessage, TopicInfo
-from bags.rosbag2.qos import qos_of_yaml
+from bags.rosbag2.qos import profile_to_offer
+from bags.topic import RawMessage, Topic
 from serd_ros.endpoints.bag_topics import message_class, replay_qos
 from serd_ros.endpoints.qos import STATE_DEPTH
 from serd_ros.errors import NodeError
@@ -21,7 +21,7 @@ _UNCONFIRMED_AT_MOST = STATE_DEPTH // 2
 class ReplayPublishers:
     """skipped: topics whose message package is not installed, with their types."""
 
-    def __init__(self, node: Node, topics: Iterable[TopicInfo]) -> None:
+    def __init__(self, node: Node, topics: Iterable[Topic]) -> None:
         self.skipped: dict[str, str] = {}
         self._of: dict[str, Publisher] = {}
         self._n_unconfirmed: Counter[str] = Counter()
@@ -30,7 +30,7 @@ class ReplayPublishers:
             if message is None:
                 self.skipped[topic.name] = topic.type_name
                 continue
-            profile = replay_qos(qos_of_yaml(topic.qos))
+            profile = replay_qos(profile_to_offer(topic.qos))
             self._of[topic.name] = node.create_publisher(message, topic.name, profile)
         if not self._of:
             types = ", ".join(sorted(set(self.skipped.values()))) or "nothing"

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 
 from bags.errors import BagError
-from bags.reader import RawMessage
+from bags.topic import RawMessage
 
 
 class UntilDamage(Iterator[RawMessage]):

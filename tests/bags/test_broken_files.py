@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from bags.errors import BagError
-from bags.mcap.format import MAGIC, RECORD_HEAD
+from bags.mcap.records import RECORD_HEAD
 from bags.reader import BagReader
 
 
@@ -160,11 +161,11 @@ def test_no_bytes_at_all_crash_the_reader(tmp_path_factory, tail, head):
     assert damage
 
 
-def test_metadata_that_tells_of_other_messages_is_noticed(small_bag):
+def test_metadata_that_lists_other_messages_is_noticed(small_bag):
     folder = small_bag()
     text = (folder / "metadata.yaml").read_text()
     (folder / "metadata.yaml").write_text(text.replace("message_count: 69", "message_count: 70"))
-    with pytest.raises(BagError, match="tells of 70 messages, the files hold 69"):
+    with pytest.raises(BagError, match="lists 70 messages, the files hold 69"):
         read(folder, False)
     found, damage = read(folder, True)
     assert (len(found), len(damage)) == (69, 1)

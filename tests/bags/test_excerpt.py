@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from bags.errors import BagError
-from bags.excerpt import Excerpt, named_topics
+from bags.playback import Excerpt
 from bags.reader import BagReader
-from bags.rosbag2.qos import QosProfile, qos_of_yaml, qos_yaml
+from bags.topic import selected_topics
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +20,7 @@ def times_s(messages):
 
 
 def test_an_excerpt_begins_and_ends_where_it_is_told_to(reader):
-    topics = named_topics(reader.topics, ["robot_pose"])
+    topics = selected_topics(reader.topics, ["robot_pose"])
     everything = times_s(Excerpt(topics).messages(reader))
     some = times_s(Excerpt(topics, start_s=10.0, duration_s=5.0).messages(reader))
     first_s = everything[0]
@@ -29,10 +29,10 @@ def test_an_excerpt_begins_and_ends_where_it_is_told_to(reader):
 
 
 def test_topics_are_found_without_their_slash_and_all_are_meant_by_none(reader):
-    assert named_topics(reader.topics, ["intent"]) == {"/intent"}
-    assert named_topics(reader.topics, []) == set(reader.topics)
+    assert selected_topics(reader.topics, ["intent"]) == {"/intent"}
+    assert selected_topics(reader.topics, []) == set(reader.topics)
     with pytest.raises(BagError, match=r"must hold the topic 'intnt', .*did you mean '/intent'\?"):
-        named_topics(reader.topics, ["intnt"])
+        selected_topics(reader.topics, ["intnt"])
 
 
 @pytest.mark.parametrize(
@@ -46,26 +46,3 @@ def test_topics_are_found_without_their_slash_and_all_are_meant_by_none(reader):
 def test_wrong_seconds_are_refused(given, sentence):
     with pytest.raises(BagError, match=sentence):
         Excerpt(frozenset(), **given)
-
-
-@pytest.mark.parametrize(
-    "profile",
-    [
-        QosProfile(),
-        QosProfile(reliability="best_effort", depth=5),
-        QosProfile(durability="transient_local", depth=1),
-    ],
-)
-def test_quality_of_service_survives_the_way_into_a_bag_and_back(profile):
-    assert qos_of_yaml(qos_yaml((profile,))) == profile
-
-
-@pytest.mark.parametrize("text", ["", "{", "[]", "- 3", "- {depth: unlimited}"])
-def test_unknown_quality_of_service_counts_as_reliable(text):
-    assert qos_of_yaml(text) == QosProfile()
-
-
-def test_numbers_of_older_recordings_are_understood():
-    assert qos_of_yaml("- {reliability: 2, durability: 1, depth: 3}") == QosProfile(
-        reliability="best_effort", durability="transient_local", depth=3
-    )

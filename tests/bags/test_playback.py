@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from bags.errors import BagError
 from bags.playback import Playback
-from bags.reader import RawMessage
+from bags.topic import RawMessage
 
 
 def recorded(*times_s):

@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
 
@@ -13,11 +14,10 @@ from rosbags.typesys import Stores, get_typestore
 
 from bags.errors import BagError
 from bags.health.check import check_bag
-from bags.mcap import writer as mcap_writer
+from bags.mcap.writer import McapWriter
 from bags.reader import BagReader
 from bags.rewrite import convert, recover
 from bags.rosbag2.message_types import MessageType, message_type
-from bags.rosbag2.qos import qos_of_text
 from bags.writer import BagWriter
 
 REAL_BAG = Path(__file__).parents[2].parent / "shared" / "data" / "bags" / "test-bag"
@@ -157,13 +157,13 @@ def test_messages_of_unknown_types_are_copied_with_all_that_is_known(
     tmp_path, messages, definition, encoding
 ):
     with BagWriter(tmp_path / "old") as writer:
-        writer.add_topic("/mine", definition.name, definition=definition)
+        writer.add_topic("/mine", definition)
         for number in range(9):
             writer.write("/mine", messages.pose(number, 0.0, 0.0), number)
     report = convert(tmp_path / "old", tmp_path / "new")
     assert (report.counts, report.n_left_out) == ({"/mine": 9}, 0)
-    topic = BagReader(tmp_path / "new").topics["/mine"]
-    assert (topic.text, topic.text_encoding) == (definition.text, encoding)
+    recorded = BagReader(tmp_path / "new").topics["/mine"].message_type
+    assert (recorded.text, recorded.encoding) == (definition.text, encoding)
     assert messages_in(tmp_path / "new") == messages_in(tmp_path / "old")
     with Reader(tmp_path / "new") as reader:
         assert reader.message_count == 9
@@ -172,24 +172,26 @@ def test_messages_of_unknown_types_are_copied_with_all_that_is_known(
 def test_the_hash_of_a_definition_recorded_without_one_is_computed(tmp_path):
     known = message_type(POSE)
     with BagWriter(tmp_path / "old") as writer:
-        writer.add_topic("/pose", POSE, definition=MessageType(POSE, known.text, ""))
+        writer.add_topic("/pose", MessageType(POSE, known.text, ""))
     convert(tmp_path / "old", tmp_path / "new")
-    assert BagReader(tmp_path / "old").topics["/pose"].type_hash == ""
-    assert BagReader(tmp_path / "new").topics["/pose"].type_hash == known.type_hash
+    assert BagReader(tmp_path / "old").topics["/pose"].message_type.type_hash == ""
+    assert BagReader(tmp_path / "new").topics["/pose"].message_type.type_hash == known.type_hash
 
 
 def test_check_reads_stamps_by_the_definition_in_the_bag(tmp_path, messages):
     text = "std_msgs/Header header\nfloat64 x\n"
     with BagWriter(tmp_path / "old") as writer:
-        writer.add_topic("/mine", "a/msg/B", definition=MessageType("a/msg/B", text, ""))
+        writer.add_topic("/mine", MessageType("a/msg/B", text, ""))
         writer.write("/mine", messages.pose(1.0, 0.0, 0.0), 3 * 10**9)
     (topic,) = check_bag(tmp_path / "old").topics
     assert topic.stamp_delay_s == (2.0, 2.0)
 
 
 def test_messages_that_are_not_cdr_are_left_out_and_counted(small_bag, tmp_path, monkeypatch):
-    text = mcap_writer.text
-    monkeypatch.setattr(mcap_writer, "text", lambda word: text("json" if word == "cdr" else word))
+    add_topic = McapWriter.add_topic
+    monkeypatch.setattr(
+        McapWriter, "add_topic", lambda self, each: add_topic(self, replace(each, encoding="json"))
+    )
     bag = small_bag()
     monkeypatch.undo()
     report = convert(bag, tmp_path / "new")
@@ -287,14 +289,3 @@ def test_check_reports_damage(small_bag):
     folder = small_bag()
     (folder / "metadata.yaml").unlink()
     assert not check_bag(folder).sound
-
-
-@pytest.mark.parametrize("text", ["", "[", "3", "- 3", "- history: 3\n  depth: x"])
-def test_strange_quality_of_service_is_no_obstacle(text):
-    assert len(qos_of_text(text)) <= 1
-
-
-def test_quality_of_service_of_older_bags_is_understood():
-    (old,) = qos_of_text("- history: 1\n  depth: 4\n  reliability: 2\n  durability: 1\n")
-    assert (old.history, old.depth) == ("keep_last", 4)
-    assert (old.reliability, old.durability) == ("best_effort", "transient_local")

@@ -51,7 +51,7 @@ def test_deleted_rows_are_noticed_and_counted(make, tmp_path):
     left = sqlite3.connect(next(bag.glob("*.db3"))).execute("SELECT count(*) FROM messages")
     ((n_left,),) = left.fetchall()
     left.connection.close()
-    with pytest.raises(BagError, match=r"tells of 200 messages on /robot_pose, the files hold \d+"):
+    with pytest.raises(BagError, match=r"lists 200 messages on /robot_pose, the files hold \d+"):
         contents(bag)
     assert not check_bag(bag).sound
     report = recover(bag, tmp_path / "new")
@@ -185,7 +185,7 @@ def test_several_files_without_metadata_are_read_one_after_the_other(make, tmp_p
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        (b"", "no such table"),
+        (b"", "missing tables"),
         (bytes(9000), "not a database"),
         (b"SQLite format 3\0" + bytes(9000), "the database"),
     ],

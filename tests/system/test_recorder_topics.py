@@ -11,7 +11,7 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Header, String
 
 from bags.reader import BagReader
-from bags.rosbag2.qos import qos_of_yaml
+from bags.rosbag2.qos import profile_to_offer
 from serd_cli.executables import find_command
 from serd_cli.node_commands import node_command
 from serd_ros.convert.diagnostics import WARN
@@ -76,8 +76,8 @@ def test_topics_of_another_robot_are_recorded_with_what_their_publishers_offer(
     assert started_s < name.log_time_ns * 1e-9 < time.time()  # without /clock, the system's time
     infos = bag().topics
     assert set(infos) == {"/base/imu", "/base/name"}
-    assert qos_of_yaml(infos["/base/imu"].qos).reliability == "best_effort"
-    assert qos_of_yaml(infos["/base/name"].qos).durability == "transient_local"
+    assert profile_to_offer(infos["/base/imu"].qos).reliability == "best_effort"
+    assert profile_to_offer(infos["/base/name"].qos).durability == "transient_local"
     assert "21 messages" in nodes.log_of("demo_recorder")
     assert "/none has no publisher" in nodes.log_of("demo_recorder")
 

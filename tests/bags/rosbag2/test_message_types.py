@@ -5,8 +5,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from bags.errors import BagError
 from bags.rosbag2 import message_types
-from bags.rosbag2.message_types import message_type
-from bags.rosbag2.share_folders import share_folders
+from bags.rosbag2.message_types import message_type, share_folders
 
 USED = [
     "geometry_msgs/msg/PoseStamped",
@@ -47,7 +46,7 @@ def test_the_text_is_the_installed_file_then_its_dependencies():
 
 def test_without_an_installation_the_carried_types_serve(monkeypatch):
     expected = message_type("geometry_msgs/msg/Twist").type_hash
-    monkeypatch.setattr(message_types, "interface_file", lambda *_: None)
+    monkeypatch.setattr(message_types, "_interface_file", lambda *_: None)
     assert message_type.__wrapped__("geometry_msgs/msg/Twist").type_hash == expected
 
 

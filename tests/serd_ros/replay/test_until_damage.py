@@ -4,7 +4,7 @@ import pytest
 
 from bags.errors import BagError
 from bags.playback import Playback
-from bags.reader import RawMessage
+from bags.topic import RawMessage
 from serd_ros.replay.until_damage import UntilDamage
 
 MESSAGES = [RawMessage("/odom", "nav_msgs/msg/Odometry", b"", ns, ns) for ns in range(1, 6)]

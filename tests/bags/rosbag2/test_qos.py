@@ -1,0 +1,39 @@
+"""Quality of service as bags hold it, of any age and in any state."""
+
+import pytest
+
+from bags.rosbag2.qos import QosProfile, profile_to_offer, qos_of_text, qos_text
+
+
+@pytest.mark.parametrize(
+    "profile",
+    [
+        QosProfile(),
+        QosProfile(reliability="best_effort", depth=5),
+        QosProfile(durability="transient_local", depth=1),
+    ],
+)
+def test_quality_of_service_survives_the_way_into_a_bag_and_back(profile):
+    assert profile_to_offer(qos_of_text(qos_text((profile,)))) == profile
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "- 3", "- {depth: unlimited}"])
+def test_unknown_quality_of_service_counts_as_reliable(text):
+    assert profile_to_offer(qos_of_text(text)) == QosProfile()
+
+
+def test_numbers_of_older_recordings_are_understood():
+    assert profile_to_offer(
+        qos_of_text("- {reliability: 2, durability: 1, depth: 3}")
+    ) == QosProfile(reliability="best_effort", durability="transient_local", depth=3)
+
+
+@pytest.mark.parametrize("text", ["", "[", "3", "- 3", "- history: 3\n  depth: x"])
+def test_strange_quality_of_service_is_no_obstacle(text):
+    assert len(qos_of_text(text)) <= 1
+
+
+def test_quality_of_service_of_older_bags_is_understood():
+    (old,) = qos_of_text("- history: 1\n  depth: 4\n  reliability: 2\n  durability: 1\n")
+    assert (old.history, old.depth) == ("keep_last", 4)
+    assert (old.reliability, old.durability) == ("best_effort", "transient_local")
