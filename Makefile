@@ -8,13 +8,15 @@ ARGS ?=
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup build demo test check format lint types imports bench pictures reference clean
+.PHONY: help setup build demo test coverage check format lint types imports bench pictures reference clean
 
 help:
 	@echo "make setup     set up .venv and build the ROS workspace"
 	@echo "make demo      the whole loop: demonstrate, record, learn, navigate, report  (ARGS='--help')"
 	@echo "make test      every test                                                    (ARGS='-k name')"
+	@echo "make coverage  every test, and which lines and branches they reach"
 	@echo "make check     format, lint, types, import rules, tests"
+	@echo "               another Python: make check PYTHON=python3.10 VENV=.venv310"
 	@echo "make bench     speed against peers, results as JSON"
 	@echo "make pictures  draw the architecture pictures again (needs Graphviz)"
 	@echo "make reference write nodes.yaml and the tables of docs from the settings models"
@@ -33,6 +35,9 @@ demo: build
 
 test: build
 	@$(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS)
+
+coverage: build
+	@$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=term:skip-covered $(ARGS)
 
 check: format lint types imports test
 

@@ -1,4 +1,4 @@
-"""The project's documents: their links lead somewhere, and every picture is shown."""
+"""The project's documents: links, pictures, files and the version they name exist."""
 
 import re
 from pathlib import Path
@@ -53,3 +53,20 @@ def test_no_picture_lies_about_unused(root, folder):
     shown = {path.resolve() for document in documents(root) for path in links(document)}
     pictures = {path.resolve() for path in (root / folder).iterdir() if path.suffix in PICTURES}
     assert pictures <= shown, sorted(path.name for path in pictures - shown)
+
+
+@pytest.mark.parametrize(
+    ("file", "line"),
+    [
+        ("ros_ws/src/serd_ros/package.xml", r"<version>(.+)</version>"),
+        ("ros_ws/src/serd_ros/setup.py", r'version="(.+)"'),
+        ("CITATION.cff", r"^version: (.+)$"),
+        ("CHANGELOG.md", r"^## \[(\d.+)\]"),
+    ],
+)
+def test_the_version_is_the_same_everywhere(root, file, line):
+    found = re.search(line, (root / file).read_text(encoding="utf-8"), re.M)
+    project = re.search(r'^version = "(.+)"$', (root / "pyproject.toml").read_text(), re.M)
+    assert found is not None
+    assert project is not None
+    assert found[1] == project[1]
