@@ -1,8 +1,8 @@
 """The minimum example (section 4.6.1, Figs. 4.8 and 4.9).
 
-Two states, three actions; the expert always takes a in state 1. What b would have done was never
-seen, so the demonstrations have two explanations: SERD finds either, depending on its start, IRL
-with the naive dynamics only the one its prior for b implies.
+Two states, three actions; the expert always takes a in state 1. The outcome of b was never
+observed, so the demonstrations have two explanations. SERD finds either, depending on its start;
+IRL with the naive dynamics finds only the one that its prior for b implies.
 """
 
 from dataclasses import dataclass
@@ -10,9 +10,15 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from experiments.running.repetitions import Progress, Row, run_repetitions
-from experiments.running.setting import setting
+from experiments.running.repetitions import Progress, run_repetitions
+from experiments.running.settings import setting
+from experiments.running.tables import Row, quartiles, write_table
+from report.learners import STYLES, tick_sizes
+from report.style import BLUE, CYAN, HAIRLINE, INK, MUTED, new_figure, png_bytes
 from serd_core.ascent.ascent import Ascent
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
@@ -28,18 +34,21 @@ from serd_core.posterior.parameters import Block
 from serd_core.priors.norm import NormPrior
 from serd_core.selection.evaluation import fitted_policy
 from sim.episodes.execution import Execution
+from storage.files import atomic_write_bytes
 
 FIRST, SECOND = 0, 1
 A, B, C = 0, 1, 2
 ASCENT = TrustRegion(gradient_tolerance=1e-9, max_steps=500)
 LEARNERS: dict[str, Belief] = {"MDCE SERD": TiedBelief(), "MDCE IRL": FixedBelief()}
+#: Weights beyond this either way are drawn in the outermost bins.
+WIDEST = 60.0
 
 
 @dataclass(frozen=True)
 class MinimumExampleConfig:
     """Settings of section 4.6.1; the thesis does not state the discount.
 
-    ascent: who moves the parameters.
+    ascent: optimiser of the parameters.
     """
 
     n_sets: int = setting(5_000, "demonstration sets, spread evenly over the sizes")
@@ -60,12 +69,27 @@ class MinimumExampleConfig:
 
 def run_minimum_example(
     config: MinimumExampleConfig, folder: Path, execution: Execution, progress: Progress
-) -> list[Row]:
+) -> pd.DataFrame:
+    """Write estimates, likelihoods and their figures; returns quartiles of the log-likelihood."""
+    table = all_estimates(config, folder / "repetitions", execution, progress)
+    by = ["learner", "mode", "size"]
+    summary = quartiles(table, "log_likelihood", by).sort_values(by)
+    write_table(folder / "estimates.csv", table)
+    write_table(folder / "log_likelihood.csv", summary)
+    atomic_write_bytes(folder / "estimates.png", png_bytes(estimates_figure(table)))
+    atomic_write_bytes(folder / "log_likelihood.png", png_bytes(likelihood_figure(table)))
+    return summary
+
+
+def all_estimates(
+    config: MinimumExampleConfig, folder: Path, execution: Execution, progress: Progress
+) -> pd.DataFrame:
     """One row per demonstration set and learner; resumable in `folder`."""
     sets_per_repetition = 50
     n_repetitions = -(-config.n_sets // sets_per_repetition)
     repetition = partial(fit_sets, config, sets_per_repetition)
-    return run_repetitions(repetition, n_repetitions, folder, repr(config), execution, progress)
+    rows = run_repetitions(repetition, n_repetitions, folder, repr(config), execution, progress)
+    return pd.DataFrame(rows)
 
 
 def fit_sets(config: MinimumExampleConfig, n_sets: int, number: int) -> list[Row]:
@@ -112,7 +136,7 @@ def demonstrate(
 ) -> Decisions:
     """Episodes of an expert who takes a in state 1, where it moves on with probability 2/3.
 
-    Steps in state 2, where c is the only action, say nothing and are left out.
+    Steps in state 2, where c is the only action, carry no information and are left out.
     """
     return sample_decisions(
         problem.mdp,
@@ -123,6 +147,62 @@ def demonstrate(
         n_steps=horizon,
         rng=rng,
     )
+
+
+def estimates_figure(table: pd.DataFrame) -> Figure:
+    """Fig. 4.8: estimated transition models, and densities of the learned weights."""
+    figure = new_figure(8.6, 4.0)
+    dynamics, weights = figure.subplots(1, 2)
+    for learner, chosen in table.groupby("learner", sort=False):
+        colour = STYLES[learner].colour
+        by_a, by_b = chosen["moves_on_a"], chosen["moves_on_b"]
+        dynamics.plot(by_a, by_b, ".", color=colour, alpha=0.25, markersize=4, label=learner)
+        inside, limits = chosen["weight"].clip(-WIDEST, WIDEST), (-WIDEST, WIDEST)
+        weights.hist(
+            inside, bins=60, range=limits, density=True, color=colour, alpha=0.55, label=learner
+        )
+    dynamics.plot([0, 1], [0, 1], "--", color=MUTED, linewidth=1)
+    dynamics.set(xlabel="P(2 | 1, a)", ylabel="P(2 | 1, b)", title="estimated dynamics")
+    dynamics.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), aspect="equal")
+    for text, height in (("mode A: state 2 is avoided", 0.82), ("mode B: state 2 is sought", 0.1)):
+        dynamics.text(0.5, height, text, color=INK, ha="center", fontsize="small")
+    dynamics.text(0.5, 0.53, "given to IRL", color=INK, ha="right", fontsize="small")
+    weights.set(xlabel=f"reward weight (beyond {WIDEST:.0f}: at the edge)", ylabel="density")
+    weights.set(title="estimated reward")
+    weights.legend(frameon=False)
+    return figure
+
+
+def likelihood_figure(table: pd.DataFrame) -> Figure:
+    """Fig. 4.9: median and quartiles of the log-likelihood by size, SERD split by mode.
+
+    The axis is logarithmic and shows the negative, so lower is better.
+    """
+    figure = new_figure(6.0, 3.8)
+    axes = figure.subplots()
+    is_serd = table["learner"] == "MDCE SERD"
+    for label, chosen, colour in (
+        ("MDCE SERD, mode A", table[is_serd & (table["mode"] == "A")], CYAN),
+        ("MDCE SERD, mode B", table[is_serd & (table["mode"] == "B")], BLUE),
+        ("MDCE IRL", table[~is_serd], STYLES["MDCE IRL"].colour),
+    ):
+        if len(chosen):
+            _quartile_band(axes, quartiles(chosen, "log_likelihood", ["size"]), colour, label)
+    axes.set(xlabel="demonstrations", ylabel="minus log-likelihood of the choice", xscale="log")
+    axes.set_yscale("log")
+    tick_sizes(axes, sorted(table["size"].unique()))
+    axes.grid(color=HAIRLINE, linewidth=0.6)
+    axes.legend(frameon=False)
+    return figure
+
+
+def _quartile_band(axes: Axes, table: pd.DataFrame, colour: str, label: str) -> None:
+    ordered = table.sort_values("size")
+    axes.plot(ordered["size"], -ordered["median"], "o-", color=colour, label=label)
+    axes.fill_between(
+        ordered["size"], -ordered["lower"], -ordered["upper"], color=colour, alpha=0.2, linewidth=0
+    )
+    axes.tick_params(colors=INK)
 
 
 def _row(problem: TabularProblem, name: str, index: int, size: int, fit: FitResult) -> Row:

@@ -8,13 +8,21 @@ this library (sparse, all parameters at once). Fitted exponents stand beside the
 One LU factor serves all parameters, so by LU the cost is really O((S A)^3 + N (S A)^2).
 """
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from experiments.running.repetitions import Row
-from experiments.running.setting import setting
+from experiments.running.repetitions import Progress
+from experiments.running.settings import setting
+from experiments.running.tables import Row, write_table
+from report.learners import tick_sizes
+from report.style import BLUE, GREEN, PURPLE, RED, new_figure, png_bytes, report_style
 from serd_core.arrays import FloatArray
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.derivatives.adjoint import adjoint
@@ -23,6 +31,8 @@ from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.errors import SerdError
 from serd_core.linear.sparse_lu import SparseLu
 from serd_core.mdp.mdp import Mdp
+from sim.episodes.execution import Execution
+from storage.files import atomic_write_bytes
 
 #: Stated exponents of Table 4.2 by quantity; the adjoint's are this library's claim.
 STATED: dict[str, dict[str, float]] = {
@@ -31,6 +41,8 @@ STATED: dict[str, dict[str, float]] = {
     "hard step": {"n_states": 2, "n_actions": 1, "n_parameters": 1},
     "adjoint": {"n_states": 1, "n_actions": 1, "n_parameters": 0},
 }
+COLOURS = dict(zip(STATED, (RED, BLUE, PURPLE, GREEN), strict=True))
+LABELS = {"n_states": "states", "n_actions": "actions", "n_parameters": "parameters"}
 
 
 @dataclass(frozen=True)
@@ -68,7 +80,22 @@ class CostCase:
     immediate: FloatArray
 
 
-def measure_policy_cost(config: PolicyCostConfig, timer: Callable[[], float]) -> list[Row]:
+def run_policy_cost(
+    config: PolicyCostConfig, folder: Path, execution: Execution, progress: Progress
+) -> pd.DataFrame:
+    """Write seconds, exponents and their figure; returns the exponents."""
+    del execution  # parallel work would disturb the timings
+    progress(0, 1)
+    table = measure_policy_cost(config, time.perf_counter)
+    exponents = fitted_exponents(table)
+    write_table(folder / "seconds.csv", table)
+    write_table(folder / "exponents.csv", exponents)
+    atomic_write_bytes(folder / "cost.png", png_bytes(cost_figure(table, exponents)))
+    progress(1, 1)
+    return exponents
+
+
+def measure_policy_cost(config: PolicyCostConfig, timer: Callable[[], float]) -> pd.DataFrame:
     """One row per ladder step and method: least seconds of the repeats."""
     rows: list[Row] = []
     for varied, sizes in _ladders(config):
@@ -86,20 +113,30 @@ def measure_policy_cost(config: PolicyCostConfig, timer: Callable[[], float]) ->
                         "seconds": _least(run, case, config.repeats, timer),
                     }
                 )
-    return rows
+    return pd.DataFrame(rows)
 
 
-def fitted_exponents(rows: Sequence[Row]) -> list[Row]:
+def fitted_exponents(table: pd.DataFrame) -> pd.DataFrame:
     """Slope of log seconds over log size for each method and ladder, beside the stated one."""
-    table: list[Row] = []
+    rows: list[Row] = []
     for method, stated in STATED.items():
         for varied, exponent in stated.items():
-            chosen = [row for row in rows if row["method"] == method and row["varied"] == varied]
-            sizes = np.log([row[varied] for row in chosen])
-            seconds = np.log([row["seconds"] for row in chosen])
-            slope = float(np.polyfit(sizes, seconds, 1)[0])
-            table.append({"method": method, "varied": varied, "fitted": slope, "stated": exponent})
-    return table
+            ladder = _ladder(table, method, varied)
+            slope = float(np.polyfit(np.log(ladder[varied]), np.log(ladder["seconds"]), 1)[0])
+            rows.append({"method": method, "varied": varied, "fitted": slope, "stated": exponent})
+    return pd.DataFrame(rows)
+
+
+def cost_figure(table: pd.DataFrame, exponents: pd.DataFrame) -> Figure:
+    """One panel per ladder; the legend gives fitted and stated exponents."""
+    with report_style():
+        figure = new_figure(9.0, 4.4)
+        panels = figure.subplots(1, 3, sharey=True)
+        for axes, (varied, label) in zip(panels, LABELS.items(), strict=True):
+            _draw_ladder(axes, varied, table, exponents[exponents["varied"] == varied])
+            axes.set_xlabel(label)
+        panels[0].set_ylabel("seconds")
+    return figure
 
 
 def cost_case(
@@ -190,3 +227,23 @@ def _least(
         run(case)
         seconds.append(timer() - start)
     return min(seconds)
+
+
+def _ladder(table: pd.DataFrame, method: str, varied: str) -> pd.DataFrame:
+    return table[(table["method"] == method) & (table["varied"] == varied)]
+
+
+def _draw_ladder(axes: Axes, varied: str, table: pd.DataFrame, exponents: pd.DataFrame) -> None:
+    for fit in exponents.itertuples():
+        ladder = _ladder(table, fit.method, varied)
+        axes.loglog(
+            ladder[varied],
+            ladder["seconds"],
+            "o-",
+            color=COLOURS[fit.method],
+            label=f"{fit.method}: {fit.fitted:.2f} ({fit.stated})",
+        )
+    axes.grid(visible=True)
+    tick_sizes(axes, sorted(ladder[varied]))
+    title = "fitted exponent (stated)"
+    axes.legend(title=title, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)

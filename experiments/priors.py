@@ -6,11 +6,17 @@ the likelihood.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
-from experiments.running.repetitions import Row
-from experiments.running.setting import setting
+from experiments.running.repetitions import Progress
+from experiments.running.settings import setting
+from experiments.running.tables import Row, write_table
+from report.style import INK, RED, new_figure, png_bytes
 from serd_core.arrays import FloatArray
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
@@ -19,6 +25,8 @@ from serd_core.priors.divergence import KldPrior
 from serd_core.priors.entropy import EntropyPrior
 from serd_core.priors.norm import NormPrior
 from serd_core.priors.prior import Prior
+from sim.episodes.execution import Execution
+from storage.files import atomic_write_bytes
 
 #: One state that knows two outcomes apart: stay, or leave for a second state that only stays.
 MODEL = OutcomeModels(
@@ -60,6 +68,19 @@ class Surface:
     value: FloatArray
 
 
+def run_priors(
+    config: PriorsConfig, folder: Path, execution: Execution, progress: Progress
+) -> pd.DataFrame:
+    """Write the maxima and the figure of all surfaces; returns the maxima."""
+    del execution
+    progress(0, 1)
+    surfaces, optima = prior_surfaces(config), optimal_distributions(config)
+    write_table(folder / "optimal_distributions.csv", optima)
+    atomic_write_bytes(folder / "surfaces.png", png_bytes(surfaces_figure(surfaces, optima)))
+    progress(1, 1)
+    return optima
+
+
 def prior_surfaces(config: PriorsConfig) -> dict[str, Surface]:
     """Centre column of Table 4.3."""
     axis = np.linspace(-config.extent, config.extent, config.n_points)
@@ -71,13 +92,31 @@ def prior_surfaces(config: PriorsConfig) -> dict[str, Surface]:
     }
 
 
-def optimal_distributions(config: PriorsConfig) -> list[Row]:
+def optimal_distributions(config: PriorsConfig) -> pd.DataFrame:
     """Right column of Table 4.3: one row per maximum on the circle.
 
-    Where all points of the circle are as good, one row says so with None for the numbers.
+    Where all points of the circle are as good, one row has None for the numbers.
     """
     angles = np.linspace(0.0, 2.0 * np.pi, config.n_angles, endpoint=False)
-    return [row for name, prior in PRIORS.items() for row in _optima(name, prior, angles)]
+    rows = [row for name, prior in PRIORS.items() for row in _optima(name, prior, angles)]
+    return pd.DataFrame(rows)
+
+
+def surfaces_figure(surfaces: dict[str, Surface], optima: pd.DataFrame) -> Figure:
+    """One panel per prior; dots mark the maxima on the circle."""
+    figure = new_figure(2.8 * len(surfaces), 2.6)
+    panels = np.atleast_1d(figure.subplots(1, len(surfaces)))
+    angle = np.linspace(0.0, 2.0 * np.pi, 200)
+    for axes, (name, surface) in zip(panels, surfaces.items(), strict=True):
+        drawn = axes.contourf(surface.theta, surface.theta, surface.value, levels=20)
+        axes.plot(np.cos(angle), np.sin(angle), color=INK, linewidth=1)
+        found = optima[optima["prior"] == name].dropna(subset="theta_1")
+        axes.plot(found["theta_1"], found["theta_2"], "o", color=RED)
+        axes.set(title=name, xlabel=r"$\theta_1$", ylabel=r"$\theta_2$", aspect="equal")
+        bar = figure.colorbar(drawn, ax=axes, shrink=0.75)
+        bar.locator = MaxNLocator(5)
+        bar.update_ticks()
+    return figure
 
 
 def log_prior(prior: Prior, one: float, two: float) -> float:

@@ -15,9 +15,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.running.setting import setting
+from experiments.running.repetitions import Progress
+from experiments.running.settings import setting
+from experiments.running.tables import write_table
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
@@ -29,6 +32,7 @@ from serd_core.mdp.mdp import Mdp, require_discount
 from serd_core.mdp.problem import TabularProblem
 from serd_core.uncertainty.information import fit_information
 from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors
+from sim.episodes.execution import Execution
 
 KEEP, REPLACE = 0, 1
 FEATURE_NAMES = ("maintenance", "replacement")
@@ -92,6 +96,26 @@ class RustResult:
     log_likelihood: float
     fit: FitResult
     errors: StandardErrors
+
+
+def run_rust(
+    config: RustConfig, folder: Path, execution: Execution, progress: Progress
+) -> pd.DataFrame:
+    """Write and return the estimates with their errors."""
+    del execution
+    progress(0, 1)
+    result = estimate_rust(config)
+    increments = zip(result.increments, result.increment_errors, strict=True)
+    rows = [
+        ("RC", result.replacement_cost, result.replacement_cost_error),
+        ("theta_11", result.maintenance_cost, result.maintenance_cost_error),
+        *((f"increment {number}", *each) for number, each in enumerate(increments)),
+        ("log-likelihood", result.log_likelihood, None),
+    ]
+    table = pd.DataFrame(rows, columns=["name", "estimate", "error"])
+    write_table(folder / "estimates.csv", table)
+    progress(1, 1)
+    return table
 
 
 def estimate_rust(config: RustConfig) -> RustResult:

@@ -1,6 +1,6 @@
 """Gridworld navigation on satellite images (section 4.6.2, Figs. 4.10 to 4.13).
 
-Demonstrations are sampled from a known expert, MDCE or policy matching; learners see only them.
+Demonstrations are sampled from a known expert, MDCE or policy matching; learners use only them.
 Weights start at random as in the thesis; SERD then goes in two stages, weights first (see
 `serd_core.learners.staged_start`). Each repetition gives one row per number of demonstrations and
 learner, with the four measures of the figures: log-likelihood of new demonstrations, divergence of
@@ -9,34 +9,40 @@ the dynamics, divergence of the policy, and log-likelihood in the transfer envir
 
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
+from experiments.gridworld.figures import environment_figure, measures_figure
 from experiments.gridworld.landscape import (
     Landscape,
     cell_means,
     generated_landscape,
+    image_brightness,
     landscape_of_image,
 )
-from experiments.gridworld.landscape_image import image_brightness
 from experiments.gridworld.learners import EXPERTS, Estimate
 from experiments.gridworld.problem import Gridworld, gridworld, true_dynamics
-from experiments.running.repetitions import Progress, Row, run_repetitions
-from experiments.running.setting import setting
+from experiments.running.repetitions import Progress, run_repetitions
+from experiments.running.settings import setting
+from experiments.running.tables import Row, quartiles, welch_test, write_table
+from report.style import png_bytes
 from serd_core.arrays import FloatArray
-from serd_core.demonstrations.decisions import Decisions, state_action_counts
+from serd_core.demonstrations.decisions import Decisions, state_action_counts, state_counts
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import require_discount
 from serd_core.mdp.problem import TabularProblem
-from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
+from serd_core.policies.solved_policy import boltzmann_policy, optimal_policy, soft_policy
 from serd_core.selection.evaluation import (
     dynamics_divergence,
     policy_divergence,
     policy_log_likelihood,
 )
 from sim.episodes.execution import Execution
+from storage.files import atomic_write_bytes
 
 #: The four panels of Figs. 4.12 and 4.13, as columns of the table.
 MEASURES = (
@@ -94,11 +100,32 @@ class Scene:
 
 def run_gridworld(
     config: GridworldConfig, folder: Path, execution: Execution, progress: Progress
-) -> list[Row]:
+) -> pd.DataFrame:
+    """Write measures, tests and figures; returns quartiles of the log-likelihood."""
+    table = all_measures(config, folder / "repetitions", execution, progress)
+    write_table(folder / "measures.csv", table)
+    for measure in MEASURES:
+        write_table(folder / f"{measure}.csv", quartiles(table, measure, ["size", "learner"]))
+    if config.n_repetitions > 1:
+        _write_tests(config, table, folder)
+    atomic_write_bytes(folder / "measures.png", png_bytes(measures_figure(table)))
+    weights = np.array(config.weights)
+    solve = soft_policy if config.expert == "mdce" else optimal_policy
+    for name, scene in zip(("training", "transfer"), scenes(config), strict=True):
+        value = solve(scene.world.problem, weights, true_dynamics()).value
+        visits = state_counts(scene.test, len(value))
+        figure = environment_figure(scene.world, weights, value, visits)
+        atomic_write_bytes(folder / f"{name}.png", png_bytes(figure))
+    return quartiles(table, "log_likelihood", ["size", "learner"])
+
+
+def all_measures(
+    config: GridworldConfig, folder: Path, execution: Execution, progress: Progress
+) -> pd.DataFrame:
     """All rows; resumable in `folder`."""
     repetition = partial(one_repetition, config)
-    return run_repetitions(
-        repetition, config.n_repetitions, folder, repr(config), execution, progress
+    return pd.DataFrame(
+        run_repetitions(repetition, config.n_repetitions, folder, repr(config), execution, progress)
     )
 
 
@@ -152,6 +179,19 @@ def policy_of(problem: TabularProblem, estimate: Estimate) -> FloatArray:
     if estimate.temperature is None:
         return soft_policy(problem, weights, dynamics).probabilities
     return boltzmann_policy(problem, weights, dynamics, estimate.temperature).probabilities
+
+
+def _write_tests(config: GridworldConfig, table: pd.DataFrame, folder: Path) -> None:
+    """Welch's t-test of each SERD learner against each other learner, where it is defined."""
+    serd = [name for name in EXPERTS[config.expert] if "SERD" in name]
+    others = [name for name in EXPERTS[config.expert] if "SERD" not in name]
+    for measure in ("log_likelihood", "transfer_log_likelihood"):
+        rows = [
+            row
+            for first, second in product(serd, others)
+            for row in welch_test(table, measure, first, second)
+        ]
+        write_table(folder / f"welch_{measure}.csv", pd.DataFrame(rows))
 
 
 def _landscape(

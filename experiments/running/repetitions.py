@@ -5,22 +5,18 @@ table. Its rows are written to a file of their own as soon as it is done, so an 
 on where it stopped. A folder belongs to one configuration; another one is refused.
 """
 
-import csv
-import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from experiments.running.provenance import FILE_NAME
+from experiments.running.tables import Row
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 from storage.files import atomic_write_text
 
-#: One line of a result table; None where a number does not apply.
-Row = dict[str, Any]
 Progress = Callable[[int, int], None]
 
 
@@ -66,17 +62,6 @@ def claim_folder(folder: Path, description: str) -> None:
         )
     if noted != description:
         atomic_write_text(note, description)
-
-
-def write_table(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows as CSV; columns in the order of the first row."""
-    if not rows:
-        raise SerdError(f"rows for {path} must not be empty; run at least one repetition")
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    atomic_write_text(path, text.getvalue())
 
 
 def _numbered(repetition: Callable[[int], list[Row]], number: int) -> tuple[int, list[Row]]:

@@ -1,42 +1,56 @@
-"""Settings of the experiments: defaults in experiments.yaml, changes from a file or from words.
+"""An experiment and its settings: fields of its frozen config, changed by a file or by options.
 
-Each experiment has a frozen config class; what can be written in YAML of it is a setting.
+Fields of plain types are settings; each has its default and description in the config class.
 """
 
-from dataclasses import MISSING, Field, fields
-from functools import cache
+from collections.abc import Callable
+from dataclasses import MISSING, Field, dataclass, field, fields
 from pathlib import Path
 from types import UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
+import pandas as pd
 from pydantic import TypeAdapter, ValidationError
 
-from experiments.catalogue import Experiment
+from experiments.running.repetitions import Progress
 from serd_core.errors import SerdError
+from sim.episodes.execution import Execution
 from storage.files import read_text
 from storage.nearest import hint
 from storage.yaml_text import read_yaml
 
-EXPERIMENTS_YAML = Path(__file__).with_name("experiments.yaml")
 _SIMPLE = (int, float, str, Path, bool)
+Value = TypeVar("Value")
+#: Of a config, an output folder, an execution and a progress callback; returns a summary table.
+Run = Callable[[Any, Path, Execution, Progress], pd.DataFrame]
 
 
-@cache
-def default_settings(name: str) -> dict[str, Any]:
-    """Plain values of an experiment's settings; those that must be given are missing."""
-    return dict(_mapping(EXPERIMENTS_YAML)[name] or {})
+@dataclass(frozen=True)
+class Experiment:
+    """name; shows: its subject; config: type of its frozen configuration; run."""
+
+    name: str
+    shows: str
+    config: type[Any]
+    run: Run
+
+
+def setting(default: Value, about: str) -> Value:
+    """A dataclass field; default: immutable; about: its `--help`, a phrase without a full stop."""
+    declared: Any = field(default=default, metadata={"about": about})
+    return declared  # type: ignore[no-any-return]
 
 
 def settings_of(experiment: Experiment) -> dict[str, tuple[Field[Any], Any]]:
     """Field and type of each setting, by name."""
     hints = get_type_hints(experiment.config)
-    found = {field.name: (field, hints[field.name]) for field in fields(experiment.config)}
-    return {name: each for name, each in found.items() if _is_plain(each[1])}
+    found = {each.name: (each, hints[each.name]) for each in fields(experiment.config)}
+    return {name: pair for name, pair in found.items() if _is_plain(pair[1])}
 
 
-def is_required(field: Field[Any]) -> bool:
+def is_required(declared: Field[Any]) -> bool:
     """Whether a setting has no default."""
-    return field.default is MISSING and field.default_factory is MISSING
+    return declared.default is MISSING and declared.default_factory is MISSING
 
 
 def file_settings(experiment: Experiment, path: Path) -> dict[str, Any]:
@@ -52,15 +66,14 @@ def file_settings(experiment: Experiment, path: Path) -> dict[str, Any]:
 
 
 def make_config(experiment: Experiment, given: dict[str, Any]) -> Any:
-    """The experiment's config from the defaults and what is given (plain values or words)."""
+    """The experiment's config with its defaults, changed by plain values or text."""
     settings = settings_of(experiment)
-    values = {**default_settings(experiment.name), **given}
-    for name, (field, _) in settings.items():
-        if is_required(field) and name not in values:
+    for name, (declared, _) in settings.items():
+        if is_required(declared) and name not in given:
             option = f"--{name.replace('_', '-')}"
-            about = field.metadata["about"]
+            about = declared.metadata["about"]
             raise SerdError(f"{option} must be given for {experiment.name}: {about}")
-    typed = {name: _typed(name, value, settings[name][1]) for name, value in values.items()}
+    typed = {name: _typed(name, value, settings[name][1]) for name, value in given.items()}
     return experiment.config(**typed)
 
 

@@ -8,7 +8,9 @@ OUTPUT/settings.yaml   the settings, from which all of it can be made again
 from collections.abc import Sequence
 from pathlib import Path
 
-from experiments.running.repetitions import Row, write_table
+import pandas as pd
+
+from experiments.running.tables import read_table, write_table
 from experiments.study.figures.catalogue import FIGURES, StudyFigure, figure_of
 from experiments.study.figures.context import FigureContext, context_of
 from experiments.study.products import OnWork, make_products
@@ -16,7 +18,6 @@ from experiments.study.recordings.bag_sets import check_bags
 from experiments.study.settings import StudySettings
 from experiments.study.stages import stages_of
 from experiments.study.tables.catalogue import all_tables
-from experiments.study.tables.kept_tables import read_table
 from experiments.study.tables.results import Results
 from report.style import png_bytes, svg_bytes
 from serd_core.errors import SerdError
@@ -31,7 +32,7 @@ KEPT = Path(__file__).parents[1] / "results" / "hallway"
 
 def run_study(
     settings: StudySettings, output: Path, execution: Execution, on_work: OnWork
-) -> dict[str, list[Row]]:
+) -> dict[str, pd.DataFrame]:
     """Run every stage, then write all tables and figures; returns the tables by name."""
     work = output / "work"
     check_bags(settings)
@@ -62,7 +63,7 @@ def redraw(names: Sequence[str], source: Path, output: Path) -> list[Path]:
 
 def draw_figure(figure: StudyFigure, source: Path, output: Path, context: FigureContext) -> Path:
     """Draw the rows of a table as PNG and SVG; the PNG file."""
-    drawn = figure.draw(read_table(source, figure.stem), context)
+    drawn = figure.draw(read_table(source / f"{figure.stem}.csv"), context)
     png = output / f"{figure.stem}.png"
     atomic_write_bytes(png, png_bytes(drawn))
     atomic_write_bytes(png.with_suffix(".svg"), svg_bytes(drawn))

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
+from experiments.running.statistics import StatisticsSettings
 from serd_app.learning.settings import RecipeSettings
 from storage.files import read_text
 from storage.yaml_config import StrictModel, yaml_model
@@ -61,13 +62,6 @@ class ArrivalSettings(StrictModel):
 
     episodes: int = Field(ge=1)
     sampled: int = Field(ge=1)
-
-
-class StatisticsSettings(StrictModel):
-    """bootstrap: resamples; coverage: of confidence intervals."""
-
-    bootstrap: int = Field(ge=10)
-    coverage: float = Field(gt=0, lt=1)
 
 
 class StudySettings(StrictModel):

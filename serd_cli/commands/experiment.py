@@ -7,14 +7,20 @@ from dataclasses import Field
 from pathlib import Path
 from typing import Annotated, Any
 
+import pandas as pd
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from experiments.catalogue import EXPERIMENTS, Experiment
+from experiments.catalogue import EXPERIMENTS
 from experiments.running.provenance import recorded
-from experiments.running.repetitions import Row
-from experiments.running.settings import file_settings, is_required, make_config, settings_of
+from experiments.running.settings import (
+    Experiment,
+    file_settings,
+    is_required,
+    make_config,
+    settings_of,
+)
 from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.output_place import require_folder
 from serd_cli.progress import WorkProgress
@@ -30,7 +36,7 @@ _OWN = {
     "config": Annotated[Path | None, typer.Option(help="YAML file of settings")],
 }
 
-#: Below this, four digits behind the point would say little or nothing.
+#: Numbers below this are written with an exponent: four decimals would lose their digits.
 SMALL = 1e-3
 
 
@@ -63,8 +69,8 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         require_folder(output)
         remark_other_code(output)
         with recorded(output, words, made):
-            rows = _run(experiment, made, output, execution)
-        _show(experiment, rows)
+            table = _run(experiment, made, output, execution)
+        _show(experiment, table)
         print(f"results: {output.resolve()}")
 
     own_defaults: dict[str, Any] = {
@@ -109,7 +115,7 @@ def _words(
     return shlex.join([*words, "--output", str(output)])
 
 
-def _run(experiment: Experiment, config: Any, output: Path, execution: Execution) -> list[Row]:
+def _run(experiment: Experiment, config: Any, output: Path, execution: Execution) -> pd.DataFrame:
     """Run with a progress bar."""
     bar = WorkProgress(
         TextColumn(experiment.name),
@@ -127,17 +133,15 @@ def _run(experiment: Experiment, config: Any, output: Path, execution: Execution
         )
 
 
-def _show(experiment: Experiment, rows: list[Row]) -> None:
-    table = Table(title=experiment.shows, title_justify="left")
-    for column in rows[0]:
-        table.add_column(column)
-    for row in rows:
-        table.add_row(*(_text(value) for value in row.values()))
+def _show(experiment: Experiment, rows: pd.DataFrame) -> None:
+    table = Table(*rows.columns, title=experiment.shows, title_justify="left")
+    for row in rows.itertuples(index=False):
+        table.add_row(*map(_text, row))
     console.print(table)
 
 
 def _text(value: Any) -> str:
-    if value is None:
+    if pd.isna(value):
         return ""
     if not isinstance(value, float):
         return str(value)

@@ -4,16 +4,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
+import pandas as pd
 import typer
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from experiments.running.provenance import recorded
-from experiments.running.repetitions import Row
+from experiments.running.tables import plain_rows
 from experiments.study.figures.catalogue import FIGURES
 from experiments.study.run import KEPT, SETTINGS_YAML, redraw, run_study
 from experiments.study.settings import StudySettings, study_settings
-from experiments.study.tables.headline import headline
+from experiments.study.tables.catalogue import headline
 from serd_cli.errors import UsageError
 from serd_cli.execution_options import Address, Backend, Jobs
 from serd_cli.json_output import print_json
@@ -80,13 +81,13 @@ def hallway(
     with recorded(folder, _words(folder, quick=quick, config=config, bags=bags or ()), settings):
         tables = _run(settings, folder, execution)
     if as_json:
-        print_json(tables)
+        print_json({name: plain_rows(table) for name, table in tables.items()})
         return
     console.print(_table(headline(tables), settings.learning.sizes[-1]))
     print(f"results: {folder.resolve()}")
 
 
-def _run(settings: StudySettings, folder: Path, execution: Execution) -> dict[str, list[Row]]:
+def _run(settings: StudySettings, folder: Path, execution: Execution) -> dict[str, pd.DataFrame]:
     bar = WorkProgress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -121,13 +122,13 @@ def _redraw(names: list[str], folder: Path) -> list[Path]:
     return redraw(names, source, folder)
 
 
-def _table(rows: list[Row], size: int) -> Table:
+def _table(rows: pd.DataFrame, size: int) -> Table:
     table = Table(title=f"Learned from {size} demonstrations", title_justify="left")
-    for column in rows[0]:
+    for column in rows:
         justify: Literal["left", "right"] = "left" if column == "method" else "right"
         table.add_column(column.replace("_", " "), justify=justify, overflow="fold")
-    for row in rows:
-        table.add_row(*map(_text, row.values()))
+    for row in rows.itertuples(index=False):
+        table.add_row(*map(_text, row))
     return table
 
 

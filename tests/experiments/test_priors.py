@@ -8,12 +8,13 @@ from experiments.priors import (
     optimal_distributions,
     prior_surfaces,
 )
+from experiments.running.tables import plain_rows
 from serd_core.errors import SerdError
 
 
 @pytest.fixture(scope="module")
 def optima():
-    rows = optimal_distributions(PriorsConfig(n_angles=720))
+    rows = plain_rows(optimal_distributions(PriorsConfig(n_angles=720)))
     return {name: [row for row in rows if row["prior"] == name] for name in PRIORS}
 
 

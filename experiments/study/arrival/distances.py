@@ -18,9 +18,8 @@ from functools import partial
 
 import numpy as np
 
-from experiments.running.repetitions import Row
-from experiments.study.settings import StatisticsSettings
-from experiments.study.tables.paired_statistics import bootstrap
+from experiments.running.statistics import StatisticsSettings, bootstrap
+from experiments.running.tables import Row
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.bands import ROUNDING
 

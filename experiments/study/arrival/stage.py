@@ -9,15 +9,15 @@ the world answered in the measured drives is kept beside them, for `hindsight`.
 import json
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from experiments.running.repetitions import Row
+from experiments.running.tables import Row
 from experiments.study.fits.fitting import load_fits
 from experiments.study.products import Task
 from experiments.study.recordings.demonstrations import n_repetitions
@@ -141,10 +141,10 @@ def sampled_cdf(
     return _cdf_of_periods(arrived, periods, n_sampled)
 
 
-def measured_cdf(rows: Sequence[Row], period_s: float, periods: int) -> FloatArray:
+def measured_cdf(rows: pd.DataFrame, period_s: float, periods: int) -> FloatArray:
     """(periods + 1,) share of measured episodes that have arrived by each period."""
-    arrived = [math.ceil(row["time_s"] / period_s - 1e-9) for row in rows if row["arrived"]]
-    return _cdf_of_periods(np.array(arrived, dtype=np.int64), periods, len(rows))
+    arrived = np.ceil(rows.loc[rows["arrived"], "time_s"] / period_s - 1e-9)
+    return _cdf_of_periods(arrived.to_numpy(np.int64), periods, len(rows))
 
 
 def _cdf_of_periods(arrived: IntArray, periods: int, n_all: int) -> FloatArray:

@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.running.repetitions import Row
 from experiments.study.figures.context import FigureContext
-from experiments.study.figures.looks import METHOD_LOOKS
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.tables.results import Results
 from report import style
+from report.learners import STYLES
 from report.style import new_figure
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.bands import clopper_pearson, sampling_band
@@ -21,10 +21,10 @@ _MARKS = 36
 _FROM_S, _TICKS_S = 35.0, (40, 50, 60, 80, 100, 150, 200, 300, 420)
 
 
-def rows(results: Results) -> list[Row]:
+def rows(results: Results) -> pd.DataFrame:
     """Both CDFs by whole periods, with pointwise bands, and that of sampled trajectories."""
     coverage = results.settings.statistics.coverage
-    table: list[Row] = []
+    curves = []
     for method in results.methods(PEOPLE):
         tables = results.arrival_tables(PEOPLE, method)
         n_episodes = tables.n_episodes * len(tables.measured)
@@ -35,6 +35,8 @@ def rows(results: Results) -> list[Row]:
         around = sampling_band(predicted, n_episodes, coverage)
         exact = clopper_pearson(np.round(measured * n_episodes), n_episodes, coverage)
         columns = {
+            "method": method,
+            "n_episodes": n_episodes,
             "time_s": tables.period_s * np.arange(len(predicted)),
             "predicted": predicted,
             "predicted_lower": around[0],
@@ -44,51 +46,45 @@ def rows(results: Results) -> list[Row]:
             "measured_lower": exact[0],
             "measured_upper": exact[1],
         }
-        table += [
-            {"method": method, "n_episodes": n_episodes}
-            | {name: float(values[period]) for name, values in columns.items()}
-            for period in range(len(predicted))
-        ]
-    return table
+        curves.append(pd.DataFrame(columns))
+    return pd.concat(curves)
 
 
-def draw(table: list[Row], context: FigureContext) -> Figure:
+def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
     """All measured curves, then one panel per method."""
     del context
-    methods = list(dict.fromkeys(str(row["method"]) for row in table))
+    curves = dict(iter(table.groupby("method", sort=False)))
     with style.report_style():
         figure = new_figure(12.0, 6.4)
-        panels = figure.subplots(2, (len(methods) + 2) // 2, sharey=True).ravel()
-        for method in methods:
-            curve = _columns(table, method)
-            look = METHOD_LOOKS[method]
+        panels = figure.subplots(2, (len(curves) + 2) // 2, sharey=True).ravel()
+        for method, curve in curves.items():
             panels[0].step(
                 curve["time_s"],
                 curve["measured"],
                 where="post",
-                color=look.colour,
-                linestyle=look.line,
+                color=STYLES[method].colour,
+                linestyle=STYLES[method].line,
                 label=method,
             )
         panels[0].set_title("measured, all methods", loc="left")
-        for axes, method in zip(panels[1:], methods, strict=False):
-            _compare(axes, _columns(table, method))
+        for axes, (method, curve) in zip(panels[1:], curves.items(), strict=False):
+            _compare(axes, curve)
             axes.set_title(method, loc="left")
-        for axes in panels[: len(methods) + 1]:
+        for axes in panels[: len(curves) + 1]:
             axes.set_xscale("log")
-            axes.set_xlim(_FROM_S, float(table[-1]["time_s"]))
+            axes.set_xlim(_FROM_S, table["time_s"].max())
             axes.set_xticks(_TICKS_S, [str(tick) for tick in _TICKS_S])
             axes.set_xticks([], minor=True)
             axes.tick_params(labelbottom=True)
             axes.set_ylim(0, 1.03)
             axes.grid()
             axes.set_xlabel("time since the start in s")
-        _legends(panels, len(methods))
+        _legends(panels, len(curves))
         figure.supylabel("probability of having arrived", fontsize=9)
     return figure
 
 
-def _compare(axes: Axes, curve: dict[str, np.ndarray]) -> None:
+def _compare(axes: Axes, curve: pd.DataFrame) -> None:
     for kind, colour, line in (
         ("predicted", style.PREDICTED_COLOUR, "--"),
         ("measured", style.MEASURED_COLOUR, "-"),
@@ -106,10 +102,10 @@ def _compare(axes: Axes, curve: dict[str, np.ndarray]) -> None:
         axes.step(
             curve["time_s"], curve[kind], where="post", color=colour, linestyle=line, label=kind
         )
-    shown = _spread(curve["time_s"])
+    shown = curve.iloc[_spread(curve["time_s"].to_numpy())]
     axes.plot(
-        curve["time_s"][shown],
-        curve["sampled"][shown],
+        shown["time_s"],
+        shown["sampled"],
         "o",
         markerfacecolor="none",
         markeredgecolor=style.INK,
@@ -120,15 +116,9 @@ def _compare(axes: Axes, curve: dict[str, np.ndarray]) -> None:
 
 
 def _spread(times_s: FloatArray) -> IntArray:
-    """Indices of times that lie evenly on the axis, as far as there are any."""
+    """Indices of times that lie evenly on the axis, as far as possible."""
     wanted_s = np.geomspace(_FROM_S, times_s[-1], _MARKS)
     return np.unique(np.searchsorted(times_s, wanted_s - 1e-9).clip(max=len(times_s) - 1))
-
-
-def _columns(table: list[Row], method: str) -> dict[str, np.ndarray]:
-    chosen = [row for row in table if row["method"] == method]
-    names = [name for name in chosen[0] if name != "method"]
-    return {name: np.array([float(row[name]) for row in chosen]) for name in names}
 
 
 def _legends(panels: Sequence[Axes], n_methods: int) -> None:

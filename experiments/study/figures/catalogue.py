@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from types import ModuleType
 
+import pandas as pd
 from matplotlib.figure import Figure
 
-from experiments.running.repetitions import Row
 from experiments.study.figures import (
     arrival,
     beliefs,
@@ -29,8 +29,8 @@ class StudyFigure:
 
     name: str
     shows: str
-    rows: Callable[[Results], list[Row]]
-    draw: Callable[[list[Row], FigureContext], Figure]
+    rows: Callable[[Results], pd.DataFrame]
+    draw: Callable[[pd.DataFrame, FigureContext], Figure]
 
     @property
     def stem(self) -> str:

@@ -4,11 +4,11 @@ Two examples of each method: repetition 0, and of the others the one with the mo
 """
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from experiments.running.repetitions import Row
 from experiments.study.figures.context import FigureContext
 from experiments.study.recordings.demonstrations import n_repetitions
 from experiments.study.recordings.experts import PEOPLE
@@ -21,35 +21,33 @@ from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.trap_states import trap_states
 
 
-def rows(results: Results) -> list[Row]:
+def rows(results: Results) -> pd.DataFrame:
     """Action and trap of every state for every method and repetition."""
     grid = results.problem.grid
-    table: list[Row] = []
+    tables = []
     for method in results.methods(PEOPLE):
         for repetition in range(n_repetitions(results.settings, PEOPLE)):
             greedy = np.array(results.model(PEOPLE, repetition, method)["greedy"])
             trapped = trap_states(grid.neighbours, greedy, results.problem.goal_states)
-            table += [
-                {
-                    "method": method,
-                    "repetition": repetition,
-                    "state": state,
-                    "action": int(greedy[state]),
-                    "trapped": bool(trapped[state]),
-                }
-                for state in range(grid.n_states)
-            ]
-    return table
+            columns = {
+                "method": method,
+                "repetition": repetition,
+                "state": np.arange(grid.n_states),
+                "action": greedy,
+                "trapped": trapped,
+            }
+            tables.append(pd.DataFrame(columns))
+    return pd.concat(tables)
 
 
-def draw(table: list[Row], context: FigureContext) -> Figure:
+def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
     """Upper row: repetition 0; lower row: of the others the one with the most traps.
 
-    Shades tell in how many of all repetitions a state is a trap.
+    Shades are the share of repetitions in which a state is a trap.
     """
     grid = context.problem.grid
-    methods = list(dict.fromkeys(str(row["method"]) for row in table))
-    found = {method: _policies(table, method, grid.n_states) for method in methods}
+    methods = list(table["method"].unique())
+    found = {method: _policies(table[table["method"] == method]) for method in methods}
     with style.report_style():
         figure, axes = map_figure(context.layout, 2 * len(methods), height_in=9.4, width_in=13.5)
         for place, panel in enumerate(axes):
@@ -76,10 +74,7 @@ def _panel(axes: Axes, context: FigureContext, greedy: IntArray, trapped: BoolAr
     outline_cells(axes, grid, np.flatnonzero(trapped).tolist(), style.RED, "trap")
 
 
-def _policies(table: list[Row], method: str, n_states: int) -> tuple[IntArray, BoolArray]:
-    """(R, S) actions and traps."""
-    chosen = [row for row in table if row["method"] == method]
-    shape = (-1, n_states)
-    greedy = np.array([int(row["action"]) for row in chosen], dtype=np.int64).reshape(shape)
-    trapped = np.array([str(row["trapped"]) == "True" for row in chosen]).reshape(shape)
-    return greedy, trapped
+def _policies(table: pd.DataFrame) -> tuple[IntArray, BoolArray]:
+    """(R, S) actions and traps of one method."""
+    wide = table.pivot(index="repetition", columns="state")
+    return wide["action"].to_numpy(), wide["trapped"].to_numpy()

@@ -1,12 +1,12 @@
 """Fig. 5.8: lambda of the divergence prior against the number of demonstrations."""
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from experiments.running.repetitions import Row
-from experiments.running.summary import quantile
+from experiments.running.tables import quantile
 from experiments.study.figures.context import FigureContext
 from experiments.study.tables.results import Results
 from report import style
@@ -21,32 +21,23 @@ PANELS = {
 }
 
 
-def rows(results: Results) -> list[Row]:
+def rows(results: Results) -> pd.DataFrame:
     """Medians over repetitions for every size and lambda: one may rule out an action altogether."""
-    keys = sorted({(row["size"], row["prior_weight"]) for row in results.candidates})
-    table: list[Row] = []
-    for size, weight in keys:
-        chosen = [
-            row
-            for row in results.candidates
-            if (row["size"], row["prior_weight"]) == (size, weight)
-        ]
-        medians = {name: quantile([row[name] for row in chosen], 0.5) for name in PANELS}
-        table.append({"size": size, "prior_weight": weight, "n": len(chosen)} | medians)
-    return table
+    groups = results.candidates.groupby(["size", "prior_weight"])
+    medians = groups[list(PANELS)].agg(lambda values: quantile(values, 0.5))
+    medians.insert(0, "n", groups.size())
+    return medians.reset_index()
 
 
-def draw(table: list[Row], context: FigureContext) -> Figure:
+def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
     """Four heat maps with their numbers; the best lambda of each size is framed."""
     del context
-    sizes = sorted({int(row["size"]) for row in table})
-    weights = sorted({float(row["prior_weight"]) for row in table})
     with style.report_style():
         figure = new_figure(11.0, 6.6)
         for axes, (name, title) in zip(figure.subplots(2, 2).ravel(), PANELS.items(), strict=True):
-            lookup = {(float(r["prior_weight"]), int(r["size"])): float(r[name]) for r in table}
-            values = np.array([[lookup[weight, size] for size in sizes] for weight in weights])
-            _panel(figure, axes, values, higher_is_better=name != "dynamics_divergence")
+            values = table.pivot(index="prior_weight", columns="size", values=name)
+            sizes, weights = values.columns, values.index
+            _panel(figure, axes, values.to_numpy(), higher_is_better=name != "dynamics_divergence")
             axes.set_title(title, loc="left")
             axes.set_xticks(range(len(sizes)), [str(size) for size in sizes])
             axes.set_yticks(range(len(weights)), [f"{weight:g}" for weight in weights])

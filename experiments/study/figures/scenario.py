@@ -1,29 +1,36 @@
 """Fig. 5.6: the scenario with its people, the shortest way, and the way experts typically take."""
 
+from itertools import combinations
+
 import numpy as np
+import pandas as pd
+import scipy.sparse
+import scipy.sparse.csgraph
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.running.repetitions import Row
+from experiments.running.tables import Row
 from experiments.study.figures.context import FigureContext
-from experiments.study.figures.shortest_way import shortest_way
 from experiments.study.recordings.demonstrations import load_sets
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.tables.results import Results
 from report import style
 from report.figures.map_axes import draw_areas, map_figure
-from serd_core.arrays import FloatArray
+from serd_core.arrays import BoolArray, FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
+from sim.scenario.polygon import contains
+from sim.scenario.scenario import Scenario
 from sim.world.world import HallwayWorld
 
 SHORTEST, TYPICAL, PERSON = "shortest way", "typical way", "person"
 _ORANGE = "#e07b00"
 _ARROW_S = 0.6
+_STEP_M = 0.05
 
 
-def rows(results: Results) -> list[Row]:
+def rows(results: Results) -> pd.DataFrame:
     """Corners of both ways in order; people with their velocities at the start of episode 0."""
     grid = results.problem.grid
     training = load_sets(results.folder / "demonstrations", PEOPLE, 0).training
@@ -43,7 +50,7 @@ def rows(results: Results) -> list[Row]:
         zip(seen.people_position_m, seen.people_velocity_mps, strict=True)
     ):
         table.append(_row(PERSON, number, *place, *velocity))
-    return table
+    return pd.DataFrame(table)
 
 
 def typical_way(grid: Grid, decisions: Decisions) -> FloatArray:
@@ -62,7 +69,7 @@ def typical_way(grid: Grid, decisions: Decisions) -> FloatArray:
     return np.asarray(grid.centers_m[np.concatenate([tracks[episode], last])])
 
 
-def draw(table: list[Row], context: FigureContext) -> Figure:
+def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
     """The map with areas, people and both ways."""
     with style.report_style():
         figure, (axes,) = map_figure(context.layout, height_in=7.6, width_in=6.6)
@@ -127,6 +134,47 @@ def _row(
     }
 
 
-def _points(table: list[Row], kind: str) -> FloatArray:
-    names = ("x_m", "y_m", "vx_mps", "vy_mps")
-    return np.array([[float(row[name]) for name in names] for row in table if row["kind"] == kind])
+def _points(table: pd.DataFrame, kind: str) -> FloatArray:
+    columns = ["x_m", "y_m", "vx_mps", "vy_mps"]
+    return np.asarray(table.loc[table["kind"] == kind, columns])
+
+
+def shortest_way(
+    scenario: Scenario, start_m: FloatArray, goal_m: FloatArray, clearance_m: float
+) -> FloatArray:
+    """(n, 2) corners of the shortest way that keeps a clearance from the outer corners."""
+    outline = np.array(scenario.walkable_area_m, dtype=np.float64)
+    points = np.array([start_m, goal_m, *_inner_corners(scenario, outline, clearance_m)])
+    length = np.zeros((len(points), len(points)))
+    for first, second in combinations(range(len(points)), 2):
+        if _is_clear(scenario, points[first], points[second]):
+            length[first, second] = np.linalg.norm(points[first] - points[second])
+    graph = scipy.sparse.csr_array(length)
+    _, before = scipy.sparse.csgraph.dijkstra(
+        graph, directed=False, indices=0, return_predecessors=True
+    )
+    way, place = [1], 1
+    while place != 0 and before[place] >= 0:
+        place = int(before[place])
+        way.append(place)
+    return points[way[::-1]]
+
+
+def _inner_corners(scenario: Scenario, outline: FloatArray, clearance_m: float) -> list[FloatArray]:
+    """Places diagonally off every corner that are on the floor."""
+    offsets = clearance_m * np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
+    places = (outline[:, None, :] + offsets[None, :, :]).reshape(-1, 2)
+    return list(places[_walkable(scenario, places)])
+
+
+def _is_clear(scenario: Scenario, first: FloatArray, second: FloatArray) -> bool:
+    count = max(2, int(np.linalg.norm(second - first) / _STEP_M))
+    between = first + np.linspace(0.0, 1.0, count)[:, None] * (second - first)
+    return bool(_walkable(scenario, between).all())
+
+
+def _walkable(scenario: Scenario, points: FloatArray) -> BoolArray:
+    inside = contains(scenario.walkable_area_m, points)
+    for obstacle in scenario.wall_polygons_m[1:]:
+        inside = inside & ~contains(obstacle, points)
+    return inside

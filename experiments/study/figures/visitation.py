@@ -1,10 +1,10 @@
 """Fig. 5.7: where the demonstrations of repetition 0 went, set by set."""
 
 import numpy as np
+import pandas as pd
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from experiments.running.repetitions import Row
 from experiments.study.figures.context import FigureContext
 from experiments.study.fits.fitting import trials
 from experiments.study.recordings.demonstrations import load_sets
@@ -17,7 +17,7 @@ from serd_core.demonstrations.decisions import state_counts
 SETS = ("training", "validation", "test", "transfer")
 
 
-def rows(results: Results) -> list[Row]:
+def rows(results: Results) -> pd.DataFrame:
     """Decisions per state of each set; the largest size is split."""
     problem, settings = results.problem, results.settings
     sets = load_sets(results.folder / "demonstrations", PEOPLE, 0)
@@ -25,35 +25,30 @@ def rows(results: Results) -> list[Row]:
     sizes = settings.learning.sizes
     *_, last = trials(settings, problem, sets, sizes, no_matter, 0)
     chosen = (last.training, last.validation, sets.test, sets.transfer)
-    table: list[Row] = []
+    tables = []
     for name, decisions in zip(SETS, chosen, strict=True):
         counts = state_counts(decisions, problem.grid.n_states)
-        for state in np.flatnonzero(counts):
-            x_m, y_m = problem.grid.centers_m[state]
-            table.append(
-                {
-                    "set": name,
-                    "episodes": len(decisions.episodes),
-                    "state": int(state),
-                    "x_m": float(x_m),
-                    "y_m": float(y_m),
-                    "decisions": int(counts[state]),
-                }
-            )
-    return table
+        state = np.flatnonzero(counts)
+        columns = {
+            "set": name,
+            "episodes": len(decisions.episodes),
+            "state": state,
+            "x_m": problem.grid.centers_m[state, 0],
+            "y_m": problem.grid.centers_m[state, 1],
+            "decisions": counts[state].astype(np.int64),
+        }
+        tables.append(pd.DataFrame(columns))
+    return pd.concat(tables)
 
 
-def draw(table: list[Row], context: FigureContext) -> Figure:
+def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
     """Four maps; shades are decisions per episode, so that sets of any size compare."""
     grid = context.problem.grid
     shares, episodes = {}, {}
-    for name in SETS:
-        values = np.zeros(grid.n_states)
-        for row in table:
-            if row["set"] == name:
-                values[int(row["state"])] = int(row["decisions"])
-                episodes[name] = int(row["episodes"])
-        shares[name] = values / episodes[name]
+    for name, chosen in table.groupby("set", sort=False):
+        shares[name] = np.zeros(grid.n_states)
+        shares[name][chosen["state"]] = chosen["decisions"] / chosen["episodes"]
+        episodes[name] = chosen["episodes"].iloc[0]
     norm = Normalize(0, max(float(np.quantile(each, 0.995)) for each in shares.values()))
     with style.report_style():
         figure, axes = map_figure(context.layout, len(SETS), height_in=5.4, width_in=12.5)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.running.repetitions import Row
+from experiments.running.tables import Row
 from experiments.study.fits.learned import Learned, learned_from_fit
 from experiments.study.fits.methods import ASSUMPTIONS, METHODS, Trial
 from experiments.study.products import Task

@@ -12,8 +12,7 @@ from experiments.study.products import Task
 from experiments.study.recordings.bag_sets import sets_from_bags
 from experiments.study.recordings.demonstration_sets import ROLES, DemonstrationSets
 from experiments.study.recordings.drives import drive_episodes
-from experiments.study.recordings.experts import PEOPLE
-from experiments.study.recordings.planned_experts import planned_policy
+from experiments.study.recordings.experts import PEOPLE, planned_policy
 from experiments.study.recordings.reference import reference_dynamics
 from experiments.study.recordings.seeds import world_seed
 from experiments.study.settings import StudySettings

@@ -7,10 +7,11 @@ No learner sees these recordings; who knows the world plans with what is estimat
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from experiments.study.products import Task
 from experiments.study.recordings.drives import drive_episodes
 from experiments.study.recordings.experts import PEOPLE
-from experiments.study.recordings.exploring_driver import ExploringDriver
 from experiments.study.recordings.seeds import Purpose, world_seed
 from experiments.study.recordings.together import together
 from experiments.study.settings import StudySettings
@@ -19,16 +20,48 @@ from serd_app.demonstrations.decision_table import load_decisions, save_decision
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.grid.grid import Action, Grid
 from serd_core.grid.navigation import NavigationProblem
 from sim.drivers.catalogue import Driver, make_driver
 from sim.scenario.scenario import Scenario
+from sim.world.observation import Observation
+from sim.world.seeds import POLICY, episode_rng
 
 _CHUNK = 10
+_CHANGES_MIND, _WAITS = 0.35, 0.1
 _PURPOSES = {
     "experts": Purpose.REFERENCE_EXPERTS,
     "against_flow": Purpose.REFERENCE_AGAINST_FLOW,
     "exploring": Purpose.REFERENCE_EXPLORING,
 }
+
+
+class ExploringDriver:
+    """Seeded; draws a new direction now and then, and always one that no wall blocks."""
+
+    def __init__(self, grid: Grid, seed: int) -> None:
+        self._grid, self._seed = grid, seed
+        self.begin(0)
+
+    @property
+    def name(self) -> str:
+        """Name for tables."""
+        return "exploring"
+
+    def begin(self, episode: int) -> None:
+        """Start the random numbers of this episode."""
+        self._rng = episode_rng(self._seed, episode, POLICY)
+        self._action = Action.WAIT
+
+    def decide(self, observation: Observation) -> Action:
+        """The direction it has, or a new one."""
+        state = self._grid.state_at(observation.x_m, observation.y_m)
+        neighbours = self._grid.neighbours[state]
+        if self._rng.random() < _CHANGES_MIND or neighbours[self._action] == state:
+            waits = self._rng.random() < _WAITS
+            free = np.flatnonzero(neighbours != state)
+            self._action = Action.WAIT if waits else Action(int(self._rng.choice(free)))
+        return self._action
 
 
 def reference_tasks(settings: StudySettings, folder: Path) -> tuple[Task, ...]:

@@ -1,23 +1,33 @@
-"""Tables of numbers that are no figure: all measures, paired tests, beliefs, traps; arrivals'."""
+"""All tables of the study that are not of a figure, and its main numbers."""
+
+from collections.abc import Iterator, Mapping
 
 import numpy as np
+import pandas as pd
 
-from experiments.running.repetitions import Row
-from experiments.study.arrival.hindsight import hindsight_table
+from experiments.running.statistics import mean_interval, paired_family
+from experiments.running.tables import Row, quantile
 from experiments.study.fits.methods import BASELINE, OURS
-from experiments.study.recordings.experts import EXPERTS, PEOPLE
+from experiments.study.recordings.demonstration_sets import ROLES
+from experiments.study.recordings.demonstrations import load_sets, n_repetitions
+from experiments.study.recordings.experts import BELIEFS, EXPERTS, PEOPLE
+from experiments.study.recordings.reference import reference_decisions
 from experiments.study.tables.arrival import arrival_distances, arrival_scores
-from experiments.study.tables.paired_statistics import mean_interval, paired_family
-from experiments.study.tables.recordings import demonstrations_table, reference_table
+from experiments.study.tables.hindsight import hindsight_table
 from experiments.study.tables.results import Results
 from experiments.study.world import TRAIN_AREA
+from serd_core.arrays import IntArray
 from serd_core.arrival.trap_states import trap_states
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.grid.grid import Outcome
+from serd_core.grid.navigation import NavigationProblem
 from sim.scenario.grid import start_states_of
 
 MEASURES = ("test_log_likelihood", "transfer_log_likelihood", "dynamics_divergence")
 
 
-def all_tables(results: Results) -> dict[str, list[Row]]:
+def all_tables(results: Results) -> dict[str, pd.DataFrame]:
     """Every table by the name of its file."""
     return {
         "measures": results.measures,
@@ -33,75 +43,73 @@ def all_tables(results: Results) -> dict[str, list[Row]]:
     }
 
 
-def values_of(results: Results, expert: str, method: str, size: int, measure: str) -> list[float]:
-    """One measure of each repetition, in their order."""
-    rows = [
-        row
-        for row in results.measures
-        if (row["expert"], row["method"], row["size"]) == (expert, method, size)
-    ]
-    return [row[measure] for row in sorted(rows, key=lambda row: int(row["repetition"]))]
+def headline(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Medians at the largest number of demonstrations, and arrivals, of every method.
+
+    test, transfer: log-likelihood per decision; KLD: of the dynamics from the reference; arrived,
+    predicted: measured and predicted share; mean_s, predicted_s: mean times, cut off at the limit.
+    """
+    learned, arrivals = tables["measures"], tables["arrival_distances"]
+    learned = learned[learned["expert"] == PEOPLE]
+    learned = learned[learned["size"] == learned["size"].max()]
+    medians = learned.groupby("method")[list(MEASURES)].agg(lambda values: quantile(values, 0.5))
+    columns = dict(zip(MEASURES, ("test", "transfer", "KLD"), strict=True)) | {
+        "measured_arrival": "arrived",
+        "predicted_arrival": "predicted",
+        "measured_mean_s": "mean_s",
+        "predicted_mean_s": "predicted_s",
+        "ks": "KS",
+    }
+    both = arrivals[arrivals["expert"] == PEOPLE].merge(medians, on="method")
+    return both[["method", *columns]].rename(columns=columns)
 
 
-def paired_tests(results: Results, expert: str, against: str) -> list[Row]:
+def paired_tests(results: Results, expert: str, against: str) -> pd.DataFrame:
     """Mean difference of every other method to one, within repetitions; p-values by Holm.
 
     One family of tests: all other methods at one size, for one measure.
     """
     rng = np.random.default_rng([results.settings.seed, 1])
     table: list[Row] = []
-    for measure in MEASURES:
-        for size in _sizes(results, expert):
-            values = {
-                method: values_of(results, expert, method, size, measure)
-                for method in results.methods(expert)
-            }
-            ours = values.pop(against)
-            place: Row = {"expert": expert, "measure": measure, "size": size, "first": against}
-            family = paired_family(ours, values, results.settings.statistics, rng)
-            table += [place | row for row in family]
-    return table
+    for measure, size, values in _measured(results, expert):
+        place: Row = {"expert": expert, "measure": measure, "size": size, "first": against}
+        family = paired_family(values, against, results.settings.statistics, rng)
+        table += [place | row for row in family]
+    return pd.DataFrame(table)
 
 
-def beliefs(results: Results) -> list[Row]:
-    """Which assumption about the belief pays when: means, and differences to IRL."""
+def beliefs(results: Results) -> pd.DataFrame:
+    """Each assumption about the belief: mean of every measure, and its difference to IRL."""
     rng = np.random.default_rng([results.settings.seed, 2])
-    table: list[Row] = []
-    for expert in EXPERTS:
-        if expert == PEOPLE:
-            continue
-        tests = {
-            (row["measure"], row["size"], row["second"]): row
-            for row in paired_tests(results, expert, BASELINE)
-        }
-        for measure in MEASURES:
-            for size in _sizes(results, expert):
-                for method in results.methods(expert):
-                    values = values_of(results, expert, method, size, measure)
-                    mean = mean_interval(values, results.settings.statistics, rng)
-                    test = tests.get((measure, size, method))
-                    table.append(
-                        {
-                            "expert": expert,
-                            "assumption": method,
-                            "measure": measure,
-                            "size": size,
-                            "n": len(values),
-                            "mean": mean.value,
-                            "lower": mean.lower,
-                            "upper": mean.upper,
-                            # The test is of the baseline minus this one; told the other way round.
-                            "difference": -test["mean_difference"] if test else 0.0,
-                            "difference_lower": -test["upper"] if test else 0.0,
-                            "difference_upper": -test["lower"] if test else 0.0,
-                            "p_holm": test["p_holm"] if test else None,
-                        }
-                    )
-    return table
+    means: list[Row] = []
+    for expert in BELIEFS:
+        for measure, size, values in _measured(results, expert):
+            place: Row = {"expert": expert, "measure": measure, "size": size}
+            for assumption, column in values.items():
+                mean = mean_interval(column, results.settings.statistics, rng)
+                row = {"assumption": assumption, "n": len(column), "mean": mean.value}
+                means.append(place | row | {"lower": mean.lower, "upper": mean.upper})
+    tests = pd.concat([paired_tests(results, expert, BASELINE) for expert in BELIEFS])
+    both = pd.DataFrame(means).merge(
+        tests.rename(columns={"second": "assumption"}),
+        how="left",
+        on=["expert", "measure", "size", "assumption"],
+        suffixes=("", "_of_test"),
+    )
+    is_other = both["assumption"] != BASELINE
+    # The tests are of the baseline minus the assumption.
+    for name, tested in (
+        ("difference", "mean_difference"),
+        ("difference_lower", "upper_of_test"),
+        ("difference_upper", "lower_of_test"),
+    ):
+        both[name] = (-both[tested]).where(is_other, 0.0)
+    place_columns = ["expert", "assumption", "measure", "size", "n", "mean", "lower", "upper"]
+    return both[[*place_columns, "difference", "difference_lower", "difference_upper", "p_holm"]]
 
 
-def traps(results: Results) -> list[Row]:
-    """How many states the greedy policies of each method never leave for the goal.
+def traps(results: Results) -> pd.DataFrame:
+    """Number of trap states of the greedy policies of each method.
 
     start_traps: share of the repetitions in which a start cell of the training task is one.
     """
@@ -132,8 +140,57 @@ def traps(results: Results) -> list[Row]:
                 "start_traps": float(masks[:, starts].any(axis=1).mean()),
             }
         )
+    return pd.DataFrame(table)
+
+
+def reference_table(results: Results) -> pd.DataFrame:
+    """The reference dynamics: probability of every outcome, and the number of decisions."""
+    decisions = reference_decisions(results.folder / "reference")
+    probabilities = estimate_dynamics(results.problem, decisions)
+    table = pd.DataFrame(probabilities, columns=[outcome.name.lower() for outcome in Outcome])
+    table.insert(0, "model", results.problem.model_names)
+    table.insert(1, "decisions", _per_model(results.problem, decisions))
     return table
 
 
-def _sizes(results: Results, expert: str) -> list[int]:
-    return sorted({row["size"] for row in results.measures if row["expert"] == expert})
+def demonstrations_table(results: Results) -> pd.DataFrame:
+    """One row per expert and set, over all repetitions; shares of decisions by outcome model."""
+    period_s = results.scenario.decision_period_s
+    table: list[Row] = []
+    for expert in EXPERTS:
+        every = [
+            load_sets(results.folder / "demonstrations", expert, number)
+            for number in range(n_repetitions(results.settings, expert))
+        ]
+        for role in ROLES:
+            sets = [getattr(each, role) for each in every]
+            n_decisions = sum(len(each) for each in sets)
+            n_episodes = sum(len(each.episodes) for each in sets)
+            counts = np.sum([_per_model(results.problem, each) for each in sets], axis=0)
+            table.append(
+                {
+                    "expert": expert,
+                    "set": role,
+                    "repetitions": len(sets),
+                    "episodes": n_episodes,
+                    "decisions": n_decisions,
+                    "mean_s": period_s * n_decisions / n_episodes,
+                }
+                | dict(zip(results.problem.model_names, counts / n_decisions, strict=True))
+            )
+    return pd.DataFrame(table)
+
+
+def _measured(results: Results, expert: str) -> Iterator[tuple[str, int, pd.DataFrame]]:
+    """Each measure and size with its values: a row per repetition, a column per method."""
+    table = results.measures[results.measures["expert"] == expert]
+    for measure in MEASURES:
+        for size, chosen in table.groupby("size"):
+            values = chosen.pivot(index="repetition", columns="method", values=measure)
+            yield measure, int(size), values[results.methods(expert)]
+
+
+def _per_model(problem: NavigationProblem, decisions: Decisions) -> IntArray:
+    models = problem.outcome_models
+    used = models.model_of[decisions.state, decisions.action]
+    return np.bincount(used, minlength=models.n_models)

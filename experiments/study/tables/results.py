@@ -1,4 +1,4 @@
-"""What the stages left, put together into rows and tables over all repetitions."""
+"""Results of all stages as tables over all repetitions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from experiments.running.repetitions import Row
+from experiments.running.tables import Row
 from experiments.study.arrival.distances import ArrivalTables
 from experiments.study.arrival.stage import (
     load_arrivals,
@@ -44,19 +45,19 @@ class Results:
         return problem_of(self.settings)
 
     @cached_property
-    def measures(self) -> list[Row]:
+    def measures(self) -> pd.DataFrame:
         """Fig. 5.9's rows: expert, repetition, size, method."""
-        return [row for fits in self._fits.values() for row in fits["measures"]]
+        return pd.DataFrame([row for fits in self._fits.values() for row in fits["measures"]])
 
     @cached_property
-    def candidates(self) -> list[Row]:
+    def candidates(self) -> pd.DataFrame:
         """Fig. 5.8's rows: repetition, size, lambda."""
-        return [row for fits in self._fits.values() for row in fits["candidates"]]
+        return pd.DataFrame([row for fits in self._fits.values() for row in fits["candidates"]])
 
     @cached_property
-    def measured(self) -> list[Row]:
+    def measured(self) -> pd.DataFrame:
         """One row per measured episode."""
-        return [row for found in self._arrivals.values() for row in found["measured"]]
+        return pd.DataFrame([row for found in self._arrivals.values() for row in found["measured"]])
 
     def methods(self, expert: str) -> list[str]:
         """Names of what was compared on an expert, in their order."""
@@ -91,12 +92,10 @@ class Results:
     def arrival_tables(self, expert: str, method: str) -> ArrivalTables:
         """Predicted and measured CDFs of each repetition's model."""
         period_s, periods = self.scenario.decision_period_s, n_periods(self.scenario)
-        measured = []
-        for number in range(n_repetitions(self.settings, expert)):
-            rows = [
-                row for row in self._arrivals[expert, number]["measured"] if row["method"] == method
-            ]
-            measured.append(measured_cdf(rows, period_s, periods))
+        rows = self.measured[(self.measured[["expert", "method"]] == [expert, method]).all(axis=1)]
+        measured = [
+            measured_cdf(driven, period_s, periods) for _, driven in rows.groupby("repetition")
+        ]
         return ArrivalTables(
             predicted=np.array([each["cdf"] for each in self.predictions(expert, method)]),
             measured=np.array(measured),

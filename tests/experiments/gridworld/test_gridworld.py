@@ -1,19 +1,20 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from PIL import Image
 
 from experiments.gridworld.experiment import (
     GridworldConfig,
+    all_measures,
     measures,
     one_repetition,
-    run_gridworld,
     scenes,
 )
 from experiments.gridworld.learners import Estimate
 from experiments.gridworld.problem import true_dynamics
-from experiments.running.summary import quartiles, welch_test
+from experiments.running.tables import quartiles, welch_test
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 
@@ -63,22 +64,23 @@ def test_learners_of_the_policy_matching_expert_run_too():
 
 def test_repetitions_are_independent_and_reproducible(tmp_path, rows):
     config = replace(SMALL, n_repetitions=2)
-    table = run_gridworld(config, tmp_path, Execution(n_jobs=1), lambda *_: None)
+    table = all_measures(config, tmp_path, Execution(n_jobs=1), lambda *_: None)
+    table = table.to_dict("records")
     assert table == rows[: len(table)]
     assert table[0]["log_likelihood"] != table[3]["log_likelihood"]
 
 
 def test_quartiles_and_welch_are_those_of_the_textbook(rows):
-    table = quartiles(rows, "log_likelihood", ["size", "learner"])
-    serd = next(row for row in table if row["learner"] == "MDCE SERD")
+    table = quartiles(pd.DataFrame(rows), "log_likelihood", ["size", "learner"])
+    serd = table[table["learner"] == "MDCE SERD"].iloc[0]
     values = [r["log_likelihood"] for r in rows if r["learner"] == "MDCE SERD"]
     assert serd["n"] == 4
     found = serd["lower"], serd["median"], serd["upper"]
     assert found == pytest.approx(tuple(np.quantile(values, [0.25, 0.5, 0.75])))
-    (test,) = welch_test(rows, "log_likelihood", "MDCE SERD", "MDCE IRL")
+    (test,) = welch_test(pd.DataFrame(rows), "log_likelihood", "MDCE SERD", "MDCE IRL")
     assert test["mean_difference"] > 0
     assert 0 <= test["p_value"] <= 1
-    (lonely,) = welch_test(rows[:3], "log_likelihood", "MDCE SERD", "MDCE IRL")
+    (lonely,) = welch_test(pd.DataFrame(rows[:3]), "log_likelihood", "MDCE SERD", "MDCE IRL")
     assert lonely["p_value"] is None
 
 

@@ -8,11 +8,11 @@ from PIL import Image
 from experiments.gridworld.landscape import (
     cell_means,
     generated_landscape,
+    image_brightness,
     landscape_of_image,
     otsu_threshold,
     stretched,
 )
-from experiments.gridworld.landscape_image import image_brightness
 from serd_core.errors import SerdError
 
 AERIAL = Path(__file__).parents[4] / "shared" / "data" / "aerial"

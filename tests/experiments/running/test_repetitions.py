@@ -1,10 +1,9 @@
-import csv
 from functools import partial
 
 import pytest
 
 from experiments.minimum_example import MinimumExampleConfig, fit_sets
-from experiments.running.repetitions import run_repetitions, write_table
+from experiments.running.repetitions import run_repetitions
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 
@@ -52,17 +51,6 @@ def test_what_was_done_before_a_failure_is_kept(tmp_path):
     with pytest.raises(RuntimeError, match="no more"):
         run_repetitions(fails_at_two, 4, tmp_path, "squares", Execution(n_jobs=1), quiet)
     assert len(list(tmp_path.glob("repetition_*.json"))) == 2
-
-
-def test_tables_are_csv_with_the_columns_of_the_first_row(tmp_path):
-    write_table(tmp_path / "table.csv", square(2) + square(3))
-    with (tmp_path / "table.csv").open() as file:
-        assert list(csv.DictReader(file)) == [
-            {"number": "2", "square": "4"},
-            {"number": "3", "square": "9"},
-        ]
-    with pytest.raises(SerdError, match="must not be empty"):
-        write_table(tmp_path / "empty.csv", [])
 
 
 def test_a_folder_with_results_of_other_settings_is_refused(tmp_path):

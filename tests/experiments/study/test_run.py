@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import sim
-from experiments.study.arrival.hindsight import tables_under
+from experiments.running.tables import plain_rows
 from experiments.study.figures.catalogue import FIGURES
 from experiments.study.fits.methods import METHODS
 from experiments.study.recordings.bag_sets import check_bags
@@ -15,7 +15,8 @@ from experiments.study.recordings.experts import EXPERTS, PEOPLE
 from experiments.study.run import redraw, run_study
 from experiments.study.settings import study_settings
 from experiments.study.stages import stages_of
-from experiments.study.tables.headline import headline
+from experiments.study.tables.catalogue import headline
+from experiments.study.tables.hindsight import tables_under
 from experiments.study.tables.results import Results
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
@@ -64,8 +65,8 @@ def test_every_stage_leaves_its_products_from_which_tables_and_figures_are_made(
         "times of arrival",
     ]
     assert not any(stage.missing for stage in stages_of(settings, folder / "work"))
-    assert [row["method"] for row in headline(tables)] == list(METHODS)
-    assert {row["expert"] for row in tables["measures"]} == set(EXPERTS)
+    assert list(headline(tables)["method"]) == list(METHODS)
+    assert set(tables["measures"]["expert"]) == set(EXPERTS)
     assert_every_method_drove_the_same_episodes(tables["measured_episodes"])
     results = Results(settings, folder / "work")
     assert_predictions_differ_by_their_dynamics_alone(results)
@@ -80,7 +81,7 @@ def test_every_stage_leaves_its_products_from_which_tables_and_figures_are_made(
 
 def assert_every_method_drove_the_same_episodes(rows):
     by_method = {}
-    for row in rows:
+    for row in plain_rows(rows):
         if row["expert"] == PEOPLE:
             by_method.setdefault(row["method"], []).append((row["seed"], row["episode"]))
     assert set(by_method) == set(METHODS)
@@ -98,6 +99,7 @@ def assert_predictions_differ_by_their_dynamics_alone(results):
 
 
 def assert_estimates_are_made_of_all_decisions(results, rows):
+    rows = plain_rows(rows)
     for row in rows:
         moves = results.moves(row["expert"], row["method"])
         expected = {
@@ -110,13 +112,10 @@ def assert_estimates_are_made_of_all_decisions(results, rows):
         for name, count in expected.items():
             assert row[name] == (count if row["always_arrived"] else None)
     assert any(row["always_arrived"] for row in rows)
-    periods = sum(row["time_s"] for row in results.measured if is_cloned(row)) / 2.0
+    is_cloned = (results.measured[["expert", "method"]] == [PEOPLE, "cloning"]).all(axis=1)
+    periods = results.measured.loc[is_cloned, "time_s"].sum() / 2.0
     counted = sum(count for *_, count in results.moves(PEOPLE, "cloning"))
     assert 0.8 * periods < counted <= np.ceil(periods) + 2
-
-
-def is_cloned(row):
-    return (row["expert"], row["method"]) == (PEOPLE, "cloning")
 
 
 @pytest.mark.parametrize(

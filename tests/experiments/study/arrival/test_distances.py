@@ -1,4 +1,5 @@
 import numpy as np
+import pandas as pd
 import pytest
 
 from experiments.study.arrival.distances import ArrivalTables, distance_row, ks_p_value
@@ -98,12 +99,7 @@ def test_the_test_accepts_episodes_that_were_drawn_from_the_prediction():
 
 
 def test_measured_times_are_rounded_up_to_whole_periods_and_what_never_arrived_stays_out():
-    rows = [
-        {"arrived": True, "time_s": 2.05},
-        {"arrived": True, "time_s": 4.0},
-        {"arrived": False, "time_s": 10.0},
-        {"arrived": True, "time_s": 9.95},
-    ]
+    rows = pd.DataFrame({"arrived": [True, True, False, True], "time_s": [2.05, 4.0, 10.0, 9.95]})
     np.testing.assert_allclose(measured_cdf(rows, 2.0, 5), [0, 0, 0.5, 0.5, 0.5, 0.75])
 
 

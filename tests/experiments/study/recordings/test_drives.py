@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from experiments.study.figures.scenario import typical_way
-from experiments.study.figures.shortest_way import shortest_way
+from experiments.study.figures.scenario import shortest_way, typical_way
 from experiments.study.recordings.bag_sets import sets_from_bags
-from experiments.study.recordings.exploring_driver import ExploringDriver
+from experiments.study.recordings.reference import ExploringDriver
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action

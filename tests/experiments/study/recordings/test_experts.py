@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from experiments.study.recordings.planned_experts import BELIEFS, planned_policy
+from experiments.study.recordings.experts import BELIEFS, planned_policy
 from serd_core.grid.navigation import ACROSS_FLOW, AGAINST_FLOW, WAITING, WITH_FLOW
 
 TRUTH = np.array(

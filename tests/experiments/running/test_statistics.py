@@ -1,12 +1,16 @@
 import numpy as np
+import pandas as pd
 import pytest
 
-from experiments.study.tables.paired_statistics import (
+from experiments.running.statistics import (
+    StatisticsSettings,
     holm,
     mean_interval,
     paired_family,
     paired_p_value,
 )
+
+SETTINGS = StatisticsSettings(bootstrap=2000, coverage=0.95)
 
 
 def test_holm_multiplies_the_smallest_by_all_the_next_by_one_less():
@@ -29,11 +33,11 @@ def test_equal_values_differ_by_nothing():
     assert paired_p_value([1.0, 2.0], [1.0, 2.0], np.random.default_rng(0)) == 1.0
 
 
-def test_an_interval_holds_the_mean_and_narrows_with_more_repetitions(settings):
+def test_an_interval_holds_the_mean_and_narrows_with_more_repetitions():
     rng = np.random.default_rng(3)
     few, many = rng.normal(size=8), rng.normal(size=200)
-    narrow = mean_interval(many.tolist(), settings.statistics, rng)
-    wide = mean_interval(few.tolist(), settings.statistics, rng)
+    narrow = mean_interval(many.tolist(), SETTINGS, rng)
+    wide = mean_interval(few.tolist(), SETTINGS, rng)
     assert narrow.value == pytest.approx(many.mean())
     assert narrow.lower < narrow.value < narrow.upper
     assert narrow.upper - narrow.lower < wide.upper - wide.lower
@@ -41,10 +45,10 @@ def test_an_interval_holds_the_mean_and_narrows_with_more_repetitions(settings):
     assert narrow.upper - narrow.lower == pytest.approx(2 * 1.96 / np.sqrt(200), rel=0.15)
 
 
-def test_a_family_is_first_minus_each_other_with_holm_over_all(settings):
-    first = [3.0, 4.0, 5.0, 6.0, 7.0]
-    others = {"one less": [2.0, 3.0, 4.0, 5.0, 6.0], "two more": [5.0, 6.0, 7.0, 8.0, 9.0]}
-    rows = paired_family(first, others, settings.statistics, np.random.default_rng(0))
+def test_a_family_is_first_minus_each_other_with_holm_over_all():
+    first = np.arange(3.0, 8.0)
+    values = pd.DataFrame({"one less": first - 1.0, "ours": first, "two more": first + 2.0})
+    rows = paired_family(values, "ours", SETTINGS, np.random.default_rng(0))
     assert [(row["second"], row["mean_difference"]) for row in rows] == [
         ("one less", 1.0),
         ("two more", -2.0),

@@ -1,21 +1,31 @@
 """Statistics over repetitions: bootstrap intervals of means, paired permutation tests, Holm.
 
 Repetitions are recorded independently of each other, so they are what is resampled. Within one,
-all methods see the same demonstrations and worlds, so differences are taken within repetitions.
+all methods learn from the same demonstrations and drive in the same worlds, so differences are
+taken within repetitions.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 import scipy.stats
+from pydantic import Field
 
-from experiments.running.repetitions import Row
-from experiments.study.settings import StatisticsSettings
-from serd_core.arrays import IntArray
+from experiments.running.tables import Row
+from serd_core.arrays import FloatArray, IntArray
+from storage.yaml_config import StrictModel
 
 #: All sign flips up to this many, else as many drawn.
 _FLIPS = 9_999
+
+
+class StatisticsSettings(StrictModel):
+    """bootstrap: resamples; coverage: of confidence intervals."""
+
+    bootstrap: int = Field(ge=10)
+    coverage: float = Field(gt=0, lt=1)
 
 
 @dataclass(frozen=True)
@@ -50,9 +60,9 @@ def bootstrap(
 
 
 def mean_interval(
-    values: Sequence[float], settings: StatisticsSettings, rng: np.random.Generator
+    values: Sequence[float] | FloatArray, settings: StatisticsSettings, rng: np.random.Generator
 ) -> Interval:
-    """Mean over repetitions; where one is infinite so is the mean, and no interval is known."""
+    """Mean over repetitions; an infinite value makes the mean infinite and the interval NaN."""
     numbers = np.asarray(values, dtype=np.float64)
     if not np.isfinite(numbers).all():
         return Interval(float(numbers.mean()), np.nan, np.nan)
@@ -60,7 +70,9 @@ def mean_interval(
 
 
 def paired_p_value(
-    first: Sequence[float], second: Sequence[float], rng: np.random.Generator
+    first: Sequence[float] | FloatArray,
+    second: Sequence[float] | FloatArray,
+    rng: np.random.Generator,
 ) -> float:
     """Two-sided p-value that the mean difference within repetitions is zero, by flipping signs."""
     difference = np.asarray(first, dtype=np.float64) - np.asarray(second, dtype=np.float64)
@@ -80,22 +92,23 @@ def paired_p_value(
 
 
 def paired_family(
-    first: Sequence[float],
-    others: Mapping[str, Sequence[float]],
-    settings: StatisticsSettings,
-    rng: np.random.Generator,
+    values: pd.DataFrame, first: str, settings: StatisticsSettings, rng: np.random.Generator
 ) -> list[Row]:
-    """First minus each other within repetitions, one row each; Holm over all of them."""
+    """The column `first` minus each other column, one row each; Holm's correction over all.
+
+    values: one row per repetition, one column per method.
+    """
     family: list[Row] = []
-    for name, values in others.items():
-        difference = mean_interval(np.subtract(first, values).tolist(), settings, rng)
+    ours = values[first].to_numpy()
+    for name, theirs in values.drop(columns=first).items():
+        difference = mean_interval(ours - theirs.to_numpy(), settings, rng)
         family.append(
             {
                 "second": name,
                 "mean_difference": difference.value,
                 "lower": difference.lower,
                 "upper": difference.upper,
-                "p_value": paired_p_value(first, values, rng),
+                "p_value": paired_p_value(ours, theirs, rng),
             }
         )
     adjusted = holm([row["p_value"] for row in family])
@@ -103,11 +116,9 @@ def paired_family(
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Holm's adjusted p-values of one family of tests; NaN stays NaN and counts for nothing."""
+    """Holm's adjusted p-values of one family of tests (scipy has none); a NaN is not counted."""
     adjusted = np.array(p_values, dtype=np.float64)
-    order = [int(i) for i in np.argsort(adjusted) if np.isfinite(adjusted[i])]
-    highest = 0.0
-    for rank, index in enumerate(order):
-        highest = max(highest, min(1.0, (len(order) - rank) * float(p_values[index])))
-        adjusted[index] = highest
+    order = np.argsort(adjusted)[: int(np.isfinite(adjusted).sum())]
+    steps = (len(order) - np.arange(len(order))) * adjusted[order]
+    adjusted[order] = np.maximum.accumulate(np.minimum(steps, 1.0))
     return [float(value) for value in adjusted]

@@ -1,21 +1,18 @@
 """Figures 4.10 to 4.13: the environments, and the four measures over the demonstrations."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, PowerNorm
 from matplotlib.figure import Figure
 
-from experiments.figures.learner_style import style_of
-from experiments.figures.ticks import tick_sizes
-from experiments.gridworld.experiment import Scene
-from experiments.running.repetitions import Row
-from experiments.running.summary import quartiles
-from report.style import HAIRLINE, INK, MUTED, RED, VISITS_MAP, new_figure
+from experiments.gridworld.problem import Gridworld
+from experiments.running.tables import quartiles
+from report.learners import draw_band, tick_sizes
+from report.style import HAIRLINE, MUTED, RED, VISITS_MAP, new_figure
 from serd_core.arrays import FloatArray
-from serd_core.demonstrations.decisions import state_counts
 
 MEASURES = {
     "log_likelihood": "log-likelihood per decision",
@@ -32,16 +29,16 @@ VISITS_POWER = 1.0 / 3.0
 LAWN_AND_FOREST = ListedColormap(["#e8e4c9", "#5d8a54"])
 
 
-def measures_figure(rows: Sequence[Row]) -> Figure:
+def measures_figure(table: pd.DataFrame) -> Figure:
     """Figs. 4.12 and 4.13: median with quartiles by learner, of the measures there are."""
-    present = {name: label for name, label in MEASURES.items() if name in rows[0]}
+    present = {name: label for name, label in MEASURES.items() if name in table}
     figure = new_figure(9.0, 6.8)
-    learners = list(dict.fromkeys(row["learner"] for row in rows))
     panels = figure.subplots(2, 2).ravel()
     for letter, axes, (measure, label) in zip("abcd", panels, present.items(), strict=False):
-        for number, learner in enumerate(learners):
-            chosen = [row for row in rows if row["learner"] == learner]
-            _median_and_quartiles(axes, quartiles(chosen, measure, ["size"]), learner, number)
+        for learner, chosen in table.groupby("learner", sort=False):
+            curve = quartiles(chosen, measure, ["size"])
+            shown = curve[["lower", "median", "upper"]].clip(LOWEST, HIGHEST)
+            draw_band(axes, curve["size"], shown, learner)
         axes.set(xlabel="demonstrations", ylabel=label, xscale="log")
         axes.set_title(f"({letter})", loc="left")
         axes.grid(color=HAIRLINE, linewidth=0.6)
@@ -51,7 +48,7 @@ def measures_figure(rows: Sequence[Row]) -> Figure:
                 _mark_limit(axes, HIGHEST, f"{HIGHEST:.0f} or above", offset_points=-11)
         elif min(axes.get_ylim()) < LOWEST + 0.5:
             _mark_limit(axes, LOWEST, f"{LOWEST:.0f} or below", offset_points=3)
-        tick_sizes(axes, sorted({row["size"] for row in rows}))
+        tick_sizes(axes, sorted(table["size"].unique()))
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
     for unused in panels[len(present) :]:
@@ -59,20 +56,21 @@ def measures_figure(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def environment_figure(scene: Scene, weights: FloatArray, value: FloatArray) -> Figure:
-    """Figs. 4.10 and 4.11: brightness, terrain, reward, value and visits of new demonstrations."""
-    problem = scene.world.problem
+def environment_figure(
+    world: Gridworld, weights: FloatArray, value: FloatArray, visits: FloatArray
+) -> Figure:
+    """Figs. 4.10 and 4.11: brightness, terrain, reward, value and visits; the last two (S,)."""
+    problem = world.problem
     side = int(np.sqrt(problem.mdp.n_states))
-    visits = state_counts(scene.test, problem.mdp.n_states)
     panels: dict[str, tuple[FloatArray, dict[str, Any]]] = {
         "brightness": (problem.features[:, 0, 0], {"cmap": "gray"}),
-        "forest": (scene.world.forest.astype(np.float64), {"cmap": LAWN_AND_FOREST}),
+        "forest": (world.forest.astype(np.float64), {"cmap": LAWN_AND_FOREST}),
         "reward": (problem.features[:, 0] @ weights, {"cmap": "viridis"}),
         "value": (value, {"cmap": "viridis"}),
         "visits": (visits, {"cmap": VISITS_MAP, "norm": PowerNorm(VISITS_POWER)}),
     }
     figure = new_figure(2.5 * len(panels), 2.5)
-    goal = np.unravel_index(scene.world.goal, (side, side))
+    goal = np.unravel_index(world.goal, (side, side))
     for axes, (title, (values, look)) in zip(
         figure.subplots(1, len(panels)), panels.items(), strict=True
     ):
@@ -95,29 +93,9 @@ def visit_ticks(most: int) -> list[int]:
     return sorted({round(share * most) for share in shares})
 
 
-def _median_and_quartiles(axes: Axes, table: Sequence[Row], learner: str, number: int) -> None:
-    style = style_of(learner, number)
-    sizes = [row["size"] for row in table]
-    low, middle, high = (
-        np.clip([row[name] for row in table], LOWEST, HIGHEST)
-        for name in ("lower", "median", "upper")
-    )
-    axes.plot(
-        sizes,
-        middle,
-        marker=style.marker,
-        linestyle=style.line,
-        color=style.colour,
-        label=learner,
-        markeredgecolor=INK,
-        markeredgewidth=0.4,
-    )
-    axes.fill_between(sizes, low, high, color=style.colour, alpha=0.18, linewidth=0)
-
-
-def _mark_limit(axes: Axes, value: float, said: str, *, offset_points: float) -> None:
+def _mark_limit(axes: Axes, value: float, text: str, *, offset_points: float) -> None:
     """A line at which values beyond it are drawn."""
     axes.axhline(value, color=MUTED, linewidth=0.8, linestyle=":")
-    axes.annotate(said, (0.98, value), xycoords=("axes fraction", "data"),
+    axes.annotate(text, (0.98, value), xycoords=("axes fraction", "data"),
                   xytext=(0, offset_points), textcoords="offset points", ha="right", color=MUTED,
                   fontsize="small")  # fmt: skip

@@ -1,11 +1,11 @@
-"""The page of the study says what its kept tables say."""
+"""The page of the study has the numbers of its kept tables."""
 
 from pathlib import Path
 
 import pytest
 
-from experiments.study.page.markdown import filled
 from experiments.study.run import KEPT
+from experiments.study.tables.page import filled
 from serd_core.errors import SerdError
 
 PAGE = Path(__file__).parents[4] / "docs" / "hallway_study.md"

@@ -1,20 +1,21 @@
-"""Why predictions are wrong: what would have been predicted under other estimates of the dynamics.
+"""Causes of wrong predictions: arrivals predicted under other estimates of the dynamics.
 
-Three things come between a prediction and what is measured. Each repetition learns from few
-decisions, which a uniform prior pulls on: gone under dynamics estimated from the demonstrations of
-all repetitions together ("pooled"). The world may answer people who demonstrate otherwise than the
-robot: gone under dynamics estimated from the measured drives themselves ("hindsight"), which nobody
-has beforehand; that the same drives are estimated from and compared with flatters it, by as little
-as 20 probabilities can. What is left is the form of the model: few outcome models for all places,
-whole periods.
+Three things separate a prediction from the measurement. First, each repetition learns from few
+decisions, and the uniform prior pulls on its estimate; dynamics estimated from the demonstrations
+of all repetitions together ("pooled") remove this. Second, the world may answer demonstrators
+differently from the robot; dynamics estimated from the measured drives ("hindsight") remove this.
+They are not available before driving, and they are compared with the drives they are estimated
+from, which flatters them by as little as 20 probabilities can. Third, the form of the model
+remains: few outcome models for all places, whole periods.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 
-from experiments.running.repetitions import Row
+from experiments.running.tables import Row
 from experiments.study.arrival.distances import ArrivalTables, distances, ks_p_value
 from experiments.study.recordings.demonstrations import n_repetitions
 from experiments.study.recordings.experts import EXPERTS
@@ -30,11 +31,11 @@ from serd_core.grid.navigation import ACROSS_FLOW, WITH_FLOW
 _COMPARED = ("measured_mean_s", "predicted_mean_s", "ks", "wasserstein_s", "crps_s")
 
 
-def hindsight_table(results: Results) -> list[Row]:
-    """All predictions side by side, and how likely a move fails under each.
+def hindsight_table(results: Results) -> pd.DataFrame:
+    """All predictions side by side, with each estimate's probability that a move fails.
 
-    No hindsight on methods that do not always arrive: drives that end in a trap show how waiting
-    in it goes, and little else. decisions: of how many moves each is made.
+    Methods that do not always arrive have no other predictions: drives that end in a trap sample
+    waiting in it, and little else. decisions: number of moves behind each estimate.
     """
     rng = np.random.default_rng([results.settings.seed, 5])
     table: list[Row] = []
@@ -44,18 +45,19 @@ def hindsight_table(results: Results) -> list[Row]:
             learned = results.arrival_tables(expert, method)
             arrived = bool((learned.measured[:, -1] >= 1.0).all())
             row: Row = {"expert": expert, "method": method, "always_arrived": arrived}
-            row |= _told("learned", learned, _mean_truth(results, expert, method))
+            row |= _columns("learned", learned, _mean_truth(results, expert, method))
             moves = results.moves(expert, method)
             hindsight = _Estimate.of(results, moves, "measured drives") if moves else None
             for kind, estimate in (("pooled", pooled), ("hindsight", hindsight)):
                 row |= _predicted(results, expert, method, kind, estimate if arrived else None, rng)
             table.append(row)
-    return table
+    counts = dict.fromkeys(["pooled_decisions", "hindsight_decisions"], "Int64")
+    return pd.DataFrame(table).astype(counts)
 
 
 @dataclass(frozen=True, eq=False)
 class _Estimate:
-    """(M, K) M-estimate of the dynamics, and of how many decisions it is made."""
+    """(M, K) M-estimate of the dynamics, and the number of decisions it is made from."""
 
     dynamics: FloatArray
     n_decisions: int
@@ -77,11 +79,11 @@ def _predicted(
     """Columns of a prediction under an estimate, and the test of it; empty without one."""
     count, p_value = f"{kind}_decisions", f"{kind}_ks_p_value"
     if estimate is None:
-        return {count: None} | _told(kind, None, None) | {p_value: None}
+        return {count: None} | _columns(kind, None, None) | {p_value: None}
     tables = tables_under(results, expert, method, estimate.dynamics)
     return {
         count: estimate.n_decisions,
-        **_told(kind, tables, estimate.dynamics),
+        **_columns(kind, tables, estimate.dynamics),
         p_value: ks_p_value(tables, results.settings.statistics.bootstrap, rng),
     }
 
@@ -112,7 +114,7 @@ def _mean_truth(results: Results, expert: str, method: str) -> FloatArray:
     return np.asarray(learned.mean(axis=0))
 
 
-def _told(kind: str, tables: ArrivalTables | None, dynamics: FloatArray | None) -> Row:
+def _columns(kind: str, tables: ArrivalTables | None, dynamics: FloatArray | None) -> Row:
     """Columns of one kind of prediction; empty where there is none."""
     found: Row = dict.fromkeys(_COMPARED) if tables is None else distances(tables)
     row: Row = {f"{kind}_{name}": found[name] for name in _COMPARED}

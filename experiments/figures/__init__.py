@@ -1,1 +1,0 @@
-"""Figures of the experiments: tables in, matplotlib figures out."""

@@ -1,1 +1,0 @@
-"""The page of the hallway study: Markdown tables made from CSV files."""

@@ -1,0 +1,91 @@
+"""Curves of learners over the number of demonstrations: one style per learner in all figures."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from report.style import BLUE, CYAN, GREEN, INK, MUTED, PURPLE, RED, YELLOW
+from serd_core.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class LearnerStyle:
+    """Colour, marker and line of one learner; any two differ in more than colour."""
+
+    colour: str
+    marker: str
+    line: str = "-"
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Keyword arguments of matplotlib's line functions."""
+        return {"color": self.colour, "marker": self.marker, "linestyle": self.line}
+
+
+_SERD = LearnerStyle(BLUE, "o")
+_FREE_SERD = LearnerStyle(CYAN, "D")
+_IRL = LearnerStyle(PURPLE, "s", "--")
+#: By learner; in the comparison of assumptions about the belief, by assumption.
+STYLES = {
+    "MDCE SERD": _SERD,
+    "tied": _SERD,
+    "PM SERD, regularised": _SERD,
+    "SERD, free belief": _FREE_SERD,
+    "free": _FREE_SERD,
+    "PM SERD": LearnerStyle(CYAN, "P"),
+    "coupled": LearnerStyle(YELLOW, "P"),
+    "MDCE IRL": _IRL,
+    "MDCE IRL, likelihood": _IRL,
+    "fixed (IRL)": _IRL,
+    "MDCE IRL, entropy": LearnerStyle(RED, "^", "--"),
+    "REIRL": LearnerStyle(GREEN, "v", "-."),
+    "cloning": LearnerStyle(YELLOW, "X", ":"),
+    "told the truth (IRL)": LearnerStyle(MUTED, "*", ":"),
+}
+
+
+def draw_band(
+    axes: Axes, sizes: Sequence[int], curve: Mapping[str, Any], learner: str, label: str = ""
+) -> None:
+    """Draw columns `median`, `lower` and `upper` over the sizes: a line with a band around it."""
+    style = STYLES[learner]
+    axes.plot(
+        sizes,
+        curve["median"],
+        **style.arguments,
+        label=label or learner,
+        markeredgecolor=INK,
+        markeredgewidth=0.4,
+    )
+    axes.fill_between(
+        sizes, curve["lower"], curve["upper"], color=style.colour, alpha=0.18, linewidth=0
+    )
+
+
+def draw_intervals(
+    axes: Axes, sizes: FloatArray, values: Sequence[FloatArray], learner: str, place: float
+) -> None:
+    """Draw (lower, middle, upper) as a line with error bars, shifted sideways by `place`.
+
+    place: 0 for no shift; curves of neighbouring places do not cover each other's error bars.
+    """
+    low, middle, high = (np.asarray(each, dtype=np.float64) for each in values)
+    axes.errorbar(
+        np.asarray(sizes) * 1.04**place,
+        middle,
+        yerr=[middle - low, high - middle],
+        **STYLES[learner].arguments,
+        markersize=5,
+        linewidth=1.4,
+        elinewidth=1.0,
+        label=learner,
+    )
+
+
+def tick_sizes(axes: Axes, sizes: Sequence[int]) -> None:
+    """Label a logarithmic x axis with these sizes and nothing between."""
+    axes.set_xticks(sizes, [str(size) for size in sizes])
+    axes.set_xticks([], minor=True)
