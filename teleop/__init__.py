@@ -1,1 +1,1 @@
-"""Driving by hand: who may command the robot, keys, joystick, episodes, and the web page."""
+"""Driving by hand: command mux, keyboard, joystick, episodes, and the web page."""

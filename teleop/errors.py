@@ -1,7 +1,7 @@
-"""The package's error."""
+"""The base error of the package."""
 
 from serd_core.errors import SerdError
 
 
 class TeleopError(SerdError):
-    """Somebody cannot drive; the sentence says what to do."""
+    """Driving by hand is impossible as requested; the message names the fix."""

@@ -1,8 +1,8 @@
-"""From a joystick's axes and buttons to a velocity, as teleop_twist_joy names and does it.
+"""From a joystick's axes and buttons to a velocity, with the names and rules of teleop_twist_joy.
 
 linear = scale_linear.x * axes[axis_linear.x], angular = scale_angular.yaw * axes[axis_angular.yaw],
-with the turbo scales while enable_turbo_button is held. When enable_button is let go one stop is
-sent, then nothing. Axes and buttons that a message does not have count as 0.
+with the turbo scales while enable_turbo_button is held. One stop is sent when enable_button is
+released, then nothing. Axes and buttons that a message lacks count as 0.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from pydantic import Field
 from sim.world.command import STOP, Command
 from storage.yaml_config import StrictModel, yaml_model
 from storage.yaml_text import write_yaml
-from teleop.parameter_file import read_parameters
+from teleop.mux_settings import read_parameters
 
 _BUILTIN = Path(__file__).with_name("joy.yaml")
 _NO_BUTTON = -1
@@ -44,7 +44,7 @@ class AngularScale(StrictModel):
 
 
 class JoyMapping(StrictModel):
-    """Parameters of teleop_twist_joy that a unicycle has a use for; a button of -1 is none."""
+    """The parameters of teleop_twist_joy that apply to a unicycle; a button of -1 is none."""
 
     axis_linear: LinearAxis
     scale_linear: LinearScale
@@ -59,14 +59,14 @@ class JoyMapping(StrictModel):
 
 
 class JoyDriver:
-    """Follows one joystick."""
+    """Converts the messages of one joystick."""
 
     def __init__(self, mapping: JoyMapping) -> None:
         self._mapping = mapping
         self._driving = False
 
     def command(self, axes: Sequence[float], buttons: Sequence[int]) -> Command | None:
-        """What a message asks for; one stop when the driver lets go, None while nobody drives."""
+        """The command of a message; one stop after release, None while the joystick is disabled."""
         mapping = self._mapping
         turbo = _held(buttons, mapping.enable_turbo_button)
         enabled = _held(buttons, mapping.enable_button) or not mapping.require_enable_button

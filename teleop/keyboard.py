@@ -1,12 +1,26 @@
-"""What the keys of a terminal mean while somebody drives."""
+"""What the keys of a terminal do: commands, directions, and velocities as teleop_twist_keyboard.
+
+    u i o      forward to the left, forward, forward to the right
+    j k l      turn left, stop, turn right
+    m , .      backward
+
+q/z: 10 % more or less of both speeds, w/x: of the linear one, e/c: of the angular one. Any other
+key stops. A terminal does not report when a key is released, so a key counts for a short time and
+key repeat renews it.
+"""
 
 from enum import Enum
+from typing import Literal
 
 from serd_core.grid.grid import Action
+from sim.world.command import STOP, Command
+
+#: The two ways to drive by hand.
+Mode = Literal["directions", "velocity"]
 
 
 class KeyCommand(Enum):
-    """What a key can ask for besides driving."""
+    """Commands of keys that do not drive."""
 
     START = "start an episode"
     SAVE = "save the episode"
@@ -37,3 +51,79 @@ HELP = """\
   arrow keys   next move: up is north; w takes it back
   u i o  j k l  m , .   drive by velocities (Tab switches), q/z w/x e/c change the speeds
   Enter start   s save   d discard   SPACE e-stop   r release   Ctrl-C end"""
+
+
+class DirectionChoice:
+    """The direction chosen for the next decision period, else wait.
+
+    A tap counts for one period. A held key counts as long as it is held; one that is released
+    before the period begins counts as a tap.
+    """
+
+    def __init__(self) -> None:
+        self._tapped = Action.WAIT
+        self._held: Action | None = None
+
+    @property
+    def upcoming(self) -> Action:
+        """The action if the period began now."""
+        return self._held if self._held is not None else self._tapped
+
+    def tap(self, action: Action) -> None:
+        """Choose for the next period; WAIT withdraws an earlier choice."""
+        self._tapped = action
+
+    def hold(self, action: Action | None) -> None:
+        """Set the direction that is held now, None for none; repeated calls change nothing."""
+        if action is not None and action != self._held:
+            self._tapped = action
+        self._held = action
+
+    def clear(self) -> None:
+        """Reset to wait, when the driver is absent."""
+        self._tapped, self._held = Action.WAIT, None
+
+    def decide(self) -> Action:
+        """The action of the period that begins now."""
+        action, self._tapped = self.upcoming, Action.WAIT
+        return action
+
+
+_MOVES = {
+    "i": (1, 0), "o": (1, -1), "j": (0, 1), "l": (0, -1), "u": (1, 1),
+    ",": (-1, 0), ".": (-1, 1), "m": (-1, -1),
+}  # fmt: skip
+_FACTORS = {
+    "q": (1.1, 1.1), "z": (0.9, 0.9), "w": (1.1, 1.0), "x": (0.9, 1.0), "e": (1.0, 1.1),
+    "c": (1.0, 0.9),
+}  # fmt: skip
+
+
+class VelocityKeys:
+    """speed_mps, turn_radps: initial speeds; timeout_s: how long a key counts."""
+
+    def __init__(self, speed_mps: float, turn_radps: float, timeout_s: float) -> None:
+        self.speed_mps, self.turn_radps = speed_mps, turn_radps
+        self._timeout_s = timeout_s
+        self._move = (0, 0)
+        self._pressed_s: float | None = None
+
+    def press(self, key: str, now_s: float) -> None:
+        """Process a key."""
+        if key in _FACTORS:
+            linear, angular = _FACTORS[key]
+            self.speed_mps *= linear
+            self.turn_radps *= angular
+        else:
+            self._move = _MOVES.get(key, (0, 0))
+            self._pressed_s = now_s
+
+    def command(self, now_s: float) -> Command | None:
+        """The command to send now; one stop after the timeout, then None."""
+        if self._pressed_s is None:
+            return None
+        if not 0.0 <= now_s - self._pressed_s <= self._timeout_s:
+            self._pressed_s = None
+            return STOP
+        linear, angular = self._move
+        return Command(linear * self.speed_mps, angular * self.turn_radps)

@@ -1,7 +1,7 @@
-"""Who may command the robot: a YAML file in the vocabulary of twist_mux.
+"""Settings of the command mux: a YAML file in the vocabulary of twist_mux.
 
-A file for twist_mux itself can be given as it is: its `NODE: ros__parameters:` frame is taken off
-and `use_stamped` is understood. Every input must fall silent by itself, so its timeout is above 0.
+A file for twist_mux itself is accepted as it is: its `NODE: ros__parameters:` frame is removed and
+`use_stamped` is understood. Every input has a timeout above 0, so that a silent one stops counting.
 """
 
 from pathlib import Path
@@ -9,16 +9,27 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
+from storage.files import read_text
 from storage.yaml_config import StrictModel, yaml_model
-from storage.yaml_text import write_yaml
-from teleop.parameter_file import read_parameters
+from storage.yaml_text import read_yaml, write_yaml
 
+_FRAME = "ros__parameters"
 _BUILTIN = Path(__file__).with_name("mux.yaml")
 _LONGEST_TIMEOUT_S = 0.5
 
 
+def read_parameters(path: Path) -> Any:
+    """Plain values of a YAML file, without the frame of a ROS parameter file."""
+    values = read_yaml(read_text(path), str(path))
+    if isinstance(values, dict) and len(values) == 1:
+        inner = next(iter(values.values()))
+        if isinstance(inner, dict) and _FRAME in inner:
+            return inner[_FRAME]
+    return values
+
+
 class MuxTopic(StrictModel):
-    """A source of velocity commands; timeout: seconds of silence after which it counts no more."""
+    """A source of velocity commands; timeout: seconds of silence after which it is inactive."""
 
     topic: str = Field(min_length=1)
     timeout: float = Field(gt=0, le=_LONGEST_TIMEOUT_S)
@@ -56,7 +67,7 @@ def load_mux(path: str | Path = "") -> MuxSettings:
 
 
 def _with_stamped_spread(values: Any) -> Any:
-    """`use_stamped`, which twist_mux has once for all, given to every topic."""
+    """Copy `use_stamped`, which twist_mux has once for all topics, into every topic."""
     if not isinstance(values, dict) or "use_stamped" not in values:
         return values
     rest = {key: value for key, value in values.items() if key != "use_stamped"}

@@ -1,9 +1,9 @@
-"""One person's episodes: start, arrive or save or discard, as marks that cut the recording.
+"""Episodes driven by hand: started, ended, saved or discarded, as marks that cut the recording.
 
     idle -> starting -> running -> ended -> starting -> ...
 
-Arrival and timeout end an episode by themselves. `save` ends one before its goal (aborted);
-`discard` ends it as discarded, or takes back one that has just ended with a second end mark.
+Arrival and timeout end an episode. `save` ends one before its goal (aborted); `discard` ends it as
+discarded, or withdraws one that has just ended by a second end mark.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,10 @@ class EpisodeEvent:
 
 
 class Session:
-    """Follows the observations; what it returns is to be published. timeout_s: simulated."""
+    """The state of one driver's episodes; returned events are to be published.
+
+    timeout_s: simulated seconds after which an episode ends.
+    """
 
     def __init__(self, scenario: Scenario, timeout_s: float) -> None:
         self.phase: Phase = "idle"
@@ -46,18 +49,18 @@ class Session:
         return self._progress.duration_s if self._progress is not None else 0.0
 
     def start(self) -> None:
-        """Somebody asked for an episode; the world is being reset."""
+        """Begin an episode; the world is being reset."""
         if self.phase in ("starting", "running"):
             raise TeleopError("an episode is running; save or discard it first")
         self.phase, self.outcome, self._progress = "starting", "", None
 
-    def began(self, start_s: float) -> None:
-        """The world has been reset; observations from start_s on are the episode's."""
+    def world_reset(self, start_s: float) -> None:
+        """Count observations from start_s on as the episode's."""
         self._start_s = start_s
         self.phase = "running"
 
-    def see(self, observation: Observation) -> tuple[EpisodeEvent, ...]:
-        """Take the next observation."""
+    def observe(self, observation: Observation) -> tuple[EpisodeEvent, ...]:
+        """Process the next observation; the events it causes."""
         self._newest_s = observation.time_s
         if self.phase != "running" or observation.time_s < self._start_s - _CLOCK_ROUNDING_S:
             return ()
@@ -68,14 +71,14 @@ class Session:
         return () if ending is None else (self._end(ending, observation.time_s),)
 
     def save(self) -> EpisodeEvent | None:
-        """Keep the episode; None when it has already ended and is kept anyway."""
+        """End the episode as aborted; None where it has ended already and was not discarded."""
         if self.phase == "ended" and self.outcome != DISCARDED:
             return None
         self._require_running("save")
         return self._end(ABORTED, self._newest_s)
 
     def discard(self) -> EpisodeEvent:
-        """Throw away the running episode, or the one that has just ended."""
+        """Discard the running episode, or the one that has just ended."""
         if self.phase != "ended" or self.outcome == DISCARDED:
             self._require_running("discard")
         return self._end(DISCARDED, self._newest_s)
@@ -87,3 +90,50 @@ class Session:
     def _end(self, outcome: str, time_s: float) -> EpisodeEvent:
         self.phase, self.outcome = "ended", outcome
         return EpisodeEvent(END, time_s, outcome)
+
+
+@dataclass(frozen=True)
+class RunningEpisode:
+    """An episode that has begun and not ended."""
+
+    number: int
+    driver: str
+
+
+class EpisodeTally:
+    """Counts of the recorded episodes, from the episode marks of all drivers.
+
+    The last end mark of an episode counts: a discarded one may have arrived before.
+    """
+
+    def __init__(self) -> None:
+        self.running: RunningEpisode | None = None
+        self._outcomes: dict[int, str] = {}
+
+    def add(self, event: str, number: int, driver: str, outcome: str) -> None:
+        """Count a mark."""
+        if event == START:
+            self.running = RunningEpisode(number, driver)
+        elif event == END:
+            self._outcomes[number] = outcome
+            if self.running is not None and self.running.number == number:
+                self.running = None
+
+    @property
+    def kept(self) -> int:
+        """Episodes that ended and were not discarded."""
+        return len(self._outcomes) - self.discarded
+
+    @property
+    def arrived(self) -> int:
+        """Episodes that reached the goal and were not discarded."""
+        return sum(outcome == "arrived" for outcome in self._outcomes.values())
+
+    @property
+    def discarded(self) -> int:
+        """Episodes that were discarded."""
+        return sum(outcome == DISCARDED for outcome in self._outcomes.values())
+
+    def __str__(self) -> str:
+        """For example `3 kept (2 arrived), 1 discarded`."""
+        return f"{self.kept} kept ({self.arrived} arrived), {self.discarded} discarded"

@@ -1,9 +1,11 @@
-"""Which of several velocity commands drives the robot, after twist_mux, plus limits and an e-stop.
+"""Selection among several velocity commands, after twist_mux, with limits and an e-stop.
 
 Of the inputs that are not silent and whose priority is not below that of an engaged lock, the one
-with the highest priority drives, within the limits. No such input: stop. The e-stop is a latch:
-engaged, it wins over everything until it is released. A stop for safety is passed on at once; the
-limits slow down commands only.
+with the highest priority drives, within the limits. Without such an input the command is stop. The
+e-stop is a latch: engaged, it overrides everything until it is released. A stop for safety is
+passed on at once; the limits apply to driving commands only:
+
+    v' = clip(clip(w, low, high), v - a dt, v + a dt)
 """
 
 from collections.abc import Mapping
@@ -11,7 +13,42 @@ from dataclasses import dataclass
 
 from sim.world.command import STOP, Command, CommandGuard
 from teleop.mux_settings import MuxSettings
-from teleop.velocity_limits import VelocityLimits
+
+
+@dataclass(frozen=True)
+class VelocityLimits:
+    """Speed and acceleration limits, named as in Nav2; accelerations apply to braking as well."""
+
+    max_vel_x_mps: float
+    min_vel_x_mps: float
+    max_vel_theta_radps: float
+    acc_lim_x_mps2: float
+    acc_lim_theta_radps2: float
+
+    def speed_limited(self, wanted: Command) -> Command:
+        """The nearest command within the speed limits."""
+        return Command(
+            linear_mps=_clip(wanted.linear_mps, self.min_vel_x_mps, self.max_vel_x_mps),
+            angular_radps=_clip(
+                wanted.angular_radps, -self.max_vel_theta_radps, self.max_vel_theta_radps
+            ),
+        )
+
+    def limited(self, wanted: Command, before: Command, duration_s: float) -> Command:
+        """The nearest command within the limits that is reachable from `before` in that time."""
+        goal = self.speed_limited(wanted)
+        reach_mps = self.acc_lim_x_mps2 * duration_s
+        reach_radps = self.acc_lim_theta_radps2 * duration_s
+        linear, angular = before.linear_mps, before.angular_radps
+        return Command(
+            linear_mps=_clip(goal.linear_mps, linear - reach_mps, linear + reach_mps),
+            angular_radps=_clip(goal.angular_radps, angular - reach_radps, angular + reach_radps),
+        )
+
+
+def _clip(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)
+
 
 _LONGEST_STEP_S = 0.1
 
@@ -27,7 +64,7 @@ class MuxOutput:
 
 
 class TwistMux:
-    """Times are seconds of one steady clock that the caller reads."""
+    """The state of the mux; times are seconds of one monotonic clock that the caller reads."""
 
     def __init__(self, settings: MuxSettings, limits: VelocityLimits) -> None:
         self._settings, self._limits = settings, limits
@@ -38,15 +75,15 @@ class TwistMux:
 
     @property
     def n_rejected(self) -> Mapping[str, int]:
-        """Commands that were not finite, by input; each was taken for a stop."""
+        """Commands that were not finite, by input; each was replaced by a stop."""
         return {name: guard.n_rejected for name, guard in self._inputs.items()}
 
     def receive(self, name: str, command: Command, now_s: float) -> None:
-        """Take a command of an input."""
+        """Store a command of an input."""
         self._inputs[name].receive(command, now_s)
 
     def receive_lock(self, name: str, engaged: bool, now_s: float) -> None:
-        """Take what a lock's topic says."""
+        """Store the value of a lock's topic."""
         self._locks[name] = engaged, now_s
 
     def set_e_stop(self, engaged: bool) -> None:
@@ -54,7 +91,7 @@ class TwistMux:
         self._e_stop = engaged
 
     def step(self, now_s: float) -> MuxOutput:
-        """What the robot is to do now; call it at a steady rate."""
+        """The command for now; call it at a steady rate."""
         locked_by = self.engaged_locks(now_s)
         active = "" if self._e_stop else self._active(locked_by, now_s)
         command = STOP
@@ -66,7 +103,7 @@ class TwistMux:
         return MuxOutput(command, active, locked_by, self._e_stop)
 
     def engaged_locks(self, now_s: float) -> tuple[str, ...]:
-        """Locks that said true last, or whose timeout has passed in silence."""
+        """Locks whose last value is true, or whose timeout has passed without a message."""
         return tuple(name for name in self._settings.locks if self._is_engaged(name, now_s))
 
     def _is_engaged(self, name: str, now_s: float) -> bool:

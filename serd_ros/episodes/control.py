@@ -14,9 +14,8 @@ from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
-from teleop.episode_tally import EpisodeTally
 from teleop.errors import TeleopError
-from teleop.session import END, EpisodeEvent, Session
+from teleop.session import END, EpisodeEvent, EpisodeTally, Session
 
 _LOOK_AGAIN_S = 0.05
 
@@ -79,7 +78,7 @@ class EpisodeControl:
 
     def see(self, observation: Observation) -> None:
         """Follow the episode."""
-        for event in self.session.see(observation):
+        for event in self.session.observe(observation):
             self._publish(event)
 
     def _begin_when_ready(self) -> None:
@@ -104,7 +103,7 @@ class EpisodeControl:
             return
         self.episode = from_reset_sentence(reply.message)
         self.n_decisions = 0
-        self.session.began(self.episode.start_s)
+        self.session.world_reset(self.episode.start_s)
 
     def _publish(self, event: EpisodeEvent) -> None:
         assert self.episode is not None
@@ -121,7 +120,7 @@ class EpisodeControl:
 
     def _on_mark(self, message: DiagnosticArray) -> None:
         mark = from_episode_message(message)
-        self.tally.hear(mark.event, mark.episode, mark.driver, mark.outcome)
+        self.tally.add(mark.event, mark.episode, mark.driver, mark.outcome)
         if mark.event == END:
             took = f" after {self.session.duration_s:.1f} s" if self._is_mine(mark.episode) else ""
             self._tell(f"episode {mark.episode} {mark.outcome}{took}; so far {self.tally}")

@@ -27,8 +27,7 @@ from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation
 from sim.world.waypoint import is_decision_tick
-from teleop.direction_choice import DirectionChoice
-from teleop.mode import Mode
+from teleop.keyboard import DirectionChoice, Mode
 
 Config = TypeVar("Config", bound=HandDriverConfig)
 _BEAT_PERIOD_S = 0.05

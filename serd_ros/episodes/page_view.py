@@ -18,7 +18,7 @@ from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint, waypoint_of_intent
-from teleop.page.state import point, word, world_state
+from teleop.page.view import point, word, world_state
 
 _SHOWN = ("teleop_mux", "demo_recorder")
 _STALE_S = 1.0

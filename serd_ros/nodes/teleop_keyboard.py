@@ -6,10 +6,8 @@ from serd_ros.episodes.hand_driver import HandDriverNode
 from serd_ros.parameters.configs import TeleopKeyboardConfig
 from serd_ros.process.run_node import run_node
 from teleop.errors import TeleopError
-from teleop.key_names import KeyNames
-from teleop.keyboard import HELP, KEY_COMMANDS, KEY_DIRECTIONS, KeyCommand
-from teleop.raw_terminal import RawTerminal
-from teleop.velocity_keys import VelocityKeys
+from teleop.keyboard import HELP, KEY_COMMANDS, KEY_DIRECTIONS, KeyCommand, VelocityKeys
+from teleop.terminal import KeyNames, RawTerminal
 
 
 class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):

@@ -18,8 +18,7 @@ from serd_ros.parameters.configs import TeleopMuxConfig
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from teleop.mux_settings import load_mux
-from teleop.twist_mux import MuxOutput, TwistMux
-from teleop.velocity_limits import VelocityLimits
+from teleop.twist_mux import MuxOutput, TwistMux, VelocityLimits
 
 _REPORT_PERIOD_S = 0.2
 

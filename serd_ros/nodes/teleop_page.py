@@ -1,6 +1,7 @@
 """teleop_page: somebody drives through a web page, as a ROS 2 node.
 
-The page is served by a thread of its own (teleop.page); here its wishes become topics and what the
+The page is served by a thread of its own (teleop.page); here its requests become
+topics and what the
 world tells becomes its state, twenty times a second.
 """
 
@@ -19,9 +20,18 @@ from serd_ros.process.run_node import run_node
 from sim.world.command import Command
 from teleop.errors import TeleopError
 from teleop.page.access import PageAccess, read_token
-from teleop.page.scene import scene_of
+from teleop.page.requests import (
+    Away,
+    EmergencyStop,
+    Episode,
+    Hold,
+    Joystick,
+    Move,
+    PageRequest,
+    SetMode,
+)
 from teleop.page.server import PageServer
-from teleop.page.wishes import Away, EmergencyStop, Episode, Hold, Joystick, Move, SetMode, Wish
+from teleop.page.view import scene_of
 
 _SILENCE_S = 0.5
 
@@ -51,57 +61,59 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
         """Show it on the page and in the log."""
         self.get_logger().info(sentence)
         if self._server is not None:
-            self._server.say(sentence)
+            self._server.notify(sentence)
 
     def attend(self) -> bool:
-        """Take the page's wishes and show how things stand."""
+        """Take the page's requests and show how things stand."""
         if self._server is None:
             return False
-        for wish in self._server.take():
-            self._obey(wish)
+        for request in self._server.take():
+            self._obey(request)
         there = self._heard_s is not None and self.wall_s() - self._heard_s <= _SILENCE_S
         if not there:
             self._let_go()
         self._server.show(self._state(self._server, there=there))
         return there
 
-    def _obey(self, wish: Wish) -> None:
-        if isinstance(wish, Away):
+    def _obey(self, request: PageRequest) -> None:
+        if isinstance(request, Away):
             self._heard_s = None
             return
-        if isinstance(wish, Hold | Move | Joystick):
+        if isinstance(request, Hold | Move | Joystick):
             self._heard_s = self.wall_s()
         try:
-            self._act(wish)
+            self._act(request)
         except TeleopError as error:
             self.tell(str(error))
 
-    def _act(self, wish: Wish) -> None:
-        if isinstance(wish, Hold):
-            self.choice.hold(None if wish.direction is None else Action[wish.direction.upper()])
-        elif isinstance(wish, Move):
-            self._move(wish)
-        elif isinstance(wish, Joystick):
+    def _act(self, request: PageRequest) -> None:
+        if isinstance(request, Hold):
+            self.choice.hold(
+                None if request.direction is None else Action[request.direction.upper()]
+            )
+        elif isinstance(request, Move):
+            self._move(request)
+        elif isinstance(request, Joystick):
             time_s = self.observation.time_s if self.observation is not None else 0.0
-            self._joy.publish(to_joy(wish.axes, wish.buttons, time_s))
-        elif isinstance(wish, SetMode):
-            self.set_mode(wish.mode)
-        elif isinstance(wish, EmergencyStop):
-            self.set_e_stop(wish.engaged)
-        elif isinstance(wish, Episode):
+            self._joy.publish(to_joy(request.axes, request.buttons, time_s))
+        elif isinstance(request, SetMode):
+            self.set_mode(request.mode)
+        elif isinstance(request, EmergencyStop):
+            self.set_e_stop(request.engaged)
+        elif isinstance(request, Episode):
             steps = {
                 "start": self.episodes.start,
                 "save": self.episodes.save,
                 "discard": self.episodes.discard,
             }
-            steps[wish.do]()
+            steps[request.do]()
 
-    def _move(self, wish: Move) -> None:
+    def _move(self, request: Move) -> None:
         """Drive while something is held; one stop when it is let go, then nothing."""
-        moving = wish.linear != 0.0 or wish.angular != 0.0
+        moving = request.linear != 0.0 or request.angular != 0.0
         if self.mode == "velocity" and (moving or self._moving):
-            linear_mps = wish.linear * self.config.speed_mps
-            self.drive(Command(linear_mps, wish.angular * self.config.turn_radps))
+            linear_mps = request.linear * self.config.speed_mps
+            self.drive(Command(linear_mps, request.angular * self.config.turn_radps))
         self._moving = moving
 
     def _let_go(self) -> None:
@@ -114,7 +126,7 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
             "page": server.driving_page,
             "there": there,
             "mode": self.mode,
-            "choice": self.choice.coming.name.lower(),
+            "choice": self.choice.upcoming.name.lower(),
         }
 
 

@@ -13,7 +13,7 @@ from sim.scenario.scenario import Scenario, load_scenario
 from sim.scenario.settings import RobotSettings
 from storage.settings import setting, setting_of
 from storage.yaml_config import StrictModel
-from teleop.mode import Mode
+from teleop.keyboard import Mode
 
 _ROBOT, _RECORDER = RobotSettings(), RecorderSettings()
 # A ROS parameter cannot be an empty list: [""] stands for none.

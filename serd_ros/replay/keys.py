@@ -3,8 +3,7 @@
 import sys
 from enum import Enum
 
-from teleop.key_names import KeyNames
-from teleop.raw_terminal import RawTerminal
+from teleop.terminal import KeyNames, RawTerminal
 
 HELP = "space: pause, right: one message on (while paused), up and down: twice or half as fast"
 

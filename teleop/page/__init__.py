@@ -1,1 +1,1 @@
-"""The web page for driving by hand: what it shows, what it may ask, and its server."""
+"""The web page for driving by hand: its data, its requests, access, and the server."""

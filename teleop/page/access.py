@@ -1,7 +1,7 @@
-"""Who may open the page: on loopback this machine, elsewhere whoever has the token.
+"""Access to the page: from this machine on loopback, elsewhere with a token.
 
-A page of another site must not drive either: the WebSocket wants the page's own origin, and on
-loopback the host must be a name of loopback, so that a name that was bent to it does not pass.
+Pages of other sites must not drive: the WebSocket requires the origin of this server, and on
+loopback the Host header must be a loopback name (DNS rebinding).
 """
 
 import hmac
@@ -19,7 +19,7 @@ _LOOPBACK_NAME = "localhost"
 
 @dataclass(frozen=True)
 class PageAccess:
-    """address: what the server binds to; token: empty for none, which only loopback allows."""
+    """address: what the server binds to; token: empty for none, allowed on loopback only."""
 
     address: str
     token: str = ""
@@ -41,12 +41,12 @@ class PageAccess:
         return not is_loopback(self.address) or is_loopback(urlsplit(f"//{host}").hostname or "")
 
     def admits_token(self, token: str) -> bool:
-        """Whether a token is the right one, in a time that tells nothing about it."""
+        """Whether a token is the right one, compared in constant time."""
         return not self.token or hmac.compare_digest(self.token.encode(), token.encode())
 
 
 def admits_origin(origin: str | None, host: str) -> bool:
-    """Whether a WebSocket is opened by a page of this very server."""
+    """Whether a WebSocket is opened by a page of this server."""
     return origin is not None and origin == f"http://{host}"
 
 

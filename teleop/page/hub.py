@@ -1,7 +1,7 @@
-"""The pages that are open: who drives, what they ask for, what they are shown.
+"""The open pages: which one drives, what they request, and the messages that wait for each.
 
-Lives on the server's event loop. Each page is sent every sentence but only the newest state, so a
-slow one falls behind in nothing but smoothness.
+A hub lives on the event loop of the server. Each page gets every notice but only the newest
+state, so a slow connection only lowers the frame rate.
 """
 
 import asyncio
@@ -12,45 +12,76 @@ from collections.abc import Callable
 from itertools import count
 
 from teleop.errors import TeleopError
-from teleop.page.lease import Lease
-from teleop.page.wishes import Away, EmergencyStop, Wish, parse_wish
+from teleop.page.requests import Away, EmergencyStop, PageRequest, parse_request
 
-_ELSE_DRIVES = "another page is driving; close it first"
+SILENCE_S = 2.0
+_OTHER_PAGE_DRIVES = "another page is driving; close it first"
+
+
+class Lease:
+    """The right to drive, held by one page at a time until it releases it or is silent.
+
+    Pages are identified by number; times are seconds of one monotonic clock.
+    """
+
+    def __init__(self) -> None:
+        self._holder: int | None = None
+        self._heard_s = 0.0
+
+    def holder(self, now_s: float) -> int | None:
+        """Number of the page that drives now, None for none."""
+        if self._holder is not None and now_s - self._heard_s > SILENCE_S:
+            self._holder = None
+        return self._holder
+
+    def claim(self, page: int, now_s: float) -> bool:
+        """Take or renew the lease; returns whether the page holds it."""
+        if self.holder(now_s) not in (None, page):
+            return False
+        self._holder, self._heard_s = page, now_s
+        return True
+
+    def release(self, page: int) -> bool:
+        """Give the lease up; returns whether the page held it."""
+        held = self._holder == page
+        if held:
+            self._holder = None
+        return held
 
 
 class OpenPage:
-    """What waits to be sent to one page."""
+    """The messages that wait to be sent to one page."""
 
     def __init__(self, number: int, greeting: list[str]) -> None:
         self.number = number
         self.changed = asyncio.Event()
-        self._sentences = greeting
+        self._queue = greeting
         self._state: str | None = None
         self.changed.set()
 
-    def say(self, message: str) -> None:
-        """Queue a message that must arrive."""
-        self._sentences.append(message)
+    def queue(self, message: str) -> None:
+        """Add a message that must arrive."""
+        self._queue.append(message)
         self.changed.set()
 
-    def show(self, state: str) -> None:
-        """Put the newest state in the place of an older one."""
+    def set_state(self, state: str) -> None:
+        """Replace the state that waits by a newer one."""
         self._state = state
         self.changed.set()
 
     def pending(self) -> list[str]:
-        """Everything to send now."""
+        """Remove and return all messages, the state last."""
         state = [] if self._state is None else [self._state]
-        messages, self._sentences, self._state = [*self._sentences, *state], [], None
+        messages, self._queue, self._state = [*self._queue, *state], [], None
         self.changed.clear()
         return messages
 
 
 class Hub:
-    """wishes: of the driving page, for whoever drives the robot to take."""
+    """requests: those of the driving page, in order, for the node that drives the robot."""
 
     def __init__(self, scene: str, clock: Callable[[], float] = time.monotonic) -> None:
-        self.wishes: queue.SimpleQueue[Wish] = queue.SimpleQueue()
+        self.requests: queue.SimpleQueue[PageRequest] = queue.SimpleQueue()
         self.driving: int | None = None
         self._scene, self._clock = scene, clock
         self._lease = Lease()
@@ -58,52 +89,52 @@ class Hub:
         self._numbers = count(1)
 
     def open(self) -> OpenPage:
-        """A page has come."""
+        """Register a new page."""
         number = next(self._numbers)
         page = OpenPage(number, [_message("hello", page=number), self._scene])
         self._pages[number] = page
         return page
 
     def close(self, page: OpenPage) -> None:
-        """A page has gone; if it was driving, nobody is."""
+        """Remove a page; if it was driving, no page drives."""
         self._pages.pop(page.number, None)
         if self._lease.release(page.number):
-            self.wishes.put(Away(type="away"))
-        self._look_who_drives()
+            self.requests.put(Away(type="away"))
+        self._update_driver()
 
-    def hear(self, page: OpenPage, text: str) -> None:
-        """Take what a page sent: the emergency stop of any, everything else of the driver's."""
+    def receive(self, page: OpenPage, text: str) -> None:
+        """Handle a message: the emergency stop of any page, all else of the driving page only."""
         try:
-            wish = parse_wish(text)
+            request = parse_request(text)
         except TeleopError as error:
-            page.say(_message("said", text=str(error)))
+            page.queue(_message("notice", text=str(error)))
             return
-        if isinstance(wish, EmergencyStop) and wish.engaged:
-            self.wishes.put(wish)
-        elif isinstance(wish, Away):
+        if isinstance(request, EmergencyStop) and request.engaged:
+            self.requests.put(request)
+        elif isinstance(request, Away):
             if self._lease.release(page.number):
-                self.wishes.put(wish)
+                self.requests.put(request)
         elif self._lease.claim(page.number, self._clock()):
-            self.wishes.put(wish)
-        elif wish.type in ("episode", "e_stop", "mode"):
-            page.say(_message("said", text=_ELSE_DRIVES))
-        self._look_who_drives()
+            self.requests.put(request)
+        elif request.type in ("episode", "e_stop", "mode"):
+            page.queue(_message("notice", text=_OTHER_PAGE_DRIVES))
+        self._update_driver()
 
-    def show(self, state: str) -> None:
+    def send_state(self, state: str) -> None:
         """Send the newest state to all pages."""
-        self._look_who_drives()
+        self._update_driver()
         for page in self._pages.values():
-            page.show(state)
+            page.set_state(state)
 
-    def say(self, sentence: str) -> None:
-        """Send a sentence to all pages."""
+    def send_notice(self, text: str) -> None:
+        """Send a notice to all pages."""
         for page in self._pages.values():
-            page.say(_message("said", text=sentence))
+            page.queue(_message("notice", text=text))
 
-    def _look_who_drives(self) -> None:
+    def _update_driver(self) -> None:
         holder = self._lease.holder(self._clock())
         if self.driving is not None and holder is None:
-            self.wishes.put(Away(type="away"))
+            self.requests.put(Away(type="away"))
         self.driving = holder
 
 

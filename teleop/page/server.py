@@ -1,26 +1,126 @@
-"""Runs the page in a thread of its own, beside whoever drives the robot."""
+"""The web server of the page: static files and one WebSocket, behind the rules of `access`.
+
+It runs in a thread of its own, beside the node that drives the robot.
+"""
 
 import asyncio
+import contextlib
 import errno
 import json
 import threading
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
+from importlib.resources import files
 from typing import Any
 
-from aiohttp import web
+from aiohttp import WSMsgType, web
 
 from teleop.errors import TeleopError
-from teleop.page.access import PageAccess
-from teleop.page.app import make_app
-from teleop.page.hub import Hub
-from teleop.page.wishes import Wish
+from teleop.page.access import PageAccess, admits_origin
+from teleop.page.hub import Hub, OpenPage
+from teleop.page.requests import LARGEST_REQUEST_BYTES, PageRequest
 
+_COOKIE = "serd_token"
+_TYPES = {
+    ".html": "text/html",
+    ".css": "text/css",
+    ".js": "text/javascript",
+    ".svg": "image/svg+xml",
+}
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
+_PING_PERIOD_S = 5.0
 _START_LIMIT_S = 10.0
 _SHUTDOWN_S = 0.5
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+def make_app(hub: Hub, access: PageAccess) -> web.Application:
+    """The application; every request passes the access rules first."""
+
+    @web.middleware
+    async def guarded(request: web.Request, handler: Handler) -> web.StreamResponse:
+        if not access.admits_host(request.host):
+            raise web.HTTPForbidden(text="this server is reached as 127.0.0.1 only")
+        given = request.query.get("token")
+        if given is not None and access.token and access.admits_token(given):
+            return _with_cookie(given)
+        if not access.admits_token(request.cookies.get(_COOKIE, "")):
+            raise web.HTTPForbidden(text="open the address with its token: /?token=TOKEN")
+        return await handler(request)
+
+    async def connect(request: web.Request) -> web.StreamResponse:
+        if not admits_origin(request.headers.get("Origin"), request.host):
+            raise web.HTTPForbidden(text="only the page of this server may connect")
+        return await _serve_socket(request, hub)
+
+    app = web.Application(middlewares=[guarded])
+    app.on_response_prepare.append(_harden)
+    app.router.add_get("/socket", connect)
+    for name, content in _static_files().items():
+        app.router.add_get("/" if name == "index.html" else f"/{name}", _sender(name, content))
+    return app
+
+
+def _static_files() -> dict[str, bytes]:
+    folder = files("teleop.page") / "static"
+    return {each.name: each.read_bytes() for each in folder.iterdir() if each.is_file()}
+
+
+def _sender(name: str, content: bytes) -> Handler:
+    kind = _TYPES["." + name.rsplit(".", 1)[-1]]
+
+    async def send(_: web.Request) -> web.StreamResponse:
+        charset = None if kind.startswith("image/") else "utf-8"
+        return web.Response(body=content, content_type=kind, charset=charset)
+
+    return send
+
+
+async def _harden(_: web.Request, response: web.StreamResponse) -> None:
+    response.headers.update(_HEADERS)
+
+
+def _with_cookie(token: str) -> web.Response:
+    """Move the token from the address bar into a cookie that scripts cannot read."""
+    response = web.Response(status=303, headers={"Location": "/"})
+    response.set_cookie(_COOKIE, token, httponly=True, samesite="Strict")
+    return response
+
+
+async def _serve_socket(request: web.Request, hub: Hub) -> web.StreamResponse:
+    socket = web.WebSocketResponse(max_msg_size=LARGEST_REQUEST_BYTES, heartbeat=_PING_PERIOD_S)
+    await socket.prepare(request)
+    page = hub.open()
+    sender = asyncio.create_task(_send_all(socket, page))
+    try:
+        async for message in socket:
+            if message.type == WSMsgType.TEXT:
+                hub.receive(page, message.data)
+            elif message.type == WSMsgType.BINARY:
+                await socket.close(code=1003)
+    finally:
+        hub.close(page)
+        sender.cancel()
+        with contextlib.suppress(asyncio.CancelledError, ConnectionError):
+            await sender
+    return socket
+
+
+async def _send_all(socket: web.WebSocketResponse, page: OpenPage) -> None:
+    while not socket.closed:
+        await page.changed.wait()
+        for message in page.pending():
+            await socket.send_str(message)
 
 
 class PageServer:
-    """Serves from construction until `close`. port 0 takes a free one; `port` tells which."""
+    """Serves from construction until `close`; with port 0, `port` is the free port it took."""
 
     def __init__(self, scene: Mapping[str, Any], access: PageAccess, port: int) -> None:
         self.access, self.port = access, port
@@ -47,19 +147,19 @@ class PageServer:
         """Number of the page that drives, 0 for none."""
         return self._hub.driving or 0
 
-    def take(self) -> list[Wish]:
-        """What the driving page has asked for since."""
-        waiting = self._hub.wishes
+    def take(self) -> list[PageRequest]:
+        """Remove and return the requests of the driving page."""
+        waiting = self._hub.requests
         return [waiting.get_nowait() for _ in range(waiting.qsize())]
 
     def show(self, state: Mapping[str, Any]) -> None:
-        """Show all pages how things stand."""
+        """Send the newest state to all pages."""
         text = json.dumps(state, allow_nan=False)
-        self._loop.call_soon_threadsafe(self._hub.show, text)
+        self._loop.call_soon_threadsafe(self._hub.send_state, text)
 
-    def say(self, sentence: str) -> None:
-        """Show all pages a sentence."""
-        self._loop.call_soon_threadsafe(self._hub.say, sentence)
+    def notify(self, text: str) -> None:
+        """Send a notice to all pages."""
+        self._loop.call_soon_threadsafe(self._hub.send_notice, text)
 
     def close(self) -> None:
         """End all connections and the thread; a second call does nothing."""

@@ -102,7 +102,7 @@ class Page:
         return self.browser.execute_script(script)
 
     def wait(self, condition):
-        wait_until(condition, seen=lambda: (self.text("phase"), self.text("said")))
+        wait_until(condition, seen=lambda: (self.text("phase"), self.text("notices")))
 
     @contextmanager
     def frozen(self):
@@ -271,7 +271,7 @@ def driving(nodes, page, scenario, ros_env):
 
 def test_touch_drives_and_leaving_the_page_or_the_e_stop_stops_the_robot(driving, world):
     page = driving
-    north = page.browser.find_element(By.CSS_SELECTOR, "[data-way=north]")
+    north = page.browser.find_element(By.CSS_SELECTOR, "[data-direction=north]")
     page.keys().click_and_hold(north).perform()
     world.until_it_drives()
     with world.stops_within(1.5):

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from serd_core.grid.grid import Action
-from teleop.direction_choice import DirectionChoice
+from teleop.keyboard import DirectionChoice
 
 
 def test_nothing_chosen_is_wait():
@@ -15,7 +15,7 @@ def test_a_tap_counts_for_one_period_and_the_last_one_counts():
     choice = DirectionChoice()
     choice.tap(Action.NORTH)
     choice.tap(Action.EAST)
-    assert choice.coming == Action.EAST
+    assert choice.upcoming == Action.EAST
     assert [choice.decide(), choice.decide()] == [Action.EAST, Action.WAIT]
 
 

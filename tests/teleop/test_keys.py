@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from sim.world.command import STOP, Command
 from support.waiting import wait_until
 from teleop.errors import TeleopError
-from teleop.key_names import KeyNames
-from teleop.raw_terminal import RawTerminal
-from teleop.velocity_keys import VelocityKeys
+from teleop.keyboard import VelocityKeys
+from teleop.terminal import KeyNames, RawTerminal
 
 
 def test_bytes_become_names():

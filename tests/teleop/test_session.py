@@ -4,9 +4,8 @@ import pytest
 
 from sim.scenario.scenario import load_scenario
 from support.observations import observation_at
-from teleop.episode_tally import EpisodeTally
 from teleop.errors import TeleopError
-from teleop.session import DISCARDED, END, START, Session
+from teleop.session import DISCARDED, END, START, EpisodeTally, Session
 
 SCENARIO = load_scenario("hallway")
 PERIOD_S = SCENARIO.control_period_s
@@ -21,44 +20,44 @@ def seen(tick, place=FLOOR):
 def running():
     session = Session(SCENARIO, timeout_s=10.0)
     session.start()
-    session.began(100 * PERIOD_S)
-    session.see(seen(100))
+    session.world_reset(100 * PERIOD_S)
+    session.observe(seen(100))
     return session
 
 
 def test_an_episode_starts_at_its_first_observation_and_not_at_one_from_before_the_reset():
     session = Session(SCENARIO, timeout_s=10.0)
     session.start()
-    assert session.see(seen(60)) == ()
-    session.began(100 * PERIOD_S)
-    assert session.see(seen(61)) == ()
-    (event,) = session.see(seen(100))
+    assert session.observe(seen(60)) == ()
+    session.world_reset(100 * PERIOD_S)
+    assert session.observe(seen(61)) == ()
+    (event,) = session.observe(seen(100))
     assert (event.event, event.time_s) == (START, 100 * PERIOD_S)
-    assert session.see(seen(101)) == ()
+    assert session.observe(seen(101)) == ()
 
 
 def test_arrival_ends_it_once(running):
-    (event,) = running.see(seen(140, GOAL))
+    (event,) = running.observe(seen(140, GOAL))
     assert (event.event, event.time_s, event.outcome) == (END, 7.0, "arrived")
-    assert running.see(seen(141, GOAL)) == ()
+    assert running.observe(seen(141, GOAL)) == ()
     assert running.duration_s == pytest.approx(2.0)
 
 
 def test_the_timeout_ends_it(running):
-    events = [event for tick in range(101, 320) for event in running.see(seen(tick))]
+    events = [event for tick in range(101, 320) for event in running.observe(seen(tick))]
     assert [(event.outcome, event.time_s) for event in events] == [("timeout", 15.0)]
 
 
 def test_saving_before_the_goal_is_an_aborted_episode_at_the_newest_time(running):
-    running.see(seen(120))
+    running.observe(seen(120))
     event = running.save()
     assert (event.outcome, event.time_s) == ("aborted", 6.0)
 
 
 def test_an_arrived_episode_is_saved_already_and_can_be_taken_back_once(running):
-    running.see(seen(140, GOAL))
+    running.observe(seen(140, GOAL))
     assert running.save() is None
-    running.see(seen(200))
+    running.observe(seen(200))
     event = running.discard()
     assert (event.event, event.outcome, event.time_s) == (END, DISCARDED, 10.0)
     with pytest.raises(TeleopError, match="no episode to discard; start one first"):
@@ -66,7 +65,7 @@ def test_an_arrived_episode_is_saved_already_and_can_be_taken_back_once(running)
 
 
 def test_a_running_episode_can_be_discarded(running):
-    running.see(seen(120))
+    running.observe(seen(120))
     assert running.discard().outcome == DISCARDED
     with pytest.raises(TeleopError, match="no episode to save"):
         running.save()
@@ -83,19 +82,19 @@ def test_a_second_start_is_refused_until_the_first_has_ended(running):
 def test_nothing_can_be_saved_before_the_world_has_been_reset():
     session = Session(SCENARIO, timeout_s=10.0)
     session.start()
-    session.began(5.0)
+    session.world_reset(5.0)
     with pytest.raises(TeleopError, match="no episode to save"):
         session.save()
 
 
 def test_the_tally_counts_each_episode_by_its_last_end_mark():
     tally = EpisodeTally()
-    tally.hear(START, 1, "me", "")
+    tally.add(START, 1, "me", "")
     assert tally.running.driver == "me"
-    tally.hear(END, 1, "me", "arrived")
-    tally.hear(START, 2, "me", "")
-    tally.hear(END, 2, "me", "aborted")
-    tally.hear(END, 1, "me", DISCARDED)
+    tally.add(END, 1, "me", "arrived")
+    tally.add(START, 2, "me", "")
+    tally.add(END, 2, "me", "aborted")
+    tally.add(END, 1, "me", DISCARDED)
     assert tally.running is None
     assert (tally.kept, tally.arrived, tally.discarded) == (1, 0, 1)
     assert str(tally) == "1 kept (0 arrived), 1 discarded"
@@ -103,7 +102,7 @@ def test_the_tally_counts_each_episode_by_its_last_end_mark():
 
 def test_taking_an_episode_back_does_not_end_the_one_that_runs():
     tally = EpisodeTally()
-    tally.hear(END, 1, "me", "arrived")
-    tally.hear(START, 2, "you", "")
-    tally.hear(END, 1, "me", DISCARDED)
+    tally.add(END, 1, "me", "arrived")
+    tally.add(START, 2, "you", "")
+    tally.add(END, 1, "me", DISCARDED)
     assert tally.running.number == 2

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from sim.world.command import STOP, Command
 from storage.errors import FileError
 from teleop.mux_settings import MuxLock, MuxSettings, MuxTopic, load_mux
-from teleop.twist_mux import TwistMux
-from teleop.velocity_limits import VelocityLimits
+from teleop.twist_mux import TwistMux, VelocityLimits
 
 UNLIMITED = VelocityLimits(1e6, -1e6, 1e6, 1e9, 1e9)
 ROBOT = VelocityLimits(1.2, -0.3, 3.5, 2.5, 12.0)
@@ -26,13 +25,13 @@ SETTINGS = MuxSettings(
 UNLOCKED = MuxSettings(topics=SETTINGS.topics)
 
 
-def test_nothing_heard_means_stop():
+def test_without_any_command_the_robot_stops():
     output = TwistMux(UNLOCKED, UNLIMITED).step(3.0)
     assert output.command == STOP
     assert output.active == ""
 
 
-def test_the_highest_priority_that_speaks_drives_and_hands_over_when_silent():
+def test_the_highest_priority_drives_until_its_timeout():
     mux = TwistMux(UNLOCKED, UNLIMITED)
     mux.receive("planner", SLOW, 1.0)
     mux.receive("keys", FAST, 1.0)
@@ -43,7 +42,7 @@ def test_the_highest_priority_that_speaks_drives_and_hands_over_when_silent():
     assert mux.step(2.1).command == STOP
 
 
-def test_a_lock_masks_lower_priorities_only_and_also_engages_by_silence():
+def test_a_lock_masks_lower_priorities_only_and_engages_after_its_timeout():
     mux = TwistMux(SETTINGS, UNLIMITED)
     mux.receive("planner", SLOW, 1.0)
     assert mux.step(1.0).locked_by == ("gone",)
@@ -59,7 +58,17 @@ def test_a_lock_masks_lower_priorities_only_and_also_engages_by_silence():
     assert mux.step(2.3).command == STOP
 
 
-def test_a_lock_without_timeout_holds_what_it_said_last():
+def test_a_lock_lets_inputs_of_its_own_priority_pass():
+    locks = {"gone": MuxLock(topic="gone", timeout=0.0, priority=SETTINGS.topics["keys"].priority)}
+    mux = TwistMux(MuxSettings(topics=SETTINGS.topics, locks=locks), UNLIMITED)
+    mux.receive_lock("gone", True, 1.0)
+    mux.receive("planner", SLOW, 1.0)
+    assert mux.step(1.0).active == ""
+    mux.receive("keys", FAST, 1.0)
+    assert mux.step(1.0).active == "keys"
+
+
+def test_a_lock_without_timeout_keeps_its_last_value():
     lock = MuxLock(topic="pause", timeout=0.0, priority=255)
     mux = TwistMux(MuxSettings(topics=UNLOCKED.topics, locks={"pause": lock}), UNLIMITED)
     mux.receive("keys", FAST, 1.0)
@@ -165,7 +174,7 @@ def test_priority_decides_whatever_the_order_of_arrival(order):
     assert mux.step(1.0).active == "d"
 
 
-def test_the_built_in_settings_let_a_hand_override_the_planner_and_lock_it_when_nobody_drives():
+def test_the_built_in_settings_let_a_driver_override_the_planner_and_lock_it_without_one():
     settings = load_mux()
     priority = {name: each.priority for name, each in settings.topics.items()}
     assert priority["planner"] < settings.locks["driver_gone"].priority < priority["keys"]

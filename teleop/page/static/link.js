@@ -1,4 +1,4 @@
-// The connection to the robot: opens again by itself, and says when nothing comes any more.
+// The connection to the server: reconnects, and detects when no messages arrive.
 
 const RETRY_MS = 1000;
 const SILENCE_MS = 1500;
@@ -7,7 +7,7 @@ export class Link {
   constructor({ onMessage, onChange }) {
     this.onMessage = onMessage;
     this.onChange = onChange;
-    this.heardMs = 0;
+    this.receivedMs = 0;
     this.isOpen = false;
     setInterval(() => this.onChange(), 250);
     this.open();
@@ -16,9 +16,9 @@ export class Link {
   open() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     this.socket = new WebSocket(`${scheme}://${location.host}/socket`);
-    this.socket.onopen = () => { this.isOpen = true; this.heardMs = performance.now(); this.onChange(); };
+    this.socket.onopen = () => { this.isOpen = true; this.receivedMs = performance.now(); this.onChange(); };
     this.socket.onmessage = (event) => {
-      this.heardMs = performance.now();
+      this.receivedMs = performance.now();
       this.onMessage(JSON.parse(event.data));
     };
     this.socket.onclose = () => {
@@ -29,10 +29,10 @@ export class Link {
   }
 
   get isAlive() {
-    return this.isOpen && performance.now() - this.heardMs < SILENCE_MS;
+    return this.isOpen && performance.now() - this.receivedMs < SILENCE_MS;
   }
 
-  send(wish) {
-    if (this.isOpen && this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(wish));
+  send(request) {
+    if (this.isOpen && this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(request));
   }
 }

@@ -1,9 +1,9 @@
-// Puts connection, map, panel and controls together.
+// Connects the link to the server, the map, the panel and the controls.
 
+import { Controls } from "./controls.js";
 import { Link } from "./link.js";
 import { Panel } from "./panel.js";
 import { View } from "./view.js";
-import { Wishes } from "./wishes.js";
 
 const panel = new Panel();
 const view = new View(document.getElementById("view"));
@@ -11,26 +11,26 @@ let ownPage = 0;
 let state = null;
 let lastNumber = null;
 
-const take = {
+const handlers = {
   hello: (message) => { ownPage = message.page; },
   scene: (message) => {
     view.setScene(message);
     document.getElementById("scene-name").textContent = message.name;
   },
-  said: (message) => panel.say(message.text),
+  notice: (message) => panel.addNotice(message.text),
   state: (message) => {
     state = message;
-    wishes.mode = message.mode;
+    controls.mode = message.mode;
     if (message.episode.number !== lastNumber) view.clearTrail();
     lastNumber = message.episode.number;
     view.show(message);
-    panel.show(message, { drives: message.page === ownPage, held: wishes.held });
-    panel.showGamepad(wishes.gamepadName);
+    panel.show(message, { drives: message.page === ownPage, held: controls.held });
+    panel.showGamepad(controls.gamepadName);
   },
 };
 
 const link = new Link({
-  onMessage: (message) => take[message.type]?.(message),
+  onMessage: (message) => handlers[message.type]?.(message),
   onChange: showConnection,
 });
 
@@ -44,13 +44,13 @@ const actions = {
   switchMode: () => setMode(state?.mode === "directions" ? "velocity" : "directions"),
 };
 const setMode = (mode) => link.send({ type: "mode", mode });
-const wishes = new Wishes({ link, actions, pad: document.getElementById("pad") });
+const controls = new Controls({ link, actions, pad: document.getElementById("pad") });
 
 for (const name of ["start", "save", "discard"]) press(name, actions[name]);
 for (const mode of ["directions", "velocity"]) press(mode, () => setMode(mode));
 press("stop", () => (isStopped() ? actions.release() : actions.stop()));
 
-// A button that keeps the focus would take the Space and Enter that are meant for the robot.
+// A button that keeps the focus would also react to Space and Enter, which are driving keys.
 function press(id, act) {
   const button = document.getElementById(id);
   button.addEventListener("click", () => { act(); button.blur(); });
@@ -59,8 +59,8 @@ function press(id, act) {
 function showConnection() {
   const isAlive = link.isAlive;
   panel.showLink({ isAlive, isStale: state?.is_stale ?? true });
-  if (!isAlive) panel.veil("No connection", "The robot has stopped. Trying again …");
-  else if (!wishes.isInFront) panel.veil("The robot stands", "Click here to drive: this page must be in front.");
+  if (!isAlive) panel.veil("No connection", "The robot has stopped. Reconnecting …");
+  else if (!controls.isInFront) panel.veil("The robot stands", "Click here to drive: this page must have the focus.");
   else if (isStopped()) panel.veil("Emergency stop", "Press R, or Release, to drive on.");
   else panel.veil("", "");
 }

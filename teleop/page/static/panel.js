@@ -1,14 +1,14 @@
-// The panel beside the map: episode, counts, driver, connection; only shows, decides nothing.
+// The panel beside the map: episode, counts, driver, connection. It only displays.
 
 const ARROWS = { north: "↑", east: "→", south: "↓", west: "←", wait: "wait" };
 const HINTS = {
-  directions: "Tap an arrow key for the next cell, hold it to go on; a full ring decides. Tab: velocity.",
+  directions: "Tap an arrow key for the next cell, hold it to continue; each full ring is a decision. Tab: velocity.",
   velocity: "Arrow keys drive and turn while held; up is forward. Tab: directions.",
 };
 const PHASES = {
   starting: "starting …", running: "", ended: "",
 };
-const SENTENCES_SHOWN = 3;
+const NOTICES_SHOWN = 3;
 
 export class Panel {
   constructor() {
@@ -48,13 +48,13 @@ export class Panel {
     parts.choice.textContent = byDirections ? ARROWS[state.choice] : "";
     parts.choice.style.fontSize = state.choice === "wait" ? "" : "22px";
     parts.hint.textContent = HINTS[state.mode];
-    for (const button of parts.pad.querySelectorAll("[data-way]")) {
-      const { way } = button.dataset;
-      button.classList.toggle("held", byDirections ? way === state.choice : held.includes(way));
+    for (const button of parts.pad.querySelectorAll("[data-direction]")) {
+      const { direction } = button.dataset;
+      button.classList.toggle("held", byDirections ? direction === state.choice : held.includes(direction));
     }
     const active = state.mux?.active;
-    const who = drives ? "this page drives" : state.page ? "another page drives" : "nobody drives";
-    parts.driver.textContent = active ? `${who} · ${active}` : who;
+    const driver = drives ? "this page drives" : state.page ? "another page drives" : "no driver";
+    parts.driver.textContent = active ? `${driver} · ${active}` : driver;
   }
 
   showHealth(mux, recorder) {
@@ -73,7 +73,7 @@ export class Panel {
     const { link } = this.parts;
     link.classList.toggle("good", isAlive && !isStale);
     link.classList.toggle("bad", !isAlive);
-    link.textContent = !isAlive ? "no connection" : isStale ? "world stands still" : "connected";
+    link.textContent = !isAlive ? "no connection" : isStale ? "no data from the robot" : "connected";
   }
 
   showGamepad(name) {
@@ -81,11 +81,11 @@ export class Panel {
     this.parts.gamepad.textContent = name ? `gamepad: ${name.slice(0, 28)}` : "";
   }
 
-  say(text) {
+  addNotice(text) {
     const line = document.createElement("li");
     line.textContent = text;
-    this.parts.said.prepend(line);
-    while (this.parts.said.children.length > SENTENCES_SHOWN) this.parts.said.lastChild.remove();
+    this.parts.notices.prepend(line);
+    while (this.parts.notices.children.length > NOTICES_SHOWN) this.parts.notices.lastChild.remove();
   }
 
   veil(title, text) {

@@ -1,4 +1,4 @@
-// The hallway from above: floor, walls, people, robot, scan, and what is chosen next.
+// The hallway from above: floor, walls, people, robot, scan, and the next choice.
 
 import { Brush } from "./brush.js";
 
@@ -44,9 +44,9 @@ export class View extends Brush {
     if (!world) return;
     const [x, y] = world.robot;
     const last = this.trail.at(-1);
-    const way = last ? Math.hypot(x - last[0], y - last[1]) : Infinity;
-    if (last && way > 1) this.trail = [];
-    if (way > TRAIL_STEP_M) this.trail.push([x, y]);
+    const step = last ? Math.hypot(x - last[0], y - last[1]) : Infinity;
+    if (last && step > 1) this.trail = [];
+    if (step > TRAIL_STEP_M) this.trail.push([x, y]);
   }
 
   draw() {

@@ -4,8 +4,8 @@ import pytest
 
 from teleop.errors import TeleopError
 from teleop.page.access import PageAccess, admits_origin, read_token
-from teleop.page.lease import SILENCE_S, Lease
-from teleop.page.wishes import Hold, Joystick, parse_wish
+from teleop.page.hub import SILENCE_S, Lease
+from teleop.page.requests import Hold, Joystick, parse_request
 
 TOKEN = "a-long-random-token"
 
@@ -62,11 +62,11 @@ def test_one_page_drives_until_it_goes_or_is_silent():
     assert lease.holder(2 * SILENCE_S + 0.02) is None
 
 
-def test_wishes_are_read():
-    assert parse_wish('{"type": "hold", "direction": "north"}') == Hold(
+def test_requests_are_read():
+    assert parse_request('{"type": "hold", "direction": "north"}') == Hold(
         type="hold", direction="north"
     )
-    joy = parse_wish('{"type": "joy", "axes": [0.5, -1], "buttons": [0, 1]}')
+    joy = parse_request('{"type": "joy", "axes": [0.5, -1], "buttons": [0, 1]}')
     assert joy == Joystick(type="joy", axes=(0.5, -1.0), buttons=(0, 1))
 
 
@@ -90,5 +90,5 @@ def test_wishes_are_read():
     ],
 )
 def test_anything_else_is_one_sentence(text):
-    with pytest.raises(TeleopError, match=r"of a page's wish: .*; load the page again"):
-        parse_wish(text)
+    with pytest.raises(TeleopError, match=r"of a page's request: .*; load the page again"):
+        parse_request(text)

@@ -10,10 +10,9 @@ from aiohttp.test_utils import TestClient, TestServer
 
 from teleop.errors import TeleopError
 from teleop.page.access import PageAccess
-from teleop.page.app import make_app
 from teleop.page.hub import Hub
-from teleop.page.server import PageServer
-from teleop.page.wishes import Away, EmergencyStop, Hold
+from teleop.page.requests import Away, EmergencyStop, Hold
+from teleop.page.server import PageServer, make_app
 
 TOKEN = "a-long-random-token"
 LOCAL = PageAccess("127.0.0.1")
@@ -44,8 +43,8 @@ async def next_of(page, kind):
             return message
 
 
-def wishes_of(hub):
-    return [hub.wishes.get_nowait() for _ in range(hub.wishes.qsize())]
+def requests_of(hub):
+    return [hub.requests.get_nowait() for _ in range(hub.requests.qsize())]
 
 
 async def until(condition):
@@ -113,10 +112,10 @@ def test_a_bad_message_is_answered_by_a_sentence_and_the_connection_lives():
     async def use(client, hub):
         page = await connect(client)
         await page.send_str("{not json")
-        assert "load the page again" in (await next_of(page, "said"))["text"]
+        assert "load the page again" in (await next_of(page, "notice"))["text"]
         await page.send_json(NORTH)
-        await until(lambda: hub.wishes.qsize())
-        assert wishes_of(hub) == [Hold(type="hold", direction="north")]
+        await until(lambda: hub.requests.qsize())
+        assert requests_of(hub) == [Hold(type="hold", direction="north")]
 
     with_client(LOCAL, use)
 
@@ -127,7 +126,7 @@ def test_a_message_that_is_too_large_ends_the_connection():
         await next_of(page, "scene")
         await page.send_str(" " * 10_000)
         assert (await page.receive()).data == 1009  # message too big
-        assert wishes_of(hub) == []
+        assert requests_of(hub) == []
 
     with_client(LOCAL, use)
 
@@ -139,15 +138,15 @@ def test_one_page_drives_and_the_other_may_only_stop_the_robot():
         await until(lambda: hub.driving == 1)
         await second.send_json({"type": "hold", "direction": "south"})
         await second.send_json({"type": "episode", "do": "start"})
-        assert "another page is driving" in (await next_of(second, "said"))["text"]
+        assert "another page is driving" in (await next_of(second, "notice"))["text"]
         await second.send_json({"type": "e_stop", "engaged": True})
-        await until(lambda: hub.wishes.qsize() == 2)
-        assert wishes_of(hub) == [
+        await until(lambda: hub.requests.qsize() == 2)
+        assert requests_of(hub) == [
             Hold(type="hold", direction="north"),
             EmergencyStop(type="e_stop", engaged=True),
         ]
         await second.send_json({"type": "e_stop", "engaged": False})
-        assert "another page is driving" in (await next_of(second, "said"))["text"]
+        assert "another page is driving" in (await next_of(second, "notice"))["text"]
 
     with_client(LOCAL, use)
 
@@ -159,7 +158,7 @@ def test_a_driver_whose_connection_ends_is_away_and_another_takes_over():
         await until(lambda: hub.driving == 1)
         await first.close()
         await until(lambda: hub.driving is None)
-        assert wishes_of(hub)[-1] == Away(type="away")
+        assert requests_of(hub)[-1] == Away(type="away")
         await second.send_json(NORTH)
         await until(lambda: hub.driving == 2)
 
@@ -170,25 +169,25 @@ def test_a_silent_driver_is_away():
     now_s = 0.0
     hub = Hub("{}", clock=lambda: now_s)
     page = hub.open()
-    hub.hear(page, json.dumps(NORTH))
+    hub.receive(page, json.dumps(NORTH))
     assert hub.driving == page.number
     now_s = 2.5
-    hub.show("{}")
+    hub.send_state("{}")
     assert hub.driving is None
-    assert wishes_of(hub)[-1] == Away(type="away")
+    assert requests_of(hub)[-1] == Away(type="away")
 
 
 def test_a_slow_page_gets_every_sentence_but_only_the_newest_state():
     hub = Hub('{"type": "scene"}')
     page = hub.open()
     page.pending()
-    hub.say("one")
-    hub.show("old")
-    hub.say("two")
-    hub.show("new")
+    hub.send_notice("one")
+    hub.send_state("old")
+    hub.send_notice("two")
+    hub.send_state("new")
     assert page.pending() == [
-        '{"type": "said", "text": "one"}',
-        '{"type": "said", "text": "two"}',
+        '{"type": "notice", "text": "one"}',
+        '{"type": "notice", "text": "two"}',
         "new",
     ]
     assert page.pending() == []
@@ -207,7 +206,7 @@ def test_the_server_takes_a_free_port_and_ends_with_its_connections():
     server = PageServer({"type": "scene"}, LOCAL, 0)
     assert server.url == f"http://127.0.0.1:{server.port}/"
     server.show({"type": "state"})
-    server.say("hello")
+    server.notify("hello")
     assert server.take() == []
     assert server.driving_page == 0
     server.close()

@@ -1,15 +1,15 @@
-// What the person holds and presses: keys, pad and gamepad, sent ten times a second.
-// A page that is not in front sends nothing, and has said so; the robot stops then.
+// The driver's input: keys, pad and gamepad, sent ten times a second.
+// A page that loses the focus sends "away", which stops the robot, and then nothing.
 
 const HEARTBEAT_MS = 100;
 const STICK = 0.5;
-const KEY_WAYS = { ArrowUp: "north", ArrowRight: "east", ArrowDown: "south", ArrowLeft: "west" };
+const KEY_DIRECTIONS = { ArrowUp: "north", ArrowRight: "east", ArrowDown: "south", ArrowLeft: "west" };
 const STEPS = { north: [1, 0], south: [-1, 0], west: [0, 1], east: [0, -1] };
 // The standard gamepad: B stops, Y saves, back discards, start starts, 12 to 15 are the cross.
 const PAD_BUTTONS = { 1: "stop", 3: "save", 8: "discard", 9: "start" };
-const PAD_WAYS = { 12: "north", 13: "south", 14: "west", 15: "east" };
+const PAD_DIRECTIONS = { 12: "north", 13: "south", 14: "west", 15: "east" };
 
-export class Wishes {
+export class Controls {
   constructor({ link, actions, pad }) {
     this.link = link;
     this.actions = actions;
@@ -21,7 +21,7 @@ export class Wishes {
     this.listenToKeys();
     this.listenToPad(pad);
     this.listenToFocus();
-    setInterval(() => this.beat(), HEARTBEAT_MS);
+    setInterval(() => this.send(), HEARTBEAT_MS);
   }
 
   listenToKeys() {
@@ -31,27 +31,27 @@ export class Wishes {
     addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.altKey || event.metaKey) return;
       const command = commands[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-      if (KEY_WAYS[event.key]) this.hold(KEY_WAYS[event.key]);
+      if (KEY_DIRECTIONS[event.key]) this.hold(KEY_DIRECTIONS[event.key]);
       else if (command && !event.repeat) this.actions[command]();
       else if (!command) return;
       event.preventDefault();
     });
     addEventListener("keyup", (event) => {
-      if (KEY_WAYS[event.key]) this.letGo(KEY_WAYS[event.key]);
+      if (KEY_DIRECTIONS[event.key]) this.release(KEY_DIRECTIONS[event.key]);
       if (event.key === " " || event.key === "Enter") event.preventDefault();
     });
   }
 
   listenToPad(pad) {
-    for (const button of pad.querySelectorAll("[data-way]")) {
-      const way = button.dataset.way;
+    for (const button of pad.querySelectorAll("[data-direction]")) {
+      const direction = button.dataset.direction;
       button.addEventListener("pointerdown", (event) => {
         button.setPointerCapture(event.pointerId);
-        this.hold(way);
+        this.hold(direction);
         event.preventDefault();
       });
       for (const ending of ["pointerup", "pointercancel", "lostpointercapture"]) {
-        button.addEventListener(ending, () => this.letGo(way));
+        button.addEventListener(ending, () => this.release(direction));
       }
       button.addEventListener("contextmenu", (event) => event.preventDefault());
     }
@@ -63,39 +63,39 @@ export class Wishes {
       this.isInFront = false;
       this.link.send({ type: "away" });
     };
-    const look = () => { this.isInFront = document.visibilityState === "visible" && document.hasFocus(); };
+    const update = () => { this.isInFront = document.visibilityState === "visible" && document.hasFocus(); };
     addEventListener("blur", leave);
     addEventListener("pagehide", leave);
-    addEventListener("focus", look);
+    addEventListener("focus", update);
     addEventListener("pointerdown", () => { this.isInFront = true; });
-    document.addEventListener("visibilitychange", () => (document.hidden ? leave() : look()));
+    document.addEventListener("visibilitychange", () => (document.hidden ? leave() : update()));
   }
 
-  hold(way) {
-    if (this.held.includes(way)) return;
-    this.held.push(way);
-    this.beat();
+  hold(direction) {
+    if (this.held.includes(direction)) return;
+    this.held.push(direction);
+    this.send();
   }
 
-  letGo(way) {
-    if (!this.held.includes(way)) return;
-    this.held = this.held.filter((each) => each !== way);
-    this.beat();
+  release(direction) {
+    if (!this.held.includes(direction)) return;
+    this.held = this.held.filter((each) => each !== direction);
+    this.send();
   }
 
-  // The way held last counts by directions; by velocities all that are held add up.
-  beat() {
+  // In mode "directions" the direction held last counts; in mode "velocity" all held ones add up.
+  send() {
     if (!this.isInFront) return;
     const gamepad = [...(navigator.getGamepads?.() ?? [])].find((each) => each?.connected);
     this.gamepadName = gamepad ? gamepad.id : "";
     if (gamepad) this.pressGamepad(gamepad);
     if (this.mode === "directions") {
-      const way = this.held.at(-1) ?? (gamepad ? gamepadWay(gamepad) : null);
-      this.link.send({ type: "hold", direction: way });
+      const direction = this.held.at(-1) ?? (gamepad ? gamepadDirection(gamepad) : null);
+      this.link.send({ type: "hold", direction });
       return;
     }
     if (gamepad) this.link.send(joyOf(gamepad));
-    const steps = this.held.map((way) => STEPS[way]);
+    const steps = this.held.map((direction) => STEPS[direction]);
     const [linear, angular] = [0, 1].map((index) => steps.reduce((sum, step) => sum + step[index], 0));
     this.link.send({ type: "move", linear: clip(linear), angular: clip(angular) });
   }
@@ -109,9 +109,9 @@ export class Wishes {
   }
 }
 
-function gamepadWay(gamepad) {
-  const pressed = Object.keys(PAD_WAYS).find((index) => gamepad.buttons[index]?.pressed);
-  if (pressed) return PAD_WAYS[pressed];
+function gamepadDirection(gamepad) {
+  const pressed = Object.keys(PAD_DIRECTIONS).find((index) => gamepad.buttons[index]?.pressed);
+  if (pressed) return PAD_DIRECTIONS[pressed];
   const [right = 0, down = 0] = gamepad.axes;
   if (Math.max(Math.abs(right), Math.abs(down)) < STICK) return null;
   if (Math.abs(right) > Math.abs(down)) return right > 0 ? "east" : "west";

@@ -1,4 +1,4 @@
-"""What changes on the page, twenty times a second."""
+"""The data that the page draws: the scene once, the state of the world again and again."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,22 +6,39 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_core.grid.grid import Action
+from serd_core.grid.grid import Action, Grid
+from sim.crowd.social_force import model_named
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
 
-_CENTIMETRES = 2
-_MILLIRADIANS = 3
+# Decimals that are sent.
+_CENTIMETRES, _MILLIRADIANS = 2, 3
+
+
+def scene_of(scenario: Scenario, grid: Grid) -> dict[str, Any]:
+    """The part that does not change, as plain values in metres and seconds, x east and y north."""
+    return {
+        "type": "scene",
+        "name": scenario.name,
+        "bounds_m": scenario.bounds_m,
+        "walls_m": [polygon.tolist() for polygon in scenario.wall_polygons_m],
+        "goal_m": scenario.goal_area_m,
+        "start_m": scenario.start_areas_m["train"],
+        "cells_m": grid.centers_m.tolist(),
+        "cell_size_m": grid.cell_size_m,
+        "decision_period_s": scenario.decision_period_s,
+        "robot_radius_m": scenario.robot.radius_m,
+        "person_radius_m": model_named(scenario.pedestrians.model).body_radius_m,
+        "scan_start_rad": scenario.lidar.angle_min_rad,
+        "scan_step_rad": scenario.lidar.angle_increment_rad,
+    }
 
 
 def world_state(
     observation: Observation, scenario: Scenario, ranges_m: NDArray[np.float32] | None
 ) -> dict[str, Any]:
-    """Robot, people and scan; decided: how much of the decision period has passed, in [0, 1).
-
-    Ranges that hit nothing are 0.
-    """
+    """Robot, people and scan; decided: the elapsed share of the decision period, in [0, 1)."""
     ticks = scenario.ticks_per_decision
     people = np.concatenate([observation.people_position_m, observation.people_velocity_mps], 1)
     return {
@@ -34,7 +51,7 @@ def world_state(
 
 
 def scan_values(ranges_m: NDArray[np.float32]) -> list[float]:
-    """(n_rays,) centimetres exact, 0 where nothing was hit."""
+    """(n_rays,) ranges rounded to centimetres, 0 where a ray hit nothing."""
     seen = np.where(np.isfinite(ranges_m), ranges_m, 0.0).astype(np.float64)
     return [round(value, _CENTIMETRES) for value in seen.tolist()]
 

@@ -1,4 +1,4 @@
-"""What a page may ask for, as JSON objects with a `type`; anything else is one sentence back."""
+"""What a page may request, as JSON objects with a `type`; all else is answered by an error."""
 
 from typing import Annotated, Literal
 
@@ -6,9 +6,9 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from storage.yaml_config import StrictModel
 from teleop.errors import TeleopError
-from teleop.mode import Mode
+from teleop.keyboard import Mode
 
-LARGEST_WISH_BYTES = 4096
+LARGEST_REQUEST_BYTES = 4096
 Direction = Literal["north", "east", "south", "west", "wait"]
 _Share = Annotated[float, Field(ge=-1.0, le=1.0)]
 
@@ -63,17 +63,19 @@ class SetMode(StrictModel):
     mode: Mode
 
 
-Wish = Hold | Move | Joystick | Away | Episode | EmergencyStop | SetMode
-_WISH: TypeAdapter[Wish] = TypeAdapter(Annotated[Wish, Field(discriminator="type")])
+PageRequest = Hold | Move | Joystick | Away | Episode | EmergencyStop | SetMode
+_REQUEST: TypeAdapter[PageRequest] = TypeAdapter(
+    Annotated[PageRequest, Field(discriminator="type")]
+)
 
 
-def parse_wish(text: str) -> Wish:
-    """The wish a page sent; TeleopError with one sentence for anything else."""
+def parse_request(text: str) -> PageRequest:
+    """The request in a message of a page; TeleopError for anything else."""
     try:
-        return _WISH.validate_json(text, strict=True)
+        return _REQUEST.validate_json(text, strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         place = ".".join(str(part) for part in first["loc"]) or "message"
         raise TeleopError(
-            f"{place} of a page's wish: {first['msg']}; load the page again"
+            f"{place} of a page's request: {first['msg']}; load the page again"
         ) from None
