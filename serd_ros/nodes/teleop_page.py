@@ -1,8 +1,7 @@
 """teleop_page: somebody drives through a web page, as a ROS 2 node.
 
-The page is served by a thread of its own (teleop.page); here its requests become
-topics and what the
-world tells becomes its state, twenty times a second.
+The page is served by a thread of its own (teleop.page). This node publishes its requests and sends
+the state of the world to it, twenty times a second.
 """
 
 import sys
