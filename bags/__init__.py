@@ -1,1 +1,1 @@
-"""rosbag2/MCAP in and out, crash-safe recording, and bags as demonstrations. No ROS is needed."""
+"""Reading, writing, checking and repairing rosbag2 recordings. No ROS is needed."""

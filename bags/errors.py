@@ -4,4 +4,4 @@ from storage.errors import FileError
 
 
 class BagError(FileError):
-    """A bag cannot be written, read or believed; the sentence names it and the fix."""
+    """A bag cannot be written or read, or is damaged; the message names it and the fix."""

@@ -1,6 +1,6 @@
-"""Which messages of a bag are due: replay at any rate, with pauses, without a clock of its own.
+"""Replay of a bag at any rate, with pauses: which messages are due at a wall time.
 
-Bag time runs `rate` times as fast as the wall time that is passed in. Messages come out in the
+Bag time runs `rate` times as fast as the wall time that is passed in. Messages are returned in the
 order of the bag, each at its log time; a log time that steps back is due at once.
 """
 
@@ -15,7 +15,10 @@ from bags.topic import RawMessage
 
 @dataclass(frozen=True)
 class Excerpt:
-    """start_s, duration_s: bag time after the first message, by log times; topics: full names."""
+    """The part of a bag that is played.
+
+    start_s, duration_s: bag time after the first message, by log times; topics: full names.
+    """
 
     topics: frozenset[str]
     start_s: float = 0.0
@@ -39,7 +42,7 @@ class Excerpt:
 
 
 class Playback:
-    """One replay. wall_s: any clock that only goes forward; it begins at the first `due`."""
+    """One replay. wall_s: any clock that never goes back; the replay starts at the first `due`."""
 
     def __init__(self, messages: Iterable[RawMessage], *, rate: float = 1.0) -> None:
         self._rest: Iterator[RawMessage] = iter(messages)
@@ -51,11 +54,11 @@ class Playback:
 
     @property
     def finished(self) -> bool:
-        """Whether all messages are out."""
+        """Whether all messages were returned."""
         return self._next is None
 
     def bag_time_ns(self, wall_s: float) -> int:
-        """Time in the bag at a wall time, for /clock; never goes back."""
+        """Bag time at a wall time, for /clock; it never goes back."""
         if self._wall_s is not None and not self.paused:
             passed_ns = round((wall_s - self._wall_s) * self._rate * 1e9)
             self._bag_ns += max(0, passed_ns)
@@ -63,7 +66,7 @@ class Playback:
         return self._bag_ns
 
     def due(self, wall_s: float, *, at_most: int | None = None) -> list[RawMessage]:
-        """The messages whose time has come; `at_most` leaves the others for the next call."""
+        """The messages that are due; those above `at_most` are left for the next call."""
         now_ns = self.bag_time_ns(wall_s)
         found: list[RawMessage] = []
         while self._next is not None and self._next.log_time_ns <= now_ns:
@@ -85,12 +88,12 @@ class Playback:
         self.paused = True
 
     def resume(self, wall_s: float) -> None:
-        """Let bag time go on from where it stopped."""
+        """Continue bag time where it stopped."""
         self.bag_time_ns(wall_s)
         self.paused = False
 
     def step(self) -> RawMessage | None:
-        """The next message at once, with bag time put to it; None when all are out."""
+        """The next message at once, with bag time set to it; None after the last."""
         message = self._next
         if message is not None:
             self._bag_ns = max(self._bag_ns, message.log_time_ns)
@@ -98,7 +101,7 @@ class Playback:
         return message
 
     def set_rate(self, wall_s: float, rate: float) -> None:
-        """Another rate from now on."""
+        """Change the rate from now on."""
         self.bag_time_ns(wall_s)
         self._rate = _checked(rate)
 

@@ -1,7 +1,7 @@
-"""What a recorder node does without ROS: write, flush, watch the disk, count episodes.
+"""A recorder without ROS: writes, flushes, watches the disk, counts episodes.
 
-A fault of the disk never raises: what was written is kept and closed, `status` says what happened,
-and whoever steers the robot must stop it.
+A fault of the disk never raises: what was written is kept and closed, and `status` holds the
+problem; the caller must stop the robot.
 """
 
 import shutil
@@ -37,8 +37,8 @@ class RecorderSettings(StrictModel):
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """problem: why recording ended by itself, empty while all is well; n_lost: since then, and of
-    what was taken in the last flush period before."""
+    """problem: why recording ended by itself, else empty; n_lost: messages since then, and those of
+    the last flush period before."""
 
     recording: bool
     problem: str
@@ -62,7 +62,7 @@ def free_bytes_of(folder: Path) -> int:
 
 
 class BagRecorder:
-    """Records into one bag until it is closed or the disk refuses."""
+    """Records into one bag until it is closed or a write fails."""
 
     def __init__(
         self,
@@ -101,9 +101,9 @@ class BagRecorder:
     def record(
         self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None
     ) -> bool:
-        """Store one message; false where it is lost because recording has ended.
+        """Store one message; returns False where it is lost because recording has ended.
 
-        A topic that was not added, or a time below 0, is a mistake of the caller: BagError.
+        BagError for a topic that was not added or a time below 0.
         """
         if not self._recording:
             self._n_lost += 1
@@ -120,7 +120,7 @@ class BagRecorder:
         return True
 
     def poll(self) -> None:
-        """Flush what is due and look at the free space; call it about every 0.1 s of wall time."""
+        """Flush what is due and check the free space; call it about every 0.1 s of wall time."""
         if not self._recording:
             return
         try:
@@ -133,7 +133,7 @@ class BagRecorder:
 
     @property
     def status(self) -> RecorderStatus:
-        """How it stands."""
+        """The present status."""
         return RecorderStatus(
             recording=self._recording,
             problem=self._problem,
@@ -147,7 +147,7 @@ class BagRecorder:
         )
 
     def close(self) -> RecorderStatus:
-        """Finish the bag; a second time does nothing."""
+        """Finish the bag; further calls do nothing."""
         if self._recording:
             self._recording = False
             self._finish()
@@ -172,7 +172,7 @@ class BagRecorder:
         self._finish()
 
     def _finish(self) -> None:
-        """Give the bag its end; on a disk that refuses it stays as it is and can be recovered."""
+        """Finish the bag; where writing fails it stays as it is and can be recovered."""
         taken = self._writer.n_messages
         try:
             self._writer.close()
@@ -188,6 +188,6 @@ class BagRecorder:
         for status in statuses:
             if status.name == _EPISODE:
                 self._n_started += status.message == "start"
-                if status.message == "end":  # a later one takes the episode back
+                if status.message == "end":  # a later one replaces it
                     number = status.values.get("episode", "")
                     self._outcome_of[number] = status.values.get("outcome", "")

@@ -52,23 +52,17 @@ class RewriteReport:
 
 def recover(source: str | Path, target: str | Path) -> RewriteReport:
     """Write what is still readable of `source` as a new bag."""
-    return _rewrite(BagReader(source, tolerant=True), Path(target), "none", None)
+    return _rewrite(BagReader(source, tolerant=True), Path(target), "none")
 
 
 def convert(
-    source: str | Path,
-    target: str | Path,
-    *,
-    compression: Compression = "none",
-    max_file_bytes: int | None = None,
+    source: str | Path, target: str | Path, *, compression: Compression = "none"
 ) -> RewriteReport:
     """Write any sound bag as an MCAP bag; BagError where `source` is damaged."""
-    return _rewrite(BagReader(source), Path(target), compression, max_file_bytes)
+    return _rewrite(BagReader(source), Path(target), compression)
 
 
-def _rewrite(
-    reader: BagReader, target: Path, compression: Compression, max_file_bytes: int | None
-) -> RewriteReport:
+def _rewrite(reader: BagReader, target: Path, compression: Compression) -> RewriteReport:
     skipped = {
         topic.name: f"its messages are {topic.encoding}, not {CDR}"
         for topic in reader.topics.values()
@@ -77,7 +71,7 @@ def _rewrite(
     left_out: Counter[str] = Counter()
     with (
         _new_folder(target) as folder,
-        BagWriter(folder, compression=compression, max_file_bytes=max_file_bytes) as writer,
+        BagWriter(folder, compression=compression) as writer,
     ):
         for name, topic in reader.topics.items():
             if name not in skipped:

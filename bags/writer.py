@@ -4,7 +4,7 @@ Directory `name` holds name_0.mcap, name_1.mcap, ... and, once closed, metadata.
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 from bags.errors import BagError
@@ -36,7 +36,6 @@ class BagWriter:
         compression: Compression = "none",
         flush_period_s: float = 0.25,
         sync: bool = False,
-        custom_data: Mapping[str, str] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.directory = _new_folder(Path(directory))
@@ -46,7 +45,6 @@ class BagWriter:
         self._compression: Compression = compression
         self._flush_period_s = flush_period_s
         self._sync = sync
-        self._custom_data = dict(custom_data or {})
         self._clock = clock
         self._finished: list[FileSpan] = []
         self._finished_bytes = 0
@@ -161,21 +159,18 @@ class BagWriter:
     def _next_file(self) -> McapWriter:
         path = self.directory / f"{self.directory.name}_{len(self._finished)}.mcap"
         file = McapWriter(path, compression=self._compression, sync=self._sync)
-        self._name = path.name
         self._channels = {name: file.add_topic(topic) for name, topic in self.topics.items()}
         return file
 
     def _finish_file(self) -> None:
-        file = self._file
-        file.flush()
-        times = (file.first_ns, file.last_ns) if file.n_messages else (None, None)
-        files = [*self._finished, FileSpan(self._name, file.n_messages, *times)]
-        file.finish({"serialized_metadata": metadata_text(self._metadata(files))})
+        self._file.flush()
+        files = [*self._finished, self._file.span]
+        self._file.finish({"serialized_metadata": metadata_text(self._metadata(files))})
         self._finished = files
 
     def _metadata(self, files: list[FileSpan]) -> dict[str, object]:
         topics = [(topic, self.counts[name]) for name, topic in self.topics.items()]
-        return bag_metadata(files, topics, self._custom_data)
+        return bag_metadata(files, topics)
 
 
 def _new_folder(directory: Path) -> Path:

@@ -2,8 +2,8 @@
 
 A recorder of 20 topics at 50 Hz is killed at 20 moments; a finished recording of the same topics is
 cut and damaged at many places. Lost are messages that had been handed to the recorder before the
-fault, and the time they span. A result is wrong in silence where messages are missing or other than
-recorded and the reader says nothing.
+fault, and the time they span. A fault is undetected where messages are missing or differ from those
+recorded and the reader reports no damage.
 
 python -m benchmarks.bag_faults        # measures for a minute, writes docs/bags.md
 """
@@ -56,7 +56,7 @@ class Loss:
 
     n_lost: int
     lost_s: float
-    silent: bool
+    undetected: bool
 
 
 @dataclass(frozen=True)
@@ -100,9 +100,9 @@ def _kills(folder: Path) -> list[Loss]:
             time.sleep(rng.uniform(0.3, 1.3))
             killed_ns = time.time_ns()
             process.send_signal(signal.SIGKILL)
-        found, noticed = _read(path / f"{path.name}_0.mcap")
+        found, detected = _read(path / f"{path.name}_0.mcap")
         lost_s = (killed_ns - found[-1][1]) * 1e-9
-        losses.append(Loss(round(lost_s * _RATE_HZ) * _N_TOPICS, lost_s, not noticed))
+        losses.append(Loss(round(lost_s * _RATE_HZ) * _N_TOPICS, lost_s, not detected))
     return losses
 
 
@@ -150,16 +150,16 @@ def _of(folder: Path, whole: Whole, broken: bytes, n_taken: int | None = None) -
     """What is lost of the first n_taken messages, None for all."""
     path = folder / "broken.mcap"
     path.write_bytes(broken)
-    found, noticed = _read(path)
+    found, detected = _read(path)
     taken = whole.messages[:n_taken]
     lost = sorted(set(taken) - set(found), key=lambda message: message[1])
     lost_s = (lost[-1][1] - lost[0][1]) * 1e-9 + 1 / _RATE_HZ if lost else 0.0
     invented = not set(found) <= set(whole.messages)
-    return Loss(len(lost), lost_s, invented or (found != whole.messages and not noticed))
+    return Loss(len(lost), lost_s, invented or (found != whole.messages and not detected))
 
 
 def _read(path: Path) -> tuple[tuple[Message, ...], bool]:
-    """(messages, whether damage was noticed)."""
+    """(messages, whether damage was detected)."""
     scan = McapScan(path)
     found = tuple((each.topic, each.log_time_ns, each.data) for each in scan.messages())
     return found, bool(scan.damage)
@@ -203,56 +203,61 @@ def _line(name: str, losses: Sequence[Loss]) -> str:
 
     seconds = of(lambda loss: loss.lost_s)
     most = int(max(of(lambda loss: loss.n_lost)))
-    silent = sum(loss.silent for loss in losses)
+    undetected = sum(loss.undetected for loss in losses)
     return (
         f"| {name} | {len(losses)} | {np.mean(seconds):.2f} | {max(seconds):.2f} | {most} "
-        f"| {silent} |"
+        f"| {undetected} |"
     )
 
 
-_TEXT = """# What a damaged recording still gives
+_TEXT = """# What can be read of a damaged recording
 
-Written by `python -m benchmarks.bag_faults`; a recorder of {topics} topics at {rate} Hz, put on the
-disk every {flush} s. The damaged file is a finished recording of {duration:g} s with {n_messages}
-messages. Lost is what had been handed to the recorder before the fault and cannot be read any more;
-of a cut file, what the chunk held in which it ends; of a killed recorder, the messages due in the
-time lost. "In silence" counts readings that miss messages, or show others than were recorded,
-without saying so.
+Written by `python -m benchmarks.bag_faults`: a recorder of {topics} topics at {rate} Hz, flushed
+to the disk every {flush} s. The damaged file is a finished recording of {duration:g} s with
+{n_messages} messages. Lost are messages that were given to the recorder before the fault and
+cannot be read any more; of a cut file, those in the chunk in which it ends; of a killed recorder,
+those due in the time lost. "Undetected" counts readings in which messages are missing, or differ
+from those recorded, without any damage being reported.
 
-| fault | tries | mean lost [s] | most lost [s] | most messages lost | wrong in silence |
+| fault | tries | mean lost [s] | most lost [s] | most messages lost | undetected |
 | --- | ---: | ---: | ---: | ---: | ---: |
 {table}
 
-No try crashed or hung the reader. A file that is emptied or overwritten has nothing left to read;
-the reader says so. The same faults, with assertions, are in `tests/bags/test_broken_files.py` and
-`tests/bags/test_killed_recorder.py`; `tests/system/test_killed_recorder_node.py` kills the
-whole `demo_recorder` node.
+No try crashed or blocked the reader. A file that is emptied or overwritten has nothing left to
+read, which the reader reports. The same faults, with assertions, are in
+`tests/bags/test_broken_files.py` and `tests/bags/test_killed_recorder.py`;
+`tests/system/test_killed_recorder_node.py` kills the whole `demo_recorder` node.
 
-## What is noticed, what is saved
+## What is detected, what is recovered
 
-`serd bag check BAG` says what is wrong; `serd bag recover BAG` writes what is left as a new, valid
-bag and says how much is lost: all of it where `metadata.yaml` or the ends of the files tell what
-was recorded, "at least" so much where a damaged file cannot tell, "unknown" where nothing can.
+`serd bag check BAG` lists the faults of a bag; `serd bag recover BAG` writes the readable
+messages as a new, valid bag and reports how many are lost: the exact number where `metadata.yaml`
+or the summaries of the files count what was recorded, "at least" a number where a damaged file
+has no count, and "unknown" where there is no count at all.
 
-- **Any bag with `metadata.yaml`.** Noticed: files that are missing or foreign, and topics with
-  more or fewer messages than were recorded.
-- **MCAP.** Noticed: wrong checksums of chunks and summary, topics that do not fit the statistics;
-  by `check` also a wrong index behind a chunk. Saved: every whole chunk, and of a torn one its
-  whole messages if it was not compressed.
-- **sqlite3.** Noticed: what SQLite's integrity check finds, and rows that are cut off. *Not*
-  noticed: changed bytes within a message, since the format has no checksums; `serd bag convert`
-  gives the messages some. Saved: every whole row, page by page, also from the write-ahead log of a
+- **Any bag with `metadata.yaml`.** Detected: files that are missing or not listed, and topics
+  with more or fewer messages than were recorded.
+- **MCAP.** Detected: wrong checksums of chunks and summary, topics that do not match the
+  statistics; by `check` also a wrong index behind a chunk. Recovered: every complete chunk, and
+  of a torn one its complete messages if it was not compressed.
+- **sqlite3.** Detected: what SQLite's integrity check finds, and rows that are cut off. *Not*
+  detected: changed bytes within a message, since the format has no checksums; `serd bag convert`
+  adds them. Recovered: every complete row, page by page, also from the write-ahead log of a
   recorder that was killed.
-- **Files or messages compressed with zstd.** Noticed: what does not unpack, and then as above.
-  Saved: what unpacks.
+- **Files or messages compressed with zstd.** Detected: what cannot be decompressed, then as
+  above. Recovered: what can be decompressed.
 
-Messages of types that are not installed are copied too, with the definition in the bag; a bag from
-before Jazzy, which keeps no type hashes, gets them computed from its definitions. Only messages
+Sound files are read with `mcap` (records, chunks, summary) and `rosbags` (sqlite3, messages);
+sealing chunks by time, appending them as whole blocks and reading damaged files is code of this
+package.
+
+Messages of types that are not installed are copied too, with the definition in the bag; for a bag
+from before Jazzy, which has no type hashes, they are computed from its definitions. Only messages
 that are not CDR are left out, and counted; the exit code is then 1.
 
-`check` also remarks on gaps, on times that step back, and on two clocks that do not go alike:
-stamps that jump against log times by more than 0.5 s, or drift away from them by more than 0.1 s.
-Messages that merely come late are told apart by the least delay within each second. Tests:
+`check` also reports gaps, times that step back, and two clocks that differ: stamps that jump
+against log times by more than 0.5 s, or drift from them by more than 0.1 s. Late messages do not
+count as clock errors, since only the least delay within each second is compared. Tests:
 `tests/bags/test_lost_messages.py`, `test_sqlite_files.py`, `test_two_clocks.py`.
 """
 

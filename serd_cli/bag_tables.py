@@ -1,4 +1,4 @@
-"""What `serd bag` prints about a bag: as tables for people, as plain values for programs."""
+"""The output of `serd bag`: tables for the terminal, plain values for JSON."""
 
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -16,7 +16,7 @@ from report.style import counted, seconds_in_words
 
 
 def bag_heading(check: BagCheck) -> Text:
-    """What stands above the table of a bag."""
+    """The line above the table of a bag."""
     filled = [topic for topic in check.topics if topic.n_messages]
     if not filled:
         return Text(f"{check.path}: no message")
@@ -26,7 +26,7 @@ def bag_heading(check: BagCheck) -> Text:
 
 
 def rewrite_heading(report: RewriteReport) -> Text:
-    """What stands above the table of a new bag."""
+    """The line above the table of a new bag."""
     messages = counted(report.n_messages, "message")
     left_out = f", {report.n_left_out} left out" if report.n_left_out else ""
     return Text(f"{report.source} -> {report.target}: {messages}{left_out}")
@@ -87,7 +87,7 @@ def losses(report: RewriteReport) -> Iterable[RenderableType]:
     """The damage met on the way, and what it cost."""
     yield from (Text(f"damage: {sentence}", style="yellow") for sentence in report.damage)
     if report.n_lost is None:
-        yield Text("messages lost: unknown, the broken file cannot tell", style="yellow")
+        yield Text("messages lost: unknown, the damaged bag has no count", style="yellow")
     elif report.damage:
         at_least = "" if report.all_lost_known else "at least "
         yield Text(f"messages lost: {at_least}{report.n_lost}", style="yellow")
@@ -105,7 +105,7 @@ def rewrite_values(report: RewriteReport) -> dict[str, Any]:
 
 
 def _rate(hz: float | None) -> str:
-    """Three digits at least, since map and marks come less than once a second."""
+    """At least three digits: map and marks are sent less than once a second."""
     if hz is None:
         return "-"
     return f"{hz:.1f}" if hz >= 1 else f"{hz:.3f}"
@@ -118,9 +118,9 @@ def _delay(topic: TopicCheck) -> str:
     return f"{least:.3f}…{greatest:.3f}"
 
 
-def _table(words: Iterable[str], numbers: Iterable[str]) -> Table:
+def _table(texts: Iterable[str], numbers: Iterable[str]) -> Table:
     table = Table()
-    for name in words:
+    for name in texts:
         table.add_column(escape(name), overflow="fold")
     for name in numbers:
         table.add_column(escape(name), justify="right", no_wrap=True)

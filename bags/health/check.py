@@ -1,8 +1,8 @@
-"""What is good and bad about a recording: damage, counts, gaps, clocks.
+"""Checks of a whole recording: damage, counts, gaps, clocks.
 
-Stamps are those at the beginning of each message that has a std_msgs/Header first; log times are
-when the recorder received it. Stamps that step back, jump or drift against the log times tell of
-two clocks.
+The stamp of a message is that of the std_msgs/Header it begins with; its log time is when the
+recorder received it. Stamps that step back, jump or drift against the log times indicate two
+clocks.
 """
 
 from array import array
@@ -21,14 +21,14 @@ from bags.rosbag2.message_types import ENCODING, resolve_type_if_known
 from bags.topic import Topic, nearest_topic, topics_named
 
 _NO_CHECKSUMS = (
-    "sqlite3 files have no checksums: changed bytes within messages cannot be noticed;"
-    " 'serd bag convert' gives the messages some"
+    "sqlite3 files have no checksums: changed bytes within messages cannot be detected;"
+    " 'serd bag convert' adds checksums"
 )
 
 
 @dataclass(frozen=True)
 class BagCheck:
-    """faults: what makes the bag wrong; remarks: what to know before learning from it."""
+    """faults: why the bag is not sound; remarks: what to know before learning from it."""
 
     path: Path
     topics: tuple[TopicCheck, ...]
@@ -37,7 +37,7 @@ class BagCheck:
 
     @property
     def sound(self) -> bool:
-        """Whether nothing is wrong."""
+        """Whether there is no fault."""
         return not self.faults
 
     @property
@@ -49,7 +49,7 @@ class BagCheck:
 def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
     """Read the whole bag; `required`: topics that must have messages.
 
-    A name that begins with "/" means that topic, any other a topic of that name in any namespace.
+    A name that begins with "/" is one topic, any other a topic of that name in any namespace.
     """
     reader = BagReader(path, tolerant=True, thorough=True)
     times = {name: (array("q"), array("q")) for name in reader.topics}
@@ -97,23 +97,23 @@ def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
             remarks.append(f"{topic.name}: log time steps back {_times(topic.n_log_steps_back)}")
         if topic.n_stamp_steps_back:
             remarks.append(f"{topic.name}: stamps step back {_times(topic.n_stamp_steps_back)}")
-        remarks += [f"{topic.name}: {words}" for words in _clock_words(topic.clocks)]
+        remarks += [f"{topic.name}: {remark}" for remark in _clock_remarks(topic.clocks)]
     return remarks
 
 
-def _clock_words(clocks: TwoClocks) -> list[str]:
-    words = []
+def _clock_remarks(clocks: TwoClocks) -> list[str]:
+    remarks = []
     if clocks.jumps_s:
         largest_s = max(clocks.jumps_s, key=abs)
         way = "forward" if largest_s > 0 else "back"
         often = "" if len(clocks.jumps_s) == 1 else f" {_times(len(clocks.jumps_s))}, the largest"
-        words.append(f"stamps jump against log times{often} {way} by {abs(largest_s):.2f} s")
+        remarks.append(f"stamps jump against log times{often} {way} by {abs(largest_s):.2f} s")
     if clocks.drift_s:
         way = "ahead of" if clocks.drift_s > 0 else "behind"
-        words.append(
+        remarks.append(
             f"stamps run {way} log times by {abs(clocks.drift_s):.2f} s in {clocks.span_s:.0f} s"
         )
-    return words
+    return remarks
 
 
 def _times(number: int) -> str:

@@ -1,4 +1,4 @@
-"""What the times of one topic tell: rates, gaps, clocks."""
+"""Rates, gaps and clocks of one topic, from its log times and stamps."""
 
 from array import array
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from serd_core.arrays import FloatArray
 _SECOND_NS = 1_000_000_000
 #: A gap is this many times the usual distance of a topic's messages, and at least this long.
 _GAP_FACTOR, _SHORTEST_GAP_S = 5.0, 0.5
-#: Messages closer together came in one burst, or got one log time for want of stamps of their own.
+#: Messages closer together are one burst, or have no stamps and were given the same log time.
 _BURST_S = 1e-3
 
 
@@ -20,11 +20,11 @@ _BURST_S = 1e-3
 class TopicCheck:
     """mean_hz: from first to last; rate_hz: from the usual distance of bursts and their usual size.
 
-    Both are None where there are too few messages to tell.
+    Both are None where there are too few messages.
     longest_gap_s: between log times; n_gaps: unusual ones.
     n_log_steps_back, n_stamp_steps_back: times the clock went backwards.
     stamp_delay_s: log time minus stamp, (least, greatest); None where there are no stamps.
-    clocks: how stamps went against log times.
+    clocks: stamps compared with log times.
     """
 
     name: str

@@ -1,7 +1,7 @@
-"""Whether the clock of a topic's stamps and that of the log times went alike.
+"""Comparison of the clock of a topic's stamps with that of its log times.
 
-delay = log time - stamp. A message may come late, and then its delay is long; the least delay
-within a second changes only where a clock jumps or runs at another pace. (NTP filters clocks
+delay = log time - stamp. A late message has a long delay; the least delay
+within a second changes only where a clock jumps or runs at another rate. (NTP filters clocks
 likewise: RFC 5905, section 10.)
 """
 
@@ -15,7 +15,7 @@ _BLOCK_S = 1.0
 _FEWEST_BLOCKS = 5
 _LEAST_JUMP_S = 0.5
 _LEAST_DRIFT_S = 0.1
-#: A trend must stand out that much from what remains around it (standard deviations).
+#: A trend must be that many standard deviations of the residuals.
 _CLEAR = 5.0
 
 
@@ -29,7 +29,7 @@ class TwoClocks:
 
 
 def two_clocks(log_s: FloatArray, delay_s: FloatArray) -> TwoClocks:
-    """Compare the clocks by log times and delays (N,); nothing is said of less than 5 s."""
+    """Compare the clocks by log times and delays (N,); no result for less than 5 s."""
     time_s, delay_s = _least_delays(log_s, delay_s)
     if len(time_s) < _FEWEST_BLOCKS:
         return TwoClocks()
@@ -60,7 +60,7 @@ def _without_single_outliers(values: FloatArray) -> FloatArray:
 
 
 def _trend(time_s: FloatArray, delay_s: FloatArray) -> float:
-    """Change over the whole time by a straight line; 0 where none stands out."""
+    """Change over the whole time by a straight line; 0 where there is no clear trend."""
     slope, level = np.polyfit(time_s - time_s[0], delay_s, 1)
     rest_s = float(np.std(delay_s - level - slope * (time_s - time_s[0])))
     change_s = float(slope * (time_s[-1] - time_s[0]))

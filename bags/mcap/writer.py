@@ -35,6 +35,7 @@ from mcap.writer import MCAP0_MAGIC
 from bags.mcap.disk_file import DiskFile
 from bags.mcap.records import MESSAGE_HEAD, RECORD_HEAD
 from bags.rosbag2.message_types import MessageType
+from bags.rosbag2.metadata_file import FileSpan
 from bags.rosbag2.qos import qos_text
 from bags.topic import Topic
 
@@ -49,8 +50,6 @@ class McapWriter:
     """Appends messages to one file; what `flush` has written survives the death of the process."""
 
     def __init__(self, path: Path, *, compression: Compression = "none", sync: bool = False):
-        self.first_ns = self.last_ns = 0
-        self.message_counts: Counter[int] = Counter()
         self._file = DiskFile(path, sync=sync)
         self._compression = compression
         self._schemas: dict[MessageType, Schema] = {}
@@ -58,12 +57,25 @@ class McapWriter:
         self._chunk_indexes: list[ChunkIndex] = []
         self._chunk = bytearray()
         self._indexes: dict[int, MessageIndex] = {}
+        self._statistics = Statistics(
+            attachment_count=0,
+            channel_count=0,
+            channel_message_counts=Counter(),
+            chunk_count=0,
+            message_count=0,
+            message_end_time=0,
+            message_start_time=0,
+            metadata_count=1,
+            schema_count=0,
+        )
         self._file.append(MCAP0_MAGIC + _encoded(Header(Profile.ROS2, LIBRARY)))
 
     @property
-    def n_messages(self) -> int:
-        """Messages on the disk."""
-        return self.message_counts.total()
+    def span(self) -> FileSpan:
+        """Number and times of the messages on the disk."""
+        found = self._statistics
+        times = (found.message_start_time, found.message_end_time) if found.message_count else ()
+        return FileSpan(self._file.path.name, found.message_count, *times)
 
     @property
     def size(self) -> int:
@@ -90,6 +102,7 @@ class McapWriter:
         number = len(self._channels) + 1
         channel = Channel(number, topic.name, topic.encoding, metadata, schema.id)
         self._channels.append(channel)
+        self._statistics.channel_count += 1
         self._indexes[number] = MessageIndex(number, [])
         self._chunk += _encoded(channel)
         return number
@@ -148,6 +161,7 @@ class McapWriter:
         text = message_type.text.encode()
         schema = Schema(len(self._schemas) + 1, text, message_type.encoding, message_type.name)
         self._schemas[message_type] = schema
+        self._statistics.schema_count += 1
         self._chunk += _encoded(schema)
         return schema
 
@@ -165,20 +179,23 @@ class McapWriter:
 
     def _count(self, indexes: Sequence[MessageIndex], chunk: Chunk) -> None:
         """Add the messages of a chunk that was written to the statistics."""
+        found, first_ns = self._statistics, chunk.message_start_time
         if indexes:
-            first_ns = chunk.message_start_time
-            self.first_ns = min(self.first_ns, first_ns) if self.n_messages else first_ns
-            self.last_ns = max(self.last_ns, chunk.message_end_time)
+            earlier_ns = found.message_start_time if found.message_count else first_ns
+            found.message_start_time = min(earlier_ns, first_ns)
+            found.message_end_time = max(found.message_end_time, chunk.message_end_time)
         for index in indexes:
-            self.message_counts[index.channel_id] += len(index.records)
+            found.message_count += len(index.records)
+            found.channel_message_counts[index.channel_id] += len(index.records)
             index.records.clear()
+        found.chunk_count += 1
 
     def _summary(self, start: int, metadata: MetadataIndex) -> bytes:
         """All records from `start` to the end of the file."""
         groups: dict[int, Sequence[McapRecord]] = {
             Opcode.SCHEMA: list(self._schemas.values()),
             Opcode.CHANNEL: self._channels,
-            Opcode.STATISTICS: [self._statistics()],
+            Opcode.STATISTICS: [self._statistics],
             Opcode.CHUNK_INDEX: self._chunk_indexes,
             Opcode.METADATA_INDEX: [metadata],
         }
@@ -193,19 +210,6 @@ class McapWriter:
         unchecked = _encoded(Footer(start, offset_start, 0))[:-4]
         checksum = zlib.crc32(unchecked, zlib.crc32(summary))
         return bytes(summary) + _encoded(Footer(start, offset_start, checksum)) + MCAP0_MAGIC
-
-    def _statistics(self) -> Statistics:
-        return Statistics(
-            attachment_count=0,
-            channel_count=len(self._channels),
-            channel_message_counts=self.message_counts,
-            chunk_count=len(self._chunk_indexes),
-            message_count=self.n_messages,
-            message_end_time=self.last_ns,
-            message_start_time=self.first_ns,
-            metadata_count=1,
-            schema_count=len(self._schemas),
-        )
 
 
 def _encoded(record: McapRecord) -> bytes:

@@ -5,10 +5,12 @@ import struct
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from rosbags.typesys.store import Typestore
 
 from bags.errors import BagError
 from bags.rosbag2.message_types import rosbags_types
+from serd_core.arrays import FloatArray
 
 _SECOND_NS = 1_000_000_000
 #: After the CDR header of 4 bytes: seconds and nanoseconds of a stamp.
@@ -16,6 +18,8 @@ _STAMPS = (struct.Struct(">iI"), struct.Struct("<iI"))
 _STAMP_START, _STAMP_END = 4, 12
 _FRAME_LENGTH = struct.Struct("<I")
 _POSE = struct.Struct("<7d")
+#: NumPy kinds of the datatypes of a PointField.
+_POINT_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 
 
 @dataclass(frozen=True)
@@ -143,14 +147,14 @@ def transforms(data: bytes) -> tuple[PlanarTransform, ...]:
 def vector3_stamped(data: bytes) -> PlanarVector:
     """geometry_msgs/Vector3Stamped."""
     message = decode(data, "geometry_msgs/msg/Vector3Stamped")
-    return PlanarVector(header_of(message.header), message.vector.x, message.vector.y)
+    return PlanarVector(_header(message.header), message.vector.x, message.vector.y)
 
 
 def twist_stamped(data: bytes) -> PlanarVector:
     """geometry_msgs/TwistStamped: linear velocity in the robot's frame, m/s."""
     message = decode(data, "geometry_msgs/msg/TwistStamped")
     linear = message.twist.linear
-    return PlanarVector(header_of(message.header), linear.x, linear.y)
+    return PlanarVector(_header(message.header), linear.x, linear.y)
 
 
 def twist(data: bytes) -> tuple[float, float]:
@@ -166,19 +170,51 @@ def diagnostic_array(data: bytes) -> DiagnosticReport:
         Status(each.name, each.message, {pair.key: pair.value for pair in each.values})
         for each in message.status
     )
-    return DiagnosticReport(header_of(message.header), tuple(statuses))
+    return DiagnosticReport(_header(message.header), tuple(statuses))
 
 
-def header_of(header: Any) -> Header:
+def point_cloud(data: bytes, names: tuple[str, ...]) -> dict[str, FloatArray]:
+    """Named fields of a sensor_msgs/PointCloud2, each (N,).
+
+    BagError where one is missing or the sizes do not fit.
+    """
+    cloud = decode(data, "sensor_msgs/msg/PointCloud2")
+    layout = {each.name: each for each in cloud.fields}
+    for each in cloud.fields:
+        if each.datatype not in _POINT_KINDS:
+            raise BagError(
+                f"point field {each.name} must have a datatype from 1 to 8, got {each.datatype}"
+            )
+    missing = [name for name in names if name not in layout]
+    if missing:
+        raise BagError(f"point cloud must have the field {missing[0]}, got {', '.join(layout)}")
+    size = cloud.height * cloud.width * cloud.point_step
+    if cloud.data.nbytes != size:
+        raise BagError(f"point cloud must have {size} bytes of points, got {cloud.data.nbytes}")
+    order = ">" if cloud.is_bigendian else "<"
+    kinds = {
+        "names": list(names),
+        "formats": [order + _POINT_KINDS[layout[name].datatype] for name in names],
+        "offsets": [layout[name].offset for name in names],
+        "itemsize": cloud.point_step,
+    }
+    try:
+        points: Any = np.frombuffer(cloud.data, dtype=np.dtype(kinds))  # type: ignore[call-overload]
+    except ValueError as error:
+        raise BagError(f"point cloud has fields that do not fit ({error})") from None
+    return {name: points[name].astype(np.float64) for name in names}
+
+
+def _header(header: Any) -> Header:
     """std_msgs/Header."""
     return Header(header.stamp.sec * _SECOND_NS + header.stamp.nanosec, header.frame_id)
 
 
-def yaw_of_quaternion(x: float, y: float, z: float, w: float) -> float:
+def _yaw(x: float, y: float, z: float, w: float) -> float:
     """Heading of a rotation about any axis, seen from above."""
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def _pose(header: Any, position: Any, turned: Any) -> PlanarPose:
-    yaw_rad = yaw_of_quaternion(turned.x, turned.y, turned.z, turned.w)
-    return PlanarPose(header_of(header), position.x, position.y, yaw_rad)
+    yaw_rad = _yaw(turned.x, turned.y, turned.z, turned.w)
+    return PlanarPose(_header(header), position.x, position.y, yaw_rad)

@@ -1,1 +1,1 @@
-"""What rosbag2 keeps around the messages: files, metadata, topics, types, quality of service."""
+"""The parts of rosbag2 around the messages: files, metadata, types, quality of service."""

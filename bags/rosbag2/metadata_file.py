@@ -28,7 +28,6 @@ class FileSpan:
 def bag_metadata(
     files: Sequence[FileSpan],
     topics: Sequence[tuple[Topic, int]],
-    custom_data: Mapping[str, str],
 ) -> dict[str, Any]:
     """Values below the root key; topics come with their number of messages."""
     filled = [span for span in files if span.first_ns is not None and span.last_ns is not None]
@@ -44,7 +43,7 @@ def bag_metadata(
         "compression_mode": "",
         "relative_file_paths": [span.name for span in files],
         "files": [_file(span) for span in files],
-        "custom_data": dict(custom_data) or None,
+        "custom_data": None,
         "ros_distro": ROS_DISTRO,
     }
 

@@ -40,8 +40,6 @@ class QosProfile:
 
 
 RELIABLE = QosProfile()
-SENSOR_DATA = QosProfile(reliability="best_effort", depth=5)
-LATCHED = QosProfile(durability="transient_local", depth=1)
 
 
 def qos_text(profiles: Sequence[QosProfile]) -> str:

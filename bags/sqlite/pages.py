@@ -1,7 +1,7 @@
 """Rows of a damaged SQLite file, page by page, without the tree that should lead to them.
 
-Each page of a table's rows (a leaf, kind 13) tells by itself where its rows are; a row too long for
-its page goes on in a chain of overflow pages. https://sqlite.org/fileformat2.html, sections 1.6, 2.
+Each page of a table's rows (a leaf, kind 13) lists where its rows are; a row too long for its page
+continues in a chain of overflow pages. https://sqlite.org/fileformat2.html, sections 1.6, 2.
 """
 
 import struct

@@ -104,22 +104,17 @@ def _fault(path: Path) -> str:
             (result,) = next(_query(reader, "PRAGMA integrity_check(1)"))
     except Exception as error:
         return f"the database cannot be read ({error})"
-    words = " ".join(str(result).removeprefix("*** in database main ***").split())
-    return "" if words == "ok" else f"the database is damaged ({words})"
+    verdict = " ".join(str(result).removeprefix("*** in database main ***").split())
+    return "" if verdict == "ok" else f"the database is damaged ({verdict})"
 
 
 def _rows(path: Path) -> Iterator[_Row]:
     """Rows of messages in the order of recording; rosbags would sort them by log time."""
-    with _opened(path) as reader:
-        rows = _query(reader, "SELECT topic_id, timestamp, data FROM messages")
-        while True:
-            try:
-                row = next(rows, None)
-            except Exception as error:
-                raise BagError(f"{path} cannot be read any further ({error})") from None
-            if row is None:
-                return
-            yield row
+    try:
+        with _opened(path) as reader:
+            yield from _query(reader, "SELECT topic_id, timestamp, data FROM messages")
+    except Exception as error:
+        raise BagError(f"{path} cannot be read any further ({error})") from None
 
 
 def _query(reader: Sqlite3Reader, text: str) -> Iterator[Any]:

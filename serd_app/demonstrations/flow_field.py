@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from bags.errors import BagError
-from bags.messages.point_cloud import point_cloud
+from bags.messages.plain import point_cloud
 from bags.reader import BagReader
 from bags.topic import topic_named, topics_named
 from serd_core.arrays import FloatArray, IntArray
@@ -117,7 +117,7 @@ def _add_bag(
         if digest in seen:
             continue
         seen.add(digest)
-        fields = point_cloud(message.data, _FIELDS).fields
+        fields = point_cloud(message.data, _FIELDS)
         position_m, velocity_mps = (
             np.stack([fields[each] for each in pair], axis=1) for pair in _PAIRS
         )

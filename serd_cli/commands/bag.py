@@ -1,4 +1,4 @@
-"""`serd bag`: look into recordings, check them, repair them, turn them into MCAP."""
+"""`serd bag`: inspect, check, repair, convert and play recordings."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -32,7 +32,7 @@ Bags = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON instead of tables")]
 Output = Annotated[
-    Path | None, typer.Option(help="folder of the new bag, which must not hold anything yet")
+    Path | None, typer.Option(help="folder of the new bag, which must be empty or not exist")
 ]
 
 
@@ -53,7 +53,7 @@ def info(bags: Bags, as_json: AsJson = False) -> None:
 
     serd bag info demo_output/run-1/bag
 
-    Reads damaged bags too, and says what is wrong with them.
+    Damaged bags are read too, and their faults are listed.
     """
     checks = [check_bag(bag) for bag in bags]
     if as_json:
@@ -76,7 +76,7 @@ def check(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Read bags whole and say what is wrong with them.
+    """Read bags completely and list their faults.
 
     serd bag check BAG --require robot_pose --require intent
 
@@ -96,10 +96,10 @@ def check(
 
 
 def recover(bags: Bags, output: Output = None, as_json: AsJson = False) -> None:
-    """Write what a broken bag still holds as a new bag.
+    """Write the readable messages of a damaged bag as a new bag.
 
-    The new bag is BAG_recovered beside the broken one, or --output.
-    The broken bag stays as it is. Exit code 1 where nothing could be read, or readable messages
+    The new bag is BAG_recovered beside the damaged one, or --output.
+    The damaged bag is not changed. Exit code 1 where nothing could be read, or readable messages
     had to be left out.
     """
     reports = _rewrite(bags, output, "recovered", recover_bag)

@@ -1,4 +1,4 @@
-"""`serd bag play`: a recording into the topics, as if the world were there."""
+"""`serd bag play`: publishes a recording on its topics."""
 
 import os
 import sys
@@ -21,14 +21,14 @@ def play(
     rate: Annotated[float, typer.Option(min=1e-3, help="bag seconds per second")] = 1.0,
     start: Annotated[float, typer.Option(min=0, help="leave out the first seconds")] = 0.0,
     duration: Annotated[float, typer.Option(min=0, help="bag seconds to play; 0: all")] = 0.0,
-    loop: Annotated[bool, typer.Option("--loop", help="begin again at the end")] = False,
-    paused: Annotated[bool, typer.Option("--paused", help="begin paused")] = False,
+    loop: Annotated[bool, typer.Option("--loop", help="start again at the end")] = False,
+    paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
     topic: Annotated[list[str] | None, typer.Option(help="play this one; repeat for more")] = None,
     remap: Annotated[
         list[str] | None, typer.Option(metavar="FROM:=TO", help="play into another topic")
     ] = None,
     wait_for: Annotated[
-        list[str] | None, typer.Option(metavar="NODE", help="begin when this node listens")
+        list[str] | None, typer.Option(metavar="NODE", help="start when this node listens")
     ] = None,
     wait: Annotated[float, typer.Option(min=0, help="seconds to wait for any listener")] = 10.0,
     clock: Annotated[bool, typer.Option(help="publish bag time on /clock")] = True,

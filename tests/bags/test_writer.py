@@ -12,7 +12,7 @@ from rosbags.interfaces import QosDurability, QosReliability
 from bags.errors import BagError
 from bags.reader import BagReader
 from bags.rosbag2.message_types import message_type
-from bags.rosbag2.qos import LATCHED, SENSOR_DATA
+from bags.rosbag2.qos import QosProfile
 from bags.writer import BagWriter
 
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -73,9 +73,11 @@ def test_metadata_is_that_of_version_9(small_bag):
 
 
 def test_quality_of_service_survives(tmp_path):
+    latched = QosProfile(durability="transient_local", depth=1)
+    sensor_data = QosProfile(reliability="best_effort", depth=5)
     with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic("/map", "nav_msgs/msg/OccupancyGrid", (LATCHED,))
-        writer.add_topic("/scan", "sensor_msgs/msg/LaserScan", (SENSOR_DATA,))
+        writer.add_topic("/map", "nav_msgs/msg/OccupancyGrid", (latched,))
+        writer.add_topic("/scan", "sensor_msgs/msg/LaserScan", (sensor_data,))
     with AnyReader([tmp_path / "bag"]) as reader:
         profiles = {each.topic: each.ext.offered_qos_profiles[0] for each in reader.connections}
     assert profiles["/map"].durability == QosDurability.TRANSIENT_LOCAL

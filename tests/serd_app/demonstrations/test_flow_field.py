@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bags.errors import BagError
-from bags.messages.point_cloud import point_cloud
+from bags.messages.plain import point_cloud
 from bags.writer import BagWriter
 from serd_app.demonstrations.flow_field import FlowEstimator, FlowRule, flow_from_bags
 from serd_core.grid.grid import Action, Grid
@@ -36,10 +36,10 @@ def cloud(messages, rows, *, names=FIELDS, big_endian=False):
 @pytest.mark.parametrize("big_endian", [False, True])
 def test_named_fields_read_as_written(messages, big_endian):
     data = cloud(messages, [[1, 2, 0, 3, 4], [5, 6, 0, 7, 8]], big_endian=big_endian)
-    fields = point_cloud(data, ("vx", "x")).fields
+    fields = point_cloud(data, ("vx", "x"))
     assert fields["x"].tolist() == [1, 5]
     assert fields["vx"].tolist() == [3, 7]
-    assert array.array("d", point_cloud(data, ("vy",)).fields["vy"]).tolist() == [4, 8]
+    assert array.array("d", point_cloud(data, ("vy",))["vy"]).tolist() == [4, 8]
 
 
 def test_a_wrong_cloud_gets_a_sentence(messages):
