@@ -18,7 +18,7 @@ from benchmarks.closed_loop_figure import closed_loop_figure
 from benchmarks.closed_loop_plan import ClosedLoopPlan
 from benchmarks.report import RESULTS, Row, save
 from report.style import png_bytes
-from serd_cli.progress import WorkProgress
+from serd_cli.terminal import WorkProgress
 from sim.drivers.catalogue import make_driver
 from sim.episodes.batch import run_batch
 from sim.episodes.batch_summary import ConditionSummary, summarise

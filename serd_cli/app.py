@@ -1,4 +1,4 @@
-"""The subcommands of `serd`, and how each of them ends."""
+"""The subcommands of `serd` and their exit codes."""
 
 from importlib import import_module
 
@@ -28,14 +28,14 @@ COMMANDS = (
 
 
 def make_app(wanted: str = "") -> typer.Typer:
-    """The command with the wanted subcommand, or with all of them for help and for typing errors.
+    """The command with the wanted subcommand, or with all of them for help and misspelt names.
 
-    Each is in the module of its name, which registers it. Only what is wanted is imported: the
-    experiments and the report take two seconds to load, which `serd run` need not wait for.
+    Each is registered by the module of its name. Only the wanted one is imported, because the
+    experiments and the report take two seconds to import.
     """
     app = typer.Typer(
         name="serd",
-        help="Learn from demonstrations what a person wants and how the world answers.",
+        help="Learn rewards and dynamics from demonstrations, and navigate with them.",
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,
@@ -48,7 +48,7 @@ def make_app(wanted: str = "") -> typer.Typer:
 
 
 def run(app: typer.Typer) -> int:
-    """Exit code; every error of the project is one sentence on stderr."""
+    """Run the command; its exit code. An error of the project is one line on stderr."""
     try:
         return int(app(standalone_mode=True) or 0)
     except KeyboardInterrupt:

@@ -8,13 +8,13 @@ INTERRUPTED = 130
 
 
 class UsageError(SerdError):
-    """What was typed cannot be done; the sentence says what can."""
+    """The command line is invalid; the message names the fix."""
 
 
 class RunError(SerdError):
-    """A process or a step failed; the sentence says which and why.
+    """A process or a step failed; the message names it and the reason.
 
-    exit_code: FAILED, or BAD_INPUT where a process said that its input was bad.
+    exit_code: FAILED, or BAD_INPUT where a process reported bad input.
     """
 
     def __init__(self, sentence: str, exit_code: int = FAILED) -> None:

@@ -1,4 +1,4 @@
-"""What a command says of work that is kept: where it is, and which code it is by."""
+"""Notices about results that remain on disk: where they are, and which code made them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,24 +9,26 @@ from serd_cli.terminal import progress_console
 
 
 @contextmanager
-def kept_in(place: Path | None) -> Iterator[None]:
-    """Say at Ctrl-C that the folder or table keeps what is done; nothing without it."""
+def results_kept_in(place: Path | None) -> Iterator[None]:
+    """At Ctrl-C, print where the finished results are; place: None for none."""
     try:
         yield
     except KeyboardInterrupt:
         if place is not None and place.exists():
             progress_console.print(
-                f"kept in {place.resolve()}; the same command goes on", soft_wrap=True, markup=False
+                f"results are in {place.resolve()}; rerun the command to resume",
+                soft_wrap=True,
+                markup=False,
             )
         raise
 
 
 def remark_other_code(folder: Path) -> None:
-    """Say where work is taken over that another version of the code may have done otherwise."""
+    """Print a warning where a folder holds results of another version of the code."""
     if commits := other_commits(folder):
         progress_console.print(
-            f"{folder} holds work of {', '.join(each[:7] for each in commits)}, which is kept;"
-            " delete the folder to make all of it with the present code",
+            f"{folder} holds results of {', '.join(each[:7] for each in commits)}, which are kept;"
+            " delete the folder to make all of them with the present code",
             style="yellow",
             soft_wrap=True,
             markup=False,

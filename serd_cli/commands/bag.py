@@ -24,8 +24,7 @@ from serd_cli.bag_tables import (
 )
 from serd_cli.commands.bag_play import play
 from serd_cli.errors import FAILED, UsageError
-from serd_cli.json_output import print_json
-from serd_cli.terminal import console, progress_console
+from serd_cli.terminal import console, print_json, progress_console
 
 Bags = Annotated[
     list[Path], typer.Argument(metavar="BAG", help="bag folders, or .mcap or .db3 files")

@@ -12,11 +12,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.table import Table
 
 from serd_cli.errors import UsageError
-from serd_cli.execution_options import Address, Backend, Jobs
-from serd_cli.json_output import print_json
-from serd_cli.progress import WorkProgress
-from serd_cli.resume_notice import kept_in
-from serd_cli.terminal import console
+from serd_cli.options import Address, Backend, Jobs
+from serd_cli.resume_notice import results_kept_in
+from serd_cli.terminal import WorkProgress, console, print_json
 from sim.drivers.catalogue import driver_names
 from sim.episodes.batch import EpisodeTask, run_batch
 from sim.episodes.batch_summary import ConditionSummary, summarise
@@ -60,8 +58,8 @@ def batch(
 
     serd batch --scenario hallway --policy expert --policy model.yaml --seeds 20 --output runs.csv
 
-    Interrupted, the same command goes on where it stopped; with more seeds or policies it adds
-    theirs to the table.
+    Rerun an interrupted command to resume it; with more seeds or policies it adds theirs to the
+    table.
     """
     if seeds < 1 or first_seed < 0:
         given = f"{seeds} and {first_seed}"
@@ -133,7 +131,7 @@ def _run(tasks: list[EpisodeTask], output: Path, execution: Execution) -> list[d
         MofNCompleteColumn(),
         TimeRemainingColumn(),
     )
-    with kept_in(output), bar:
+    with results_kept_in(output), bar:
         line = bar.add_task("", total=len(tasks), visible=False)
         return run_batch(
             tasks,

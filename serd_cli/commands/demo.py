@@ -11,7 +11,7 @@ from serd_cli.demo.phases import demo_environment, demonstrate, learn, navigate
 from serd_cli.demo.report import report_demo
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.errors import RunError
-from serd_cli.setting_options import option, validated
+from serd_cli.options import option, validated
 from serd_cli.terminal import progress_console
 from sim.scenario.scenario import load_scenario
 
@@ -64,7 +64,7 @@ def _run(folder: DemoFolder, settings: DemoSettings) -> None:
         report_demo(folder, settings, phases)
     except (KeyboardInterrupt, RunError):
         progress_console.print(
-            f"kept in {folder.root}; continue with: serd demo --resume {folder.root}",
+            f"results are in {folder.root}; resume with: serd demo --resume {folder.root}",
             soft_wrap=True,
         )
         raise

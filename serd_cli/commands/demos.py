@@ -12,8 +12,7 @@ from serd_app.drives.mapping import BagMapping
 from serd_cli.demonstration_words import decisions_table, remarks
 from serd_cli.errors import UsageError
 from serd_cli.flow_words import flow_in_words, flow_values
-from serd_cli.json_output import print_json
-from serd_cli.overwriting import require_apart
+from serd_cli.output_paths import require_apart
 from serd_cli.recorded_demonstrations import (
     Place,
     RecordedDemonstrations,
@@ -23,7 +22,7 @@ from serd_cli.recorded_demonstrations import (
     save_demonstrations,
 )
 from serd_cli.recording import read_recording
-from serd_cli.terminal import console
+from serd_cli.terminal import console, print_json
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from storage.yaml_config import load_yaml_model

@@ -10,10 +10,8 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from serd_cli.errors import UsageError
-from serd_cli.json_output import print_json
-from serd_cli.output_place import require_file_place
-from serd_cli.progress import WorkProgress
-from serd_cli.terminal import console
+from serd_cli.output_paths import require_file_place
+from serd_cli.terminal import WorkProgress, console, print_json
 from sim.drivers.catalogue import driver_names, make_driver
 from sim.episodes.batch import EpisodeTask, scenario_of
 from sim.episodes.episode import EpisodeRecord, run_episode

@@ -21,11 +21,10 @@ from experiments.running.settings import (
     make_config,
     settings_of,
 )
-from serd_cli.execution_options import Address, Backend, Jobs
-from serd_cli.output_place import require_folder
-from serd_cli.progress import WorkProgress
-from serd_cli.resume_notice import kept_in, remark_other_code
-from serd_cli.terminal import console
+from serd_cli.options import Address, Backend, Jobs
+from serd_cli.output_paths import require_folder
+from serd_cli.resume_notice import remark_other_code, results_kept_in
+from serd_cli.terminal import WorkProgress, console
 from sim.episodes.execution import Execution
 
 _OWN = {
@@ -123,7 +122,7 @@ def _run(experiment: Experiment, config: Any, output: Path, execution: Execution
         MofNCompleteColumn(),
         TimeRemainingColumn(),
     )
-    with kept_in(output), bar:
+    with results_kept_in(output), bar:
         task = bar.add_task("", total=None)
         return experiment.run(
             config,

@@ -21,12 +21,10 @@ from serd_cli.fit_words import (
     remarks,
     weights_table,
 )
-from serd_cli.json_output import print_json
 from serd_cli.learning_files import FlowSource, LearningFiles, read_learning_files
-from serd_cli.overwriting import require_apart
-from serd_cli.progress import WorkProgress
+from serd_cli.output_paths import require_apart
 from serd_cli.recorded_demonstrations import files_beside
-from serd_cli.terminal import console
+from serd_cli.terminal import WorkProgress, console, print_json
 from sim.scenario.goal import point_of
 from storage.yaml_config import sentence_of
 

@@ -12,15 +12,13 @@ from report.style import png_bytes
 from serd_app.navigation.settings import PolicyKind
 from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_cli.errors import UsageError
-from serd_cli.json_output import print_json
 from serd_cli.navigate.comparison import compare, comparison_figure, comparison_table, remarks
 from serd_cli.navigate.in_process import drive_in_process
 from serd_cli.navigate.settings import NavigateSettings, claim_folder
 from serd_cli.navigate.through_ros import drive_through_ros
-from serd_cli.progress import WorkProgress
-from serd_cli.resume_notice import kept_in
-from serd_cli.setting_options import option, validated
-from serd_cli.terminal import console
+from serd_cli.options import option, validated
+from serd_cli.resume_notice import results_kept_in
+from serd_cli.terminal import WorkProgress, console, print_json
 from sim.planning.catalogue import make_planner
 from sim.scenario.goal import with_goal
 from sim.scenario.grid import grid_of, start_states_of
@@ -139,7 +137,7 @@ def _drive_here(settings: NavigateSettings, output: Path | None) -> list[Episode
         TimeRemainingColumn(),
         TextColumn("[dim]{task.fields[said]}"),
     )
-    with kept_in(table), bar:
+    with results_kept_in(table), bar:
         task = bar.add_task("navigate", total=settings.episodes, completed=len(done), said="")
 
         def tell(row: EpisodeResult) -> None:

@@ -16,13 +16,10 @@ from experiments.study.run import KEPT, SETTINGS_YAML, redraw, run_study
 from experiments.study.settings import StudySettings, study_settings
 from experiments.study.tables.catalogue import headline
 from serd_cli.errors import UsageError
-from serd_cli.execution_options import Address, Backend, Jobs
-from serd_cli.json_output import print_json
-from serd_cli.output_place import require_folder
-from serd_cli.progress import WorkProgress
-from serd_cli.resume_notice import kept_in, remark_other_code
-from serd_cli.terminal import console
-from serd_cli.time_left import TimeLeftColumn
+from serd_cli.options import Address, Backend, Jobs
+from serd_cli.output_paths import require_folder
+from serd_cli.resume_notice import remark_other_code, results_kept_in
+from serd_cli.terminal import TimeLeftColumn, WorkProgress, console, print_json
 from sim.episodes.execution import Execution
 
 _FIGURES = ", ".join(figure.name for figure in FIGURES)
@@ -64,7 +61,7 @@ def hallway(
 
     serd study hallway --quick
 
-    What is made already is not made again, so the same command goes on where it was interrupted.
+    Finished parts are not repeated: rerun an interrupted command to resume it.
     """
     folder = output or Path("study_output") / ("hallway_quick" if quick else "hallway")
     require_folder(folder)
@@ -94,7 +91,7 @@ def _run(settings: StudySettings, folder: Path, execution: Execution) -> dict[st
         TimeElapsedColumn(),
         TimeLeftColumn(execution.n_processes),
     )
-    with kept_in(folder), bar:
+    with results_kept_in(folder), bar:
         task = bar.add_task("", total=None)
         return run_study(
             settings,

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 import typer
 
 from serd_app.drives.mapping import BagMapping
-from serd_cli.free_folder import free_folder
 from serd_cli.node_commands import stack_processes
+from serd_cli.output_paths import free_folder
 from serd_cli.supervisor import run_together
 from serd_cli.teleop.settings import TeleopSettings, require_a_way_to_drive
 from serd_cli.teleop.summary import summarise_session

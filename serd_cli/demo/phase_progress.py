@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Column
 
-from serd_cli.progress import WorkProgress
+from serd_cli.terminal import WorkProgress
 
 _EPISODE = re.compile(r"episode (\d+) of \d+: (.*)")
 _FIT = re.compile(r"fit (\d+) of \d+, (step .*)")

@@ -6,7 +6,7 @@ from typing import Any
 
 from serd_app.navigation.settings import NavigationSettings
 from serd_cli.errors import UsageError
-from serd_cli.output_place import require_folder
+from serd_cli.output_paths import require_folder
 from sim.episodes.settings import WorldSettings
 from sim.scenario.scenario import Scenario, load_scenario, scenario_digest
 from storage.files import atomic_write_text, read_text

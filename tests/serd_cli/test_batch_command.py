@@ -71,5 +71,5 @@ def test_an_interrupted_batch_keeps_its_rows_and_ends_with_130(tmp_path):
             process.kill()  # its workers end with it
     assert process.returncode == 130
     assert "Traceback" not in said
-    assert f"kept in {output}; the same command goes on" in said
+    assert f"results are in {output}; rerun the command to resume" in said
     assert 1 < len(output.read_text().splitlines()) < 2001

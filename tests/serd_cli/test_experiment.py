@@ -42,7 +42,7 @@ def test_work_of_another_version_of_the_code_is_named(tmp_path, capsys):
     noted.write_text(re.sub(r"commit: \w+", f"commit: {'c' * 40}", noted.read_text()))
     capsys.readouterr()
     run(*words)
-    assert "holds work of ccccccc, which is kept; delete the folder" in capsys.readouterr().err
+    assert "holds results of ccccccc, which are kept; delete the folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

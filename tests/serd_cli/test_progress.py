@@ -2,14 +2,14 @@
 
 import pytest
 
-from serd_cli import progress
-from serd_cli.progress import WorkProgress
+from serd_cli import terminal
+from serd_cli.terminal import WorkProgress
 
 
 @pytest.fixture
 def clock(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: now[0])
     return now
 
 
@@ -28,7 +28,7 @@ def test_without_a_terminal_a_line_comes_every_half_minute(clock, capsys):
 
 
 def test_on_a_terminal_the_bar_is_drawn_in_place(clock, monkeypatch, capsys):
-    monkeypatch.setattr(progress.progress_console, "_force_terminal", True)
+    monkeypatch.setattr(terminal.progress_console, "_force_terminal", True)
     bar = WorkProgress("{task.completed} done")
     task = bar.add_task("episodes", total=2)
     clock[0] += 60.0

@@ -1,15 +1,23 @@
-"""Command options from settings: default, help and range are those of the model's field."""
+"""Command options made from settings, with their default, help and range, and shared options."""
 
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import typer
 from pydantic import BaseModel, ValidationError
 
 from serd_cli.errors import UsageError
+from sim.episodes.execution import BACKENDS
 from storage.settings import settings_of
 from storage.yaml_config import sentence_of
 
 Model = TypeVar("Model", bound=BaseModel)
+
+# Where many tasks run.
+Jobs = Annotated[int, typer.Option(help="processes at a time, -1 for all cores")]
+Backend = Annotated[str, typer.Option(help=", ".join(BACKENDS))]
+Address = Annotated[
+    str, typer.Option(help="of a running Dask or Ray cluster; else a local one is started")
+]
 
 
 def option(model: type[BaseModel], name: str, *flags: str) -> Any:

@@ -1,0 +1,51 @@
+"""Checks of output paths before a command works for minutes, and numbered output folders."""
+
+import errno
+from collections.abc import Iterable
+from itertools import count
+from pathlib import Path
+
+from serd_cli.errors import UsageError
+from storage.errors import disk_error
+
+
+def require_folder(folder: Path) -> None:
+    """FileError where a file stands in the place of the folder, or of one above it."""
+    for place in (folder, *folder.parents):
+        if place.is_dir():
+            return
+        if place.exists():
+            in_the_way = errno.EEXIST if place == folder else errno.ENOTDIR
+            raise disk_error("write", folder, OSError(in_the_way, ""))
+
+
+def require_file_place(path: Path) -> None:
+    """FileError where a file cannot be written: a folder of its name, or no folder for it."""
+    require_folder(path.parent)
+    if path.is_dir():
+        raise disk_error("write", path, OSError(errno.EISDIR, ""))
+
+
+def free_folder(output: Path, name: str) -> Path:
+    """Make the next free folder `name-N` below `output`; nothing is ever overwritten."""
+    for number in count(1):
+        root = output / f"{name}-{number}"
+        try:
+            root.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise disk_error("write", root, error) from None
+        break
+    return root
+
+
+def require_apart(output: Path, written: Iterable[Path], read: Iterable[str | Path]) -> None:
+    """UsageError where a file that --output makes the command write is one that it reads."""
+    inputs = {Path(each).resolve() for each in read}
+    for path in written:
+        if path.resolve() in inputs:
+            raise UsageError(
+                f"--output must not overwrite what is read, {output} would overwrite {path};"
+                " name another file"
+            )
