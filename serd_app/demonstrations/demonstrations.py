@@ -1,22 +1,23 @@
 """What is learned from: decisions, and when each demonstration entered the goal area."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from bags.errors import BagError
-from serd_app.demonstrations.concatenate import joined_decisions
+from serd_app.demonstrations.concatenate import concatenate_renumbered
 from serd_app.demonstrations.discretise import (
     DiscretisationReport,
     decisions_from_drive,
     joined_reports,
 )
-from serd_app.demonstrations.goal_entry import goal_entries_s
+from serd_app.demonstrations.goal import goal_entries_s
+from serd_app.drives.episode_spans import CUT_OFF
 from serd_app.drives.recorded_drive import RecordedDrive
-from serd_app.drives.sessions import read_drives
+from serd_app.drives.sessions import DriveSessions, read_drives
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 
@@ -30,7 +31,7 @@ class Demonstrations:
 
     @cached_property
     def episode_rows(self) -> dict[int, bytes]:
-        """Every decision of each episode as bytes, to tell repeated episodes by."""
+        """Every decision of each episode as bytes, by which repeated episodes are recognised."""
         table = self.decisions
         columns = (table.time_s, table.state, table.action, table.next_state)
         return {
@@ -38,12 +39,14 @@ class Demonstrations:
             for episode in table.episodes
         }
 
-    def joined(self, later: "Demonstrations") -> "Demonstrations":
-        """Both; the later episodes are numbered on."""
-        return Demonstrations(
-            joined_decisions([self.decisions, later.decisions]),
-            self.goal_entry_s + later.goal_entry_s,
-        )
+
+def joined(parts: Sequence[Demonstrations]) -> Demonstrations:
+    """All of them; later episodes are numbered on."""
+    first, *others = parts
+    for later in others:
+        decisions = concatenate_renumbered([first.decisions, later.decisions])
+        first = Demonstrations(decisions, first.goal_entry_s + later.goal_entry_s)
+    return first
 
 
 def demonstrations_of_bag(
@@ -75,19 +78,37 @@ def demonstrations_of_drives(
     """Those of all drives of one recording, at least one. seen: see `fresh_from_drive`."""
     seen = set() if seen is None else seen
     found = [fresh_from_drive(drive, grid, decision_period_s, seen) for drive in drives]
-    together, *others = (here for here, _ in found)
-    for later in others:
-        together = together.joined(later)
-    return together, joined_reports([report for _, report in found])
+    return joined([here for here, _ in found]), joined_reports([report for _, report in found])
 
 
-def with_drive(
-    known: Demonstrations | None, drive: RecordedDrive, grid: Grid, decision_period_s: float
-) -> tuple[Demonstrations, DiscretisationReport]:
-    """What was known and what the drive adds, and what became of the drive's intents."""
-    seen = set(known.episode_rows.values()) if known is not None else set()
-    here, report = fresh_from_drive(drive, grid, decision_period_s, seen)
-    return (here if known is None else known.joined(here)), report
+class LiveDrive(DriveSessions):
+    """Collects robot_pose, intent and episode as they come; gives the decisions of a bag of them.
+
+    earlier: demonstrations known before. report: what became of the intents of the last session.
+    """
+
+    def __init__(
+        self,
+        source: str,
+        grid: Grid,
+        decision_period_s: float,
+        earlier: Demonstrations | None = None,
+    ) -> None:
+        super().__init__(source)
+        self._grid, self._period_s, self._earlier = grid, decision_period_s, earlier
+        self.report: DiscretisationReport | None = None
+
+    def gathered(self, *, unfinished: bool = True) -> Demonstrations:
+        """All episodes so far; unfinished: also decisions of the episode still being driven."""
+        *before, last = (session.builder.drive() for session in self.sessions)
+        if not unfinished and last.episodes and last.episodes[-1].outcome == CUT_OFF:
+            last = replace(last, episodes=last.episodes[:-1])
+        known = [] if self._earlier is None else [self._earlier]
+        seen = {row for each in known for row in each.episode_rows.values()}
+        for drive in (*before, last):
+            here, self.report = fresh_from_drive(drive, self._grid, self._period_s, seen)
+            known.append(here)
+        return joined(known)
 
 
 def fresh_from_drive(

@@ -1,24 +1,27 @@
 """From a recorded drive to decisions (s, a, s') on a grid.
 
 Every recorded intent inside an episode is one decision: s is the cell of the robot at its stamp, a
-the direction it names, s' what the rule of `decision_rule` makes of the place one decision period
-later, or at the arrival if that comes first. Of intents closer together than a decision period the
-first counts. Nothing is dropped without being counted.
+the direction it names, s' the cell one decision period later, or at the arrival if that is earlier.
+Of intents closer together than a decision period the first counts. Every dropped intent is counted.
+
+The grid's dynamics have five outcomes: the own cell and its four neighbours. A robot that ended
+elsewhere (diagonally, or more than one cell on) is assigned the neighbour in the direction in which
+it moved farthest; where that is no cell, the one in the other direction.
 """
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import Enum
 
 import numpy as np
 
 from bags.errors import BagError
-from serd_app.demonstrations.decision_rule import Move, next_state_of
 from serd_app.drives.episode_spans import CUT_OFF, DISCARDED, EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.grid.grid import Grid
+from serd_core.grid.grid import Action, Grid, action_of_direction
 
 OUTSIDE_EPISODE = "outside any episode"
 AFTER_CUT_OFF = "after an episode whose end is not recorded"
@@ -90,22 +93,46 @@ def joined_reports(reports: Sequence[DiscretisationReport]) -> DiscretisationRep
     )
 
 
+class Move(Enum):
+    """What kind of move a decision period was."""
+
+    ADJACENT = "own cell or a neighbour"
+    DIAGONAL = "diagonal"
+    FAR = "more than one cell"
+
+
+def next_state_of(grid: Grid, state: int, reached: int, end_m: FloatArray) -> tuple[int, Move]:
+    """(next state, kind of move) from a cell to the cell that holds end_m (2,); -1 where no
+    neighbour explains the move."""
+    if reached == state or reached in grid.neighbours[state]:
+        return reached, Move.ADJACENT
+    steps = np.abs(grid.cells[reached] - grid.cells[state])
+    move = Move.DIAGONAL if steps.max() == 1 else Move.FAR
+    east, north = end_m - grid.centers_m[state]
+    for direction in sorted([(east, 0.0), (0.0, north)], key=lambda d: -abs(d[0] + d[1])):
+        action = action_of_direction(*np.sign(direction))
+        neighbour = int(grid.neighbours[state, action])
+        if action != Action.WAIT and neighbour != state:
+            return neighbour, move
+    return -1, move
+
+
 def decisions_from_drive(
     drive: RecordedDrive, grid: Grid, decision_period_s: float
 ) -> tuple[Decisions, DiscretisationReport]:
     """Decisions of a recorded drive on a grid, and what became of every intent."""
     if not decision_period_s > 0:
         raise BagError(f"decision_period_s must be above 0, got {decision_period_s}")
-    fates = _Fates(len(drive.intent_time_s), drive.dropped)
-    span = _spans_of(drive, fates, decision_period_s)
-    end_s = _ends(drive, span, fates, decision_period_s)
+    drops = _DropLog(len(drive.intent_time_s), drive.dropped)
+    span = _spans_of(drive, drops, decision_period_s)
+    end_s = _ends(drive, span, drops, decision_period_s)
     start_m, start_known = _positions(drive, drive.intent_time_s)
     end_m, end_known = _positions(drive, end_s)
-    fates.drop(~(start_known & end_known), NO_POSE)
+    drops.drop(~(start_known & end_known), NO_POSE)
     state, reached = grid.states_at(start_m), grid.states_at(end_m)
-    fates.drop((state < 0) | (reached < 0), OFF_GRID)
-    moves = _assign(grid, state, reached, end_m, fates)
-    kept = np.flatnonzero(fates.kept)
+    drops.drop((state < 0) | (reached < 0), OFF_GRID)
+    moves = _assign(grid, state, reached, end_m, drops)
+    kept = np.flatnonzero(drops.kept)
     numbers = np.array([each.number for each in drive.episodes], dtype=np.int64)
     decisions = Decisions(
         episode=numbers[span[kept]],
@@ -120,14 +147,14 @@ def decisions_from_drive(
         n_episodes=len(decisions.episodes),
         n_diagonal=moves[Move.DIAGONAL],
         n_far=moves[Move.FAR],
-        dropped=dict(fates.dropped),
+        dropped=dict(drops.dropped),
         n_bad_poses=drive.n_bad_poses,
         n_unplaced_poses=drive.n_unplaced_poses,
         n_bad_commands=drive.n_bad_commands,
     )
 
 
-class _Fates:
+class _DropLog:
     """Which intents are still decisions, and why the others are not; the first reason counts."""
 
     def __init__(self, count: int, dropped: Mapping[str, int]) -> None:
@@ -142,21 +169,21 @@ class _Fates:
         self.kept = self.kept & ~rows
 
 
-def _spans_of(drive: RecordedDrive, fates: _Fates, period_s: float) -> IntArray:
+def _spans_of(drive: RecordedDrive, drops: _DropLog, period_s: float) -> IntArray:
     """(N,) index of the episode of each intent; drops those outside and those too close."""
     starts_s, ends_s, _ = _columns(drive.episodes)
     if not len(starts_s):
-        fates.drop(np.ones_like(fates.kept), OUTSIDE_EPISODE)
-        return np.zeros(len(fates.kept), dtype=np.int64)
+        drops.drop(np.ones_like(drops.kept), OUTSIDE_EPISODE)
+        return np.zeros(len(drops.kept), dtype=np.int64)
     time_s = drive.intent_time_s + _STAMP_TOLERANCE_S
     span = np.searchsorted(starts_s, time_s, side="right") - 1
     inside = (span >= 0) & (time_s < ends_s[span])
     cut_off = np.array([each.outcome == CUT_OFF for each in drive.episodes])
-    fates.drop((span >= 0) & ~inside & cut_off[span], AFTER_CUT_OFF)
-    fates.drop(~inside, OUTSIDE_EPISODE)
+    drops.drop((span >= 0) & ~inside & cut_off[span], AFTER_CUT_OFF)
+    drops.drop(~inside, OUTSIDE_EPISODE)
     discarded = np.array([each.outcome == DISCARDED for each in drive.episodes])
-    fates.drop(discarded[span], IN_DISCARDED)
-    fates.drop(_too_close(drive.intent_time_s, span, inside, period_s), WITHIN_PERIOD)
+    drops.drop(discarded[span], IN_DISCARDED)
+    drops.drop(_too_close(drive.intent_time_s, span, inside, period_s), WITHIN_PERIOD)
     return span
 
 
@@ -171,14 +198,14 @@ def _too_close(time_s: FloatArray, span: IntArray, inside: BoolArray, period_s: 
     return close
 
 
-def _ends(drive: RecordedDrive, span: IntArray, fates: _Fates, period_s: float) -> FloatArray:
+def _ends(drive: RecordedDrive, span: IntArray, drops: _DropLog, period_s: float) -> FloatArray:
     """(N,) when each decision's period ends; drops those whose episode ends before, not arrived."""
     due_s = drive.intent_time_s + period_s
     if not drive.episodes:
         return due_s
     _, ends_s, arrived = _columns(drive.episodes)
     early = ends_s[span] < due_s - _STAMP_TOLERANCE_S
-    fates.drop(early & ~arrived[span], CUT_SHORT)
+    drops.drop(early & ~arrived[span], CUT_SHORT)
     return np.minimum(due_s, ends_s[span])
 
 
@@ -204,15 +231,15 @@ def _positions(drive: RecordedDrive, times_s: FloatArray) -> tuple[FloatArray, B
 
 
 def _assign(
-    grid: Grid, state: IntArray, reached: IntArray, end_m: FloatArray, fates: _Fates
+    grid: Grid, state: IntArray, reached: IntArray, end_m: FloatArray, drops: _DropLog
 ) -> Counter[Move]:
     """Put the next state of the rule in place of the cell reached, where that is no neighbour."""
     moves: Counter[Move] = Counter()
     adjacent = (reached == state) | (grid.neighbours[state] == reached[:, None]).any(axis=1)
     unexplained = np.zeros(len(state), dtype=bool)
-    for row in np.flatnonzero(fates.kept & ~adjacent):
+    for row in np.flatnonzero(drops.kept & ~adjacent):
         reached[row], move = next_state_of(grid, int(state[row]), int(reached[row]), end_m[row])
         unexplained[row] = reached[row] < 0
         moves[move] += int(reached[row] >= 0)
-    fates.drop(unexplained, UNEXPLAINED)
+    drops.drop(unexplained, UNEXPLAINED)
     return moves

@@ -1,13 +1,26 @@
-"""A grid for a place nobody has drawn: where the robot has been is walkable, and around it."""
+"""A grid for a place without a map: where the robot has been is walkable, and around it."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from bags.errors import BagError
+from serd_app.drives.recording import Recording
+from serd_app.errors import AppError
 from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Grid
 
 #: 1 km² in cells of half a metre; anything larger is a pose gone wrong.
 _MOST_CELLS = 4_000_000
+
+
+def fitted_grid(recordings: Sequence[Recording], cell_size_m: float) -> Grid:
+    """Cells wherever one of the robots has been, and around."""
+    places = [drive.position_m for recording in recordings for drive in recording.drives]
+    if not any(len(each) for each in places):
+        names = ", ".join(str(recording.bag) for recording in recordings)
+        raise AppError(f"{names} must hold a pose to fit a grid to, got none; record some")
+    return grid_around(np.concatenate(places), cell_size_m)
 
 
 def grid_around(position_m: FloatArray, cell_size_m: float, margin_cells: int = 1) -> Grid:

@@ -12,8 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.demonstrations.live import LiveDrive
+from serd_app.demonstrations.demonstrations import Demonstrations, LiveDrive
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid

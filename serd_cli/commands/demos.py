@@ -7,21 +7,26 @@ from typing import Annotated
 import typer
 
 from serd_app.demonstrations.discretise import OFF_GRID
+from serd_app.demonstrations.fitted_grid import fitted_grid
 from serd_app.demonstrations.flow_field import PEDESTRIANS, flow_from_bags
-from serd_app.drives.mapping import BagMapping
-from serd_cli.demonstration_words import decisions_table, remarks
-from serd_cli.errors import UsageError
-from serd_cli.flow_words import flow_in_words, flow_values
-from serd_cli.output_paths import require_apart
-from serd_cli.recorded_demonstrations import (
+from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,
     demonstrations_of_all,
     files_beside,
-    fitted_grid,
     save_demonstrations,
 )
-from serd_cli.recording import read_recording
+from serd_app.drives.mapping import BagMapping
+from serd_app.drives.recording import read_recording
+from serd_cli.demonstration_report import (
+    decisions_table,
+    flow_in_words,
+    flow_values,
+    remarks,
+    save_pictures,
+)
+from serd_cli.errors import UsageError
+from serd_cli.output_paths import require_apart
 from serd_cli.terminal import console, print_json
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
@@ -54,7 +59,7 @@ def demos(
     ),
     mapping: Annotated[
         Path | None,
-        typer.Option(help="YAML file that says which topics of a foreign bag mean what"),
+        typer.Option(help="YAML file that maps the topics of a bag of another recorder"),
     ] = None,
     tolerant: Annotated[
         bool, typer.Option("--tolerant", help="use what damaged bags still hold")
@@ -89,7 +94,9 @@ def demos(
     people = chosen.people_topic if chosen else PEDESTRIANS
     flow = flow_from_bags(bags, grid, topic=people, tolerant=tolerant)
     place = Place(grid, period, known)
-    files = save_demonstrations(output, place, found, flow)
+    save_demonstrations(output, place, found, flow)
+    save_pictures(output, place, found, flow)
+    files = {name: path for name, path in files_beside(output).items() if path.exists()}
     if as_json:
         written = {name: str(path.resolve()) for name, path in files.items()}
         bags_found = [each.values() for each in found]
@@ -119,7 +126,7 @@ def _require_place(scenario: str, cell_size_m: float | None, period_s: float | N
         )
     if scenario and period_s is not None:
         raise UsageError(
-            f"--period-s must be left out with --scenario, got {period_s:g}; the scenario says it"
+            f"--period-s must be left out with --scenario, got {period_s:g}; the scenario sets it"
         )
     for name, value in (("--cell-size-m", cell_size_m), ("--period-s", period_s)):
         if value is not None and not 0 < value < math.inf:

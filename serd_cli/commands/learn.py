@@ -4,29 +4,27 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from pydantic import ValidationError
 from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from report.style import counted
+from serd_app.demonstrations.recorded import files_beside
+from serd_app.learning.certainty import Certainty, certainty_of
+from serd_app.learning.learning_files import FlowSource, LearningFiles, read_learning_files
 from serd_app.learning.methods import FitProgress
 from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
 from serd_app.learning.recipe import learn as fit
 from serd_app.learning.settings import LearningSettings, MethodName
 from serd_cli.errors import FAILED, UsageError
-from serd_cli.fit_words import (
-    Certainty,
-    certainty_of,
+from serd_cli.fit_report import (
     certainty_values,
     outcomes_table,
     remarks,
     weights_table,
 )
-from serd_cli.learning_files import FlowSource, LearningFiles, read_learning_files
+from serd_cli.options import option, validated
 from serd_cli.output_paths import require_apart
-from serd_cli.recorded_demonstrations import files_beside
 from serd_cli.terminal import WorkProgress, console, print_json
 from sim.scenario.goal import point_of
-from storage.yaml_config import sentence_of
 
 
 def register(app: typer.Typer) -> None:
@@ -54,15 +52,18 @@ def learn(
             help="x,y (m) of a goal cell, repeat; by default the scenario's, else the ends"
         ),
     ] = None,
-    discount: Annotated[float, typer.Option(help="of the reward, below 1")] = 0.99,
-    method: Annotated[MethodName, typer.Option(help="learning method")] = "mdce_serd",
-    prior_weight: Annotated[
-        list[float] | None,
-        typer.Option(min=0.0, help="of the divergence prior; repeat to choose on validation"),
-    ] = None,
-    pseudo_count: Annotated[float, typer.Option(help="added to every counted outcome")] = 1.0,
-    minimum_decisions: Annotated[int, typer.Option(min=1, help="refuse to learn from fewer")] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="of the choice of validation episodes")] = 0,
+    method: MethodName = option(LearningSettings, "method"),
+    discount: float = option(LearningSettings, "discount"),
+    prior_weights: list[float] = option(LearningSettings, "prior_weights", "--prior-weight"),
+    default_prior_weight: float = option(LearningSettings, "default_prior_weight"),
+    validation_share: float = option(LearningSettings, "validation_share"),
+    reward_deviation: float = option(LearningSettings, "reward_deviation"),
+    pseudo_count: float = option(LearningSettings, "pseudo_count"),
+    inverse_temperature: float = option(LearningSettings, "inverse_temperature"),
+    entropy_slack: float = option(LearningSettings, "entropy_slack"),
+    reirl_samples: int = option(LearningSettings, "reirl_samples"),
+    minimum_decisions: int = option(LearningSettings, "minimum_decisions"),
+    seed: int = option(LearningSettings, "seed"),
     as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
 ) -> None:
     """Learn rewards and dynamics from a table of decisions.
@@ -71,17 +72,29 @@ def learn(
 
     What 'serd demos' wrote beside the table must still be there. grid.yaml
     and learning.csv are written beside the model.
+
+    Rewards and dynamics: mdce_serd (the expert knows the dynamics), its
+    variants _coupled and _free (the expert's belief differs), pm_serd
+    (Boltzmann policy). Rewards under counted dynamics: mdce_irl,
+    mdce_irl_entropy, maxent_irl, policy_matching, relative_entropy_irl.
     """
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise UsageError(f"--output must end in .yaml, got {output}; name a .yaml file")
     require_apart(output, outcome_files(output).values(), (*files_beside(table).values(), scenario))
-    settings = _settings(
+    settings = validated(
+        LearningSettings,
+        method=method,
+        discount=discount,
+        prior_weights=prior_weights,
+        default_prior_weight=default_prior_weight,
+        validation_share=validation_share,
+        reward_deviation=reward_deviation,
+        pseudo_count=pseudo_count,
+        inverse_temperature=inverse_temperature,
+        entropy_slack=entropy_slack,
+        reirl_samples=reirl_samples,
         minimum_decisions=minimum_decisions,
         seed=seed,
-        discount=discount,
-        method=method,
-        pseudo_count=pseudo_count,
-        **({"prior_weights": tuple(prior_weight)} if prior_weight else {}),
     )
     files = read_learning_files(
         table,
@@ -103,15 +116,8 @@ def learn(
         raise typer.Exit(FAILED)
 
 
-def _settings(**values: Any) -> LearningSettings:
-    try:
-        return LearningSettings(**values)
-    except ValidationError as error:
-        raise UsageError(sentence_of(error, LearningSettings)) from None
-
-
 def _require_left(files: LearningFiles, minimum_decisions: int) -> None:
-    """The learner's own refusal cannot know how many decisions the goal has cost."""
+    """UsageError where the goal leaves too few decisions."""
     n_left = len(files.demonstrations.decisions)
     if files.n_after_goal and n_left < minimum_decisions:
         goals = "; ".join(f"{x:g},{y:g}" for x, y in files.goals_m)
@@ -127,15 +133,15 @@ def _fitted(files: LearningFiles, settings: LearningSettings) -> FitOutcome:
         SpinnerColumn(),
         TextColumn("learning"),
         TimeElapsedColumn(),
-        TextColumn("[dim]{task.fields[said]}"),
+        TextColumn("[dim]{task.fields[step]}"),
     )
     with bar:
-        task = bar.add_task("", total=None, said="")
+        task = bar.add_task("", total=None, step="")
 
         def show(progress: FitProgress) -> None:
             step = progress.step
-            said = f"fit {progress.number} of {progress.total}, step {step.number}"
-            bar.update(task, said=f"{said}: {step.objective:.4f} per decision")
+            where = f"fit {progress.number} of {progress.total}, step {step.number}"
+            bar.update(task, step=f"{where}: {step.objective:.4f} per decision")
 
         return fit(files.task, files.demonstrations, settings, show)
 
@@ -164,6 +170,7 @@ def _values(
 ) -> dict[str, Any]:
     return {
         **outcome.values(),
+        "validation_log_likelihoods": dict(outcome.validation),
         "outcome_probabilities": outcome.fit.outcome_probabilities.tolist(),
         **certainty_values(certainty),
         "scenario": files.task.scenario,

@@ -104,7 +104,7 @@ def test_a_task_takes_the_flow_of_a_table_in_place_of_the_scenario_s(tmp_path):
     grid, own = grid_of(HALLWAY), task_in(HALLWAY, CONFIG.discount)
     turned = np.roll(own.problem.flow, 1)
     zeros = np.zeros((grid.n_states, 2))
-    columns = {"order": zeros[:, 0], "count": zeros[:, 0], "mean_velocity_mps": zeros}
+    columns = {"order": zeros[:, 0], "count": zeros[:, 0].astype(int), "mean_velocity_mps": zeros}
     save_flow(tmp_path / "flow.csv", grid, flow=turned, **columns)
     found = task_in(HALLWAY, CONFIG.discount, str(tmp_path / "flow.csv"))
     assert (found.own_flow, own.own_flow) == (True, False)

@@ -10,10 +10,11 @@ from bags.writer import BagWriter
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.flow_table import load_flow
 from serd_app.demonstrations.grid_file import load_grid
-from serd_app.demonstrations.record import load_record
+from serd_app.demonstrations.recorded import DemonstrationRecord
 from serd_core.grid.grid import Action
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
+from storage.yaml_config import load_yaml_model
 
 
 def test_a_recording_becomes_a_table_beside_its_grid_and_picture(serd, drive_bag, tmp_path):
@@ -35,7 +36,7 @@ def test_beside_the_table_is_what_learning_reads(serd, drive_bag, tmp_path):
     values = json.loads(
         serd("demos", drive_bag(), "--scenario", "hallway", "--output", table, "--json").out
     )
-    record = load_record(table.with_suffix(".yaml"))
+    record = load_yaml_model(table.with_suffix(".yaml"), DemonstrationRecord)
     assert (record.scenario, record.decision_period_s) == ("hallway", 2.0)
     assert record.grid_fingerprint == load_grid(table.with_suffix(".grid.yaml")).fingerprint()
     assert record.goal_entry_s == (2.0,)
@@ -110,7 +111,7 @@ def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
     assert 0 < values["bags"][0]["n_decisions"] < 5
     damage = values["bags"][0]["damage"]
     assert "at byte" in damage[0]
-    record = load_record(values["files"]["record"]).bags[0]
+    record = load_yaml_model(values["files"]["record"], DemonstrationRecord).bags[0]
     assert list(record.damage) == damage
     assert record.n_lost == values["bags"][0]["n_lost"] > 0
     assert f"drive: {damage[0]}" in serd(*words).out
@@ -157,7 +158,7 @@ def test_a_bag_given_twice_and_its_copy_count_once(serd, drive_bag, people_bag, 
     assert [each["n_decisions"] for each in values["bags"]] == [5, 0, 0, 0]
     assert values["bags"][2]["dropped"] == {"of an episode that was there before": 5}
     assert load_decisions(values["files"]["decisions"]).episode.tolist() == [0] * 5
-    assert load_record(values["files"]["record"]).goal_entry_s == (2.0,)
+    assert load_yaml_model(values["files"]["record"], DemonstrationRecord).goal_entry_s == (2.0,)
     assert values["flow"]["n_sightings"] == 60
 
 
@@ -201,7 +202,10 @@ def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence):
 def test_a_foreign_bag_without_a_mapping_is_told_of_one(serd, drive_bag):
     ended = serd("demos", drive_bag(pose="/amcl"), "--scenario", "hallway")
     assert ended.code == 2
-    assert "it holds no robot_pose but /amcl, /episode, /intent; say in a --mapping" in ended.err
+    assert (
+        "it holds no robot_pose but /amcl, /episode, /intent; name the topics in a --mapping"
+        in ended.err
+    )
 
 
 def test_of_a_bag_of_which_nothing_is_left_the_damage_is_told(serd, tmp_path):

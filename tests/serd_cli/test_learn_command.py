@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,14 +10,16 @@ import pytest
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.flow_table import save_flow
 from serd_app.demonstrations.grid_file import save_grid
-from serd_app.demonstrations.record import BagRecord, DemonstrationRecord, save_record
+from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
+from serd_app.learning.learning_files import read_learning_files
+from serd_app.learning.settings import MethodName
 from serd_app.navigation.usable_model import usable_model
-from serd_cli.learning_files import read_learning_files
 from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.policies.solved_policy import soft_policy
+from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of
 from sim.scenario.scenario import load_scenario
 from storage.model_file import load_model
+from storage.yaml_config import model_yaml
 from tests.conftest import OUTCOMES
 
 HALLWAY = load_scenario("hallway")
@@ -55,12 +58,18 @@ def demonstrations(tmp_path):
             "goal_entry_s": (0.5, 1.5),
             "bags": (bag,),
         }
-        save_record(tmp_path / "decisions.yaml", DemonstrationRecord(**(values | changes)))
+        record = DemonstrationRecord(**(values | changes))
+        (tmp_path / "decisions.yaml").write_text(model_yaml(record))
         if flow is not None:
             zeros = np.zeros((GRID.n_states, 2))
             file = tmp_path / "decisions.flow.csv"
             save_flow(
-                file, GRID, flow=flow, order=zeros[:, 0], count=zeros[:, 0], mean_velocity_mps=zeros
+                file,
+                GRID,
+                flow=flow,
+                order=zeros[:, 0],
+                count=zeros[:, 0].astype(int),
+                mean_velocity_mps=zeros,
             )
         return table
 
@@ -227,3 +236,27 @@ def test_files_that_do_not_belong_together_are_refused(serd, demonstrations):
     table.with_suffix(".yaml").unlink()
     assert "cannot read" in serd("learn", table).err
     assert another_period.code == another_grid.code == no_plan.code == 2
+
+
+@pytest.mark.parametrize("method", get_args(MethodName))
+def test_every_method_gives_a_model_that_navigates(serd, demonstrations, method):
+    table = demonstrations(n_episodes=6)
+    ended = serd("learn", table, "--method", method, "--prior-weight", "0.1", "--json")
+    found = learned(ended)
+    assert found["method"] == method
+    assert found["converged"]
+    model = load_model(found["model"], expected_grid=GRID)
+    assert (model.method, model.fit.n_episodes) == (method, 6)
+    problem = usable_model(found["model"], HALLWAY, transfer=False).problem
+    chosen = optimal_policy(problem, model.weights, model.outcome_probabilities).greedy
+    assert chosen.shape == (GRID.n_states,)
+
+
+def test_the_prior_weight_of_a_model_is_the_best_on_validation(serd, demonstrations):
+    words = [word for weight in ("0.1", "1000") for word in ("--prior-weight", weight)]
+    found = learned(serd("learn", demonstrations(n_episodes=8), *words, "--json"))
+    scores = found["validation_log_likelihoods"]
+    assert set(scores) == {"0.1", "1000.0"}
+    assert str(found["prior_weight"]) == max(scores, key=scores.get)
+    prior = load_model(found["model"]).prior
+    assert f"weight {found['prior_weight']:g} (chosen on validation episodes)" in prior

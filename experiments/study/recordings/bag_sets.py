@@ -11,7 +11,7 @@ import numpy as np
 from experiments.study.recordings.demonstration_sets import DemonstrationSets
 from experiments.study.settings import StudySettings
 from experiments.study.world import TRANSFER_AREA, problem_of, scenario_of
-from serd_app.demonstrations.concatenate import joined_decisions
+from serd_app.demonstrations.concatenate import concatenate_renumbered
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.demonstrations.discretise import OFF_GRID, DiscretisationReport
 from serd_core.demonstrations.decisions import Decisions
@@ -65,7 +65,7 @@ def _decisions(
         decisions = found.decisions
         _require_same_place(bag, report, scenario.name)
         tables.append(decisions)
-    every = joined_decisions(tables)
+    every = concatenate_renumbered(tables)
     return every.select(explained(problem.mdp, every))
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from experiments.study.recordings.together import together
+from serd_app.demonstrations.concatenate import concatenate
 from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
@@ -65,7 +65,7 @@ def drive_episodes(
             decisions, _ = decisions_from_drive(drive, problem.grid, scenario.decision_period_s)
             tables.append(decisions.select(explained(problem.mdp, decisions)))
             records.append(record)
-    return Drives(together(tuple(tables)), tuple(records))
+    return Drives(concatenate(tuple(tables)), tuple(records))
 
 
 @dataclass(eq=False)

@@ -13,9 +13,9 @@ from experiments.study.products import Task
 from experiments.study.recordings.drives import drive_episodes
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.recordings.seeds import Purpose, world_seed
-from experiments.study.recordings.together import together
 from experiments.study.settings import StudySettings
 from experiments.study.world import TRAIN_AREA, TRANSFER_AREA, problem_of, scenario_of
+from serd_app.demonstrations.concatenate import concatenate
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
@@ -95,12 +95,12 @@ def record_reference(settings: StudySettings, kind: str, first: int, last: int, 
         )
         for episode in range(first, last)
     ]
-    save_decisions(file, together(tuple(each.decisions for each in drives)))
+    save_decisions(file, concatenate(tuple(each.decisions for each in drives)))
 
 
 def reference_decisions(folder: Path) -> Decisions:
     """All reference recordings."""
-    return together(tuple(load_decisions(file) for file in sorted(folder.glob("*.csv"))))
+    return concatenate(tuple(load_decisions(file) for file in sorted(folder.glob("*.csv"))))
 
 
 def reference_dynamics(problem: NavigationProblem, folder: Path) -> FloatArray:

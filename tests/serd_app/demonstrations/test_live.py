@@ -8,9 +8,13 @@ import pytest
 from bags.errors import BagError
 from bags.reader import BagReader
 from bags.writer import BagWriter
-from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
+from serd_app.demonstrations.demonstrations import (
+    Demonstrations,
+    LiveDrive,
+    demonstrations_of_bag,
+    joined,
+)
 from serd_app.demonstrations.discretise import AFTER_CUT_OFF, REPEATED
-from serd_app.demonstrations.live import LiveDrive
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 
@@ -76,7 +80,7 @@ def test_a_bag_over_which_the_world_was_started_again_gives_both_runs(messages, 
     found, report = demonstrations_of_bag(target, GRID, HALLWAY.decision_period_s)
     first, _ = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)
     second, _ = demonstrations_of_bag(OTHER_BAG, GRID, HALLWAY.decision_period_s)
-    assert same(found, first.joined(second))
+    assert same(found, joined([first, second]))
     assert report.n_decisions == len(found.decisions)
     recorded = BagReader(target).messages()
     live = live_drive([(each.topic[1:], each.data) for each in recorded])
@@ -188,7 +192,7 @@ def test_two_worlds_one_after_the_other_are_kept_apart(messages, root):
     wanted = [f"/{topic}" for topic in TOPICS]
     other = [(each.topic[1:], each.data) for each in BagReader(bags[1]).messages(wanted)]
     both = live_drive(sent + other).gathered()
-    assert same(both, live_drive(sent).gathered().joined(live_drive(other).gathered()))
+    assert same(both, joined([live_drive(sent).gathered(), live_drive(other).gathered()]))
 
 
 def test_a_world_restarted_before_it_had_many_decisions_gets_a_session_of_its_own(messages):

@@ -15,8 +15,7 @@ from bags.writer import BagWriter
 from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.demonstrations.fitted_grid import grid_around
 from serd_app.drives.episode_spans import EpisodeSpan
-from serd_app.drives.inferred_actions import actions_of_velocities, actions_of_waypoints
-from serd_app.drives.mapped_actions import NO_COMMAND
+from serd_app.drives.mapped_actions import NO_COMMAND, actions_of_velocities, actions_of_waypoints
 from serd_app.drives.mapped_drive import read_mapped_drive
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.recorded_drive import NOT_FINITE

@@ -1,43 +1,18 @@
-"""A fit in tables: what was found and how sure that is, and what the data leave open."""
+"""A fit as tables: weights and outcomes with standard errors, and what the data leave open."""
 
 import math
-import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 from rich.table import Table
 
 from report.style import in_words
-from serd_core.demonstrations.decisions import Decisions
-from serd_core.errors import SerdError
+from serd_app.learning.certainty import Certainty
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from serd_core.uncertainty.identifiability import Identifiability, identifiability
-from serd_core.uncertainty.information import fit_information
-from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors
-
-_OUTCOME = re.compile(r"model (\d+) outcome (\d+)")
-
-
-@dataclass(frozen=True, eq=False)
-class Certainty:
-    """errors: None where the fit is no maximum, which `problem` then says."""
-
-    errors: StandardErrors | None
-    told: Identifiability
-    problem: str = ""
-
-
-def certainty_of(problem: NavigationProblem, decisions: Decisions, fit: FitResult) -> Certainty:
-    """Standard errors with the prior's part; what is identified by the decisions alone."""
-    information = fit_information(problem, decisions, fit)
-    told = identifiability(information)
-    try:
-        return Certainty(standard_errors(problem, information, information.observed), told)
-    except SerdError as error:
-        return Certainty(None, told, str(error))
 
 
 def weights_table(fit: FitResult, certainty: Certainty) -> Table:
@@ -66,42 +41,33 @@ def outcomes_table(problem: NavigationProblem, fit: FitResult, certainty: Certai
 
 
 def remarks(problem: NavigationProblem, certainty: Certainty) -> Iterable[str]:
-    """What to be careful with."""
+    """Why there are no standard errors, and which numbers the prior alone determines."""
     if certainty.problem:
         yield f"no standard errors: {certainty.problem}"
-    if not certainty.told.identified:
-        yield (
-            "not told by the decisions alone, so the prior decides: "
-            f"{'; '.join(_open_numbers(problem, certainty.told))}"
-        )
+    if numbers := "; ".join(_open_numbers(problem, certainty)):
+        yield f"not determined by the decisions alone, so the prior decides: {numbers}"
 
 
 def certainty_values(certainty: Certainty) -> dict[str, Any]:
-    """For programs; None for a standard error that is not finite."""
-    errors = certainty.errors
+    """The same by name; None for a standard error that is not finite."""
+    errors, found = certainty.errors, certainty.identifiability
     return {
         "standard_errors": None if errors is None else [_plain(each) for each in errors.reward],
         "outcome_standard_errors": None
         if errors is None
         else [[_plain(each) for each in row] for row in errors.outcome_probabilities],
-        "identified_without_prior": certainty.told.identified,
-        "open_directions": [str(direction) for direction in certainty.told.null],
+        "identified_without_prior": None if found is None else found.identified,
+        "open_directions": [] if found is None else [str(each) for each in found.null],
     }
 
 
-def _open_numbers(problem: NavigationProblem, told: Identifiability) -> Iterable[str]:
-    """Everything that moves along a null direction; outcomes by the name of their model."""
-    outcomes: dict[str, set[int]] = {}
-    others = set()
-    for name in {name for direction in told.null for name, _ in direction.loadings}:
-        if found := _OUTCOME.search(name):
-            outcomes.setdefault(problem.model_names[int(found[1])], set()).add(int(found[2]))
-        else:
-            others.add(in_words(name))
-    yield from sorted(others)
-    for model, numbers in sorted(outcomes.items()):
-        names = (Outcome(number).name.lower() for number in sorted(numbers))
-        yield f"{in_words(model)} ({', '.join(names)})"
+def _open_numbers(problem: NavigationProblem, certainty: Certainty) -> Iterable[str]:
+    if certainty.open_temperature:
+        yield "log temperature"
+    yield from (in_words(f"reward {name}") for name in sorted(certainty.open_rewards))
+    for model, group in groupby(certainty.open_outcomes, key=itemgetter(0)):
+        names = (Outcome(outcome).name.lower() for _, outcome in group)
+        yield f"{in_words(problem.model_names[model])} ({', '.join(names)})"
 
 
 def _plain(value: float) -> float | None:

@@ -1,34 +1,66 @@
-"""Demonstrations out of recordings: decisions on the grid of a scenario, tracks, counts."""
+"""Demonstrations of several recordings: decisions on one grid, tracks, counts, and their files.
+
+The table of decisions is `NAME.csv`; what learning reads as well lies beside it.
+"""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
-from report.figures.map_axes import layout_of
-from report.figures.maps import draw_flow_map, draw_visitation
-from report.style import png_bytes
-from serd_app.demonstrations.concatenate import joined_decisions
+from serd_app.demonstrations.concatenate import concatenate_renumbered
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
 from serd_app.demonstrations.discretise import DiscretisationReport
-from serd_app.demonstrations.fitted_grid import grid_around
 from serd_app.demonstrations.flow_field import FlowField
 from serd_app.demonstrations.flow_table import save_flow
 from serd_app.demonstrations.grid_file import save_grid
-from serd_app.demonstrations.record import BagRecord, DemonstrationRecord, save_record
 from serd_app.drives.episode_spans import DISCARDED
 from serd_app.drives.recorded_drive import RecordedDrive
-from serd_cli.errors import UsageError
-from serd_cli.recording import Recording
+from serd_app.drives.recording import Recording
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.demonstrations.decisions import Decisions, state_counts
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 from sim.scenario.grid import flow_of
 from sim.scenario.scenario import Scenario
-from storage.files import atomic_write_bytes
+from storage.files import atomic_write_text
+from storage.yaml_config import StrictModel, model_yaml
+
+
+class BagRecord(StrictModel):
+    """What became of the intents of one bag; see `DiscretisationReport`.
+
+    damage: sentences about what of the bag could not be read; n_lost: messages known to be lost;
+    all_lost_known: whether that is all of them.
+    """
+
+    bag: str
+    n_decisions: int = Field(ge=0)
+    n_episodes: int = Field(ge=0)
+    n_diagonal: int = Field(ge=0)
+    n_far: int = Field(ge=0)
+    dropped: dict[str, int]
+    n_bad_poses: int = Field(ge=0)
+    n_unplaced_poses: int = Field(0, ge=0)
+    n_bad_commands: int = Field(0, ge=0)
+    damage: tuple[str, ...] = ()
+    n_lost: int = Field(0, ge=0)
+    all_lost_known: bool = True
+
+
+class DemonstrationRecord(StrictModel):
+    """scenario: empty where the grid was fitted; goal_entry_s: see `ModelFile`."""
+
+    format: Literal["serd-demonstrations"] = "serd-demonstrations"
+    format_version: Literal[1] = 1
+    scenario: str
+    grid_fingerprint: str
+    decision_period_s: float = Field(gt=0)
+    goal_entry_s: tuple[Annotated[float, Field(gt=0)], ...] = ()
+    bags: tuple[BagRecord, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,15 +125,6 @@ def demonstrations_of_all(
     return found
 
 
-def fitted_grid(recordings: Sequence[Recording], cell_size_m: float) -> Grid:
-    """Cells wherever one of the robots has been, and around."""
-    places = [drive.position_m for recording in recordings for drive in recording.drives]
-    if not any(len(each) for each in places):
-        names = ", ".join(str(recording.bag) for recording in recordings)
-        raise UsageError(f"{names} must hold a pose to fit a grid to, got none; record some")
-    return grid_around(np.concatenate(places), cell_size_m)
-
-
 def tracks_of(drive: RecordedDrive, grid: Grid) -> tuple[FloatArray, ...]:
     """(T, 2) positions within each episode that was not discarded; NaN farther off the grid than
     it is large, which no picture of it could show."""
@@ -116,29 +139,30 @@ def tracks_of(drive: RecordedDrive, grid: Grid) -> tuple[FloatArray, ...]:
     )
 
 
+def concatenated(found: Sequence[RecordedDemonstrations]) -> Decisions:
+    """The decisions of all recordings; episodes are numbered on."""
+    return concatenate_renumbered([each.decisions for each in found])
+
+
 def save_demonstrations(
-    output: Path,
-    place: Place,
-    found: Sequence[RecordedDemonstrations],
-    flow: FlowField | None,
-) -> dict[str, Path]:
-    """Write table, grid, record and pictures side by side; their paths by what they are."""
-    decisions = joined_decisions([each.decisions for each in found])
+    output: Path, place: Place, found: Sequence[RecordedDemonstrations], flow: FlowField | None
+) -> None:
+    """Write table, grid, record and flow side by side; see `files_beside`."""
     files = files_beside(output)
-    tracks = [track for each in found for track in each.tracks_m]
-    visits = state_counts(decisions, place.grid.n_states)
-    save_decisions(files["decisions"], decisions)
+    save_decisions(files["decisions"], concatenated(found))
     save_grid(files["grid"], place.grid, place.name)
-    save_record(files["record"], _record(place, found))
-    layout = layout_of(place.scenario) if place.scenario else None
-    figure = draw_visitation(layout, place.grid, visits, tracks)
-    atomic_write_bytes(files["picture"], png_bytes(figure))
+    atomic_write_text(files["record"], model_yaml(_record(place, found)))
     if flow is None:  # that of other recordings must not stay beside this table
-        for name in ("flow", "flow picture"):
-            files.pop(name).unlink(missing_ok=True)
-    else:
-        _save_flow(files, place, flow)
-    return files
+        files["flow"].unlink(missing_ok=True)
+        return
+    save_flow(
+        files["flow"],
+        place.grid,
+        flow=flow.flow,
+        order=flow.order,
+        count=flow.count,
+        mean_velocity_mps=flow.mean_velocity_mps,
+    )
 
 
 def files_beside(table: Path) -> dict[str, Path]:
@@ -166,22 +190,3 @@ def _record(place: Place, found: Sequence[RecordedDemonstrations]) -> Demonstrat
 def _bag_record(found: RecordedDemonstrations) -> BagRecord:
     values = found.values()
     return BagRecord(**{name: values[name] for name in BagRecord.model_fields})
-
-
-def _save_flow(files: dict[str, Path], place: Place, found: FlowField) -> None:
-    save_flow(
-        files["flow"],
-        place.grid,
-        flow=found.flow,
-        order=found.order,
-        count=found.count,
-        mean_velocity_mps=found.mean_velocity_mps,
-    )
-    figure = draw_flow_map(
-        place.grid,
-        found.flow,
-        found.order,
-        layout=layout_of(place.scenario) if place.scenario else None,
-        scenario_flow=place.flow,
-    )
-    atomic_write_bytes(files["flow picture"], png_bytes(figure))

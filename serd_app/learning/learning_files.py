@@ -1,4 +1,4 @@
-"""What `serd learn` starts from: a table of decisions and what `serd demos` wrote beside it."""
+"""Learning from files: a table of decisions and what `serd demos` wrote beside it."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,12 +10,11 @@ import numpy as np
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.demonstrations.flow_table import load_flow
+from serd_app.demonstrations.goal import last_states, n_reaching, until_goal
 from serd_app.demonstrations.grid_file import load_grid
-from serd_app.demonstrations.record import DemonstrationRecord, load_record
-from serd_app.demonstrations.until_goal import last_states, n_reaching, until_goal
+from serd_app.demonstrations.recorded import DemonstrationRecord, files_beside
+from serd_app.errors import AppError
 from serd_app.learning.recipe import LearningTask
-from serd_cli.errors import UsageError
-from serd_cli.recorded_demonstrations import files_beside
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid, grid_wall_distance_m
@@ -23,6 +22,7 @@ from serd_core.grid.navigation import NO_FLOW, build_navigation_problem
 from sim.scenario.grid import flow_of, goal_states_of, grid_of, wall_distance_of
 from sim.scenario.scenario import Scenario, load_scenario
 from storage.errors import FileError
+from storage.yaml_config import load_yaml_model
 
 FlowSource = Literal["auto", "scenario", "recorded", "none"]
 
@@ -42,12 +42,12 @@ class LearningFiles:
     n_reaching_goal: int
 
     def remarks(self) -> Iterable[str]:
-        """What to be careful with."""
+        """A warning where no episode reaches the goal."""
         if not self.n_reaching_goal:
             goals = "; ".join(f"{x:g},{y:g}" for x, y in self.goals_m)
             yield (
-                f"no episode reaches the goal ({goals}), so what it is worth is told by nobody's"
-                " arrival; name the goal people went to with --goal, or record episodes that arrive"
+                f"no episode reaches the goal ({goals}), so no arrival shows what it is worth;"
+                " name the goal people went to with --goal, or record episodes that arrive"
             )
 
 
@@ -59,14 +59,14 @@ def read_learning_files(
     flow: FlowSource = "auto",
     goals_m: tuple[tuple[float, float], ...] = (),
 ) -> LearningFiles:
-    """Everything learning needs; FileError and UsageError say what does not fit together.
+    """Everything learning needs; FileError and AppError where the files contradict each other.
 
     scenario: in place of the one the record names. goals_m: places of the goal, by default the
     scenario's goal area, or without a scenario the cells in which the episodes end.
     """
     files = files_beside(table)
     decisions, grid = load_decisions(table), load_grid(files["grid"])
-    record = load_record(files["record"])
+    record = load_yaml_model(files["record"], DemonstrationRecord)
     known = load_scenario(scenario or record.scenario) if scenario or record.scenario else None
     _require_one_place(files, record, grid, known)
     _require_states(table, decisions, grid)
@@ -86,7 +86,7 @@ def read_learning_files(
     own_flow = source != "scenario"
     return LearningFiles(
         task=LearningTask(problem, name, record.decision_period_s, own_flow=own_flow),
-        # When people entered one goal area says nothing of when they would enter another.
+        # Entry times hold for the recorded goal area only.
         demonstrations=Demonstrations(kept, record.goal_entry_s if as_recorded else ()),
         flow_from=source,
         goals_m=tuple((float(x), float(y)) for x, y in grid.centers_m[goals]),
@@ -100,7 +100,7 @@ def _require_one_place(
 ) -> None:
     if record.grid_fingerprint != grid.fingerprint():
         raise FileError(
-            f"{files['grid']} must be the grid {files['record']} tells of, but it is another;"
+            f"{files['grid']} must be the grid of {files['record']}, but it is another;"
             " run 'serd demos' again"
         )
     if scenario is not None and grid_of(scenario).fingerprint() != grid.fingerprint():
@@ -134,7 +134,7 @@ def _goal_states(grid: Grid, goals_m: tuple[tuple[float, float], ...]) -> IntArr
     states = grid.states_at(np.array(goals_m))
     if (states < 0).any():
         x_m, y_m = goals_m[int(np.argmax(states < 0))]
-        raise UsageError(f"--goal must lie in a walkable cell of the grid, got {x_m:g},{y_m:g}")
+        raise AppError(f"--goal must lie in a walkable cell of the grid, got {x_m:g},{y_m:g}")
     return np.unique(states)
 
 
@@ -143,11 +143,11 @@ def _flow(
 ) -> tuple[IntArray, str]:
     """(S,) and where it is from; auto: of the scenario, else recorded, else none."""
     if wanted == "scenario" and scenario is None:
-        raise UsageError("--flow scenario needs a scenario, got none; use --flow recorded or none")
+        raise AppError("--flow scenario needs a scenario, got none; use --flow recorded or none")
     if scenario is not None and wanted in ("auto", "scenario"):
         return flow_of(scenario, grid), "scenario"
     if wanted == "recorded" and not table.exists():
-        raise UsageError(
+        raise AppError(
             f"--flow recorded needs a flow of recorded people, 'serd demos' wrote no {table}, for"
             f" the bags hold no people; use --flow none{' or scenario' if scenario else ''}"
         )

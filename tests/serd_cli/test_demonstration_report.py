@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from serd_cli.short_names import short_names
+from serd_cli.demonstration_report import short_names
 
 
 @pytest.mark.parametrize(

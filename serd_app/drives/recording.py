@@ -1,4 +1,4 @@
-"""One bag as `serd demos` reads it: the drives in it and the damage met in reading them."""
+"""One bag of demonstrations: the drives in it, and what of it could not be read."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from serd_app.drives.mapped_drive import mapped_drive_in
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive
 from serd_app.drives.sessions import drives_in
-from serd_cli.errors import UsageError
+from serd_app.errors import AppError
 
 _OWN_TOPICS = (POSE, INTENT, EPISODE)
 
@@ -42,7 +42,7 @@ class Recording:
 def read_recording(
     bag: Path, period_s: float, *, mapping: BagMapping | None, tolerant: bool
 ) -> Recording:
-    """Our own recording, or with a mapping anybody's."""
+    """A bag of our recorder, or with a mapping any bag; tolerant: read what a damaged one holds."""
     reader = BagReader(bag, tolerant=tolerant)
     if mapping is None:
         _require_own(reader)
@@ -54,16 +54,15 @@ def read_recording(
 
 
 def _require_own(reader: BagReader) -> None:
-    """Whether anything else in it would do is for a mapping to say."""
+    """AppError unless the bag holds the topics that our recorder writes."""
     if not reader.topics:
-        deque(reader.messages(), maxlen=0)  # damage is told as it is met
+        deque(reader.messages(), maxlen=0)  # damage is found while messages are read
     if reader.damage and not reader.topics:
-        raise UsageError(f"nothing in bag {reader.path} is readable: {reader.damage[0].sentence()}")
+        raise AppError(f"nothing in bag {reader.path} is readable: {reader.damage[0].sentence()}")
     known = ", ".join(sorted(reader.topics)) or "nothing"
     lacking = [name for name in _OWN_TOPICS if not topics_named(reader.topics, name)]
     if lacking:
-        raise UsageError(
+        raise AppError(
             f"bag {reader.path} must hold {', '.join(_OWN_TOPICS)} as our recorder writes them, it"
-            f" holds no {' and no '.join(lacking)} but {known}; say in a --mapping file"
-            " which topics mean what"
+            f" holds no {' and no '.join(lacking)} but {known}; name the topics in a --mapping file"
         )

@@ -1,0 +1,157 @@
+"""What `serd demos` prints and draws: counts per bag, warnings, flow of people, pictures."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from report.figures.map_axes import layout_of
+from report.figures.maps import draw_flow_map, draw_visitation
+from report.style import counted, png_bytes
+from serd_app.demonstrations.discretise import OFF_GRID
+from serd_app.demonstrations.flow_field import FlowField
+from serd_app.demonstrations.recorded import (
+    Place,
+    RecordedDemonstrations,
+    concatenated,
+    files_beside,
+)
+from serd_app.drives.mapped_drive import UNMARKED
+from serd_app.drives.recording import Recording
+from serd_core.arrays import IntArray
+from serd_core.demonstrations.decisions import state_counts
+from serd_core.grid.navigation import NO_FLOW
+from storage.files import atomic_write_bytes
+
+#: Share of decisions off the grid above which a bag may be that of another place.
+_MANY_OUTSIDE = 0.1
+
+
+def decisions_table(found: Sequence[RecordedDemonstrations]) -> Table:
+    """One row per bag."""
+    table = Table(title="Decisions", title_justify="left")
+    table.add_column("bag", overflow="fold")
+    for name in ("intents", "kept", "dropped", "episodes", "diagonal moves", "far moves"):
+        table.add_column(name, justify="right")
+    for name, each in zip(short_names([each.bag for each in found]), found, strict=True):
+        report = each.report
+        dropped = report.n_intents - report.n_decisions
+        moves = report.n_diagonal, report.n_far
+        counts = report.n_intents, report.n_decisions, dropped, report.n_episodes, *moves
+        table.add_row(escape(name), *map(str, counts))
+    return table
+
+
+def remarks(found: Sequence[RecordedDemonstrations]) -> Iterable[str]:
+    """Why intents were dropped and what was left out, over all bags; warnings about each bag."""
+    reasons = sum((Counter(each.report.dropped) for each in found), Counter[str]())
+    yield from (f"dropped {count}: {reason}" for reason, count in reasons.most_common())
+    left_out = (
+        ("pose", "with a number that is not finite", "n_bad_poses"),
+        ("pose", "about whose time no /tf was recorded", "n_unplaced_poses"),
+        ("velocity command", "with a number that is not finite", "n_bad_commands"),
+    )
+    for what, why, name in left_out:
+        count = sum(getattr(each.report, name) for each in found)
+        if count:
+            yield f"left out {counted(count, what)} {why}"
+    for name, each in zip(short_names([each.bag for each in found]), found, strict=True):
+        for line in (*_damage(each.recording), *_pieces(each.recording), *_place(each)):
+            yield f"{name}: {line}"
+
+
+def _damage(recording: Recording) -> Iterable[str]:
+    yield from recording.damage
+    if recording.damage:
+        at_least = "" if recording.losses.all_known else "at least "
+        yield f"{at_least}{counted(recording.losses.n_messages, 'message')} lost"
+
+
+def _pieces(recording: Recording) -> Iterable[str]:
+    """A drive without marks is one episode unless it has gaps, whose edges are no goals."""
+    for drive in recording.drives:
+        pieces = [span for span in drive.episodes if span.outcome == UNMARKED]
+        if len(pieces) > 1:
+            yield (
+                f"cut into {len(pieces)} episodes where no pose came for more than"
+                f" {drive.longest_gap_s:.2g} s; where they end need be no goal, so name one to"
+                " 'serd learn' with --goal, or a longer longest_gap_s in the mapping"
+            )
+
+
+def _place(found: RecordedDemonstrations) -> Iterable[str]:
+    outside = found.report.dropped.get(OFF_GRID, 0)
+    if outside > _MANY_OUTSIDE * found.report.n_intents:
+        yield (
+            f"{outside} of {counted(found.report.n_intents, 'intent')} with the robot off the"
+            " grid; is it this scenario?"
+        )
+
+
+def flow_values(found: FlowField | None, own: IntArray | None) -> dict[str, int] | None:
+    """Counts of cells; None where no people were recorded. own: (S,) of the scenario, if any."""
+    if found is None:
+        return None
+    known = found.flow != NO_FLOW
+    values = {
+        "n_cells": len(known),
+        "n_known": int(known.sum()),
+        "n_sightings": int(found.count.sum()),
+    }
+    if own is None:
+        return values
+    both = known & (own != NO_FLOW)
+    return values | {
+        "n_compared": int(both.sum()),
+        "n_as_scenario": int((both & (found.flow == own)).sum()),
+        "n_opposite": int((both & (np.abs(found.flow - own) == 2)).sum()),
+    }
+
+
+def flow_in_words(found: FlowField | None, own: IntArray | None) -> str:
+    """One line."""
+    values = flow_values(found, own)
+    if values is None:
+        return "flow of people: none was recorded"
+    line = (
+        f"flow of people: known in {values['n_known']} of {values['n_cells']} cells"
+        f" from {values['n_sightings']} sightings"
+    )
+    if own is None:
+        return line
+    return (
+        f"{line}; {values['n_as_scenario']} of {values['n_compared']} as in the scenario,"
+        f" {values['n_opposite']} opposite"
+    )
+
+
+def short_names(paths: Sequence[Path]) -> list[str]:
+    """The fewest last parts of the paths that differ wherever the paths do."""
+    longest = max((len(path.parts) for path in paths), default=0)
+    for count in range(1, longest + 1):
+        names = [str(Path(*path.parts[-count:])) for path in paths]
+        if len(set(names)) == len(set(paths)):
+            return names
+    return [str(path) for path in paths]
+
+
+def save_pictures(
+    output: Path, place: Place, found: Sequence[RecordedDemonstrations], flow: FlowField | None
+) -> None:
+    """Draw the tracks, and the flow of people where there is one, beside the table."""
+    files = files_beside(output)
+    layout = layout_of(place.scenario) if place.scenario else None
+    visits = state_counts(concatenated(found), place.grid.n_states)
+    tracks = [track for each in found for track in each.tracks_m]
+    figure = draw_visitation(layout, place.grid, visits, tracks)
+    atomic_write_bytes(files["picture"], png_bytes(figure))
+    if flow is None:
+        files["flow picture"].unlink(missing_ok=True)
+        return
+    figure = draw_flow_map(
+        place.grid, flow.flow, flow.order, layout=layout, scenario_flow=place.flow
+    )
+    atomic_write_bytes(files["flow picture"], png_bytes(figure))
