@@ -8,13 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray
 from sim.crowd.distances import PairGeometry, WallGeometry
 from sim.crowd.routes import Routes, offset_loop
 from sim.crowd.social_force import Bodies, SocialForceModel, model_named
 from sim.scenario.settings import Loop, PedestrianSettings
 
-_FAR_AWAY_M = 1e6
 _CLOSEST_TO_WALL = 0.6
 #: Less than the distance kept to walls, so that a push never carries anybody through one.
 _LARGEST_PUSH_M = 0.1
@@ -31,16 +30,8 @@ class RobotBody:
     radius_m: float
 
 
-@dataclass(frozen=True, eq=False)
-class CrowdState:
-    """Everything that changes in a crowd, for a snapshot."""
-
-    x_m: FloatArray
-    y_m: FloatArray
-    velocity_x_mps: FloatArray
-    velocity_y_mps: FloatArray
-    target: IntArray
-    generator_state: dict[str, object]
+#: Stands in for a robot that people do not see.
+_NO_ROBOT = RobotBody(1e6, 1e6, 0.0, 0.0, 0.0)
 
 
 class Crowd:
@@ -64,17 +55,10 @@ class Crowd:
         self.body_radius_m = model.body_radius_m
         self._model, self._routes, self._rng = model, routes, rng
         self._fluctuation_mps2, self._period_m = fluctuation_mps2, period_m
-        self._x, self._y = np.append(x_m, _FAR_AWAY_M), np.append(y_m, _FAR_AWAY_M)
-        self.x_m, self.y_m = self._x[:count], self._y[:count]
+        self.x_m, self.y_m = x_m.copy(), y_m.copy()
         heading_x, heading_y = routes.headings(self.x_m, self.y_m)
         self.velocity_x_mps = desired_speed_mps * heading_x
         self.velocity_y_mps = desired_speed_mps * heading_y
-        self._bodies = Bodies(
-            heading_x=np.append(heading_x, 1.0),
-            heading_y=np.append(heading_y, 0.0),
-            speed_mps=np.zeros(count + 1),
-            radius_m=np.append(np.full(count, model.body_radius_m), 0.0),
-        )
         self._pairs = PairGeometry(count, count + 1, period_m)
         self._walls = WallGeometry(count, walls_m)
 
@@ -85,8 +69,7 @@ class Crowd:
         """Move everybody by one step; the robot pushes them, None when they do not see it."""
         if not len(self):
             return
-        self._see_robot(robot)
-        force_x, force_y = self._forces()
+        force_x, force_y = self._forces(robot)
         self.velocity_x_mps += step_s * force_x
         self.velocity_y_mps += step_s * force_y
         self._limit_speed()
@@ -112,58 +95,36 @@ class Crowd:
         self._walls.update(self.x_m, self.y_m)
         self._leave_walls()
 
-    def snapshot(self) -> CrowdState:
-        """Copy of all that changes."""
-        return CrowdState(
-            x_m=self.x_m.copy(),
-            y_m=self.y_m.copy(),
-            velocity_x_mps=self.velocity_x_mps.copy(),
-            velocity_y_mps=self.velocity_y_mps.copy(),
-            target=self._routes.target.copy(),
-            generator_state=dict(self._rng.bit_generator.state),
-        )
-
-    def restore(self, state: CrowdState) -> None:
-        """Go back to a snapshot of this crowd; what follows repeats exactly."""
-        self.x_m[:], self.y_m[:] = state.x_m, state.y_m
-        self.velocity_x_mps[:] = state.velocity_x_mps
-        self.velocity_y_mps[:] = state.velocity_y_mps
-        self._routes.restore_targets(state.target)
-        self._rng.bit_generator.state = state.generator_state
-
-    def _see_robot(self, robot: RobotBody | None) -> None:
-        if robot is None:
-            self._x[-1] = self._y[-1] = _FAR_AWAY_M
-            return
-        self._x[-1], self._y[-1] = robot.x_m, robot.y_m
-        speed = float(np.hypot(robot.velocity_x_mps, robot.velocity_y_mps))
-        bodies = self._bodies
-        bodies.speed_mps[-1], bodies.radius_m[-1] = speed, robot.radius_m
-        # Nothing is remembered of where a robot that stands was heading: no state to snapshot.
-        moves = speed > 1e-6
-        bodies.heading_x[-1] = robot.velocity_x_mps / speed if moves else 0.0
-        bodies.heading_y[-1] = robot.velocity_y_mps / speed if moves else 0.0
-
-    def _forces(self) -> tuple[FloatArray, FloatArray]:
+    def _forces(self, robot: RobotBody | None) -> tuple[FloatArray, FloatArray]:
         """(N,) x and y of dv/dt: relaxation, people, walls, fluctuation."""
-        count, bodies = len(self), self._bodies
-        bodies.heading_x[:count], bodies.heading_y[:count] = self._routes.headings(
-            self.x_m, self.y_m
-        )
-        # The stride of a person who is held up is short: with the wanted speed instead, people who
-        # stand would push others metres ahead of them, and a hallway jams for good.
-        np.hypot(self.velocity_x_mps, self.velocity_y_mps, out=bodies.speed_mps[:count])
-        self._pairs.update(self._x, self._y)
+        heading_x, heading_y = self._routes.headings(self.x_m, self.y_m)
+        other = _NO_ROBOT if robot is None else robot
+        self._pairs.update(np.append(self.x_m, other.x_m), np.append(self.y_m, other.y_m))
         self._walls.update(self.x_m, self.y_m)
+        bodies = self._bodies(heading_x, heading_y, other)
         people_x, people_y = self._model.people_force(self._pairs, bodies)
         wall_x, wall_y = self._model.wall_force(self._walls)
-        noise = self._fluctuation_mps2 * self._rng.standard_normal((2, count))
+        noise = self._fluctuation_mps2 * self._rng.standard_normal((2, len(self)))
         rate = 1.0 / self._model.relaxation_time_s
-        wanted_x = self.desired_speed_mps * bodies.heading_x[:count]
-        wanted_y = self.desired_speed_mps * bodies.heading_y[:count]
+        wanted_x = self.desired_speed_mps * heading_x
+        wanted_y = self.desired_speed_mps * heading_y
         return (
             rate * (wanted_x - self.velocity_x_mps) + people_x + wall_x + noise[0],
             rate * (wanted_y - self.velocity_y_mps) + people_y + wall_y + noise[1],
+        )
+
+    def _bodies(self, heading_x: FloatArray, heading_y: FloatArray, robot: RobotBody) -> Bodies:
+        """The people and, last, the robot; a robot at rest has no heading."""
+        robot_mps = float(np.hypot(robot.velocity_x_mps, robot.velocity_y_mps))
+        moves = robot_mps > 1e-6
+        # The stride of a person who is held up is short: with the wanted speed instead, people who
+        # stand would push others metres ahead of them, and a hallway jams for good.
+        speed = np.hypot(self.velocity_x_mps, self.velocity_y_mps)
+        return Bodies(
+            heading_x=np.append(heading_x, robot.velocity_x_mps / robot_mps if moves else 0.0),
+            heading_y=np.append(heading_y, robot.velocity_y_mps / robot_mps if moves else 0.0),
+            speed_mps=np.append(speed, robot_mps),
+            radius_m=np.append(np.full(len(self), self.body_radius_m), robot.radius_m),
         )
 
     def _limit_speed(self) -> None:

@@ -82,11 +82,6 @@ class Routes:
         along: FloatArray = from_start_x * self._unit_x + from_start_y * self._unit_y
         return along
 
-    def restore_targets(self, target: IntArray) -> None:
-        """Send everybody to the given corners, as read from `target` before."""
-        self.target[:] = target
-        self._measure_leg(self._rows)
-
     def _measure_leg(self, rows: IntArray) -> None:
         target = self.target[rows]
         start = self.corners[rows, (target - 1) % self.n_corners[rows]]

@@ -21,18 +21,6 @@ class TrackerSettings:
     fastest_mps: float = 2.0
 
 
-@dataclass(frozen=True, eq=False)
-class TrackerState:
-    """What a snapshot keeps of the tracks: (K, 2) motion, (K,) numbers and times last seen."""
-
-    position_m: FloatArray
-    velocity_mps: FloatArray
-    identity: IntArray
-    seen_s: FloatArray
-    time_s: float | None
-    next_identity: int
-
-
 class PeopleTracker:
     """Positions, velocities and lasting numbers of people, from detections to detections."""
 
@@ -48,23 +36,6 @@ class PeopleTracker:
         self._seen_s: FloatArray = np.zeros(0)
         self._time_s: float | None = None
         self._next_identity = 0
-
-    def snapshot(self) -> TrackerState:
-        """Copy of all that changes."""
-        return TrackerState(
-            self.position_m.copy(),
-            self.velocity_mps.copy(),
-            self.identity.copy(),
-            self._seen_s.copy(),
-            self._time_s,
-            self._next_identity,
-        )
-
-    def restore(self, state: TrackerState) -> None:
-        """Go back to a snapshot."""
-        self.position_m, self.velocity_mps = state.position_m.copy(), state.velocity_mps.copy()
-        self.identity, self._seen_s = state.identity.copy(), state.seen_s.copy()
-        self._time_s, self._next_identity = state.time_s, state.next_identity
 
     def predict(self, time_s: float) -> None:
         """Move all tracks on to a time."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from serd_core.arrays import FloatArray
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
-from sim.perception.people_tracker import PeopleTracker, TrackerState
+from sim.perception.people_tracker import PeopleTracker
 from sim.scenario.occupancy import WallDistanceRaster, wall_distance_raster
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation, make_observation
@@ -128,11 +128,3 @@ class ScanPerception:
             people_velocity_mps=self.tracker.velocity_mps,
             people_id=self.tracker.identity,
         )
-
-    def snapshot(self) -> TrackerState:
-        """Copy of all that changes."""
-        return self.tracker.snapshot()
-
-    def restore(self, state: TrackerState) -> None:
-        """Go back to a snapshot."""
-        self.tracker.restore(state)

@@ -1,13 +1,12 @@
 """A planner that knows of people only what the lidar tells."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Protocol
+from copy import deepcopy
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.perception.people_tracker import TrackerState
 from sim.perception.scan_people import ScanPerception
 from sim.planning.local_planner import PlannerStatus
 from sim.planning.recovery import RecoveringPlanner
@@ -36,14 +35,6 @@ class Scanner(Protocol):
     def scan(self, observation: Observation | None = None) -> NDArray[np.float32]:
         """(n_rays,) ranges from an observed pose."""
         ...
-
-
-@dataclass(frozen=True, eq=False)
-class ScanningState:
-    """What a snapshot keeps of the planner and of the people tracked."""
-
-    planner: Any
-    tracker: TrackerState
 
 
 class ScanningPlanner:
@@ -83,14 +74,13 @@ class ScanningPlanner:
             self.perception.take(observation, ranges_m)
         return self.planner.step(self.perception.see(observation), waypoint)
 
-    def snapshot(self) -> ScanningState:
-        """Copy of all that changes."""
-        return ScanningState(self.planner.snapshot(), self.perception.snapshot())
+    def snapshot(self) -> tuple[RecoveringPlanner, ScanPerception]:
+        """Copy of the planner and of the tracked people; it can be pickled."""
+        return deepcopy((self.planner, self.perception))
 
-    def restore(self, state: ScanningState) -> None:
-        """Go back to a snapshot."""
-        self.planner.restore(state.planner)
-        self.perception.restore(state.tracker)
+    def restore(self, state: tuple[RecoveringPlanner, ScanPerception]) -> None:
+        """Return to a snapshot; later steps repeat exactly."""
+        self.planner, self.perception = deepcopy(state)
 
 
 def scans_of(world: Scanner) -> ScanSource:

@@ -42,7 +42,10 @@ _TURNING_WEIGHT = 0.01
 
 
 class DwaPlanner:
-    """Drives to a waypoint around people and away from walls."""
+    """Drives to a waypoint around people and away from walls.
+
+    is_blocked: whether every motion was forbidden at the last step.
+    """
 
     def __init__(self, scenario: Scenario) -> None:
         self._settings = scenario.local_planner
@@ -54,28 +57,15 @@ class DwaPlanner:
         self._costs = RolloutCosts(scenario, CostSettings(), self._time_s)
         spread = np.linspace(-1.0, 1.0, self._settings.vtheta_samples)
         self._turn_shares: FloatArray = np.sign(spread) * np.abs(spread) ** 1.5
-        self._is_blocked = False
-
-    @property
-    def is_blocked(self) -> bool:
-        """Whether every motion was forbidden at the last step."""
-        return self._is_blocked
+        self.is_blocked = False
 
     def reset(self) -> None:
-        """Clear the only state: whether the robot was blocked."""
-        self._is_blocked = False
-
-    def snapshot(self) -> bool:
-        """The only state: whether the robot was blocked."""
-        return self._is_blocked
-
-    def restore(self, state: bool) -> None:
-        """Return to a snapshot."""
-        self._is_blocked = state
+        """Clear `is_blocked`, the only state."""
+        self.is_blocked = False
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """Command for the next control period; without a waypoint, stand still."""
-        self._is_blocked = False
+        self.is_blocked = False
         if waypoint is None:
             return STOP
         distance_m = math.hypot(waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m)
@@ -85,8 +75,8 @@ class DwaPlanner:
         around = self._costs.look(observation)
         cost = self._cost(observation, around, waypoint, speeds, turns)
         moving = speeds > _SLOWEST_MPS
-        self._is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
-        if self._is_blocked and abs(observation.speed_mps) < _STANDS_MPS:
+        self.is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
+        if self.is_blocked and abs(observation.speed_mps) < _STANDS_MPS:
             return self._turn_to_leave(observation, around, waypoint)
         best_v, best_w = np.unravel_index(int(np.argmin(cost)), cost.shape)
         return Command(float(speeds[best_v]), float(turns[best_w]))

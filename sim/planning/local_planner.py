@@ -1,7 +1,7 @@
 """The interface of local planners, which turn observations and waypoints into commands."""
 
 from enum import IntEnum
-from typing import Any, Protocol
+from typing import Protocol
 
 from sim.world.command import Command
 from sim.world.observation import Observation
@@ -27,14 +27,6 @@ class LocalPlanner(Protocol):
 
     def reset(self) -> None:
         """Discard all state, at the start of an episode."""
-        ...
-
-    def snapshot(self) -> Any:
-        """Copy of all that changes, in a type of the planner's own."""
-        ...
-
-    def restore(self, state: Any) -> None:
-        """Return to a snapshot of a planner of this kind; later steps repeat exactly."""
         ...
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:

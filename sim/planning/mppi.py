@@ -11,9 +11,6 @@ weight; when the average is such a plan, the best sample is driven instead, or t
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -33,17 +30,11 @@ _SEED = 1
 _COSTS = CostSettings(staying_weight=0.5, people_weight=1.0)
 
 
-@dataclass(frozen=True, eq=False)
-class MppiState:
-    """A snapshot of the planner. plan: (2, T) accelerations."""
-
-    is_blocked: bool
-    plan: FloatArray
-    generator_state: Mapping[str, Any]
-
-
 class MppiPlanner:
-    """Drives to a waypoint by averaging many random plans."""
+    """Drives to a waypoint by averaging many random plans.
+
+    is_blocked: whether every motion was forbidden at the last step. plan: (2, T) accelerations.
+    """
 
     def __init__(self, scenario: Scenario) -> None:
         self._settings = scenario.local_planner
@@ -56,38 +47,24 @@ class MppiPlanner:
         self._costs = RolloutCosts(scenario, _COSTS, self._time_s)
         self.reset()
 
-    @property
-    def is_blocked(self) -> bool:
-        """Whether every motion was forbidden at the last step."""
-        return self._is_blocked
-
     def reset(self) -> None:
         """Discard the plan and seed the random numbers again."""
-        self._is_blocked = False
+        self.is_blocked = False
         self._rng = np.random.default_rng(_SEED)
-        self._plan: FloatArray = np.zeros((2, self._settings.time_steps))
-
-    def snapshot(self) -> MppiState:
-        """Copy of all that changes."""
-        return MppiState(self._is_blocked, self._plan.copy(), self._rng.bit_generator.state)
-
-    def restore(self, state: MppiState) -> None:
-        """Return to a snapshot."""
-        self._is_blocked, self._plan = state.is_blocked, state.plan.copy()
-        self._rng.bit_generator.state = state.generator_state
+        self.plan: FloatArray = np.zeros((2, self._settings.time_steps))
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """Command for the next control period; without a waypoint, stand still."""
-        self._is_blocked = False
+        self.is_blocked = False
         if waypoint is None or self._is_at(observation, waypoint):
-            self._plan[:] = 0.0
+            self.plan[:] = 0.0
             return STOP
         plans = self._sampled_plans()
         speed, turning = self._limited(observation, plans, waypoint)
         around = self._costs.look(observation)
         cost = self._cost(observation, around, waypoint, speed, turning)
         moving = speed[:, 0] > _SLOWEST_MPS
-        self._is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
+        self.is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
         weight = np.exp(-(cost - cost.min()) / self._settings.temperature)
         weight /= weight.sum()
         # einsum, not BLAS: the sum's order must not depend on the number of threads.
@@ -97,7 +74,7 @@ class MppiPlanner:
             best = int(np.argmin(cost))
             mean_speed, mean_turning = speed[best], turning[best]
             if cost[best] >= _FORBIDDEN:
-                self._plan[:] = 0.0
+                self.plan[:] = 0.0
                 return Command(0.0, float(mean_turning[0]))
         self._keep_plan(observation, mean_speed, mean_turning)
         return Command(float(mean_speed[0]), float(mean_turning[0]))
@@ -117,7 +94,7 @@ class MppiPlanner:
         noise = np.repeat(noise, _NOISE_HOLD_STEPS, axis=2)[:, :, : settings.time_steps]
         noise *= np.array([settings.vx_std, settings.wz_std])[:, None, None]
         noise[:, :2] = 0.0
-        plans: FloatArray = noise + self._plan[:, None, :]
+        plans: FloatArray = noise + self.plan[:, None, :]
         plans[0, 1] = -self._robot.acc_lim_x_mps2
         return plans
 
@@ -168,7 +145,7 @@ class MppiPlanner:
         speeds = np.stack([speed, turning])
         start = np.array([[observation.speed_mps], [observation.yaw_rate_radps]])
         plan = np.diff(speeds, axis=1, prepend=start) / step_s
-        self._plan = moved_on(plan, self._control_period_s / step_s)
+        self.plan = moved_on(plan, self._control_period_s / step_s)
 
 
 def moved_on(plan: FloatArray, n_steps: float) -> FloatArray:

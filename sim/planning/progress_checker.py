@@ -1,18 +1,8 @@
 """Whether the robot makes progress, by the rule of Nav2's SimpleProgressChecker."""
 
 import math
-from dataclasses import dataclass
 
 from sim.world.observation import Observation
-
-
-@dataclass(frozen=True)
-class ProgressState:
-    """A snapshot: moves counted, place and time of the end of the last one."""
-
-    n_moves: int
-    place: tuple[float, float] | None
-    since_s: float
 
 
 class ProgressChecker:
@@ -28,14 +18,6 @@ class ProgressChecker:
     def reset(self) -> None:
         """Start again with the next observation."""
         self._place = None
-
-    def snapshot(self) -> ProgressState:
-        """Copy of all that changes."""
-        return ProgressState(self.n_moves, self._place, self._since_s)
-
-    def restore(self, state: ProgressState) -> None:
-        """Return to a snapshot."""
-        self.n_moves, self._place, self._since_s = state.n_moves, state.place, state.since_s
 
     def allow_more_time(self, observation: Observation) -> None:
         """Restart the time allowance, without counting a move."""

@@ -6,6 +6,7 @@ recoveries have not helped either. The robot keeps trying in every case.
 """
 
 import math
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from sim.crowd.social_force import model_named
 from sim.planning.local_planner import LocalPlanner, PlannerStatus
-from sim.planning.progress_checker import ProgressChecker, ProgressState
+from sim.planning.progress_checker import ProgressChecker
 from sim.planning.settings import PlannerSettings
 from sim.robot.unicycle import limited_velocity
 from sim.scenario.occupancy import wall_distance_raster
@@ -35,22 +36,6 @@ class Behaviour:
 
     command: Command
     duration_s: float
-
-
-@dataclass(frozen=True, eq=False)
-class RecoveryState:
-    """A snapshot of the planner, its progress and the recoveries tried."""
-
-    planner: Any
-    progress: ProgressState
-    status: PlannerStatus
-    n_recoveries: int
-    next_behaviour: int
-    running: Behaviour | None
-    until_s: float
-    tries: int
-    moves_before: int
-    blocked_since_s: float | None
 
 
 def behaviours_of(settings: PlannerSettings, limits: RobotSettings) -> tuple[Behaviour, ...]:
@@ -94,29 +79,13 @@ class RecoveringPlanner:
         self.planner.reset()
         self._begin_anew()
 
-    def snapshot(self) -> RecoveryState:
-        """Copy of all that changes."""
-        return RecoveryState(
-            planner=self.planner.snapshot(),
-            progress=self._progress.snapshot(),
-            status=self.status,
-            n_recoveries=self.n_recoveries,
-            next_behaviour=self._next_behaviour,
-            running=self._running,
-            until_s=self._until_s,
-            tries=self._tries,
-            moves_before=self._moves_before,
-            blocked_since_s=self._blocked_since_s,
-        )
+    def snapshot(self) -> dict[str, Any]:
+        """Copy of all attributes, those of the planner included; it can be pickled."""
+        return deepcopy(vars(self))
 
-    def restore(self, state: RecoveryState) -> None:
-        """Return to a snapshot."""
-        self.planner.restore(state.planner)
-        self._progress.restore(state.progress)
-        self.status, self.n_recoveries = state.status, state.n_recoveries
-        self._next_behaviour, self._running = state.next_behaviour, state.running
-        self._until_s, self._tries = state.until_s, state.tries
-        self._moves_before, self._blocked_since_s = state.moves_before, state.blocked_since_s
+    def restore(self, state: dict[str, Any]) -> None:
+        """Return to a snapshot; later steps repeat exactly."""
+        vars(self).update(deepcopy(state))
 
     def step(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         """The command of the planner or of the running recovery; without a pose, stop."""

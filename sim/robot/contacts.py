@@ -24,16 +24,6 @@ class ContactCounts:
     robot_on_wall: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class ContactState:
-    """What a snapshot keeps of the counter. touching: (N,) who touches the robot now."""
-
-    counts: ContactCounts
-    minimum_distance_m: float
-    touching: BoolArray
-    touching_wall: bool
-
-
 class ContactCounter:
     """Counts contacts over an episode of `n_people` people."""
 
@@ -57,17 +47,6 @@ class ContactCounter:
                 person_on_robot=self.counts.person_on_robot + on_robot,
                 robot_on_wall=self.counts.robot_on_wall + on_wall,
             )
-
-    def snapshot(self) -> ContactState:
-        """Copy of all that changes."""
-        return ContactState(
-            self.counts, self.minimum_distance_m, self._touching.copy(), self._touching_wall
-        )
-
-    def restore(self, state: ContactState) -> None:
-        """Go back to a snapshot."""
-        self.counts, self.minimum_distance_m = state.counts, state.minimum_distance_m
-        self._touching, self._touching_wall = state.touching.copy(), state.touching_wall
 
     def _update_people(self, crowd: Crowd, robot: RobotBody) -> tuple[int, int]:
         away_x, away_y = crowd.x_m - robot.x_m, crowd.y_m - robot.y_m

@@ -8,23 +8,12 @@ with scale errors s drawn once per episode and fresh normal n. Without deviation
 """
 
 import math
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from sim.scenario.settings import OdometrySettings
 
 Pose = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class OdometryState:
-    """What a snapshot keeps of the odometry."""
-
-    pose: Pose
-    last_truth: Pose
-    generator_state: dict[str, Any]
 
 
 class Odometry:
@@ -58,13 +47,3 @@ class Odometry:
             y_m + distance * math.sin(middle),
             math.remainder(yaw_rad + turned, math.tau),
         )
-
-    def snapshot(self) -> OdometryState:
-        """Copy of all that changes."""
-        state = dict(self._rng.bit_generator.state)
-        return OdometryState(self.pose, self._last_truth, state)
-
-    def restore(self, state: OdometryState) -> None:
-        """Go back to a snapshot of this episode's odometry."""
-        self.pose, self._last_truth = state.pose, state.last_truth
-        self._rng.bit_generator.state = state.generator_state

@@ -6,19 +6,20 @@ by which anyone who sees the observations can tell it from the last.
 """
 
 import math
+from copy import deepcopy
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.grid.grid import Grid
-from sim.crowd.crowd import Crowd, CrowdState, start_crowd
+from sim.crowd.crowd import Crowd, start_crowd
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
 from sim.pictures.camera import Camera, overview_camera
-from sim.robot.contacts import ContactCounter, ContactCounts, ContactState
+from sim.robot.contacts import ContactCounter, ContactCounts
 from sim.robot.lidar import Lidar
-from sim.robot.odometry import Odometry, OdometryState
+from sim.robot.odometry import Odometry
 from sim.robot.physics import Physics
 from sim.robot.robot import Robot, RobotState, standing_at
 from sim.scenario.goal import Area
@@ -34,7 +35,7 @@ from sim.world.seeds import CROWD, LIDAR, ODOMETRY, START, episode_rng
 
 @dataclass(frozen=True, eq=False)
 class WorldState:
-    """A snapshot of a world of one scenario and seed; restoring repeats what followed exactly."""
+    """A snapshot of a world of one scenario and seed; after a restore, steps repeat exactly."""
 
     scenario_digest: str
     seed: int
@@ -44,9 +45,9 @@ class WorldState:
     n_rejected_commands: int
     goal_area_m: Area
     robot: RobotState
-    crowd: CrowdState
-    contacts: ContactState
-    odometry: OdometryState
+    crowd: Crowd
+    contacts: ContactCounter
+    odometry: Odometry
 
 
 class HallwayWorld:
@@ -166,7 +167,7 @@ class HallwayWorld:
         return self._physics.render(camera if camera else overview_camera(self.scenario))
 
     def snapshot(self) -> WorldState:
-        """Everything that changes, as a value."""
+        """Copy of all that changes; it can be pickled."""
         return WorldState(
             scenario_digest=scenario_digest(self.scenario),
             seed=self.seed,
@@ -176,13 +177,13 @@ class HallwayWorld:
             n_rejected_commands=self.n_rejected_commands,
             goal_area_m=self.goal_area_m,
             robot=self._robot.state,
-            crowd=self._running().snapshot(),
-            contacts=self._contacts.snapshot(),
-            odometry=self._odometry.snapshot(),
+            crowd=deepcopy(self._running()),
+            contacts=deepcopy(self._contacts),
+            odometry=deepcopy(self._odometry),
         )
 
     def restore(self, state: WorldState) -> Observation:
-        """Go back to a snapshot of a world of this scenario and seed; also in another process."""
+        """Return to a snapshot of a world of this scenario and seed, also of another process."""
         if state.scenario_digest != scenario_digest(self.scenario):
             raise SimError(
                 f"state must be of this world's scenario {self.scenario.name!r} as it is, got "
@@ -193,11 +194,10 @@ class HallwayWorld:
                 f"state must be of this world's seed {self.seed}, got seed {state.seed}"
                 f"; make the world with seed={state.seed}"
             )
-        self._begin(state.episode, state.robot)
-        self._running().restore(state.crowd)
-        self._contacts.restore(state.contacts)
-        self._odometry.restore(state.odometry)
-        self.tick, self._first_tick = state.tick, state.first_tick
+        self._robot.place(state.robot)
+        self._crowd, self._contacts = deepcopy(state.crowd), deepcopy(state.contacts)
+        self._odometry = deepcopy(state.odometry)
+        self._episode, self.tick, self._first_tick = state.episode, state.tick, state.first_tick
         self.n_rejected_commands, self.goal_area_m = state.n_rejected_commands, state.goal_area_m
         self._observation = self._observe()
         return self._observation

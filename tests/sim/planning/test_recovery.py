@@ -21,12 +21,6 @@ class PushingPlanner:
     def reset(self):
         pass
 
-    def snapshot(self):
-        return None
-
-    def restore(self, state):
-        pass
-
     def step(self, _observation, waypoint):
         return STOP if waypoint is None else Command(0.5, 0.0)
 

@@ -189,7 +189,7 @@ def test_the_path_integral_planner_keeps_its_plan_by_the_control_period_of_the_s
         scenario = HALLWAY.model_copy(update={"control_period_s": period_s})
         planner = make_planner("mppi", scenario)
         planner.step(standing_at(0.0), AHEAD)
-        plans[period_s] = planner.planner.snapshot().plan
+        plans[period_s] = planner.planner.plan
     half, whole = plans[0.05], plans[0.1]
     assert np.allclose(whole[:, -1], 0.0)
     assert not np.allclose(half[:, -1], 0.0)

@@ -1,5 +1,6 @@
 """Contacts counted: who ran into whom, each bump once, and the smallest gap of the episode."""
 
+from copy import deepcopy
 from types import SimpleNamespace
 
 import numpy as np
@@ -81,11 +82,9 @@ def test_alone_the_robot_touches_walls_only():
     assert counter.minimum_distance_m == np.inf
 
 
-def test_a_snapshot_remembers_who_touches_now():
+def test_a_copy_of_the_counter_holds_who_touches_now():
     counter = ContactCounter(1)
     counter.update(one_person(0.49), robot(), FAR_FROM_WALLS_M)
-    state = counter.snapshot()
-    other = ContactCounter(1)
-    other.restore(state)
+    other = deepcopy(counter)
     other.update(one_person(0.49), robot(), FAR_FROM_WALLS_M)
     assert other.counts.person_on_robot == 1
