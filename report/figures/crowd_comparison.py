@@ -1,4 +1,4 @@
-"""Simulated crowds against measured ones: speed over density, and passing distance."""
+"""Simulated and measured crowds: speed over density, and passing distance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ def draw_crowd_comparison(
                     panels[2],
                     "passing_distance_m",
                     "two ways: passing distance",
-                    "median distance to the nearest\nperson who comes the other way, m",
+                    "median distance to the nearest\noncoming person, m",
                 ),
             ):
                 values = getattr(recorded, measure)

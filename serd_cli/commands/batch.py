@@ -1,4 +1,4 @@
-"""`serd batch`: many episodes over many processes, one row each, and what came of them."""
+"""`serd batch`: many episodes over many processes, one row each, and their summary."""
 
 import math
 from dataclasses import asdict
@@ -144,7 +144,7 @@ def _run(tasks: list[EpisodeTask], output: Path, execution: Execution) -> list[d
 
 
 def _finite(values: dict[str, object]) -> dict[str, object]:
-    """JSON knows no NaN and no infinity: a number that does not apply is null."""
+    """The values with null for NaN and infinity, which JSON does not have."""
     return {
         name: None if isinstance(value, float) and not math.isfinite(value) else value
         for name, value in values.items()

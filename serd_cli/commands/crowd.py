@@ -1,4 +1,4 @@
-"""`serd crowd`: the simulated people against measured ones."""
+"""`serd crowd`: compare simulated people with measured ones."""
 
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -25,7 +25,7 @@ from storage.files import atomic_write_bytes
 def register(app: typer.Typer) -> None:
     """Add the subcommands."""
     group = typer.Typer(
-        no_args_is_help=True, suggest_commands=True, help="Hold the crowd against measured ones."
+        no_args_is_help=True, suggest_commands=True, help="Compare the crowd with measured ones."
     )
     group.callback()(lambda: None)
     group.command()(compare)

@@ -27,7 +27,7 @@ _SUFFIXES = (".png", *MOVIE_WRITERS)
 
 
 class View(str, Enum):
-    """Where an episode is looked at from."""
+    """The camera of the picture."""
 
     TOP = "top"
     OVERVIEW = "overview"
@@ -37,7 +37,7 @@ class View(str, Enum):
 def register(app: typer.Typer) -> None:
     """Add the subcommands."""
     group = typer.Typer(
-        no_args_is_help=True, suggest_commands=True, help="Drive one episode and look at it."
+        no_args_is_help=True, suggest_commands=True, help="Drive one episode and render it."
     )
     group.callback()(lambda: None)
     group.command(no_args_is_help=True)(render)
@@ -113,7 +113,7 @@ def _write(
     speed: float,
     frames_per_s: float,
 ) -> None:
-    """The end as PNG; else a movie of every so-many-th tick, shown at exactly the speed asked."""
+    """The end as PNG; else a movie of every n-th tick at exactly the given speed."""
     start_s = trajectory.time_s[0]
 
     def captioned(tick: int) -> Frame:
@@ -135,7 +135,7 @@ def _write(
 
 
 def _followed(ticks: list[int]) -> Iterator[int]:
-    """The ticks, with a bar that tells how many have been drawn."""
+    """The ticks, with a progress bar of the frames drawn."""
     bar = WorkProgress(
         TextColumn("frames"),
         BarColumn(),

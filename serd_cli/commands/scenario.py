@@ -1,4 +1,4 @@
-"""`serd scenario`: which places there are, and what one looks like."""
+"""`serd scenario`: list, draw and describe scenarios."""
 
 import json
 from pathlib import Path
@@ -56,7 +56,7 @@ def show(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Draw a scenario from above and say what is in it: serd scenario show hallway
+    """Draw a scenario from above and list its contents: serd scenario show hallway
 
     In metres: walls, cells, start areas, the goal, and the loops that people walk.
     """
@@ -100,14 +100,14 @@ def schema(
 
 
 def save_plan(scenario: Scenario, path: Path) -> None:
-    """Write the plan as PNG, making its folder; one sentence where that cannot be."""
+    """Write the plan as PNG and make its folder; UsageError for another suffix."""
     if path.suffix.lower() != ".png":
         raise UsageError(f"--output must end in .png, got {path}; name a .png file")
     atomic_write_bytes(path, png_bytes(draw_scenario_plan(scenario)))
 
 
 def scenario_values(name: str, scenario: Scenario) -> dict[str, Any]:
-    """What there is to know at a glance, as plain values."""
+    """The main properties as plain values."""
     x_min, y_min, x_max, y_max = scenario.bounds_m
     return {
         "scenario": name,

@@ -82,7 +82,7 @@ class EpisodeDriverNode(SerdNode[Config]):
         """Let episodes end in another goal area from now on, the running one too."""
         self.scenario = scenario
         if self._progress is not None:
-            self._progress.aim(scenario.goal_area_m)
+            self._progress.set_goal(scenario.goal_area_m)
 
     def _begin_when_ready(self) -> None:
         """Wait for the graph, then begin the first episode."""

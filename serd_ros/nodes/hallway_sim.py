@@ -64,7 +64,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
 
     def _on_goal(self, message: PolygonStamped) -> None:
         """The driver's goal: where an episode ends, and a world in lock-step stands still."""
-        self._world.aim(from_goal_area_message(message, self._world.scenario.goal_area_m))
+        self._world.set_goal(from_goal_area_message(message, self._world.scenario.goal_area_m))
         self._loop.goal_moved()
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

@@ -1,1 +1,1 @@
-"""People who walk under social forces, and how they are held against measured crowds."""
+"""People who walk under social forces, and their comparison with measured crowds."""

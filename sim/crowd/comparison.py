@@ -1,4 +1,4 @@
-"""Both crowd models at several densities, as the measured crowds they are held against."""
+"""Both crowd models at several densities, compared with measured crowds."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

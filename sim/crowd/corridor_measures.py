@@ -1,8 +1,8 @@
 """Speed, density and passing distance in a corridor: of recorded people and of simulated ones.
 
-A measurement area of the corridor is looked at moment by moment. Per moment with two people or
-more: density = people / area, mean speed, and the smallest distance of centres between two people
-who walk in opposite directions.
+The measures are taken in an area of the corridor. Per moment with two people or more: density =
+people / area, mean speed, and the smallest distance of centres between two people who walk in
+opposite directions.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class RecordedPaths:
 
 @dataclass(frozen=True, eq=False)
 class CorridorMeasures:
-    """(M,) per moment; passing_distance_m is NaN where nobody comes towards anybody."""
+    """(M,) per moment; passing_distance_m is NaN without oncoming people."""
 
     density_pm2: FloatArray
     speed_mps: FloatArray

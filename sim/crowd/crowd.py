@@ -1,7 +1,7 @@
 """A crowd that walks its loops under social forces, with the robot as one more body.
 
 One step of length dt is semi-implicit Euler: v += a dt, limited to the maximum speed; x += v dt;
-then whoever has come too close to a wall is put back, so that nobody passes one.
+then people who are too close to a wall are put back, so that no one passes it.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from sim.crowd.social_force import Bodies, SocialForceModel, model_named
 from sim.scenario.settings import Loop, PedestrianSettings
 
 _CLOSEST_TO_WALL = 0.6
-#: Less than the distance kept to walls, so that a push never carries anybody through one.
+#: Less than the distance kept to walls, so that a push never carries a person through one.
 _LARGEST_PUSH_M = 0.1
 
 
@@ -66,7 +66,7 @@ class Crowd:
         return len(self.x_m)
 
     def step(self, step_s: float, robot: RobotBody | None = None) -> None:
-        """Move everybody by one step; the robot pushes them, None when they do not see it."""
+        """Move all people by one step. robot: None when they do not see it."""
         if not len(self):
             return
         force_x, force_y = self._forces(robot)
@@ -81,7 +81,7 @@ class Crowd:
             self._leave_walls()
 
     def push_out_of(self, robot: RobotBody) -> None:
-        """Move people who overlap the robot's footprint towards its edge: it does not give way."""
+        """Move people who overlap the robot's footprint towards its edge; it does not move."""
         away_x, away_y = self.x_m - robot.x_m, self.y_m - robot.y_m
         distance = np.sqrt(away_x**2 + away_y**2)
         reach = self.body_radius_m + robot.radius_m
@@ -135,7 +135,7 @@ class Crowd:
         self.velocity_y_mps *= scale
 
     def _leave_walls(self) -> None:
-        """Move people whose body is more than half inside a wall back, and stop them going in."""
+        """Put back people who are too close to a wall, and take the velocity towards it."""
         self._walls.update(self.x_m, self.y_m)
         nearest = np.argmin(self._walls.distance_m, axis=1)
         rows = np.arange(len(self))

@@ -1,6 +1,6 @@
 """Closed routes of many walkers at once: each follows a loop at an own distance beside its line.
 
-All loops are padded to the same number of corners so that one step moves everybody together.
+All loops are padded to the same number of corners so that one step moves all walkers at once.
 """
 
 import numpy as np

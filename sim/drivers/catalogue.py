@@ -15,7 +15,7 @@ from storage.nearest import nearest_name
 
 
 class Driver(Protocol):
-    """A person's stand-in or a learned policy."""
+    """Chooses an action per decision period: a scripted person or a learned policy."""
 
     @property
     def name(self) -> str:
@@ -48,7 +48,7 @@ def _in_style(scenario: Scenario, seed: int, *, style: str) -> Driver:
 
 
 def _resolute(*, goes_with_flow: bool) -> ExpertSettings:
-    """One who never wavers nor waits, so that the planner alone is measured."""
+    """An expert that never wavers or waits, so that only the planner is measured."""
     return ExpertSettings(
         waver_probability=0.0, wait_probability=0.0, goes_with_flow=goes_with_flow
     )
@@ -64,7 +64,7 @@ _DRIVERS: dict[str, Callable[[Scenario, int], Driver]] = {
 
 
 def driver_names() -> tuple[str, ...]:
-    """Names `make_driver` knows."""
+    """Names that `make_driver` accepts."""
     return tuple(_DRIVERS)
 
 

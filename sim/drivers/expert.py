@@ -1,7 +1,7 @@
 """A scripted person who demonstrates: keeps right, goes with the flow, wavers, waits when blocked.
 
 It likes routes (`expert_route`), sometimes takes a nearly as good move instead, and sometimes waits
-when somebody is about to be where it wants to go. What it acts on is as old as its reaction time.
+when a person is about to be in its next cell. It acts on observations as old as its reaction time.
 """
 
 import math
@@ -24,7 +24,7 @@ class ExpertSettings:
 
     wait_probability: of waiting when a person will be within `blocked_radius_m` of the next cell's
     centre within `look_ahead_s`; never more than `longest_wait` periods in a row.
-    goes_with_flow: False for one who likes the side of those who come towards him.
+    goes_with_flow: False for an expert who prefers the side of oncoming people.
     reaction_delay_s: age of what a decision is based on.
     """
 
@@ -111,7 +111,7 @@ class ScriptedExpert:
 
 
 def seen_earlier(observation: Observation, delay_s: float) -> Observation:
-    """What was seen `delay_s` ago, as far as the present speeds tell."""
+    """Estimate of the observation `delay_s` ago, by the present speeds."""
     if delay_s == 0.0:
         return observation
     x_m, y_m, yaw_rad = observation.pose

@@ -27,7 +27,7 @@ from storage.row_table import Key, Row, RowTable
 from storage.table import Column, cell_text, columns_of
 
 Progress = Callable[[int, int], None]
-#: Column of the digest of everything that files say about an episode.
+#: Column of the digest of all files that an episode depends on.
 INPUTS = "inputs"
 
 
@@ -137,7 +137,7 @@ def scenario_of(name: str, n_people: int | None) -> Scenario:
 
 
 def inputs_digest(scenario: str, driver: str) -> str:
-    """Digest of what the scenario, and the model if one drives, consist of."""
+    """Digest of the contents of the scenario and, if one drives, of the model."""
     text = load_scenario(scenario).model_dump_json()
     if driver.endswith(MODEL_SUFFIXES):
         text += read_text(driver)

@@ -1,4 +1,4 @@
-"""Rows of a batch put together: one condition, all its episodes, is one line of the table."""
+"""Summary of the rows of a batch: one line per condition."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class ConditionSummary:
     """One line of the table.
 
     n_people: None for the scenario's own number. arrival_low, arrival_high: Wilson's 95 % interval.
-    Contacts are per episode, shares of time; NaN where nobody arrived.
+    Contacts are per episode, shares of time; NaN where no episode arrived.
     """
 
     planner: str

@@ -68,7 +68,7 @@ class Execution:
                     yield result
             finally:
                 with warnings.catch_warnings():
-                    # joblib advises to begin fewer tasks, of which an interrupted person knows.
+                    # joblib's advice to start fewer tasks is of no use after an interrupt.
                     warnings.simplefilter("ignore", UserWarning)
                     results.close()
 
@@ -133,7 +133,7 @@ def _called(function: Callable[[Task], Result], task: Task) -> Result:
 
 
 def end_with_parent(parent_pid: int) -> None:
-    """End this process when the one that started it is gone, however that ended."""
+    """End this process when its parent has ended for any reason."""
 
     def watch() -> None:
         while os.getppid() == parent_pid:

@@ -1,4 +1,4 @@
-"""How well an episode went: distances kept and smoothness of the commands.
+"""Metrics of an episode: distances to people and smoothness of the commands.
 
 Hall's zones (The Hidden Dimension, 1966) end 0.45 m (intimate) and 1.2 m (personal) from a person's
 centre; between bodies of 0.25 m radius, that leaves gaps of 0.2 m and 0.95 m.
@@ -31,7 +31,7 @@ class EpisodeMetrics:
 
 @dataclass
 class MetricsObserver:
-    """Pass `see` to run_episode as its observer, then ask for `metrics`."""
+    """Pass `see` to run_episode as its observer, then read `metrics`."""
 
     scenario: Scenario
     _gaps_m: list[float] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""Where an episode stands, for anyone who sees the observations: in process or behind ROS."""
+"""Progress of an episode from its observations, in process or over ROS."""
 
 import math
 from typing import Literal
@@ -22,12 +22,12 @@ class EpisodeProgress:
         self._goal_area: Area = scenario.goal_area_m
         self._n_ticks = round(timeout_s / scenario.control_period_s)
 
-    def aim(self, goal_area_m: Area) -> None:
-        """Let another area count as the goal from now on."""
+    def set_goal(self, goal_area_m: Area) -> None:
+        """Set the goal area for the following observations."""
         self._goal_area = goal_area_m
 
     def see(self, observation: Observation) -> Ending | None:
-        """Take the next observation; how the episode ends with it, None when it goes on."""
+        """Take the next observation; returns how the episode ends with it, None when it goes on."""
         before, self._last = self._last, observation
         self.distance_m += math.hypot(observation.x_m - before.x_m, observation.y_m - before.y_m)
         if contains_point(self._goal_area, observation.x_m, observation.y_m):

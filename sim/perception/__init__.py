@@ -1,1 +1,1 @@
-"""What a planner can know of people from the lidar alone."""
+"""Detection and tracking of people in lidar scans."""

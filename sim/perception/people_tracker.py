@@ -29,7 +29,7 @@ class PeopleTracker:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everybody."""
+        """Discard all tracks."""
         self.position_m: FloatArray = np.zeros((0, 2))
         self.velocity_mps: FloatArray = np.zeros((0, 2))
         self.identity: IntArray = np.zeros(0, dtype=np.int64)

@@ -88,7 +88,7 @@ def _center_of(body: FloatArray, pose: Pose, person_radius_m: float) -> FloatArr
 
 
 class ScanPerception:
-    """Replaces the people of observations by those tracked in the scans taken so far."""
+    """Replaces the people of observations by those tracked in scans."""
 
     def __init__(self, scenario: Scenario) -> None:
         lidar = scenario.lidar
@@ -100,7 +100,7 @@ class ScanPerception:
         )
 
     def reset(self) -> None:
-        """Forget everybody, at the start of an episode."""
+        """Discard all tracks, at the start of an episode."""
         self.tracker.reset()
 
     def take(self, observation: Observation, ranges_m: NDArray[np.float32]) -> None:
@@ -116,7 +116,7 @@ class ScanPerception:
         self.tracker.update(found, observation.time_s)
 
     def see(self, observation: Observation) -> Observation:
-        """The observation with the people tracked, moved on to its time, for the given ones."""
+        """The observation with the tracked people, predicted to its time, as its people."""
         self.tracker.predict(observation.time_s)
         return make_observation(
             time_s=observation.time_s,

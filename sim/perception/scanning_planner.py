@@ -1,4 +1,4 @@
-"""A planner that knows of people only what the lidar tells."""
+"""A planner that detects people in lidar scans only."""
 
 from collections.abc import Callable
 from copy import deepcopy
@@ -15,7 +15,7 @@ from sim.world.command import Command
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
 
-#: Gives the scan taken at an observation, None when there is no new one.
+#: Returns the scan taken at an observation, None when there is no new one.
 ScanSource = Callable[[Observation], NDArray[np.float32] | None]
 
 
@@ -49,12 +49,12 @@ class ScanningPlanner:
 
     @property
     def is_blocked(self) -> bool:
-        """Whether every way to move was forbidden when it was asked last."""
+        """Whether every motion was forbidden at the last step."""
         return self.planner.is_blocked
 
     @property
     def status(self) -> PlannerStatus:
-        """How the planner fares, in Nav2's words."""
+        """The status of the planner, named as in Nav2."""
         return self.planner.status
 
     @property
@@ -63,7 +63,7 @@ class ScanningPlanner:
         return self.planner.n_recoveries
 
     def reset(self) -> None:
-        """Forget the past, at the start of an episode."""
+        """Discard all state, at the start of an episode."""
         self.planner.reset()
         self.perception.reset()
 
@@ -89,4 +89,4 @@ def scans_of(world: Scanner) -> ScanSource:
 
 
 def no_scans(_: Observation) -> None:
-    """For who hands the scans to the perception as they come."""
+    """Source without scans, for callers that pass scans to the perception themselves."""

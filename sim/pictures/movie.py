@@ -1,7 +1,7 @@
 """Frames as files: PNG, GIF, and MP4 by the ffmpeg that imageio-ffmpeg brings.
 
-A movie is written beside its place and moved there when it is whole, so that what stopped midway
-leaves nothing.
+A movie is written beside its place and moved there when it is whole, so that an interrupted
+run leaves no file.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -48,7 +48,7 @@ def save_mp4(frames: Iterable[Frame], path: str | Path, frames_per_s: float = 20
     first, others = _first_and_others(frames)
     height, width = first.shape[0] // 2 * 2, first.shape[1] // 2 * 2
     with _whole(Path(path)) as part:
-        # imageio scales to whole blocks of pixels; even sizes are all that H.264 asks for.
+        # imageio scales to whole blocks of pixels; H.264 needs even sizes only.
         writer = imageio_ffmpeg.write_frames(
             str(part), (width, height), fps=frames_per_s, macro_block_size=2, quality=6
         )
@@ -95,7 +95,7 @@ _PAPER, _INK = (255, 255, 255), (38, 50, 61)
 
 
 def with_caption(frame: Frame, text: str) -> Frame:
-    """The frame with a strip below it that says the text."""
+    """The frame with a line of text below it."""
     height, width = frame.shape[:2]
     image = Image.new("RGB", (width, height + _HEIGHT_PX), _PAPER)
     image.paste(Image.fromarray(frame), (0, 0))

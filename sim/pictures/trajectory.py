@@ -29,7 +29,7 @@ class Trajectory:
 
 
 class TrajectoryRecorder:
-    """Pass `see` to run_episode as its observer, then ask for `trajectory`."""
+    """Pass `see` to run_episode as its observer, then read `trajectory`."""
 
     def __init__(self) -> None:
         self._seen: list[Observation] = []

@@ -12,13 +12,13 @@ from sim.planning.recovery import RecoveringPlanner
 from sim.scenario.scenario import Scenario
 from storage.nearest import hint, nearest_name
 
-#: Where a planner knows people from: as the world gives them, or from the lidar's scans alone.
+#: Source of people: as the world gives them, or from the lidar's scans alone.
 PEOPLE_SOURCES = ("given", "scan")
 _PLANNERS: dict[str, Callable[[Scenario], LocalPlanner]] = {"dwa": DwaPlanner, "mppi": MppiPlanner}
 
 
 def planner_names() -> tuple[str, ...]:
-    """Names `make_planner` knows."""
+    """Names that `make_planner` accepts."""
     return tuple(_PLANNERS)
 
 
@@ -44,7 +44,7 @@ def require_people_source(name: str) -> None:
 def planner_in_world(
     name: str, world: Scanner, people_from: str = "given"
 ) -> RecoveringPlanner | ScanningPlanner:
-    """A planner that drives in a world, told of people as they are or by its lidar alone."""
+    """A planner that drives in a world with people from the given source."""
     require_people_source(people_from)
     planner = make_planner(name, world.scenario)
     if people_from == "given":

@@ -1,4 +1,4 @@
-"""The few people a planner has to think about, predicted to walk straight on."""
+"""The few people nearest to the robot, predicted by constant velocity."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from sim.world.observation import Observation
 
 @dataclass(frozen=True, eq=False)
 class PredictedPeople:
-    """x_m, y_m: (K, T) places of K people at the times asked for; now_x_m, now_y_m: (K, 1)."""
+    """x_m, y_m: (K, T) positions of K people at the given times; now_x_m, now_y_m: (K, 1)."""
 
     x_m: FloatArray
     y_m: FloatArray
@@ -21,7 +21,7 @@ class PredictedPeople:
         return len(self.x_m)
 
     def is_near(self, box_m: FloatArray, range_m: float) -> BoolArray:
-        """(K,) who is now within a range of the box (x_min, x_max, y_min, y_max)."""
+        """(K,) whether each person is within a range of the box (x_min, x_max, y_min, y_max)."""
         x_min, x_max, y_min, y_max = box_m
         x_m, y_m = self.now_x_m[:, 0], self.now_y_m[:, 0]
         near: BoolArray = (x_m > x_min - range_m) & (x_m < x_max + range_m)
@@ -34,7 +34,7 @@ def predict_nearby(
 ) -> PredictedPeople:
     """Constant-velocity prediction of at most `most` people: the nearest within the range.
 
-    Who is nowhere (not finite) is left out; who has no finite velocity is taken to stand.
+    People without a finite position are left out; those without a finite velocity stand.
     """
     away = observation.people_position_m - observation.pose[:2]
     squared = away[:, 0] ** 2 + away[:, 1] ** 2
@@ -63,10 +63,10 @@ def gap_to_people_m(
 
     people_x_m, people_y_m: (K, T), or (K, 1) for people who stand.
     """
-    if x_m.size == x_m.shape[-1]:  # of one rollout, all people at once
+    if x_m.size == x_m.shape[-1]:  # one rollout: all people at once
         squared = np.square(x_m.ravel() - people_x_m) + np.square(y_m.ravel() - people_y_m)
         nearest = squared.min(axis=0, initial=np.inf).reshape(x_m.shape)
-    else:  # of many, person by person: what is at hand then stays in the processor's cache
+    else:  # many: person by person, which fits into the processor's cache
         nearest = np.full(x_m.shape, np.inf)
         away_x, away_y = np.empty(x_m.shape), np.empty(x_m.shape)
         for person_x, person_y in zip(people_x_m, people_y_m, strict=True):

@@ -1,9 +1,9 @@
-"""What a rollout costs: way left, walls and people near it. Shared by the planners.
+"""Costs of rollouts: distance to the waypoint, nearness of walls and people.
 
 Positions are (..., T) arrays, costs (...). A rollout is `too close` at a time when the robot would
 touch a wall, or come nearer to a person than a small margin: to one who walks straight on, or to
-one who stops where he is, for people do both. Being touched by somebody is no reason to stay: what
-counts is only what brings the robot nearer than standing still would.
+one who stops, since people do both. A person who touches the robot does not keep it from leaving: a
+rollout is too close only where it is nearer to the person than standing still would be.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class CostSettings:
     """Margins in metres between surfaces; weights of the terms; foresight_s: how soon matters.
 
     wall_margin_m: more than half the diagonal of a cell of the wall raster (0.035 m).
-    person_margin_m, stopped_margin_m: to somebody who walks straight on, and who stops.
+    person_margin_m, stopped_margin_m: to a person who walks straight on, and who stops.
     """
 
     wall_margin_m: float = 0.05
@@ -52,10 +52,10 @@ class CostSettings:
 
 @dataclass(frozen=True, eq=False)
 class PeopleAround:
-    """Who is near, and how near a rollout may bring the robot.
+    """The nearby people, and how near a rollout may bring the robot to them.
 
     nearest_m: (T,) smallest gap allowed to the predicted people; nearest_now_m: (1,) to where they
-    are now. Below zero where somebody leans on the robot.
+    are now. Below zero where a person touches the robot.
     """
 
     people: PredictedPeople
@@ -106,7 +106,7 @@ class RolloutCosts:
         return settings.wall_weight * nearness, gap[..., :n_soon] < 0.0
 
     def look(self, observation: Observation) -> PeopleAround:
-        """What all rollouts from here have in common: who is near, and how near standing still."""
+        """What all rollouts from here share: the nearby people, and the gaps of a robot at rest."""
         settings = self.settings
         people = predict_nearby(
             observation, settings.people_range_m, settings.max_people, self._time_s
@@ -145,7 +145,7 @@ class RolloutCosts:
     def _too_close_to_now(
         self, x_m: FloatArray, y_m: FloatArray, around: PeopleAround
     ) -> BoolArray:
-        """(..., n_soon) where the robot would be too near to where somebody is now."""
+        """(..., n_soon) where the robot would be too near to the present position of a person."""
         people = around.people
         reached_m = np.array([x_m.min(), x_m.max(), y_m.min(), y_m.max()])
         near = people.is_near(reached_m, self._reach_m + self.settings.stopped_margin_m)

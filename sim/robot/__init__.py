@@ -1,1 +1,1 @@
-"""The robot as it really is: motion, physics world, lidar, odometry, contacts."""
+"""The simulated robot: motion, physics world, lidar, odometry, contacts."""

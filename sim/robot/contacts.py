@@ -1,4 +1,4 @@
-"""Contacts of the robot with people and walls, told apart by who ran into whom.
+"""Contacts of the robot with people and walls, classified by who ran into whom.
 
 A contact begins when the bodies touch and ends when they are a little apart again, so that one
 bump counts once. It is the robot's when it closes in faster than the person does.

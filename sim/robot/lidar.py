@@ -1,8 +1,8 @@
 """A 2-D lidar: rays all around the robot against walls and people, exactly, in the plane.
 
 A ray meets a wall segment where both parameters of the crossing are in range, and a person's circle
-at along - sqrt(r^2 - across^2). The physics world's ray tests give the same to a millimetre and
-serve as the twin in tests.
+at along - sqrt(r^2 - across^2). Tests compare it with
+the ray tests of the physics world, which agree to millimetres.
 """
 
 import numpy as np
@@ -70,7 +70,7 @@ class Lidar:
         people_x_m: FloatArray,
         people_y_m: FloatArray,
     ) -> None:
-        """Lower the ranges of rays that meet somebody first."""
+        """Lower the ranges of rays that hit a person first."""
         to_x, to_y = people_x_m - pose[0], people_y_m - pose[1]
         squared = to_x * to_x + to_y * to_y
         near = squared < (self._settings.range_max_m + self._person_radius_m) ** 2

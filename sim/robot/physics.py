@@ -3,7 +3,7 @@
 The robot is driven by setting its velocity each step (an explicit unicycle) and Bullet integrates
 it. Bullet's own collision response is off: its contacts carry hidden state from step to step, which
 a snapshot could not hold; `robot` keeps the robot out of the walls. People are moved by the crowd;
-Bullet only knows where they are, for ray tests and pictures, and is told only when somebody looks.
+Bullet gets their positions for ray tests and pictures only, when one is made.
 """
 
 import math
@@ -238,7 +238,7 @@ class Physics:
 
 
 def _require_display() -> None:
-    """PyBullet ends the process where no window can be opened, so this asks before."""
+    """SimError without a display, where PyBullet would end the process."""
     if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
         raise SimError(
             "gui must be off where there is no display, but the variable DISPLAY is not set"

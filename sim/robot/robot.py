@@ -1,4 +1,4 @@
-"""The robot as it really moves: limits, physics, walls."""
+"""The motion of the robot: limits, physics, walls."""
 
 import math
 from dataclasses import dataclass, replace
@@ -56,7 +56,7 @@ class Robot:
         self.wall_distance_m = math.inf
 
     def place(self, state: RobotState) -> None:
-        """Put the robot somewhere, moving as told."""
+        """Set the pose and the velocity of the robot."""
         self._physics.place_robot(state.x_m, state.y_m, state.half_turn)
         self.state = state
         self.wall_distance_m = self._distance_to_walls_m()
@@ -69,7 +69,7 @@ class Robot:
         )
         chord = chord_velocity(before.pose[2], speed, yaw_rate, self._step_s)
         # From the state, not from where Bullet has the robot: its matrix differs from what the
-        # quaternion tells in the last bit, and a restored world must go on exactly the same.
+        # quaternion gives in the last bit, and a restored world must continue exactly the same.
         self._physics.place_robot(before.x_m, before.y_m, before.half_turn)
         self._physics.move_robot(chord, yaw_rate)
         self.state = RobotState(*self._physics.robot_place(), speed, yaw_rate)

@@ -81,7 +81,7 @@ def require_walkable_crowd(count: int, cells: WalkableCells) -> None:
     if count > most:
         raise ValueError(
             f"pedestrians.count must be at most {most} on {area_m2:.4g} m2, for at "
-            f"{DENSITY_AT_WHICH_NOBODY_WALKS_PM2:g} people per m2 nobody walks any more, got "
+            f"{DENSITY_AT_WHICH_NOBODY_WALKS_PM2:g} people per m2 walking stops, got "
             f"{count}; lower it"
         )
 

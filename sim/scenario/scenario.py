@@ -201,7 +201,7 @@ def builtin_scenarios() -> tuple[str, ...]:
 
 
 def scenario_digest(scenario: Scenario) -> str:
-    """Digest of all that a scenario says."""
+    """Digest of all values of a scenario."""
     return hashlib.sha256(scenario.model_dump_json().encode()).hexdigest()[:12]
 
 

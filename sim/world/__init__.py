@@ -1,1 +1,1 @@
-"""The world and what passes between it and whoever drives: observations, commands, waypoints."""
+"""The world, and the observations, commands and waypoints at its interface."""

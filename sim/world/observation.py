@@ -1,4 +1,4 @@
-"""What the sensors tell at one control tick.
+"""The observation of one control tick.
 
 Yaw and the people's positions and velocities are rounded to single precision, as the messages that
 carry them are, so that a planner behind ROS sees bit for bit what a planner in process sees.

@@ -102,13 +102,13 @@ class HallwayWorld:
         self._observation = self._observe()
         return self._observation
 
-    def aim(self, goal_area_m: Area) -> None:
-        """Let another area count as the goal from now on."""
+    def set_goal(self, goal_area_m: Area) -> None:
+        """Set another area as the goal from now on."""
         self.goal_area_m = goal_area_m
 
     @property
     def observation(self) -> Observation:
-        """What the sensors told last."""
+        """The last observation."""
         self._running()
         assert self._observation is not None
         return self._observation

@@ -203,7 +203,7 @@ def test_a_snapshot_holds_the_goal_too():
     with HallwayWorld(EMPTY, seed=1) as world:
         world.reset(0)
         state = world.snapshot()
-        world.aim(here)
+        world.set_goal(here)
         assert world.in_goal
         world.restore(state)
         assert not world.in_goal
