@@ -1,4 +1,4 @@
-"""Broken files: no crash, no hang, and never a silently wrong result."""
+"""Damaged files: no crash, no hang, and never a wrong result without a report of damage."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def whole(small_bag, request):
     return path, path.read_bytes(), read(path, False)[0]
 
 
-def test_a_file_cut_at_a_record_gives_all_before_and_says_so(whole):
+def test_a_file_cut_at_a_record_gives_all_messages_before_and_reports_damage(whole):
     path, content, messages = whole
     for start in record_starts(content)[:-1]:
         path.write_bytes(content[:start])
@@ -42,7 +42,7 @@ def test_a_file_cut_at_a_record_gives_all_before_and_says_so(whole):
             read(path, False)
 
 
-def test_a_file_cut_anywhere_gives_a_beginning_and_says_so(whole):
+def test_a_file_cut_anywhere_gives_the_first_messages_and_reports_damage(whole):
     path, content, messages = whole
     counts = []
     for size in [*range(0, len(content), 97), len(content) - 1]:
@@ -55,7 +55,7 @@ def test_a_file_cut_anywhere_gives_a_beginning_and_says_so(whole):
     assert counts[-1] == len(messages)
 
 
-def test_a_flipped_bit_is_noticed_or_harmless(whole):
+def test_a_flipped_bit_is_detected_or_harmless(whole):
     path, content, messages = whole
     rng = np.random.default_rng(5)
     heads = np.concatenate([np.arange(start, start + 9) for start in record_starts(content)[:-1]])
@@ -85,7 +85,7 @@ def test_one_bad_chunk_costs_only_its_own_messages(whole):
 
 
 @pytest.mark.parametrize(
-    ("content", "sentence"),
+    ("content", "message"),
     [
         (b"", "the file is empty"),
         (b"\x89MC", "an MCAP file begins with"),
@@ -97,17 +97,17 @@ def test_one_bad_chunk_costs_only_its_own_messages(whole):
         (MAGIC + MAGIC, "the recording was cut off here"),
     ],
 )
-def test_what_is_no_recording_gets_a_sentence(tmp_path, content, sentence):
+def test_a_file_that_is_no_recording_raises(tmp_path, content, message):
     path = tmp_path / "file.mcap"
     path.write_bytes(content)
-    with pytest.raises(BagError, match=sentence):
+    with pytest.raises(BagError, match=message):
         read(path, False)
     found, damage = read(path, True)
     assert found == []
     assert damage
 
 
-def test_a_bag_without_metadata_is_read_and_said_so(small_bag):
+def test_a_bag_without_metadata_is_read_and_reported(small_bag):
     folder = small_bag(max_file_bytes=4000)
     messages = read(folder, False)[0]
     (folder / "metadata.yaml").unlink()
@@ -119,7 +119,7 @@ def test_a_bag_without_metadata_is_read_and_said_so(small_bag):
 
 
 @pytest.mark.parametrize("text", ["", "[", "a: 1", "\0", "rosbag2_bagfile_information: 3"])
-def test_broken_metadata_gets_a_sentence(small_bag, text):
+def test_broken_metadata_raises(small_bag, text):
     folder = small_bag()
     (folder / "metadata.yaml").write_text(text)
     with pytest.raises(BagError, match="is no rosbag2 metadata"):
@@ -127,7 +127,7 @@ def test_broken_metadata_gets_a_sentence(small_bag, text):
     assert len(read(folder, True)[0]) == 69
 
 
-def test_missing_and_foreign_files_get_a_sentence(small_bag, tmp_path):
+def test_missing_and_foreign_files_raise(small_bag, tmp_path):
     folder = small_bag()
     (folder / "small_0.mcap").rename(folder / "other_0.mcap")
     with pytest.raises(BagError, match=r"lists small_0.mcap, which is missing"):
@@ -139,7 +139,7 @@ def test_missing_and_foreign_files_get_a_sentence(small_bag, tmp_path):
         read(tmp_path / "empty", True)
 
 
-def test_blocks_of_zeros_as_power_loss_leaves_them_are_noticed(whole):
+def test_blocks_of_zeros_as_power_loss_leaves_them_are_detected(whole):
     path, content, messages = whole
     rng = np.random.default_rng(6)
     for _ in range(60):
@@ -161,7 +161,7 @@ def test_no_bytes_at_all_crash_the_reader(tmp_path_factory, tail, head):
     assert damage
 
 
-def test_metadata_that_lists_other_messages_is_noticed(small_bag):
+def test_metadata_that_lists_other_messages_is_detected(small_bag):
     folder = small_bag()
     text = (folder / "metadata.yaml").read_text()
     (folder / "metadata.yaml").write_text(text.replace("message_count: 69", "message_count: 70"))

@@ -1,4 +1,4 @@
-"""What is missing is noticed and counted, whichever part of the bag still tells of it."""
+"""Missing messages are detected and counted by any part of the bag that still counts them."""
 
 import re
 
@@ -64,7 +64,7 @@ def test_messages_of_a_missing_file_are_lost(split_bag, tmp_path):
     assert report.all_lost_known
 
 
-def test_metadata_without_a_list_of_files_tells_the_sum(split_bag, tmp_path):
+def test_metadata_without_a_list_of_files_gives_the_sum(split_bag, tmp_path):
     cut(split_bag / "split_0.mcap")
     path = split_bag / "metadata.yaml"
     path.write_text(re.sub(r"\n  files:.*?(?=\n  custom_data)", "", path.read_text(), flags=re.S))
@@ -73,7 +73,7 @@ def test_metadata_without_a_list_of_files_tells_the_sum(split_bag, tmp_path):
     assert report.n_lost == 600 - report.n_messages > 0
 
 
-def test_nothing_known_is_not_called_nothing_lost(small_bag, tmp_path):
+def test_an_unknown_number_of_lost_messages_is_none(small_bag, tmp_path):
     folder = small_bag()
     (folder / "metadata.yaml").unlink()
     cut(folder / "small_0.mcap")
@@ -81,7 +81,7 @@ def test_nothing_known_is_not_called_nothing_lost(small_bag, tmp_path):
     assert (report.n_lost, report.all_lost_known) == (None, False)
 
 
-def test_topics_are_held_against_metadata_one_by_one(small_bag):
+def test_each_topic_is_compared_with_metadata(small_bag):
     folder = small_bag()
     path = folder / "metadata.yaml"
     text = path.read_text()
@@ -94,7 +94,7 @@ def test_topics_are_held_against_metadata_one_by_one(small_bag):
     assert len(check_bag(folder).faults) == 2
 
 
-def test_topics_are_held_against_the_statistics_of_an_mcap_file(small_bag, monkeypatch):
+def test_each_topic_is_compared_with_the_statistics_of_an_mcap_file(small_bag, monkeypatch):
     summary = McapWriter._summary
 
     def swapped(writer, *arguments):
@@ -120,7 +120,7 @@ def test_a_flipped_bit_in_an_index_is_a_fault_and_costs_no_message(small_bag):
     assert "the message index before this does not fit its chunk" in fault
 
 
-def test_an_end_that_does_not_repeat_the_topics_hides_none(small_bag, monkeypatch):
+def test_topics_are_found_where_the_summary_does_not_repeat_them(small_bag, monkeypatch):
     summary = McapWriter._summary
 
     def brief(writer, *arguments):

@@ -1,14 +1,16 @@
-"""Replay gives every message once, in order, at its time."""
+"""A replay returns every message of a bag, or of a part of it, once, in order, at its time."""
 
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bags.errors import BagError
-from bags.playback import Playback
-from bags.topic import RawMessage
+from bags.playback import Excerpt, Playback
+from bags.reader import BagReader
+from bags.topic import RawMessage, selected_topics
 
 
 def recorded(*times_s):
@@ -52,7 +54,7 @@ def test_a_log_time_that_steps_back_is_due_at_once():
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf])
-def test_a_wrong_rate_gets_a_sentence(rate):
+def test_a_wrong_rate_raises(rate):
     with pytest.raises(BagError, match="rate must be finite and above 0"):
         Playback(recorded(1.0), rate=rate)
 
@@ -72,3 +74,34 @@ def test_every_message_comes_once_and_in_order(times_s, walls_s, rate):
         clock_ns = playback.bag_time_ns(wall_s)
     assert found == messages
     assert playback.finished
+
+
+@pytest.fixture(scope="module")
+def reader(root: Path) -> BagReader:
+    return BagReader(sorted(path.parent for path in (root / "bags/data").rglob("metadata.yaml"))[0])
+
+
+def times_s(messages):
+    return [message.log_time_ns * 1e-9 for message in messages]
+
+
+def test_an_excerpt_starts_and_ends_at_the_given_seconds(reader):
+    topics = selected_topics(reader.topics, ["robot_pose"])
+    everything = times_s(Excerpt(topics).messages(reader))
+    some = times_s(Excerpt(topics, start_s=10.0, duration_s=5.0).messages(reader))
+    first_s = everything[0]
+    assert some == [time_s for time_s in everything if 10.0 <= time_s - first_s < 15.0]
+    assert 0 < len(some) < len(everything)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"start_s": -1.0}, "start must be finite and at least 0 s, got -1.0"),
+        ({"duration_s": 0.0}, "duration must be above 0 s, got 0.0"),
+        ({"duration_s": float("nan")}, "duration must be above 0 s, got nan"),
+    ],
+)
+def test_wrong_seconds_raise(given, message):
+    with pytest.raises(BagError, match=message):
+        Excerpt(frozenset(), **given)

@@ -1,4 +1,4 @@
-"""The recorder keeps what it has, whatever the disk does, and counts episodes."""
+"""The recorder keeps what was written when the disk fails, and counts episodes."""
 
 import errno
 import os
@@ -57,7 +57,7 @@ def test_poll_flushes_without_new_messages(tmp_path, clock, messages):
     assert len(list(BagReader(tmp_path / "bag", tolerant=True).messages())) == 1
 
 
-def test_recording_ends_in_good_order_before_the_disk_is_full(tmp_path, clock, messages):
+def test_recording_ends_with_a_sound_bag_before_the_disk_is_full(tmp_path, clock, messages):
     free = [10**9]
     recorder = make(tmp_path / "bag", clock, lambda _: free[0], min_free_bytes=1000)
     assert recorder.record("/robot_pose", messages.pose(1.0, 0.0, 0.0), 10**9)
@@ -74,7 +74,7 @@ def test_recording_ends_in_good_order_before_the_disk_is_full(tmp_path, clock, m
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EIO])
-def test_a_disk_that_refuses_is_reported_and_what_was_written_stays(
+def test_a_failed_write_is_reported_and_what_was_written_stays(
     tmp_path, clock, messages, monkeypatch, code
 ):
     recorder = make(tmp_path / "bag", clock, sync=False)
@@ -98,7 +98,7 @@ def test_a_disk_that_refuses_is_reported_and_what_was_written_stays(
     assert [message.log_time_ns for message in found] == [10**9]
 
 
-def test_mistakes_of_the_caller_are_errors_not_disk_faults(tmp_path, clock):
+def test_errors_of_the_caller_are_not_disk_faults(tmp_path, clock):
     recorder = make(tmp_path / "bag", clock)
     with pytest.raises(BagError, match="must be added first"):
         recorder.record("/other", b"", 1)

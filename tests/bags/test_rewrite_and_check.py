@@ -1,4 +1,4 @@
-"""Recovered and converted bags hold what can be held; check says what is wrong."""
+"""Recovered and converted bags hold every readable message; check lists faults."""
 
 import signal
 import subprocess
@@ -47,7 +47,7 @@ def test_a_killed_recording_is_recovered_whole_and_rosbags_opens_it(small_bag, t
         assert reader.message_count == len(after)
 
 
-def test_what_a_sound_end_tells_of_is_counted_as_lost(small_bag, tmp_path):
+def test_messages_missing_from_the_count_of_the_summary_are_lost(small_bag, tmp_path):
     folder = small_bag()
     file = folder / "small_0.mcap"
     content = bytearray(file.read_bytes())
@@ -93,7 +93,7 @@ convert(sys.argv[1], sys.argv[2])
 """
 
 
-def test_a_killed_conversion_leaves_no_half_bag_that_passes_for_a_whole_one(small_bag, tmp_path):
+def test_a_killed_conversion_leaves_no_incomplete_bag_under_the_name(small_bag, tmp_path):
     target = tmp_path / "new"
     command = [sys.executable, "-c", _CONVERT, str(small_bag()), str(target)]
     assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
@@ -124,14 +124,14 @@ def test_every_kind_of_bag_is_read_and_converted(tmp_path, messages, storage, mo
     assert [message[2] for message in messages_in(tmp_path / "our")] == written
 
 
-def test_a_damaged_database_gets_a_sentence(tmp_path):
+def test_a_damaged_database_raises(tmp_path):
     (tmp_path / "broken.db3").write_bytes(b"not a database" * 100)
     with pytest.raises(BagError, match="cannot be read"):
         BagReader(tmp_path / "broken.db3")
 
 
 @needs_real_bag
-def test_the_real_bag_is_converted_with_types_nobody_has(tmp_path):
+def test_the_real_bag_is_converted_with_types_that_are_not_installed(tmp_path):
     report = convert(REAL_BAG, tmp_path / "real")
     assert report.n_messages == 2862
     assert report.counts["/odom"] == 290
@@ -210,7 +210,7 @@ def test_check_finds_nothing_wrong_with_a_sound_bag(small_bag):
     assert (pose.n_gaps, pose.n_log_steps_back, pose.n_stamp_steps_back) == (0, 0, 0)
 
 
-def test_check_tells_of_gaps_jumps_and_missing_topics(tmp_path, messages):
+def test_check_reports_gaps_jumps_and_missing_topics(tmp_path, messages):
     stamps_s = [1.0, 1.1, 1.2, 3.2, 3.3, 0.5, 0.6]
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic("/robot_pose", POSE)

@@ -1,4 +1,4 @@
-"""Bags of the older storage are held against what they should hold, and salvaged row by row."""
+"""sqlite3 bags are compared with their metadata, and salvaged row by row where damaged."""
 
 import shutil
 import sqlite3
@@ -44,7 +44,24 @@ def contents(path, tolerant=False):
     return list(reader.messages()), reader
 
 
-def test_deleted_rows_are_noticed_and_counted(make, tmp_path):
+def test_rows_are_read_in_the_order_of_recording_where_log_time_steps_back(make):
+    bag = make()
+    whole, _ = contents(bag)
+    file = next(bag.glob("*.db3"))
+    with sqlite3.connect(file) as connection:
+        connection.execute("UPDATE messages SET timestamp = 0 WHERE id > 100")
+    connection.close()
+    times_ns = [message.log_time_ns for message in contents(file)[0]]
+    assert times_ns == [each.log_time_ns for each in whole[:100]] + [0] * (len(whole) - 100)
+
+
+def test_a_path_may_hold_any_character(make, tmp_path):
+    folder = tmp_path / "50% of #1, really?"
+    shutil.copytree(make(), folder)
+    assert len(contents(folder)[0]) == 210
+
+
+def test_deleted_rows_are_detected_and_counted(make, tmp_path):
     bag = make()
     with sqlite3.connect(next(bag.glob("*.db3"))) as connection:
         connection.execute("DELETE FROM messages WHERE topic_id = 1 AND id % 2 = 0")
@@ -161,7 +178,7 @@ def test_messages_packed_one_by_one_that_cannot_be_unpacked_are_counted(make, tm
     assert (report.n_messages, report.n_lost) == (len(whole) - 2, 2)
 
 
-def test_check_says_that_such_files_have_no_checksums(make):
+def test_check_reports_that_such_files_have_no_checksums(make):
     bag = make()
     check = check_bag(bag)
     assert check.sound
@@ -183,16 +200,16 @@ def test_several_files_without_metadata_are_read_one_after_the_other(make, tmp_p
 
 
 @pytest.mark.parametrize(
-    ("content", "sentence"),
+    ("content", "message"),
     [
         (b"", "missing tables"),
         (bytes(9000), "not a database"),
         (b"SQLite format 3\0" + bytes(9000), "the database"),
     ],
 )
-def test_what_is_no_recording_gets_a_sentence(tmp_path, content, sentence):
+def test_a_file_that_is_no_recording_raises(tmp_path, content, message):
     (tmp_path / "file.db3").write_bytes(content)
-    with pytest.raises(BagError, match=sentence):
+    with pytest.raises(BagError, match=message):
         contents(tmp_path / "file.db3")
     found, reader = contents(tmp_path / "file.db3", tolerant=True)
     assert found == []

@@ -1,4 +1,4 @@
-"""What we write, others read: rosbags' and mcap's own readers give back every byte."""
+"""Bags written here are read byte by byte by the readers of rosbags and mcap."""
 
 import errno
 import os
@@ -91,7 +91,7 @@ def test_an_empty_bag_is_a_bag(tmp_path):
     assert list(BagReader(tmp_path / "bag").messages()) == []
 
 
-def test_wrong_use_gets_a_sentence(tmp_path, messages):
+def test_wrong_use_raises(tmp_path, messages):
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic("/robot_pose", POSE)
         with pytest.raises(BagError, match="'/robot_pos' must be added first; did you mean"):

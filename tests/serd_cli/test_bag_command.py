@@ -1,4 +1,4 @@
-"""`serd bag`: what is in a recording, what is wrong with it, and a new one out of it."""
+"""`serd bag`: contents and faults of recordings, and new ones made of them."""
 
 import json
 from dataclasses import replace
@@ -42,7 +42,7 @@ def test_info_as_json_is_one_entry_per_bag(serd, drive_bag):
     }
 
 
-def test_info_reads_a_damaged_bag_and_says_what_is_wrong(serd, drive_bag):
+def test_info_reads_a_damaged_bag_and_lists_its_faults(serd, drive_bag):
     bag = drive_bag()
     damage(bag)
     ended = serd("bag", "info", bag)
@@ -91,7 +91,7 @@ def test_a_broken_bag_is_recovered_beside_it_and_left_as_it_is(serd, drive_bag):
     assert next(bag.glob("*.mcap")).read_bytes() == broken
 
 
-def test_convert_keeps_every_message_and_tells_of_it_in_json(serd, drive_bag, tmp_path):
+def test_convert_keeps_every_message_and_reports_it_as_json(serd, drive_bag, tmp_path):
     bag = drive_bag()
     target = tmp_path / "new"
     ended = serd("bag", "convert", bag, "--output", target, "--compression", "zstd", "--json")
@@ -162,7 +162,7 @@ def test_a_folder_in_use_is_not_written_to(serd, drive_bag):
 
 
 @pytest.mark.parametrize(
-    ("words", "sentence"),
+    ("words", "message"),
     [
         (("info", "nowhere"), "bag nowhere must be a folder or a .mcap or .db3 file"),
         (("recover", "one", "two", "--output", "new"), "--output must be left out for several"),
@@ -171,8 +171,8 @@ def test_a_folder_in_use_is_not_written_to(serd, drive_bag):
         (("convert", "one", "--compression", "gzip"), "'none', 'zstd'"),
     ],
 )
-def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence):
+def test_bad_input_prints_an_error_and_exits_with_2(serd, words, message):
     ended = serd("bag", *words)
     assert ended.code == 2
-    assert sentence in ended.err
+    assert message in ended.err
     assert ended.out == ""

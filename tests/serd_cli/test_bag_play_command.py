@@ -1,4 +1,4 @@
-"""`serd bag play` becomes the node; it refuses what cannot be played before that."""
+"""`serd bag play` executes the node, and rejects a bag that cannot be played before that."""
 
 import pytest
 
@@ -32,7 +32,7 @@ def test_options_become_parameters_of_the_node(serd, drive_bag, started):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
+    ("arguments", "message"),
     [
         (["--topic", "intnt"], "must hold the topic 'intnt'"),
         (["--topic", "intnt"], "did you mean '/intent'?"),
@@ -41,10 +41,10 @@ def test_options_become_parameters_of_the_node(serd, drive_bag, started):
         (["--rat", "2"], "--rate"),
     ],
 )
-def test_what_cannot_be_played_is_refused(serd, drive_bag, started, arguments, sentence):
+def test_a_bag_that_cannot_be_played_is_rejected(serd, drive_bag, started, arguments, message):
     ended = serd("bag", "play", drive_bag(), *arguments)
     assert ended.code == 2
-    assert sentence in ended.err
+    assert message in ended.err
     assert not started
 
 

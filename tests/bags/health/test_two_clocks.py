@@ -1,4 +1,4 @@
-"""Clocks that jump or drift against each other are told from messages that come late."""
+"""Clocks that jump or drift against each other are distinguished from late messages."""
 
 import numpy as np
 import pytest
@@ -23,14 +23,14 @@ def compared(stamp_s, late_s):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_two_clocks_that_go_alike_are_left_alone(seed):
+def test_two_clocks_of_the_same_rate_have_no_jump_and_no_drift(seed):
     rng = np.random.default_rng(seed)
     found = compared(STAMP_S - 1e9, lateness_s(rng))
     assert (found.jumps_s, found.drift_s) == ((), 0.0)
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_receiver_that_stalls_does_not_pass_for_a_clock_that_jumps(seed):
+def test_a_receiver_that_stalls_is_not_a_clock_that_jumps(seed):
     rng = np.random.default_rng(seed)
     late_s = lateness_s(rng)
     held = (STAMP_S > 20.0) & (STAMP_S < 22.5)
@@ -48,14 +48,14 @@ def test_a_jump_is_found_with_its_size_and_way(jump_s):
 
 
 @pytest.mark.parametrize("pace", [2.0, 1.01, 0.99, 0.5])
-def test_a_clock_of_another_pace_is_found_by_what_it_gains(pace):
+def test_a_clock_of_another_rate_is_found_by_its_drift(pace):
     found = compared(STAMP_S * pace, lateness_s(np.random.default_rng(4)))
     assert found.jumps_s == ()
     assert found.drift_s == pytest.approx((pace - 1.0) * found.span_s, rel=0.05)
     assert found.span_s == pytest.approx(57.0, abs=1.1)
 
 
-def test_a_jump_while_a_clock_drifts_is_told_apart():
+def test_a_jump_is_separated_from_a_drift():
     stamp_s = STAMP_S * 1.05 + np.where(STAMP_S > 30.0, 5.0, 0.0)
     found = compared(stamp_s, lateness_s(np.random.default_rng(5)))
     assert found.jumps_s == (pytest.approx(5.0, abs=0.2),)
@@ -63,11 +63,11 @@ def test_a_jump_while_a_clock_drifts_is_told_apart():
 
 
 @pytest.mark.parametrize("number", [0, 1, 2, 30])
-def test_nothing_is_said_of_a_few_seconds(number):
+def test_a_few_seconds_give_no_result(number):
     assert two_clocks(STAMP_S[:number], STAMP_S[:number]) == TwoClocks()
 
 
-def test_check_remarks_on_both(tmp_path, messages):
+def test_check_reports_jump_and_drift(tmp_path, messages):
     with BagWriter(tmp_path / "bag") as writer:
         for name in ("/jumping", "/running"):
             writer.add_topic(name, POSE)

@@ -1,4 +1,4 @@
-"""Decoded messages, and what damage becomes of."""
+"""Decoded messages, and errors for damaged bags."""
 
 import pytest
 
@@ -13,7 +13,7 @@ def test_messages_come_decoded_by_their_short_names(small_bag):
 
 
 @pytest.mark.parametrize("compression", ["none", "zstd"])
-def test_damage_anywhere_is_a_sentence_that_names_the_repair(small_bag, compression):
+def test_damage_anywhere_raises_an_error_that_names_the_repair(small_bag, compression):
     folder = small_bag(compression=compression)
     file = folder / "small_0.mcap"
     content = file.read_bytes()

@@ -1,4 +1,4 @@
-"""Values out of CDR bytes equal those rosbags put in."""
+"""Decoded values equal those that rosbags serialized."""
 
 import math
 
@@ -29,7 +29,7 @@ def test_diagnostics_read_as_written(messages):
     assert status.values == {"episode": "7", "driver": "test", "outcome": "arrived"}
 
 
-def test_cut_messages_get_a_sentence_at_every_length(messages):
+def test_cut_messages_raise_at_every_length(messages):
     for read, data in (
         (pose_position, messages.pose(1.0, 2.0, 3.0)),
         (vector3_stamped, messages.intent(1.0, 2.0, 3.0)),

@@ -1,4 +1,4 @@
-"""Quality of service as bags hold it, of any age and in any state."""
+"""Quality of service in bags of any version, also where it is damaged."""
 
 import pytest
 
@@ -29,7 +29,7 @@ def test_numbers_of_older_recordings_are_understood():
 
 
 @pytest.mark.parametrize("text", ["", "[", "3", "- 3", "- history: 3\n  depth: x"])
-def test_strange_quality_of_service_is_no_obstacle(text):
+def test_invalid_quality_of_service_gives_one_profile_at_most(text):
     assert len(qos_of_text(text)) <= 1
 
 
