@@ -1,27 +1,23 @@
 """`serd bag`: inspect, check, repair, convert and play recordings."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
+from rich.console import RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
 
-from bags.health.check import check_bag
+from bags.health.check import BagCheck, check_bag
+from bags.health.topic_check import TopicCheck
 from bags.rewrite import RewriteReport
 from bags.rewrite import convert as convert_bag
 from bags.rewrite import recover as recover_bag
 from bags.rosbag2.layout import storage_name
-from serd_cli.bag_tables import (
-    bag_heading,
-    check_table,
-    check_values,
-    info_table,
-    losses,
-    rewrite_heading,
-    rewrite_table,
-    rewrite_values,
-    verdict,
-)
+from report.style import counted, seconds_in_words
 from serd_cli.commands.bag_play import play
 from serd_cli.errors import FAILED, UsageError
 from serd_cli.terminal import console, print_json, progress_console
@@ -56,11 +52,11 @@ def info(bags: Bags, as_json: AsJson = False) -> None:
     """
     checks = [check_bag(bag) for bag in bags]
     if as_json:
-        print_json([check_values(each) for each in checks])
+        print_json([_check_values(each) for each in checks])
         return
     for each in checks:
-        console.print(bag_heading(each), soft_wrap=True)
-        console.print(info_table(each))
+        console.print(_bag_heading(each), soft_wrap=True)
+        console.print(_info_table(each))
         for fault in each.faults:
             progress_console.print(fault, style="yellow", markup=False, soft_wrap=True)
 
@@ -83,12 +79,12 @@ def check(
     """
     checks = [check_bag(bag, require or ()) for bag in bags]
     if as_json:
-        print_json([check_values(each) for each in checks])
+        print_json([_check_values(each) for each in checks])
     else:
         for each in checks:
-            console.print(bag_heading(each), soft_wrap=True)
-            console.print(check_table(each))
-            for line in verdict(each):
+            console.print(_bag_heading(each), soft_wrap=True)
+            console.print(_check_table(each))
+            for line in _verdict(each):
                 console.print(line, soft_wrap=True)
     if not all(each.sound for each in checks):
         raise typer.Exit(FAILED)
@@ -150,10 +146,122 @@ def _beside(bag: Path, ending: str) -> Path:
 
 def _show(reports: list[RewriteReport], as_json: bool) -> None:
     if as_json:
-        print_json([rewrite_values(report) for report in reports])
+        print_json([_rewrite_values(report) for report in reports])
         return
     for report in reports:
-        console.print(rewrite_heading(report), soft_wrap=True)
-        console.print(rewrite_table(report))
-        for line in losses(report):
+        console.print(_rewrite_heading(report), soft_wrap=True)
+        console.print(_rewrite_table(report))
+        for line in _loss_lines(report):
             console.print(line, soft_wrap=True)
+
+
+def _bag_heading(found: BagCheck) -> Text:
+    """The line above the table of a bag."""
+    filled = [topic for topic in found.topics if topic.n_messages]
+    if not filled:
+        return Text(f"{found.path}: no message")
+    span_s = max(topic.last_s for topic in filled) - min(topic.first_s for topic in filled)
+    messages, topics = counted(found.n_messages, "message"), counted(len(filled), "topic")
+    return Text(f"{found.path}: {messages} on {topics} in {seconds_in_words(span_s)}")
+
+
+def _rewrite_heading(report: RewriteReport) -> Text:
+    """The line above the table of a new bag."""
+    messages = counted(report.n_messages, "message")
+    left_out = f", {report.n_left_out} left out" if report.n_left_out else ""
+    return Text(f"{report.source} -> {report.target}: {messages}{left_out}")
+
+
+def _info_table(found: BagCheck) -> Table:
+    """One row per topic: type, messages and rates."""
+    table = _table(("topic", "type"), ("messages", "mean\nHz", "usual\nHz"))
+    for topic in found.topics:
+        numbers = str(topic.n_messages), _rate(topic.mean_hz), _rate(topic.rate_hz)
+        table.add_row(escape(topic.name), escape(topic.type_name), *numbers)
+    return table
+
+
+def _check_table(found: BagCheck) -> Table:
+    """One row per topic: rates, gaps and the two clocks."""
+    columns = (
+        *("messages", "mean\nHz", "usual\nHz"),
+        *("longest\ngap [s]", "gaps", "log time -\nstamp [s]"),
+    )
+    table = _table(("topic",), columns)
+    for topic in found.topics:
+        table.add_row(
+            escape(topic.name),
+            str(topic.n_messages),
+            _rate(topic.mean_hz),
+            _rate(topic.rate_hz),
+            f"{topic.longest_gap_s:.2f}",
+            str(topic.n_gaps),
+            _delay(topic),
+        )
+    return table
+
+
+def _verdict(found: BagCheck) -> Iterable[RenderableType]:
+    """Faults, remarks and one last line."""
+    yield from (Text(f"fault: {fault}", style="red") for fault in found.faults)
+    yield from (Text(f"note: {remark}", style="yellow") for remark in found.remarks)
+    if found.sound:
+        yield Text(f"sound: {found.path}", style="green")
+    else:
+        yield Text(f"not sound: {found.path} ({counted(len(found.faults), 'fault')})", style="red")
+
+
+def _rewrite_table(report: RewriteReport) -> Table:
+    """One row per topic of the new bag, and per topic left out with the reason."""
+    table = _table(("topic",), ("messages",))
+    if report.skipped:
+        table.add_column("left out because", overflow="fold")
+    for name, count in sorted(report.counts.items()):
+        table.add_row(escape(name), str(count))
+    for name, reason in sorted(report.skipped.items()):
+        table.add_row(escape(name), f"0 of {report.left_out[name]}", escape(reason))
+    return table
+
+
+def _loss_lines(report: RewriteReport) -> Iterable[RenderableType]:
+    """The damage found, and the messages lost by it."""
+    yield from (Text(f"damage: {damage}", style="yellow") for damage in report.damage)
+    if report.n_lost is None:
+        yield Text("messages lost: unknown, the damaged bag has no count", style="yellow")
+    elif report.damage:
+        at_least = "" if report.all_lost_known else "at least "
+        yield Text(f"messages lost: {at_least}{report.n_lost}", style="yellow")
+
+
+def _check_values(found: BagCheck) -> dict[str, Any]:
+    """All results of a check."""
+    return {**asdict(found), "sound": found.sound, "n_messages": found.n_messages}
+
+
+def _rewrite_values(report: RewriteReport) -> dict[str, Any]:
+    """All values of the report."""
+    sums = {"n_messages": report.n_messages, "n_left_out": report.n_left_out}
+    return {**asdict(report), **sums}
+
+
+def _rate(hz: float | None) -> str:
+    """At least three digits: map and marks are sent less than once a second."""
+    if hz is None:
+        return "-"
+    return f"{hz:.1f}" if hz >= 1 else f"{hz:.3f}"
+
+
+def _delay(topic: TopicCheck) -> str:
+    if topic.stamp_delay_s is None:
+        return "no stamps"
+    least, greatest = topic.stamp_delay_s
+    return f"{least:.3f}…{greatest:.3f}"
+
+
+def _table(texts: Iterable[str], numbers: Iterable[str]) -> Table:
+    table = Table()
+    for name in texts:
+        table.add_column(escape(name), overflow="fold")
+    for name in numbers:
+        table.add_column(escape(name), justify="right", no_wrap=True)
+    return table
