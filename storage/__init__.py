@@ -1,1 +1,1 @@
-"""Files people keep: strict YAML, atomic writes, model, decision table and grid files."""
+"""Files: strict YAML, typed tables, atomic writes, models and pictures of grids."""

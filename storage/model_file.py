@@ -16,7 +16,7 @@ from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from storage.errors import FileError
 from storage.files import atomic_write_text
-from storage.flow_picture import flow_of_picture, flow_picture
+from storage.grid_picture import flow_of_picture, flow_picture
 from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
 
 _SUM_TOLERANCE = 1e-6
@@ -24,7 +24,7 @@ Probabilities = tuple[Annotated[float, Field(ge=0, le=1)], ...]
 
 
 class GridSummary(StrictModel):
-    """What identifies the grid the model was made for, and what to tell where another is used."""
+    """What identifies the grid of the model, for the message where another grid is used."""
 
     fingerprint: str
     origin_m: tuple[float, float]
@@ -48,7 +48,7 @@ class GridSummary(StrictModel):
 
 
 class OutcomeModel(StrictModel):
-    """One local model: learned truth, the expert's belief, and the estimate the fit began with."""
+    """One local model: the learned one, the expert's belief, and the initial estimate."""
 
     name: str
     learned: Probabilities
@@ -73,9 +73,9 @@ class FitRecord(StrictModel):
 
 
 class ModelFile(StrictModel):
-    """Everything the strategy needs from a fit, and everything a person wants to know of it.
+    """Everything the strategy needs from a fit, and a summary of the fit for people.
 
-    flow: picture of the direction people walk in per cell, as `storage.flow_picture` has it; none
+    flow: picture of the direction people walk in per cell, as `storage.grid_picture` has it; none
     where it is that of the scenario.
     goal_entry_s: how long after the beginning of its last decision period each demonstration was in
     the goal area; none where that was not recorded.

@@ -3,15 +3,13 @@
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 from pydantic import Field, field_validator
 
 from serd_core.grid.grid import Grid
 from storage.errors import FileError
 from storage.files import atomic_write_text
+from storage.grid_picture import BLOCKED, WALKABLE, walkable_of_picture, walkable_picture
 from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
-
-_WALKABLE, _BLOCKED = ".", "#"
 
 
 class GridFile(StrictModel):
@@ -29,23 +27,22 @@ class GridFile(StrictModel):
     @classmethod
     def _rectangle(cls, cells: tuple[str, ...]) -> tuple[str, ...]:
         for number, row in enumerate(cells):
-            if len(row) != len(cells[0]) or not row or set(row) - {_WALKABLE, _BLOCKED}:
+            if len(row) != len(cells[0]) or not row or set(row) - {WALKABLE, BLOCKED}:
                 raise ValueError(
-                    f"[{number}] must be {len(cells[0])} of {_WALKABLE!r} (walkable) and"
-                    f" {_BLOCKED!r} (blocked), got {row!r}"
+                    f"[{number}] must be {len(cells[0])} of {WALKABLE!r} (walkable) and"
+                    f" {BLOCKED!r} (blocked), got {row!r}"
                 )
         return cells
 
 
 def save_grid(path: str | Path, grid: Grid, scenario: str = "") -> None:
     """Write the grid; `scenario` is the name of the scenario it belongs to."""
-    pictures = ("".join(_WALKABLE if free else _BLOCKED for free in row) for row in grid.walkable)
     model = GridFile(
         scenario=scenario,
         fingerprint=grid.fingerprint(),
         origin_m=grid.origin_m,
         cell_size_m=grid.cell_size_m,
-        cells=tuple(pictures)[::-1],
+        cells=walkable_picture(grid),
     )
     atomic_write_text(path, model_yaml(model))
 
@@ -53,9 +50,9 @@ def save_grid(path: str | Path, grid: Grid, scenario: str = "") -> None:
 def load_grid(path: str | Path) -> Grid:
     """Read what `save_grid` wrote; FileError where it was changed without its fingerprint."""
     model = load_yaml_model(path, GridFile)
-    walkable = np.array([[cell == _WALKABLE for cell in row] for row in model.cells[::-1]])
+    walkable = walkable_of_picture(model.cells)
     if not walkable.any():
-        raise FileError(f"{path}: cells must hold at least one {_WALKABLE!r}, got none")
+        raise FileError(f"{path}: cells must hold at least one {WALKABLE!r}, got none")
     grid = Grid(model.origin_m, model.cell_size_m, walkable)
     if grid.fingerprint() != model.fingerprint:
         raise FileError(

@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from serd_app.demonstrations.flow_table import load_flow, save_flow
 from serd_core.grid.grid import Grid
 from storage.errors import FileError
-from storage.flow_picture import flow_of_picture, flow_picture
+from storage.grid_picture import flow_of_picture, flow_picture
 
 GRID = Grid((-1.0, 2.0), 0.5, np.array([[True, False, True], [True, True, True]]))
 

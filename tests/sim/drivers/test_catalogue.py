@@ -11,7 +11,7 @@ from sim.drivers.expert_route import RouteCosts, costs_to_go, move_costs
 from sim.drivers.policy_driver import PolicyDriver, model_driver
 from sim.scenario.grid import flow_of, goal_states_of, grid_of, navigation_problem_of
 from sim.scenario.scenario import load_scenario
-from storage.flow_picture import flow_picture
+from storage.grid_picture import flow_picture
 from storage.model_file import load_model
 from support.observations import observation_at
 
