@@ -1,6 +1,6 @@
 """Closed loop: how the planners drive among people, over scenarios, densities and directions.
 
-Each planner drives twice: told of people as they are, and from the lidar's scans alone.
+Each planner drives twice: with the true positions of people, and from the lidar's scans alone.
 Every condition is driven with the same seeds. Episodes are kept under .cache until the code of
 the simulator changes, so an interrupted run goes on where it stopped.
 """
@@ -9,20 +9,22 @@ import hashlib
 import math
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from benchmarks.closed_loop_figure import closed_loop_figure
-from benchmarks.closed_loop_plan import ClosedLoopPlan
 from benchmarks.report import RESULTS, Row, save
 from report.style import png_bytes
 from serd_cli.terminal import WorkProgress
 from sim.drivers.catalogue import make_driver
-from sim.episodes.batch import run_batch
+from sim.episodes.batch import EpisodeTask, run_batch
 from sim.episodes.batch_summary import ConditionSummary, summarise
 from sim.episodes.episode import run_episode
+from sim.errors import SimError
 from sim.planning.catalogue import make_planner, planner_names
 from sim.planning.local_planner import LocalPlanner
 from sim.scenario.scenario import load_scenario
@@ -36,6 +38,44 @@ PLAN_CALL_PEOPLE = 20
 _ON_ITS_WAY_M = 0.3
 ROOT = RESULTS.parents[1]
 FIGURE = ROOT / "docs" / "pictures" / "closed_loop.png"
+
+
+@dataclass(frozen=True)
+class ClosedLoopPlan:
+    """Conditions to drive; every combination with every seed."""
+
+    scenarios: tuple[str, ...] = ("hallway", "corridor", "t_junction", "crossing")
+    n_people: tuple[int, ...] = (30, 60)
+    drivers: tuple[str, ...] = ("expert_with_flow", "expert_against_flow")
+    planners: tuple[str, ...] = ("dwa", "mppi")
+    people_from: tuple[str, ...] = ("given", "scan")
+    n_seeds: int = 20
+
+    def __post_init__(self) -> None:
+        if self.n_seeds < 1:
+            raise SimError(f"n_seeds must be at least 1, got {self.n_seeds}; use 20")
+
+    @property
+    def tasks(self) -> tuple[EpisodeTask, ...]:
+        """One task per episode, seed by seed from 1 up."""
+        return tuple(
+            EpisodeTask(
+                scenario=scenario,
+                seed=seed,
+                n_people=people,
+                planner=planner,
+                driver=driver,
+                people_from=source,
+            )
+            for source, seed, planner, scenario, people, driver in product(
+                self.people_from,
+                range(1, self.n_seeds + 1),
+                self.planners,
+                self.scenarios,
+                self.n_people,
+                self.drivers,
+            )
+        )
 
 
 def run() -> None:
@@ -66,7 +106,7 @@ def run() -> None:
 
 
 def code_digest() -> str:
-    """Digest of all code and scenarios that decide what happens in an episode."""
+    """Digest of all code and scenarios that episodes depend on."""
     digest = hashlib.sha256()
     for path in _code_files():
         digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())

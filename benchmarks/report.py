@@ -4,12 +4,14 @@ import json
 import os
 import platform
 from collections.abc import Mapping, Sequence
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from experiments.running.provenance import code_commit
 from storage.files import atomic_write_text
 
 RESULTS = Path(__file__).with_name("results")
@@ -19,13 +21,18 @@ Row = Mapping[str, Any]
 def save(
     name: str, about: str, rows: Sequence[Row], details: Mapping[str, Any] | None = None
 ) -> None:
-    """Write results/<name>.json, with further findings in `details`, and show its rows."""
+    """Write results/<name>.json with the commit and date of the code, and print its rows."""
     machine = {
         "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
         "python": platform.python_version(),
     }
-    content = {"about": about, "machine": machine, "rows": [dict(row) for row in rows]}
+    measured = {
+        "commit": code_commit(),
+        "date": datetime.now(timezone.utc).date().isoformat(),
+    }
+    content = {"about": about, "measured": measured, "machine": machine}
+    content |= {"rows": [dict(row) for row in rows]}
     content |= {"details": dict(details)} if details else {}
     atomic_write_text(RESULTS / f"{name}.json", json.dumps(content, indent=2) + "\n")
     table = Table(title=about, title_justify="left")
@@ -34,7 +41,7 @@ def save(
     for row in rows:
         table.add_row(*(_text(value) for value in row.values()))
     console = Console(highlight=False)
-    # Numbers cut off by a narrow terminal, or a pipe's 80 columns, would say nothing.
+    # Tables wider than the terminal are not cut off.
     console.width = max(console.width, console.measure(table).maximum)
     console.print(table)
 

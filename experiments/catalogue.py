@@ -1,7 +1,10 @@
 """All experiments by name, each a function that writes its tables and figures into a folder."""
 
+from experiments.gridworld.ascents import AscentsConfig, run_ascents
+from experiments.gridworld.early_stopping import EarlyStoppingConfig, run_early_stopping
 from experiments.gridworld.experiment import GridworldConfig, run_gridworld
 from experiments.minimum_example import MinimumExampleConfig, run_minimum_example
+from experiments.multi_start import MultiStartConfig, run_multi_start
 from experiments.policy_cost import PolicyCostConfig, run_policy_cost
 from experiments.priors import PriorsConfig, run_priors
 from experiments.running.settings import Experiment
@@ -15,6 +18,12 @@ EXPERIMENTS = (
         MinimumExampleConfig,
         run_minimum_example,
     ),
+    Experiment(
+        "multi-start",
+        "distinct explanations found by random starts (section 4.1)",
+        MultiStartConfig,
+        run_multi_start,
+    ),
     Experiment("priors", "what each prior prefers (section 4.5.4)", PriorsConfig, run_priors),
     Experiment(
         "policy-cost", "what a gradient costs (Table 4.2)", PolicyCostConfig, run_policy_cost
@@ -24,6 +33,18 @@ EXPERIMENTS = (
         "navigation on satellite images (section 4.6.2)",
         GridworldConfig,
         run_gridworld,
+    ),
+    Experiment(
+        "early-stopping",
+        "fits stopped by validation demonstrations (section 5.2)",
+        EarlyStoppingConfig,
+        run_early_stopping,
+    ),
+    Experiment(
+        "ascents",
+        "gradient ascent of Algorithm 1 and faster optimisers (section 4.4)",
+        AscentsConfig,
+        run_ascents,
     ),
     Experiment("rust", "bus engine replacement (Rust 1987)", RustConfig, run_rust),
 )

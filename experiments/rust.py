@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import scipy.special
 from numpy.typing import NDArray
 
 from experiments.running.repetitions import Progress
@@ -25,6 +26,8 @@ from serd_core.arrays import FloatArray, IntArray
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.dynamics.sparse_model import SparseModel
+from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
@@ -35,6 +38,7 @@ from serd_core.uncertainty.standard_errors import StandardErrors, standard_error
 from sim.episodes.execution import Execution
 
 KEEP, REPLACE = 0, 1
+TRANSITIONS = ("outcomes", "sparse")
 FEATURE_NAMES = ("maintenance", "replacement")
 HEADER_LENGTH = 11
 FIRST_REPLACEMENT, SECOND_REPLACEMENT = 5, 8
@@ -63,6 +67,9 @@ class RustConfig:
     )
     groups: tuple[int, ...] = setting((4,), "groups of buses, 1 to 8")
     n_bins: int = setting(90, "bins of the odometer reading")
+    transitions: str = setting(
+        "outcomes", "outcomes of local models, or sparse: P given entry by entry (SparseModel)"
+    )
     discount: float = setting(0.9999, "discount per month, below 1")
 
     def __post_init__(self) -> None:
@@ -72,6 +79,10 @@ class RustConfig:
                 raise SerdError(f"groups must be among {sorted(GROUPS)}, got {group}")
         if not self.groups:
             raise SerdError("groups must name at least one group, got none")
+        if self.transitions not in TRANSITIONS:
+            raise SerdError(
+                f"transitions must be among {', '.join(TRANSITIONS)}, got {self.transitions!r}"
+            )
         if self.n_bins < 2:
             raise SerdError(f"n_bins must be at least 2, got {self.n_bins}")
 
@@ -121,12 +132,16 @@ def run_rust(
 def estimate_rust(config: RustConfig) -> RustResult:
     """Joint maximum-likelihood estimate of rewards and dynamics."""
     increments, rows = bus_months(config)
-    problem = rust_problem(config.n_bins, int(increments.max()) + 1, config.discount)
+    n_increments = int(increments.max()) + 1
+    is_sparse = config.transitions == "sparse"
+    make = sparse_rust_problem if is_sparse else rust_problem
+    problem = make(config.n_bins, n_increments, config.discount)
     decisions = as_decisions(rows, increments, config.n_bins)
     fit = fit_mdce_serd(
         problem,
         decisions,
         initial_weights=np.array([2.0, 10.0]),
+        dynamics=np.zeros(n_increments - 1) if is_sparse else None,
         ascent=TrustRegion(gradient_tolerance=1e-9),
     )
     information = fit_information(problem, decisions, fit)
@@ -138,8 +153,8 @@ def estimate_rust(config: RustConfig) -> RustResult:
         replacement_cost_error=float(errors.reward[1]),
         maintenance_cost=float(fit.reward_weights[0]),
         maintenance_cost_error=float(errors.reward[0]),
-        increments=fit.outcome_probabilities[0],
-        increment_errors=errors.outcome_probabilities[0],
+        increments=fit.outcome_probabilities.ravel()[:n_increments],
+        increment_errors=errors.outcome_probabilities.ravel()[:n_increments],
         log_likelihood=fit.policy_log_likelihood + fit.dynamics_log_likelihood,
         fit=fit,
         errors=errors,
@@ -148,15 +163,52 @@ def estimate_rust(config: RustConfig) -> RustResult:
 
 def rust_problem(n_bins: int, n_increments: int, discount: float) -> TabularProblem:
     """The replacement problem with one outcome model of mileage increments."""
+    models = OutcomeModels(
+        _successors(n_bins, n_increments),
+        np.zeros((n_bins, 2), dtype=np.int64),
+        np.ones((n_bins, 2), bool),
+        n_models=1,
+    )
+    return _with_costs(models, n_bins, discount)
+
+
+def sparse_rust_problem(n_bins: int, n_increments: int, discount: float) -> TabularProblem:
+    """The same problem with P(s' | s, a) as a SparseModel of n_increments - 1 logits."""
+    shape = (n_bins, 2, n_increments)
+    state, action, _ = np.indices(shape)
+
+    def increments(logits: FloatArray) -> FloatArray:
+        return np.asarray(scipy.special.softmax(np.append(0.0, logits)))
+
+    def pulled_back(logits: FloatArray, gradient: FloatArray) -> FloatArray:
+        share = increments(logits)
+        by_share = gradient.reshape(shape).sum(axis=(0, 1))
+        return np.asarray(share * (by_share - share @ by_share))[1:]
+
+    model = SparseModel(
+        n_pairs=(n_bins, 2),
+        state=state.ravel(),
+        action=action.ravel(),
+        next_state=_successors(n_bins, n_increments).ravel(),
+        parameter_count=n_increments - 1,
+        probabilities=lambda logits: np.tile(increments(logits), n_bins * 2),
+        vector_jacobian=pulled_back,
+    )
+    return _with_costs(model, n_bins, discount)
+
+
+def _successors(n_bins: int, n_increments: int) -> IntArray:
+    """(n_bins, 2, n_increments) next state of each increment."""
     bins, steps = np.arange(n_bins), np.arange(n_increments)
     successors = np.empty((n_bins, 2, n_increments), dtype=np.int64)
     successors[:, KEEP] = np.minimum(bins[:, None] + steps, n_bins - 1)
     successors[:, REPLACE] = steps
-    models = OutcomeModels(
-        successors, np.zeros((n_bins, 2), dtype=np.int64), np.ones((n_bins, 2), bool), n_models=1
-    )
+    return successors
+
+
+def _with_costs(models: TransitionModel, n_bins: int, discount: float) -> TabularProblem:
     features = np.zeros((n_bins, 2, 2))
-    features[:, KEEP, 0] = -0.001 * bins
+    features[:, KEEP, 0] = -0.001 * np.arange(n_bins)
     features[:, REPLACE, 1] = -1.0
     return TabularProblem(Mdp(models, discount), features, FEATURE_NAMES)
 

@@ -35,6 +35,8 @@ STYLES = {
     "PM SERD, regularised": _SERD,
     "SERD, free belief": _FREE_SERD,
     "free": _FREE_SERD,
+    "MDCE SERD, training part": LearnerStyle(YELLOW, "X", ":"),
+    "MDCE SERD, stopped early": LearnerStyle(GREEN, "P", "--"),
     "PM SERD": LearnerStyle(CYAN, "P"),
     "coupled": LearnerStyle(YELLOW, "P"),
     "MDCE IRL": _IRL,

@@ -133,7 +133,7 @@ def one_repetition(config: GridworldConfig, number: int) -> list[Row]:
     """Sample demonstrations, fit every learner on growing parts of them, measure."""
     training, transfer = scenes(config)
     rng = np.random.default_rng([config.seed, 1, number])
-    decisions = _demonstrate(config, training, max(config.sizes), rng)
+    decisions = demonstrate(config, training, max(config.sizes), rng)
     rows = []
     for size in config.sizes:
         seen = decisions.select(decisions.episode < size)
@@ -211,12 +211,13 @@ def _scene(config: GridworldConfig, world: Gridworld, number: int) -> Scene:
     policy = policy_of(world.problem, truth)
     rng = np.random.default_rng([config.seed, 3, number])
     scene = Scene(world, policy, _nothing())
-    return Scene(world, policy, _demonstrate(config, scene, config.n_test_episodes, rng))
+    return Scene(world, policy, demonstrate(config, scene, config.n_test_episodes, rng))
 
 
-def _demonstrate(
+def demonstrate(
     config: GridworldConfig, scene: Scene, n_episodes: int, rng: np.random.Generator
 ) -> Decisions:
+    """Sample demonstrations of the scene's expert."""
     return sample_decisions(
         scene.world.problem.mdp,
         scene.policy,

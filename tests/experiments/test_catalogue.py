@@ -3,8 +3,11 @@ from pathlib import Path
 import pytest
 
 from experiments.catalogue import EXPERIMENTS, experiment_of
+from experiments.gridworld.ascents import AscentsConfig
+from experiments.gridworld.early_stopping import EarlyStoppingConfig
 from experiments.gridworld.experiment import GridworldConfig
 from experiments.minimum_example import MinimumExampleConfig
+from experiments.multi_start import MultiStartConfig
 from experiments.policy_cost import PolicyCostConfig
 from experiments.priors import PriorsConfig
 from experiments.rust import RustConfig
@@ -15,6 +18,9 @@ DATA = Path(__file__).parents[3] / "shared" / "data" / "rust1987"
 
 SMALL = {
     "minimum-example": MinimumExampleConfig(n_sets=8, sizes=(3,)),
+    "multi-start": MultiStartConfig(n_sets=2, sizes=(3,), n_starts=3),
+    "early-stopping": EarlyStoppingConfig(side=5, sizes=(3,), n_steps=8, n_repetitions=1),
+    "ascents": AscentsConfig(side=4, n_demonstrations=5, n_steps=8, max_steps=50),
     "priors": PriorsConfig(n_points=9, n_angles=720),
     "policy-cost": PolicyCostConfig(
         base=(9, 2, 2), n_states=(9, 16), n_actions=(2, 3), n_parameters=(2, 3), repeats=1
@@ -25,6 +31,9 @@ SMALL = {
 }
 LEFT_BEHIND = {
     "minimum-example": {"estimates.csv", "log_likelihood.csv", "estimates.png"},
+    "multi-start": {"explanations.csv", "shares.csv", "shares.png", "example.txt"},
+    "early-stopping": {"measures.csv", "log_likelihood.csv", "measures.png"},
+    "ascents": {"costs.csv", "gaps.csv", "gaps.png"},
     "priors": {"optimal_distributions.csv", "surfaces.png"},
     "policy-cost": {"seconds.csv", "exponents.csv", "cost.png"},
     "gridworld": {"measures.csv", "welch_log_likelihood.csv", "measures.png", "transfer.png"},

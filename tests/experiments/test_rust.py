@@ -11,6 +11,7 @@ from experiments.rust import (
     as_decisions,
     monthly_increments,
     rust_problem,
+    sparse_rust_problem,
     states_and_decisions,
 )
 from serd_core.errors import SerdError
@@ -62,3 +63,33 @@ def test_each_bus_month_carries_the_increment_that_led_into_it():
 def test_wrong_settings_are_refused_by_name(change, sentence):
     with pytest.raises(SerdError, match=sentence):
         RustConfig(Path(), **change)
+
+
+def test_a_sparse_model_of_the_transitions_gives_the_same_likelihood_and_gradient():
+    logits = np.array([0.4, -1.2])
+    share = np.exp(np.append(0.0, logits))
+    share /= share.sum()
+    local, sparse = rust_problem(6, 3, 0.9), sparse_rust_problem(6, 3, 0.9)
+    entries = sparse.mdp.transitions.local_probabilities(logits)
+    given = local.mdp.transitions
+    np.testing.assert_allclose(
+        sparse.mdp.transitions.entries(entries), given.entries(share[None]), atol=1e-15
+    )
+    weights = np.random.default_rng(0).normal(size=len(entries))
+    step = 1e-6
+    differences = [
+        weights
+        @ (
+            sparse.mdp.transitions.local_probabilities(logits + step * unit)
+            - sparse.mdp.transitions.local_probabilities(logits - step * unit)
+        )
+        / (2 * step)
+        for unit in np.eye(2)
+    ]
+    found = sparse.mdp.transitions.pull_back(logits, weights)
+    np.testing.assert_allclose(found, differences, atol=1e-8)
+
+
+def test_unknown_transitions_are_refused():
+    with pytest.raises(SerdError, match="transitions must be among outcomes, sparse, got 'dense'"):
+        RustConfig(Path(), transitions="dense")

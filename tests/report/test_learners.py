@@ -10,6 +10,7 @@ from report.style import new_figure
 
 TOGETHER = (
     ("MDCE SERD", "MDCE IRL", "REIRL"),
+    ("MDCE SERD", "MDCE SERD, training part", "MDCE SERD, stopped early"),
     ("PM SERD", "PM SERD, regularised", "MDCE IRL", "REIRL"),
     ("MDCE SERD", "SERD, free belief", "MDCE IRL, likelihood", "REIRL", "cloning"),
     ("MDCE SERD", "SERD, free belief", "MDCE IRL, entropy", "REIRL", "cloning"),

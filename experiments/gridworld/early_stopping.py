@@ -1,0 +1,138 @@
+"""Early stopping on validation demonstrations against fits to the maximum (section 5.2).
+
+Without a prior, the maximum of the likelihood over-fits a handful of demonstrations. Three fits of
+MDCE SERD are compared on the gridworld: to all demonstrations up to the maximum, to the training
+part up to the maximum, and to the training part until the likelihood of the validation part no
+longer improves.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from experiments.gridworld.ascents import ascent_of
+from experiments.gridworld.experiment import (
+    MEASURES,
+    GridworldConfig,
+    demonstrate,
+    measures,
+    scenes,
+)
+from experiments.gridworld.figures import measures_figure
+from experiments.gridworld.learners import FIXED, Estimate
+from experiments.running.repetitions import Progress, run_repetitions
+from experiments.running.settings import setting
+from experiments.running.tables import Row, quartiles, write_table
+from report.style import png_bytes
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.errors import SerdError
+from serd_core.learners.fit_result import FitResult
+from serd_core.learners.serd import SerdSettings, fit_serd
+from serd_core.mdp.problem import TabularProblem
+from serd_core.policies.policy_model import MdcePolicy
+from serd_core.selection.early_stopping import fit_serd_with_early_stopping
+from serd_core.selection.prior_weight import split_episodes
+from sim.episodes.execution import Execution
+from storage.files import atomic_write_bytes
+
+POLICY = MdcePolicy()
+WHOLE, PART, STOPPED = "MDCE SERD", "MDCE SERD, training part", "MDCE SERD, stopped early"
+
+
+@dataclass(frozen=True)
+class EarlyStoppingConfig:
+    """Settings of early stopping."""
+
+    ascent: str = setting("trust-region", "trust-region, lbfgs, or gradient as in Algorithm 1")
+    max_steps: int = setting(150, "steps after which a fit ends; gradient needs thousands")
+    patience: int = setting(5, "steps without a better validation likelihood before the end")
+    validation_share: float = setting(0.25, "share of the demonstrations for validation")
+    side: int = setting(10, "cells along each side of the grid")
+    sizes: tuple[int, ...] = setting((2, 4, 8, 16, 32), "demonstrations, validation included")
+    n_steps: int = setting(40, "decisions of a demonstration")
+    n_repetitions: int = setting(20, "repetitions of every size")
+    seed: int = setting(0, "of which every random number is derived")
+
+    def __post_init__(self) -> None:
+        ascent_of(self.ascent, 1e-5, self.max_steps)
+        if not self.sizes or min(self.sizes) < 2 or self.n_repetitions < 1 or self.patience < 1:
+            raise SerdError(
+                "sizes must be at least 2, n_repetitions and patience at least 1, got"
+                f" {self.sizes}, {self.n_repetitions} and {self.patience}"
+            )
+
+    @property
+    def world(self) -> GridworldConfig:
+        """Settings of the scenes and demonstrations."""
+        return GridworldConfig(side=self.side, n_steps=self.n_steps, seed=self.seed)
+
+
+def run_early_stopping(
+    config: EarlyStoppingConfig, folder: Path, execution: Execution, progress: Progress
+) -> pd.DataFrame:
+    """Write measures and their figure; returns quartiles of the log-likelihood."""
+    repetition = partial(one_repetition, config)
+    rows = run_repetitions(
+        repetition,
+        config.n_repetitions,
+        folder / "repetitions",
+        repr(config),
+        execution,
+        progress,
+    )
+    table = pd.DataFrame(rows)
+    write_table(folder / "measures.csv", table)
+    for measure in MEASURES:
+        write_table(folder / f"{measure}.csv", quartiles(table, measure, ["size", "learner"]))
+    atomic_write_bytes(folder / "measures.png", png_bytes(measures_figure(table)))
+    return quartiles(table, "log_likelihood", ["size", "learner"])
+
+
+def one_repetition(config: EarlyStoppingConfig, number: int) -> list[Row]:
+    """Sample demonstrations, fit growing parts of them in all three ways, measure."""
+    training, transfer = scenes(config.world)
+    rng = np.random.default_rng([config.seed, 1, number])
+    decisions = demonstrate(config.world, training, max(config.sizes), rng)
+    rows = []
+    for size in config.sizes:
+        seen = decisions.select(decisions.episode < size)
+        fits = fits_of(config, training.world.problem, seen, rng)
+        for name, fit in fits.items():
+            estimate = Estimate(fit.reward_weights, fit.outcome_probabilities, None, fit.converged)
+            row: Row = {"repetition": number, "size": size, "learner": name, "steps": fit.n_steps}
+            rows.append(row | measures(training, transfer, estimate))
+    return rows
+
+
+def fits_of(
+    config: EarlyStoppingConfig,
+    problem: TabularProblem,
+    seen: Decisions,
+    rng: np.random.Generator,
+) -> dict[str, FitResult]:
+    """The three fits by name; each starts at the weights under its M-estimate of the dynamics."""
+    part, validation = split_episodes(seen, config.validation_share, rng)
+    start = rng.uniform(-10.0, 10.0, 2)
+    settings = SerdSettings(ascent=ascent_of(config.ascent, 1e-5, config.max_steps))
+    staged = SerdSettings(belief=FIXED, ascent=settings.ascent)
+
+    def weights(decisions: Decisions) -> FitResult:
+        return fit_serd(problem, decisions, POLICY, staged, initial_weights=start)
+
+    of_seen, of_part = weights(seen).reward_weights, weights(part).reward_weights
+    return {
+        WHOLE: fit_serd(problem, seen, POLICY, settings, initial_weights=of_seen),
+        PART: fit_serd(problem, part, POLICY, settings, initial_weights=of_part),
+        STOPPED: fit_serd_with_early_stopping(
+            problem,
+            part,
+            validation,
+            POLICY,
+            settings,
+            initial_weights=of_part,
+            patience=config.patience,
+        ),
+    }

@@ -1,0 +1,126 @@
+"""Random starts and the number of distinct explanations they find (section 4.1).
+
+Rewards and dynamics together can explain the same demonstrations in more than one way. On the
+minimum example (section 4.6.1), SERD is fitted from several random weights to each demonstration
+set; fits that converged to the same place count as one explanation.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from experiments.minimum_example import ASCENT, demonstrate, minimum_example
+from experiments.running.repetitions import Progress, run_repetitions
+from experiments.running.settings import setting
+from experiments.running.tables import Row, write_table
+from report.style import BLUE, CYAN, HAIRLINE, YELLOW, new_figure, png_bytes, report_style
+from serd_core.errors import SerdError
+from serd_core.learners.fit_result import FitResult
+from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.mdp.mdp import require_discount
+from serd_core.posterior.parameters import Block
+from serd_core.priors.norm import NormPrior
+from serd_core.selection.multi_start import MultiStart, describe, multi_start
+from sim.episodes.execution import Execution
+from storage.files import atomic_write_bytes, atomic_write_text
+
+COLOURS = {"none": HAIRLINE, "1": CYAN, "2": BLUE, "3 or more": YELLOW}
+
+
+@dataclass(frozen=True)
+class MultiStartConfig:
+    """Settings of the random starts."""
+
+    n_sets: int = setting(40, "demonstration sets of each size")
+    sizes: tuple[int, ...] = setting((1, 3, 12, 50), "demonstrations of a set")
+    n_starts: int = setting(10, "random starts for each set")
+    horizon: int = setting(3, "decisions of a demonstration")
+    discount: float = setting(0.9, "discount per decision, below 1")
+    weight: float = setting(1e-6, "of the L2 norms of rewards and dynamics")
+    seed: int = setting(0, "of which every random number is derived")
+
+    def __post_init__(self) -> None:
+        require_discount(self.discount)
+        if min(self.n_sets, self.n_starts, *self.sizes, len(self.sizes)) < 1:
+            raise SerdError(
+                "n_sets, n_starts and sizes must be at least 1, got"
+                f" {self.n_sets}, {self.n_starts} and {self.sizes}"
+            )
+
+
+def run_multi_start(
+    config: MultiStartConfig, folder: Path, execution: Execution, progress: Progress
+) -> pd.DataFrame:
+    """Write explanations, their shares and a figure; returns the shares."""
+    n_all = config.n_sets * len(config.sizes)
+    rows = run_repetitions(
+        partial(explain_set, config),
+        n_all,
+        folder / "repetitions",
+        repr(config),
+        execution,
+        progress,
+    )
+    table = pd.DataFrame(rows)
+    shares = explanation_shares(table)
+    write_table(folder / "explanations.csv", table)
+    write_table(folder / "shares.csv", shares)
+    atomic_write_text(folder / "example.txt", describe(fits_of_set(config, n_all - 1)) + "\n")
+    atomic_write_bytes(folder / "shares.png", png_bytes(shares_figure(shares)))
+    return shares
+
+
+def explain_set(config: MultiStartConfig, number: int) -> list[Row]:
+    """The row of one demonstration set."""
+    found = fits_of_set(config, number)
+    best, *others = found.explanations or (None,)
+    return [
+        {
+            "set": number,
+            "size": config.sizes[number % len(config.sizes)],
+            "n_converged": found.n_converged,
+            "n_explanations": len(found.explanations),
+            "objective": None if best is None else best.fit.objective,
+            "starts_at_best": 0 if best is None else len(best.starts),
+            "next_objective": others[0].fit.objective if others and others[0] else None,
+        }
+    ]
+
+
+def fits_of_set(config: MultiStartConfig, number: int) -> MultiStart:
+    """Sample the demonstration set of that number and fit it from every start."""
+    rng = np.random.default_rng([config.seed, number])
+    problem = minimum_example(config.discount)
+    size = config.sizes[number % len(config.sizes)]
+    decisions = demonstrate(problem, size, config.horizon, rng)
+    prior = NormPrior(config.weight, Block.REWARD) + NormPrior(config.weight, Block.TRUTH)
+
+    def fit(start: np.random.Generator) -> FitResult:
+        return fit_mdce_serd(problem, decisions, rng=start, prior=prior, ascent=ASCENT)
+
+    return multi_start(fit, config.n_starts, rng)
+
+
+def explanation_shares(table: pd.DataFrame) -> pd.DataFrame:
+    """Per size: share of sets by number of distinct explanations, in columns as COLOURS."""
+    count = pd.cut(table["n_explanations"], [-1, 0, 1, 2, np.inf], labels=list(COLOURS))
+    return pd.crosstab(table["size"], count, normalize="index", dropna=False).reset_index()
+
+
+def shares_figure(shares: pd.DataFrame) -> Figure:
+    """One stacked bar per size."""
+    with report_style():
+        figure = new_figure(5.6, 3.4)
+        axes = figure.subplots()
+        sizes, bottom = shares["size"].astype(str), np.zeros(len(shares))
+        for name, colour in COLOURS.items():
+            if shares[name].any():
+                axes.bar(sizes, shares[name], bottom=bottom, color=colour, label=name, width=0.6)
+                bottom += shares[name].to_numpy()
+        axes.set(xlabel="demonstrations", ylabel="share of demonstration sets", ylim=(0, 1))
+        figure.legend(title="distinct explanations", loc="outside right center")
+    return figure

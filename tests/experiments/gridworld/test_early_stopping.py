@@ -1,0 +1,52 @@
+"""Early stopping against fits to the maximum, and the optimisers they may use."""
+
+import numpy as np
+import pytest
+
+from experiments.gridworld.ascents import LOOKS, AscentsConfig, climb
+from experiments.gridworld.early_stopping import (
+    PART,
+    STOPPED,
+    WHOLE,
+    EarlyStoppingConfig,
+    one_repetition,
+)
+from serd_core.errors import SerdError
+
+SMALL = EarlyStoppingConfig(side=6, sizes=(2,), n_steps=10, n_repetitions=1)
+
+
+@pytest.mark.parametrize("ascent", ["trust-region", "gradient"])
+def test_a_stopped_fit_takes_no_more_steps_than_the_fit_to_its_maximum(ascent):
+    config = EarlyStoppingConfig(ascent, 150, side=6, sizes=(2,), n_steps=10, n_repetitions=1)
+    rows = {row["learner"]: row for row in one_repetition(config, 0)}
+    assert set(rows) == {WHOLE, PART, STOPPED}
+    assert rows[STOPPED]["steps"] <= rows[PART]["steps"]
+
+
+def test_repetitions_are_reproducible():
+    assert one_repetition(SMALL, 0) == one_repetition(SMALL, 0)
+
+
+def test_optimisers_that_converge_reach_the_same_maximum():
+    config = AscentsConfig(side=4, n_demonstrations=30, n_steps=10, gradient_tolerance=1e-5)
+    rows = {name: climb(config, name)[0] for name in LOOKS}
+    assert all(row["converged"] for row in rows.values())
+    highest = max(row["objective"] for row in rows.values())
+    assert [row["objective"] for row in rows.values()] == pytest.approx([highest] * 3, abs=1e-3)
+    assert rows["gradient"]["n_steps"] > 10 * rows["trust-region"]["n_steps"]
+
+
+def test_a_trace_has_the_objective_after_each_step():
+    row, trace = climb(AscentsConfig(side=4, n_demonstrations=5, n_steps=8), "trust-region")
+    assert list(trace.index) == list(range(1, row["n_steps"] + 1))
+    assert np.all(np.diff(trace["objective"]) >= -1e-9)
+
+
+def test_wrong_settings_are_refused_by_name():
+    with pytest.raises(SerdError, match="ascent must be among gradient, lbfgs, trust-region"):
+        EarlyStoppingConfig(ascent="newton")
+    with pytest.raises(SerdError, match="sizes must be at least 2"):
+        EarlyStoppingConfig(sizes=(1,))
+    with pytest.raises(SerdError, match="step_size above 0"):
+        AscentsConfig(step_size=0.0)
