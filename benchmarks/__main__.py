@@ -8,16 +8,10 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from benchmarks import (  # the libraries read the variable when they load
-    bags_throughput,
-    closed_loop,
-    crowd_peers,
-    gradient,
-    growth,
-    learning_peers,
-    lockstep,
-    speed_figure,
-)
+# The libraries read the variable when they load.
+from benchmarks import bags_throughput, speed_figure
+from benchmarks.driving import closed_loop, crowd_peers, lockstep
+from benchmarks.learning import gradient, growth, peers
 
 BENCHMARKS = {
     "bags_throughput": bags_throughput.run,
@@ -25,7 +19,7 @@ BENCHMARKS = {
     "crowd_peers": crowd_peers.run,
     "gradient": gradient.run,
     "growth": growth.run,
-    "learning_peers": learning_peers.run,
+    "learning_peers": peers.run,
     "lockstep": lockstep.run,
     "speed_figure": speed_figure.run,
 }

@@ -18,7 +18,7 @@ from rosbags.typesys import Stores, get_typestore
 from bags.health.check import check_bag
 from bags.reader import BagReader
 from bags.writer import BagWriter
-from benchmarks.peak_memory import peak_memory_mb
+from benchmarks.measurement import peak_memory_mb
 from benchmarks.report import Row, save
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_core.grid.grid import Grid

@@ -54,7 +54,7 @@ def run_peer(name: str, script: str, *arguments: str | Path) -> None:
     with TemporaryDirectory() as folder:
         code = subprocess.run(command, env=environment, cwd=folder, check=False).returncode
     if code != 0:
-        raise PeerError(f"{script} must end with 0, got {code}; its messages above say why")
+        raise PeerError(f"{script} must end with 0, got {code}; see its messages above")
 
 
 def _install(name: str, requirements: Path, folder: Path, python: Path) -> None:
@@ -87,4 +87,4 @@ def _reason(lines: Iterable[str]) -> str:
     """The last line that pip marks as an error, or the last one."""
     kept = list(lines)
     errors = [line for line in kept if line.startswith("ERROR")]
-    return (errors or kept or ["nothing was said"])[-1]
+    return (errors or kept or ["no output"])[-1]

@@ -129,7 +129,7 @@ def _by_time(
 
 
 def _named(row: dict[str, Any]) -> dict[str, Any]:
-    """With a name that tells JuPedSim's models apart."""
+    """With a name of its own for each of JuPedSim's models."""
     name = "SERD" if row["simulator"].startswith("SERD, circular") else row["simulator"]
     return row | {"name": f"{name}, {row['computes'].split(',')[0]}" if "JuPed" in name else name}
 

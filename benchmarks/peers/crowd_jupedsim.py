@@ -14,7 +14,7 @@ width_m, length_m = task["width_m"], task["length_m"]
 
 
 def steps_of(model, agent_parameters, n_substeps: int) -> float:
-    """Seconds per step of a model; people turn round at the ends, so nobody leaves."""
+    """Seconds per step of a model; people turn round at the ends, so none leave."""
     simulation = jupedsim.Simulation(
         model=model,
         geometry=[(0.0, 0.0), (length_m, 0.0), (length_m, width_m), (0.0, width_m)],

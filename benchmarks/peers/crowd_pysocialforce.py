@@ -5,7 +5,7 @@ import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
-logging.disable(logging.INFO)  # it switches everybody's debugging output on
+logging.disable(logging.INFO)  # it switches all debugging output on
 
 import numpy as np  # noqa: E402
 import pysocialforce  # noqa: E402

@@ -21,7 +21,7 @@ from econirl.preferences.reward import LinearReward
 
 
 def main(method: str, problem_file: Path, result_file: Path) -> None:
-    """Fit twice, write weights, seconds and what the library says of convergence."""
+    """Fit twice, write weights, seconds and whether the library reports convergence."""
     given = np.load(problem_file)
     n_states, n_actions, n_features = given["features"].shape
     names = [f"w{k}" for k in range(n_features)]

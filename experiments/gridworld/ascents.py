@@ -42,7 +42,7 @@ class AscentsConfig:
     n_demonstrations: int = setting(20, "demonstrations learned from")
     n_steps: int = setting(40, "decisions of a demonstration")
     gradient_tolerance: float = setting(1e-6, "largest gradient entry at which a fit ends")
-    max_steps: int = setting(50_000, "steps after which a fit ends without convergence")
+    max_steps: int = setting(20_000, "steps after which a fit ends without convergence")
     step_size: float = setting(1.0, "alpha of gradient ascent, on the objective per decision")
     seed: int = setting(0, "of which every random number is derived")
 

@@ -55,13 +55,13 @@ MEASURES = (
 
 @dataclass(frozen=True)
 class GridworldConfig:
-    """Settings of section 4.6.2; lengths and numbers the thesis does not state are ours."""
+    """Settings of section 4.6.2; other lengths and numbers are our choice."""
 
-    expert: str = setting("mdce", "who demonstrates: mdce or pm (Policy-Matching)")
-    image: Path | None = setting(None, "training image; a generated landscape without")
-    transfer_image: Path | None = setting(None, "transfer image; a generated landscape without")
+    expert: str = setting("mdce", "policy of the demonstrator: mdce or pm (Policy-Matching)")
+    image: Path | None = setting(None, "training image; without it a generated landscape")
+    transfer_image: Path | None = setting(None, "transfer image; without it a generated landscape")
     forest_mask: Path | None = setting(
-        None, "image of the training scene, bright where there is forest; a rule tells without"
+        None, "image of the training scene, bright where there is forest; without it a rule decides"
     )
     transfer_forest_mask: Path | None = setting(None, "the same of the transfer scene")
     side: int = setting(20, "cells along each side of the grid")
@@ -70,7 +70,7 @@ class GridworldConfig:
     temperature: float = setting(2.0, "true temperature of a pm demonstrator (4.62); mdce has none")
     sizes: tuple[int, ...] = setting((1, 3, 6, 12, 25, 50), "demonstrations learned from")
     n_steps: int = setting(40, "decisions of a demonstration")
-    n_test_episodes: int = setting(200, "new episodes that are to be explained")
+    n_test_episodes: int = setting(200, "new episodes on which likelihoods are measured")
     n_repetitions: int = setting(50, "repetitions of every size")
     seed: int = setting(0, "of which every random number is derived")
 
@@ -91,7 +91,7 @@ class GridworldConfig:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """An environment with its true policy and new demonstrations to be explained."""
+    """An environment with its true policy and new demonstrations for the measures."""
 
     world: Gridworld
     policy: FloatArray

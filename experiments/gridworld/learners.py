@@ -32,14 +32,14 @@ THRESHOLD_SHARE = 0.1
 FIXED = FixedBelief()
 #: Policy matching has its maxima on kinks.
 PM_ASCENT = KinkedAscent(smooth=ASCENT, gradient_tolerance=1e-5)
-#: Settles the common scale of rewards and temperature, about which demonstrations say nothing.
+#: Fixes the common scale of rewards and temperature, which demonstrations do not determine.
 PM_SCALE = GaussianPrior(0.1, Block.POLICY, mean=1.0)
 REGULARISATION = PM_SCALE + GaussianPrior(10.0, Block.REWARD) + EntropyPrior(0.01)
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What a learner found, as far as the measures need it."""
+    """The part of a fit that the measures use."""
 
     weights: FloatArray
     dynamics: FloatArray

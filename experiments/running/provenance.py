@@ -1,7 +1,7 @@
-"""Where results come from: `provenance.yaml` beside them lists every run that wrote into a folder.
+"""Provenance of results: `provenance.yaml` beside them lists every run that wrote into a folder.
 
-A run that goes on with an interrupted one is added to the list, so it stays visible when the
-repetitions of one table were made by different commits.
+A run that resumes an interrupted one is added to the list, so it stays visible when repetitions of
+one table were computed by different commits.
 """
 
 import platform
@@ -24,7 +24,7 @@ PACKAGES = ("serd", "numpy", "scipy")
 
 @dataclass(frozen=True)
 class Run:
-    """One run: its command, settings in full, when, with which code, and whether it got through.
+    """One run: its command, settings in full, time, code, and whether it finished.
 
     commit: of the code's repository, with "+ changes" where files differed from it, or None where
     the code is installed without one.
@@ -44,7 +44,7 @@ class Run:
 def recorded(
     folder: Path, command: str, settings: object, clock: Callable[[], float] = time.perf_counter
 ) -> Iterator[None]:
-    """Note the run inside in `folder` when it ends or is interrupted; errors leave no note."""
+    """Record the run inside in `folder` when it ends or is interrupted; errors are not recorded."""
     began, start_s, commit = datetime.now(timezone.utc), clock(), code_commit()
 
     def note(*, finished: bool) -> None:
@@ -101,11 +101,11 @@ def _runs(path: Path) -> list[dict[str, Any]]:
 
 
 def _git(folder: Path, *words: str) -> str | None:
-    """What git says, or None where there is no git or no repository."""
+    """Output of git, or None where there is no git or no repository."""
     try:
-        said = subprocess.run(
+        found = subprocess.run(
             ["git", "-C", str(folder), *words], capture_output=True, text=True, check=False
         )
     except OSError:
         return None
-    return said.stdout.strip() if said.returncode == 0 else None
+    return found.stdout.strip() if found.returncode == 0 else None

@@ -1,8 +1,8 @@
 """Repetitions of an experiment: in parallel, with progress, resumable.
 
 Each repetition is a function of its number alone (seeds are derived from it) and returns rows of a
-table. Its rows are written to a file of their own as soon as it is done, so an interrupted run goes
-on where it stopped. A folder belongs to one configuration; another one is refused.
+table. Its rows are written to a file of their own as soon as it is done, so an interrupted run is
+resumed where it stopped. A folder belongs to one configuration; another one is rejected.
 """
 
 import json
@@ -31,7 +31,7 @@ def run_repetitions(
     """All rows, in the order of repetitions; finished ones are read instead of run.
 
     description: text of the configuration, equal exactly for equal ones.
-    progress: told (done, all) at the start and after each repetition.
+    progress: called with (done, all) at the start and after each repetition.
     """
     claim_folder(folder, description)
     files = [folder / f"repetition_{number:05d}.json" for number in range(n_repetitions)]
@@ -49,7 +49,7 @@ def run_repetitions(
 def claim_folder(folder: Path, description: str) -> None:
     """Make the folder and note its configuration; SerdError where it holds results of another.
 
-    A run that failed before its first result, over a misspelt setting say, leaves no claim.
+    A run that fails before its first result, as with a misspelt setting, leaves no claim.
     """
     folder.mkdir(parents=True, exist_ok=True)
     note = folder / "configuration.txt"
@@ -57,7 +57,7 @@ def claim_folder(folder: Path, description: str) -> None:
     results = {path.name for path in folder.iterdir()} - {note.name, FILE_NAME}
     if noted not in (None, description) and results:
         raise SerdError(
-            f"folder {folder} holds results of another configuration ({note.name} says which)"
+            f"folder {folder} holds results of another configuration ({note.name} names it)"
             "; choose another folder or delete it"
         )
     if noted != description:

@@ -1,7 +1,7 @@
-"""Products on disk: each task makes one file, and a file that is there is not made again.
+"""Products on disk: each task writes one file; files that exist are not written again.
 
 A stage's folder is claimed by the settings its files depend on, so files of other settings are
-never taken for its own.
+rejected.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from pathlib import Path
 from experiments.running.repetitions import claim_folder
 from sim.episodes.execution import Execution
 
-#: Told (seconds of work done, seconds of work in all, what is being done), as estimated.
+#: Called with the estimated (seconds of work done, seconds of all work, name of the stage).
 OnWork = Callable[[float, float, str], None]
 
 
@@ -47,7 +47,7 @@ class Stage:
 
 
 def make_products(stages: Sequence[Stage], execution: Execution, on_work: OnWork) -> None:
-    """Run what is missing, stage by stage; interrupted, it goes on where it stopped."""
+    """Run missing tasks, stage by stage; after an interruption the rest is run."""
     for stage in stages:
         claim_folder(stage.folder, stage.description)
     total_s = sum(stage.task_s * len(stage.missing) for stage in stages)

@@ -1,8 +1,8 @@
-"""The whole study: make what is missing, then write tables and figures beside it.
+"""The whole study: run missing stages, then write tables and figures.
 
-OUTPUT/work/...        what the stages leave: recordings, fits, arrivals
-OUTPUT/*.csv           tables; OUTPUT/figure_*.{csv,png,svg}: figures with what they show
-OUTPUT/settings.yaml   the settings, from which all of it can be made again
+OUTPUT/work/...        files of the stages: recordings, fits, arrivals
+OUTPUT/*.csv           tables; OUTPUT/figure_*.{csv,png,svg}: figures with their data
+OUTPUT/settings.yaml   the settings that reproduce all of it
 """
 
 from collections.abc import Sequence

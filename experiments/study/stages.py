@@ -22,7 +22,7 @@ _EPISODE_S, _SUBSET_S = 0.8, 1.0
 
 
 def stages_of(settings: StudySettings, folder: Path) -> tuple[Stage, ...]:
-    """Everything that has to be made before tables and figures."""
+    """All stages that tables and figures depend on."""
     reference, demonstrations = folder / "reference", folder / "demonstrations"
     fits, arrival = folder / "fits", folder / "arrival"
     sets = [

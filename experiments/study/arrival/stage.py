@@ -1,9 +1,9 @@
 """Times of arrival of the learned policies: predicted by model, sampled from it, and measured.
 
 Each repetition's models drive a share of the episodes, in worlds that are the same for every
-method. Predicted is by the absorbing chain of the greedy policy under the learned dynamics.
-Measured times are rounded up to whole decision periods, as the model knows of nothing finer. How
-the world answered in the measured drives is kept beside them, for `hindsight`.
+method. Predictions come from the absorbing chain of the greedy policy under the learned dynamics.
+Measured times are rounded up to whole decision periods, the resolution of the model. The moves of
+the measured drives are kept beside them, for `hindsight`.
 """
 
 import json
@@ -89,7 +89,7 @@ def arrivals_of_repetition(
     driven: dict[tuple[int, ...], _Driven] = {}
     for name, model in models.items():
         greedy = tuple(model["greedy"])
-        # Equal policies drive equally in equal worlds, so none drives twice.
+        # Equal policies drive alike in equal worlds, so each drives once.
         if greedy not in driven:
             driven[greedy] = _drive(settings, scenario, problem, expert, repetition, greedy)
         measured += [{"method": name} | row for row in driven[greedy].rows]
@@ -154,7 +154,7 @@ def _cdf_of_periods(arrived: IntArray, periods: int, n_all: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Driven:
-    """What came of the episodes of one policy."""
+    """Results of the episodes of one policy."""
 
     rows: list[Row]
     moves: list[Move]

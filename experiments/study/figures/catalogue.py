@@ -25,7 +25,7 @@ from storage.nearest import hint
 
 @dataclass(frozen=True)
 class StudyFigure:
-    """name: as on the command line; rows: what it shows; draw: the picture of those rows."""
+    """name: as on the command line; rows: its table; draw: the picture of that table."""
 
     name: str
     shows: str

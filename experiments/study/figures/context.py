@@ -1,4 +1,4 @@
-"""What every figure may know besides its own rows: the scenario and the problem."""
+"""Data that figures use besides their own tables: the scenario and the problem."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Fig. 5.7: where the demonstrations of repetition 0 went, set by set."""
+"""Fig. 5.7: visited cells of the demonstrations of repetition 0, set by set."""
 
 import numpy as np
 import pandas as pd

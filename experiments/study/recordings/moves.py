@@ -1,6 +1,6 @@
 """Decisions counted by what happened: how often action a led from s to s'.
 
-All that an estimate of the dynamics needs, in a few hundred numbers.
+A few hundred numbers, sufficient for every estimate of the dynamics.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ def counted_moves(decisions: Decisions) -> list[Move]:
 
 
 def decisions_of_moves(moves: Sequence[Sequence[int]], source: str = "") -> Decisions:
-    """As many decisions as were counted; of which episodes, and when, is forgotten."""
+    """Decisions with the counted moves; all in episode 0 at time 0."""
     columns = np.array(moves, dtype=np.int64).reshape(-1, 4)
     state, action, following = np.repeat(columns[:, :3], columns[:, 3], axis=0).T
     return Decisions(

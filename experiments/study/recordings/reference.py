@@ -1,7 +1,7 @@
-"""Reference recordings, and the dynamics that the study calls true.
+"""Reference recordings, and the dynamics estimated from them, which the study takes as true.
 
 Experts of all styles, experts who go against the flow, and a robot that explores every direction.
-No learner sees these recordings; who knows the world plans with what is estimated from them.
+No learner uses these recordings; the expert who knows the crowd plans with their estimate.
 """
 
 from functools import partial
@@ -37,7 +37,7 @@ _PURPOSES = {
 
 
 class ExploringDriver:
-    """Seeded; draws a new direction now and then, and always one that no wall blocks."""
+    """Explores with a seed: draws a new direction at random times, never one that a wall blocks."""
 
     def __init__(self, grid: Grid, seed: int) -> None:
         self._grid, self._seed = grid, seed
@@ -104,7 +104,7 @@ def reference_decisions(folder: Path) -> Decisions:
 
 
 def reference_dynamics(problem: NavigationProblem, folder: Path) -> FloatArray:
-    """(M, K) outcome probabilities that the study calls true."""
+    """(M, K) outcome probabilities that the study takes as true."""
     return estimate_dynamics(problem, reference_decisions(folder))
 
 

@@ -1,4 +1,4 @@
-"""Seeds of the study: every recording has a world of its own, told by one number.
+"""Seeds of the study: every recording has a world of its own, given by one number.
 
 The same number makes the same recording through ROS: `serd launch demonstrate seed:=NUMBER ...`.
 """

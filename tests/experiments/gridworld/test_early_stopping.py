@@ -13,12 +13,12 @@ from experiments.gridworld.early_stopping import (
 )
 from serd_core.errors import SerdError
 
-SMALL = EarlyStoppingConfig(side=6, sizes=(2,), n_steps=10, n_repetitions=1)
+SMALL = EarlyStoppingConfig(side=5, sizes=(2,), n_steps=8, n_repetitions=1)
 
 
 @pytest.mark.parametrize("ascent", ["trust-region", "gradient"])
 def test_a_stopped_fit_takes_no_more_steps_than_the_fit_to_its_maximum(ascent):
-    config = EarlyStoppingConfig(ascent, 150, side=6, sizes=(2,), n_steps=10, n_repetitions=1)
+    config = EarlyStoppingConfig(ascent, 40, side=5, sizes=(2,), n_steps=8, n_repetitions=1)
     rows = {row["learner"]: row for row in one_repetition(config, 0)}
     assert set(rows) == {WHOLE, PART, STOPPED}
     assert rows[STOPPED]["steps"] <= rows[PART]["steps"]
@@ -28,13 +28,17 @@ def test_repetitions_are_reproducible():
     assert one_repetition(SMALL, 0) == one_repetition(SMALL, 0)
 
 
-def test_optimisers_that_converge_reach_the_same_maximum():
-    config = AscentsConfig(side=4, n_demonstrations=30, n_steps=10, gradient_tolerance=1e-5)
+def test_gradient_ascent_is_still_below_the_maximum_that_the_others_have_reached():
+    config = AscentsConfig(
+        side=4, n_demonstrations=30, n_steps=10, gradient_tolerance=1e-4, max_steps=100
+    )
     rows = {name: climb(config, name)[0] for name in LOOKS}
-    assert all(row["converged"] for row in rows.values())
-    highest = max(row["objective"] for row in rows.values())
-    assert [row["objective"] for row in rows.values()] == pytest.approx([highest] * 3, abs=1e-3)
-    assert rows["gradient"]["n_steps"] > 10 * rows["trust-region"]["n_steps"]
+    assert rows["lbfgs"]["converged"]
+    assert rows["trust-region"]["converged"]
+    assert rows["lbfgs"]["objective"] == pytest.approx(rows["trust-region"]["objective"], abs=0.05)
+    assert not rows["gradient"]["converged"]
+    assert rows["gradient"]["n_steps"] == 100
+    assert rows["gradient"]["objective"] < rows["trust-region"]["objective"] - 1.0
 
 
 def test_a_trace_has_the_objective_after_each_step():

@@ -1,4 +1,4 @@
-"""Every folder of results says which runs wrote into it."""
+"""Every folder of results lists the runs that wrote into it."""
 
 import subprocess
 

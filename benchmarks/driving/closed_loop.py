@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-from benchmarks.closed_loop_figure import closed_loop_figure
+from benchmarks.driving.closed_loop_figure import closed_loop_figure
 from benchmarks.report import RESULTS, Row, save
 from report.style import png_bytes
 from serd_cli.terminal import WorkProgress

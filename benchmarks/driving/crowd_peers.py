@@ -1,7 +1,7 @@
 """Crowds against PySocialForce and JuPedSim, crowd and lidar against IR-SIM, in one run.
 
 All have the same people at the same places of the same closed corridor, and the same time step.
-They do not compute the same: the table says what each does.
+They do not compute the same: the table lists what each does.
 """
 
 import json

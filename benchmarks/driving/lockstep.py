@@ -1,7 +1,7 @@
 """How many times faster than real time the hallway runs: in process, and through ROS in lock-step.
 
 The same seed, the same expert, the same 30 people and trajectory; only what carries the messages
-differs. The profile tells which part of a step takes how long, and what to make faster next.
+differs. The profile gives the time of each part of a step.
 """
 
 import os
@@ -11,8 +11,8 @@ from pathlib import Path
 
 from domain_coordinator import domain_id
 
+from benchmarks.driving.step_profile import StepProfile, profile_steps
 from benchmarks.report import Row, save
-from benchmarks.step_profile import StepProfile, profile_steps
 from serd_cli.node_commands import stack_processes
 from serd_cli.workspace import ros_environment
 from serd_ros.graph.graph import find_stack

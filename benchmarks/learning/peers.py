@@ -21,9 +21,14 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse
 
-from benchmarks.gridworld_problems import DYNAMICS, WEIGHTS, demonstrations, landscape_problem
+from benchmarks.learning.gridworld_problems import (
+    DYNAMICS,
+    WEIGHTS,
+    demonstrations,
+    landscape_problem,
+)
+from benchmarks.measurement import best_of
 from benchmarks.peer_environment import run_peer
-from benchmarks.processor_time import best_of
 from benchmarks.report import Row, save
 from experiments.gridworld.problem import Gridworld
 from serd_core.arrays import FloatArray

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from benchmarks.closed_loop import ClosedLoopPlan
+from benchmarks.driving.closed_loop import ClosedLoopPlan
 from serd_core.errors import SerdError
 from sim.episodes.batch_summary import summarise, wilson_interval
 

@@ -1,7 +1,7 @@
 """One objective with its gradient against the thesis's own computation, and whole fits.
 
 The 20 x 20 gridworld of section 4.6.2 has 2 weights and 45 outcome parameters, the hallway 3 and
-20. All start from nothing unless said otherwise. The thesis's computation is soft value iteration
+20. All are cold starts unless stated otherwise. The thesis's computation is soft value iteration
 and then the soft Q-gradient recursion (4.21), each to the same certified accuracy of 1e-9; its LU
 is that of Table 4.2. Times are processor times of one thread.
 """
@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.gridworld_problems import WEIGHTS, demonstrations, landscape_problem
-from benchmarks.processor_time import best_of
+from benchmarks.learning.gridworld_problems import WEIGHTS, demonstrations, landscape_problem
+from benchmarks.measurement import best_of
 from benchmarks.report import Row, save
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent

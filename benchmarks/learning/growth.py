@@ -24,9 +24,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from benchmarks.gridworld_problems import DYNAMICS, WEIGHTS, demonstrations, landscape_problem
-from benchmarks.peak_memory import peak_memory_mb
-from benchmarks.processor_time import best_of
+from benchmarks.learning.gridworld_problems import (
+    DYNAMICS,
+    WEIGHTS,
+    demonstrations,
+    landscape_problem,
+)
+from benchmarks.measurement import best_of, peak_memory_mb
 from benchmarks.report import RESULTS, Row, save
 from report.style import BLUE, MUTED, RED, new_figure, png_bytes, report_style
 from serd_core.bellman.backup import BellmanProblem, backup
@@ -125,7 +129,7 @@ def measure(side: int) -> dict[str, Any]:
 
 
 def _in_own_process(side: int) -> dict[str, Any]:
-    command = [sys.executable, "-m", "benchmarks.growth", str(side)]
+    command = [sys.executable, "-m", "benchmarks.learning.growth", str(side)]
     print(f"growth: {side * side:,} states", file=sys.stderr, flush=True)
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
     found: dict[str, Any] = json.loads(done.stdout)

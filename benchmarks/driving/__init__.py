@@ -1,0 +1,1 @@
+"""Driving among people: arrivals, contacts, and what a step costs."""

@@ -1,0 +1,1 @@
+"""What learning costs, here and in other libraries."""
