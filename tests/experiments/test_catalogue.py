@@ -67,5 +67,7 @@ def test_configurations_are_the_types_the_catalogue_names():
 
 
 def test_an_unknown_name_is_refused_with_those_there_are():
-    with pytest.raises(SerdError, match=r"must be among minimum-example, priors, .* got 'rest'"):
+    with pytest.raises(
+        SerdError, match=r"must be among minimum-example, multi-start, priors, .* got 'rest'"
+    ):
         experiment_of("rest")
