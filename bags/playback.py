@@ -106,6 +106,25 @@ class Playback:
         self._rate = _checked(rate)
 
 
+class UntilDamage(Iterator[RawMessage]):
+    """The readable messages of a bag: ends at the first BagError, whose text is `damage` then.
+
+    An error in the middle of a replay would lose the messages that were read just before it.
+    """
+
+    def __init__(self, messages: Iterable[RawMessage]) -> None:
+        self._messages = iter(messages)
+        self.damage = ""
+
+    def __next__(self) -> RawMessage:
+        """The next message."""
+        try:
+            return next(self._messages)
+        except BagError as error:
+            self.damage = str(error)
+            raise StopIteration from None
+
+
 def _checked(rate: float) -> float:
     if not (math.isfinite(rate) and rate > 0):
         raise BagError(f"rate must be finite and above 0, got {rate}; pause instead of rate 0")

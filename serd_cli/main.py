@@ -2,7 +2,7 @@
 
 import sys
 
-from serd_ros.process.quiet_interrupt import starting
+from serd_ros.process.executable import starting
 
 
 def main() -> int:

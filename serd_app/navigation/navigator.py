@@ -1,15 +1,13 @@
-"""The strategy at work, without ROS: plans, decides, looks ahead, gives up, predicts its arrival.
+"""Drives by a learned model without ROS: plans, decides, forecasts its arrival, gives up.
 
 One object for the node, for `serd navigate` and for tests. Goal and model may change at any time,
-also in the middle of an episode; what cannot be used is refused by an error and changes nothing.
+also in the middle of an episode; an unusable one raises an error and changes nothing.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 
-from serd_app.navigation.give_up import GiveUp, GiveUpRules, Patience
-from serd_app.navigation.lookahead import cell_ahead, likeliest_next
+from serd_app.navigation.forecast import ArrivalForecast
+from serd_app.navigation.give_up import GiveUp, ProgressMonitor
 from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_core.arrays import FloatArray
@@ -22,49 +20,28 @@ from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint, waypoint_of_cell, waypoint_of_intent
 from storage.model_file import ModelFile, load_model
 
-#: Marks of a prediction that people read: half and nine in ten have arrived.
-HALF, MOST = 0.5, 0.9
-
-
-@dataclass(frozen=True, eq=False)
-class Outlook:
-    """What a decision was made on. law: remaining seconds; state: -1 off the grid.
-
-    probability: of arriving before the time-out. trapped: whether the state is a trap.
-    """
-
-    time_s: float
-    elapsed_s: float
-    state: int
-    action: Action
-    law: ArrivalLaw
-    probability: float
-    trapped: bool
-    periods_without_progress: int
-
 
 class Navigator:
-    """Drives by the policy of a model file; fits the `Driver` protocol."""
+    """Drives by the policy of a model file; fits the `Driver` protocol.
 
-    def __init__(self, scenario: Scenario, config: NavigationSettings) -> None:
-        self._config = config
-        self._own_scenario = scenario
-        self._model = config.model
-        self._patience = Patience(
-            GiveUpRules(config.patience_periods, config.minimum_arrival_probability)
-        )
-        self.strategy = self._solved(config.model, with_goal(scenario, config.goal))
+    forecast: that of the last decision. gave_up: the reason to give the episode up, None to go on.
+    """
+
+    def __init__(self, scenario: Scenario, settings: NavigationSettings) -> None:
+        self._settings, self._own_scenario = settings, scenario
+        self._model = settings.model
+        self._monitor = ProgressMonitor(settings)
+        self.strategy = self._solved(settings.model, with_goal(scenario, settings.goal))
         self._driver = PolicyDriver(
             self.strategy.problem.grid,
             self.strategy.policy.probabilities,
-            seed=config.seed,
-            greedy=config.policy == "optimal",
+            seed=settings.seed,
+            greedy=settings.policy == "optimal",
             name="strategy",
         )
-        self._ahead = likeliest_next(self.strategy)
         self._started_s: float | None = None
         self.gave_up: GiveUp | None = None
-        self.outlook: Outlook | None = None
+        self.forecast: ArrivalForecast | None = None
 
     @property
     def name(self) -> str:
@@ -73,25 +50,30 @@ class Navigator:
 
     @property
     def model(self) -> str:
-        """Path or name of the model in force."""
+        """Path or name of the model in use."""
         return self._model
 
+    @property
+    def reason(self) -> str:
+        """Why the episode is given up; empty to go on."""
+        return self.gave_up.value if self.gave_up is not None else ""
+
     def begin(self, episode: int) -> None:
-        """A new episode starts; goal and model stay."""
+        """Begin an episode; goal and model stay."""
         self._driver.begin(episode)
-        self._patience.renew()
-        self._started_s, self.gave_up, self.outlook = None, None, None
+        self._monitor.reset()
+        self._started_s, self.gave_up, self.forecast = None, None, None
 
     def decide(self, observation: Observation) -> Action:
-        """The policy's action, WAIT off the grid; `outlook` and `gave_up` go with it."""
+        """The action of the policy, WAIT off the grid; sets `forecast` and `gave_up`."""
         if self._started_s is None:
             self._started_s = observation.time_s
         action = self._driver.decide(observation)
         state = self._state(observation)
         elapsed_s = observation.time_s - self._started_s
         left = self._periods_left(elapsed_s)
-        self.gave_up = self._patience.see(self.strategy.arrival, state, left)
-        self.outlook = Outlook(
+        self.gave_up = self._monitor.update(self.strategy.arrival, state, left)
+        self.forecast = ArrivalForecast(
             time_s=observation.time_s,
             elapsed_s=elapsed_s,
             state=state,
@@ -99,22 +81,20 @@ class Navigator:
             law=self._law(state),
             probability=float(self.strategy.arrival.within(left)[state]) if state >= 0 else 0.0,
             trapped=state >= 0 and state in self.strategy.traps,
-            periods_without_progress=self._patience.periods_without_progress,
+            periods_without_progress=self._monitor.periods_without_progress,
         )
         return action
 
     def waypoint_of(self, observation: Observation, action: Action) -> Waypoint:
-        """Where an action sends the robot: the next cell, or farther by `lookahead_cells`."""
+        """The waypoint of an action: the next cell, or farther by `lookahead_cells`."""
         grid, state = self.strategy.problem.grid, self._state(observation)
         if action == Action.WAIT or state < 0:
             return waypoint_of_intent(grid, observation, action)
-        n_cells = self._config.lookahead_cells
-        return waypoint_of_cell(
-            grid, cell_ahead(self.strategy, self._ahead, state, action, n_cells)
-        )
+        n_cells = self._settings.lookahead_cells
+        return waypoint_of_cell(grid, self.strategy.cell_ahead(state, action, n_cells))
 
     def set_goal(self, x_m: float, y_m: float) -> None:
-        """Plan for the cell under a point; SimError where there is none."""
+        """Plan for the cell at a point; SimError where there is none."""
         self._plan_for(goal_at(self.strategy.scenario, x_m, y_m))
 
     def set_goal_text(self, text: str) -> None:
@@ -126,39 +106,37 @@ class Navigator:
         self.use_model(load_model(path), path)
 
     def use_model(self, file: ModelFile, name: str) -> None:
-        """Plan by a model under a name for tables; an equal one changes nothing else."""
+        """Plan by a model under a name for tables; an equal model changes the name only."""
         if file != self.strategy.file:
             self._replace(self._solved(name, self.strategy.scenario, file))
         self._model = name
 
     def way_m(self, observation: Observation) -> FloatArray:
-        """(N, 2) the way the policy means to go from here."""
+        """(N, 2) the way of the greedy policy from here."""
         state = self._state(observation)
         return self.strategy.intended_path_m(state) if state >= 0 else np.zeros((0, 2))
 
     def _plan_for(self, scenario: Scenario) -> None:
-        """Plan by the model in force, whatever has become of its file."""
+        """Plan by the model in use, whatever its file holds now."""
         self._replace(self._solved(self._model, scenario, self.strategy.file))
 
-    def _solved(self, path: str, scenario: Scenario, read: ModelFile | None = None) -> Strategy:
-        config = self._config
+    def _solved(self, path: str, scenario: Scenario, file: ModelFile | None = None) -> Strategy:
         return load_strategy(
             path,
             scenario,
-            config.policy,
-            transfer=config.transfer,
-            timeout_s=config.timeout_s,
-            read=read,
+            self._settings.policy,
+            transfer=self._settings.transfer,
+            timeout_s=self._settings.timeout_s,
+            file=file,
         )
 
     def _replace(self, strategy: Strategy) -> None:
         self.strategy = strategy
-        self._ahead = likeliest_next(strategy)
         self._driver.follow(strategy.policy.probabilities)
-        self._patience.renew()
+        self._monitor.reset()
 
     def _law(self, state: int) -> ArrivalLaw:
-        """Remaining seconds from a state; never arriving, off the grid."""
+        """Remaining seconds from a state; off the grid it never arrives."""
         if state < 0:
             return ArrivalLaw(np.zeros(1), np.zeros(1), 0.0)
         return self.strategy.law_s(self.strategy.arrival.from_state(state))

@@ -1,46 +1,55 @@
-"""The strategy's plan from a model file: policy, traps, predicted arrival and the way to go."""
+"""The plan of a learned model in a scenario: policy, traps, predicted arrival and the way to go.
+
+A model that was learned on another grid transfers its reward weights by feature name and its
+outcome probabilities by model name; they mean the same only for cells and decision periods of the
+same size. Grid, flow, walls and goal are the scenario's own.
+"""
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from serd_app.navigation.usable_model import usable_model
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.chain import (
     ArrivalByState,
     ArrivalTimes,
     arrival_by_state,
     arrival_time_distribution,
+    policy_chain,
 )
 from serd_core.arrival.law import ArrivalLaw, law_in_seconds
 from serd_core.arrival.trap_states import Traps, find_traps
-from serd_core.grid.grid import Action
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Action, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
-from sim.scenario.grid import grid_of, start_states_of
+from sim.scenario.grid import grid_of, navigation_problem_of, start_states_of
 from sim.scenario.scenario import Scenario
-from storage.model_file import ModelFile
+from storage.errors import FileError
+from storage.model_file import ModelFile, load_model, require_grid
 
 SOLVERS = {"optimal": optimal_policy, "soft": soft_policy}
-#: A state that arrives in time with less than this is called a trap.
+#: A state that arrives before the time-out with less than this probability is called a trap.
 TRAP_PROBABILITY = 0.5
+_OUTCOME_NAMES = tuple(outcome.name.lower() for outcome in Outcome)
 
 
 @dataclass(frozen=True, eq=False)
 class Strategy:
     """A solved model on the grid of a scenario.
 
-    scenario: its goal area is the one planned for. entry_times_s: see `serd_core.arrival.law`.
-    transferred: whether the model was learned on another grid.
+    scenario: its goal area is the one planned for. outcome_probabilities: (M, K) in the problem's
+    order. entry_times_s: see `serd_core.arrival.law`. transferred: whether the model was learned on
+    another grid.
     """
 
     scenario: Scenario
     problem: NavigationProblem
     policy: Policy
     file: ModelFile
-    outcome_probabilities: NDArray[np.float64]
+    outcome_probabilities: FloatArray
     entry_times_s: tuple[float, ...]
     timeout_s: float
     transferred: bool = False
@@ -50,9 +59,7 @@ class Strategy:
         """Decision periods until the time-out."""
         return math.ceil(self.timeout_s / self.scenario.decision_period_s - 1e-9)
 
-    def predicted_arrival(
-        self, start_distribution: NDArray[np.float64], n_periods: int
-    ) -> ArrivalTimes:
+    def predicted_arrival(self, start_distribution: FloatArray, n_periods: int) -> ArrivalTimes:
         """Distribution of the time of arrival from (S,) start probabilities."""
         return arrival_time_distribution(
             self.problem,
@@ -76,7 +83,7 @@ class Strategy:
 
     @cached_property
     def traps(self) -> Traps:
-        """Where the policy does not lead to the goal."""
+        """The states from which the policy does not lead to the goal."""
         return find_traps(
             self.problem.grid.neighbours,
             self.policy.greedy,
@@ -85,8 +92,37 @@ class Strategy:
             TRAP_PROBABILITY,
         )
 
-    def intended_path_m(self, state: int) -> NDArray[np.float64]:
-        """(N, 2) centres of the cells the greedy policy means to cross, up to goal or a repeat."""
+    @cached_property
+    def likeliest_next(self) -> IntArray:
+        """(S,) the likeliest successor of the greedy action other than the state itself.
+
+        The state itself where the action moves nowhere.
+        """
+        mdp = self.problem.mdp
+        greedy = np.eye(mdp.n_actions)[self.policy.greedy]
+        chain = policy_chain(mdp, greedy, self.outcome_probabilities)
+        chain.setdiag(0.0)
+        moves = np.asarray(chain.max(axis=1).todense()).ravel() > 0
+        return np.where(moves, np.asarray(chain.argmax(axis=1)).ravel(), np.arange(mdp.n_states))
+
+    def cell_ahead(self, state: int, action: Action, n_cells: int) -> int:
+        """The cell to send a robot in `state` to: `n_cells` straight on by `action`, or fewer.
+
+        Only cells on the likeliest way and short of the goal; round corners the direct way may be
+        barred.
+        """
+        neighbours, goals = self.problem.grid.neighbours, self.problem.goal_states
+        ahead = int(neighbours[state, action])
+        for _ in range(n_cells - 1):
+            straight_on = int(neighbours[ahead, action])
+            likeliest = self.likeliest_next[ahead]
+            if ahead in goals or straight_on == ahead or likeliest != straight_on:
+                break
+            ahead = straight_on
+        return ahead
+
+    def intended_path_m(self, state: int) -> FloatArray:
+        """(N, 2) centres of the cells of the greedy policy, up to the goal or a repetition."""
         grid, path = self.problem.grid, [state]
         while True:
             following = int(grid.neighbours[path[-1], self.policy.greedy[path[-1]]])
@@ -102,29 +138,39 @@ def load_strategy(
     *,
     transfer: bool = False,
     timeout_s: float | None = None,
-    read: ModelFile | None = None,
+    file: ModelFile | None = None,
 ) -> Strategy:
-    """Solve the model of a file; FileError where it cannot be used in the scenario.
+    """Solve the model of a file on the scenario's own problem; FileError where it cannot be used.
 
     kind: "optimal" for the hard Bellman optimum of the learned rewards and dynamics, "soft" for
-    the expert's own stochastic policy. timeout_s: the scenario's when None. read: what the file
-    held when it was read before, to plan for another goal.
+    the stochastic policy of the expert. transfer: whether to accept a model of another grid.
+    timeout_s: the scenario's when None. file: the content of the file, read when None.
     """
-    model = usable_model(path, scenario, transfer=transfer, model=read)
-    probabilities = model.outcome_probabilities
+    file = load_model(path) if file is None else file
+    grid = grid_of(scenario)
+    transferred = file.grid.fingerprint != grid.fingerprint()
+    if transferred and not transfer:
+        require_grid(path, file, grid)
+    _require_same_scale(path, file, scenario)
+    flow = None if transferred else file.flow_on(path, grid)
+    try:
+        problem = navigation_problem_of(scenario, file.discount, file.feature_names, flow)
+    except SerdError as error:
+        raise FileError(f"{path}: {error}; learn the model again") from None
+    probabilities = _outcome_probabilities(path, file, problem)
     return Strategy(
         scenario=scenario,
-        problem=model.problem,
-        policy=SOLVERS[kind](model.problem, model.file.weights, probabilities),
-        file=model.file,
+        problem=problem,
+        policy=SOLVERS[kind](problem, file.weights, probabilities),
+        file=file,
         outcome_probabilities=probabilities,
-        entry_times_s=model.file.goal_entry_s,
+        entry_times_s=file.goal_entry_s,
         timeout_s=scenario.episode_timeout_s if timeout_s is None else timeout_s,
-        transferred=model.transferred,
+        transferred=transferred,
     )
 
 
-def start_distribution(scenario: Scenario, area: str) -> NDArray[np.float64]:
+def start_distribution(scenario: Scenario, area: str) -> FloatArray:
     """(S,) uniform over the cells of a start area in which the robot starts."""
     grid = grid_of(scenario)
     states = start_states_of(scenario, grid, area)
@@ -134,3 +180,32 @@ def start_distribution(scenario: Scenario, area: str) -> NDArray[np.float64]:
 def arrows_of(policy: Policy) -> list[Action]:
     """The greedy action of each state."""
     return [Action(int(action)) for action in policy.greedy]
+
+
+def _require_same_scale(path: str, file: ModelFile, scenario: Scenario) -> None:
+    for what, unit, there, here in (
+        ("cells", "m", file.grid.cell_size_m, scenario.cell_size_m),
+        ("decision periods", "s", file.decision_period_s, scenario.decision_period_s),
+    ):
+        if there != here:
+            raise FileError(
+                f"{path}: was learned with {what} of {there:g} {unit}, but {scenario.name!r} has "
+                f"{here:g} {unit}; its outcome probabilities hold for its own only: learn one here"
+            )
+
+
+def _outcome_probabilities(path: str, file: ModelFile, problem: NavigationProblem) -> FloatArray:
+    """(M, K) rows and columns by name."""
+    rows = {each.name: each.learned for each in file.outcome_models}
+    for kind, needed, there in (
+        ("outcome_models", problem.model_names, rows),
+        ("outcome_names", _OUTCOME_NAMES, file.outcome_names),
+    ):
+        missing = [name for name in needed if name not in there]
+        if missing:
+            raise FileError(
+                f"{path}: {kind} must have {', '.join(needed)}, but {missing[0]!r} is missing"
+                "; learn the model again"
+            )
+    columns = [file.outcome_names.index(name) for name in _OUTCOME_NAMES]
+    return np.array([[rows[name][column] for column in columns] for name in problem.model_names])

@@ -7,11 +7,12 @@ import typer
 
 from serd_app.navigation.settings import PolicyKind
 from serd_cli.demo.folder import DemoFolder, new_folder, open_folder
-from serd_cli.demo.phases import demo_environment, demonstrate, learn, navigate
+from serd_cli.demo.phases import demonstrate, learn, navigate
 from serd_cli.demo.report import report_demo
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.errors import RunError
 from serd_cli.options import option, validated
+from serd_cli.stack_run import stack_environment
 from serd_cli.terminal import progress_console
 from sim.scenario.scenario import load_scenario
 
@@ -54,10 +55,10 @@ def demo(
 
 
 def _run(folder: DemoFolder, settings: DemoSettings) -> None:
-    """Run the phases; whatever stops them leaves what is done, and says how to go on."""
+    """Run the phases; finished phases stay, and the message at an error names how to continue."""
     progress_console.print(f"results go to {folder.root}", soft_wrap=True)
     try:
-        with demo_environment(folder) as environment:
+        with stack_environment(folder.logs) as environment:
             phases = [
                 phase(folder, settings, environment) for phase in (demonstrate, learn, navigate)
             ]

@@ -9,15 +9,17 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from report.style import png_bytes
-from serd_app.navigation.settings import PolicyKind
+from serd_app.navigation.comparison import compare
+from serd_app.navigation.drive import DriveSettings, drive, finished_episodes
+from serd_app.navigation.drive_folder import claim_folder
+from serd_app.navigation.settings import NavigationSettings, PolicyKind
 from serd_app.navigation.strategy import Strategy, load_strategy
+from serd_cli.arrival_output import comparison_figure, comparison_table, remarks
 from serd_cli.errors import UsageError
-from serd_cli.navigate.comparison import compare, comparison_figure, comparison_table, remarks
-from serd_cli.navigate.in_process import drive_in_process
-from serd_cli.navigate.settings import NavigateSettings, claim_folder
-from serd_cli.navigate.through_ros import drive_through_ros
 from serd_cli.options import option, validated
+from serd_cli.output_paths import require_folder
 from serd_cli.resume_notice import results_kept_in
+from serd_cli.stack_run import run_stack, stack_environment
 from serd_cli.terminal import WorkProgress, console, print_json
 from sim.planning.catalogue import make_planner
 from sim.scenario.goal import with_goal
@@ -37,18 +39,18 @@ def navigate(
     scenario: Annotated[
         str, typer.Option(help="built-in scenario or YAML file, the model's own when not given")
     ] = "",
-    goal: str = option(NavigateSettings, "goal"),
-    start_area: str = option(NavigateSettings, "start_area"),
-    people: int | None = option(NavigateSettings, "people"),
-    episodes: int = option(NavigateSettings, "episodes"),
-    seed: int = option(NavigateSettings, "seed"),
-    timeout_s: float = option(NavigateSettings, "timeout_s"),
-    policy: PolicyKind = option(NavigateSettings, "policy"),
-    planner: str = option(NavigateSettings, "planner"),
-    transfer: bool = option(NavigateSettings, "transfer", "--transfer"),
-    lookahead: int = option(NavigateSettings, "lookahead_cells"),
-    patience: int = option(NavigateSettings, "patience_periods"),
-    minimum_probability: float = option(NavigateSettings, "minimum_arrival_probability"),
+    goal: str = option(DriveSettings, "goal"),
+    start_area: str = option(DriveSettings, "start_area"),
+    people: int | None = option(DriveSettings, "people"),
+    episodes: int = option(DriveSettings, "episodes"),
+    seed: int = option(DriveSettings, "seed"),
+    timeout_s: float = option(DriveSettings, "timeout_s"),
+    policy: PolicyKind = option(DriveSettings, "policy"),
+    planner: str = option(DriveSettings, "planner"),
+    transfer: bool = option(DriveSettings, "transfer", "--transfer"),
+    lookahead: int = option(DriveSettings, "lookahead_cells"),
+    patience: int = option(DriveSettings, "patience_periods"),
+    minimum_probability: float = option(DriveSettings, "minimum_arrival_probability"),
     ros: Annotated[bool, typer.Option("--ros", help="through ROS nodes, not in process")] = False,
     output: Annotated[
         Path | None, typer.Option(help="folder for tables and arrival.png, else nothing is kept")
@@ -62,7 +64,7 @@ def navigate(
     With --output an interrupted drive in process goes on where it stopped.
     """
     settings = validated(
-        NavigateSettings,
+        DriveSettings,
         model=str(model.resolve()),
         scenario=_scenario_of(scenario, model),
         goal=goal,
@@ -80,9 +82,14 @@ def navigate(
     )
     strategy = _strategy_of(settings)
     if output is not None:
+        require_folder(output)
         claim_folder(output, settings)
-    rows = _drive(settings, output, ros=ros)
-    found = compare(strategy, settings, rows)
+    if not ros:
+        rows = _drive_in_process(settings, output)
+    else:
+        with TemporaryDirectory() if output is None else nullcontext(str(output)) as folder:
+            rows = _drive_through_ros(settings, Path(folder))
+    found = compare(strategy, settings.start_area, rows)
     if output is not None:
         figure = comparison_figure(strategy, settings, rows)
         atomic_write_bytes(output / "arrival.png", png_bytes(figure))
@@ -106,8 +113,8 @@ def _scenario_of(given: str, model: Path) -> str:
     return str(Path(name).resolve()) if Path(name).is_file() else name
 
 
-def _strategy_of(settings: NavigateSettings) -> Strategy:
-    """The plan; every fault of what was typed is found here, before anything drives."""
+def _strategy_of(settings: DriveSettings) -> Strategy:
+    """The plan; raises the error of any bad option before anything drives."""
     scenario = with_goal(settings.place(), settings.goal)
     start_states_of(scenario, grid_of(scenario), settings.start_area)
     make_planner(settings.planner, scenario)
@@ -120,28 +127,35 @@ def _strategy_of(settings: NavigateSettings) -> Strategy:
     )
 
 
-def _drive(settings: NavigateSettings, output: Path | None, *, ros: bool) -> list[EpisodeResult]:
-    if not ros:
-        return _drive_here(settings, output)
-    with TemporaryDirectory() if output is None else nullcontext(str(output)) as folder:
-        return drive_through_ros(settings, Path(folder))
+def _drive_through_ros(settings: DriveSettings, output: Path) -> list[EpisodeResult]:
+    """Drive all episodes in lock-step; the strategy writes its tables to the folder."""
+    given = {
+        **settings.model_dump(include=set(NavigationSettings.model_fields)),
+        "start_area": settings.start_area,
+        "local_planner.planner": settings.planner,
+        "strategy.output": str(output),
+    }
+    if settings.people is not None:
+        given["people"] = settings.people
+    logs = output / "logs"
+    with stack_environment(logs) as environment:
+        run_stack("navigate", given, environment, total=settings.episodes, logs=logs)
+    return list(load_episodes(output / "episodes.csv"))
 
 
-def _drive_here(settings: NavigateSettings, output: Path | None) -> list[EpisodeResult]:
-    table = output / "episodes.csv" if output is not None else None
-    done = load_episodes(table)[: settings.episodes] if table and table.is_file() else ()
+def _drive_in_process(settings: DriveSettings, output: Path | None) -> list[EpisodeResult]:
     bar = WorkProgress(
         TextColumn("{task.description}"),
         BarColumn(bar_width=20),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
-        TextColumn("[dim]{task.fields[said]}"),
+        TextColumn("[dim]{task.fields[text]}"),
     )
-    with results_kept_in(table), bar:
-        task = bar.add_task("navigate", total=settings.episodes, completed=len(done), said="")
+    n_finished = len(finished_episodes(settings, output))
+    with results_kept_in(output), bar:
+        task = bar.add_task("navigate", total=settings.episodes, completed=n_finished, text="")
 
-        def tell(row: EpisodeResult) -> None:
-            said = f"{row.outcome} after {row.duration_s:.1f} s"
-            bar.update(task, advance=1, said=said)
+        def show(row: EpisodeResult) -> None:
+            bar.update(task, advance=1, text=f"{row.outcome} after {row.duration_s:.1f} s")
 
-        return drive_in_process(settings, output, done, tell)
+        return drive(settings, output, show)

@@ -1,36 +1,15 @@
-"""The three phases that run node stacks; each is skipped when its product is already there."""
+"""The three phases that run stacks of nodes; each is skipped when its result exists."""
 
-import os
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from typing import Any
-
-from domain_coordinator import domain_id
+from collections.abc import Mapping
 
 from report.inputs import PhaseTiming
 from serd_cli.demo.folder import DemoFolder
-from serd_cli.demo.phase_progress import PhaseProgress
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.errors import RunError
-from serd_cli.node_commands import stack_processes
-from serd_cli.supervisor import run_together
-from serd_cli.workspace import ros_environment
-from serd_ros.graph.graph import find_stack
-from serd_ros.parameters.configs import LearnerConfig
+from serd_cli.stack_run import run_stack
+from serd_ros.graph.configs import LearnerConfig
 from storage.episode_table import EpisodeResult
-
-
-@contextmanager
-def demo_environment(folder: DemoFolder) -> Iterator[dict[str, str]]:
-    """Environment of the nodes: a ROS domain nobody else uses, logs inside the folder."""
-    with domain_id() as domain:
-        environment = ros_environment(os.environ)
-        environment["ROS_DOMAIN_ID"] = str(domain)
-        environment["ROS_LOG_DIR"] = str(folder.logs / "ros")
-        environment.setdefault("OMP_NUM_THREADS", "1")
-        environment.setdefault("OPENBLAS_NUM_THREADS", "1")
-        yield environment
 
 
 def demonstrate(
@@ -47,7 +26,8 @@ def demonstrate(
             "scripted_expert.output": str(folder.demonstrations),
             "demo_recorder.output": str(folder.bag),
         }
-        _run(folder, "demonstrate", given, environment, total=settings.demonstrations)
+        total = settings.demonstrations
+        run_stack("demonstrate", given, environment, total=total, logs=folder.logs)
         _require(folder.demonstrated(settings), "demonstrate")
     return _driven("demonstrate", folder.episodes(folder.demonstrations))
 
@@ -65,8 +45,8 @@ def learn(
             "learner.output": str(folder.model),
             "decisions": str(folder.decisions),
         }
-        n_fits = len(LearnerConfig().prior_weights) + 1
-        _run(folder, "learn", given, environment, total=n_fits)
+        total = len(LearnerConfig().prior_weights) + 1
+        run_stack("learn", given, environment, total=total, logs=folder.logs)
         _require(folder.learned(), "learn")
     return PhaseTiming("learn", time.monotonic() - began_s)
 
@@ -85,27 +65,14 @@ def navigate(
             "timeout_s": settings.timeout_s,
             "strategy.output": str(folder.navigation),
         }
-        _run(folder, "navigate", given, environment, total=settings.episodes)
+        total = settings.episodes
+        run_stack("navigate", given, environment, total=total, logs=folder.logs)
         _require(folder.navigated(settings), "navigate")
     return _driven("navigate", folder.episodes(folder.navigation))
 
 
-def _run(
-    folder: DemoFolder,
-    name: str,
-    given: Mapping[str, Any],
-    environment: Mapping[str, str],
-    *,
-    total: int,
-) -> None:
-    processes = stack_processes(find_stack(name), given, environment)
-    with PhaseProgress(name, total, folder.logs / f"{name}.log") as progress:
-        run_together(processes, environment, progress.hear)
-        progress.finish()
-
-
 def _require(done: bool, name: str) -> None:
-    """A node that ends early without an error, because somebody told it to, is one all the same."""
+    """RunError where a phase ended early, even without an error of its own."""
     if not done:
         raise RunError(f"{name} ended before it was done; see logs/{name}.log")
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from bags.messages.decoded import messages_of
 from report.inputs import CrowdSnapshot, snapshot_from_history
-from serd_ros.convert.people import People, from_people_message
 from serd_ros.convert.pose import from_pose
+from serd_ros.convert.sensors import People, from_people_message
 from serd_ros.convert.stamp import stamp_ns
 from serd_ros.endpoints import topics
 

@@ -1,7 +1,11 @@
-"""Velocity commands to and from geometry_msgs/Twist and TwistStamped."""
+"""Commands of the robot and of its driver: velocities, intents and joystick states."""
 
-from geometry_msgs.msg import Twist, TwistStamped
+from collections.abc import Sequence
 
+from geometry_msgs.msg import Twist, TwistStamped, Vector3Stamped
+from sensor_msgs.msg import Joy
+
+from serd_core.grid.grid import Action, action_of_direction, direction_of_action
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import topics
 from sim.world.command import Command
@@ -26,3 +30,24 @@ def to_twist_stamped(command: Command, time_s: float) -> TwistStamped:
 def from_twist(message: Twist) -> Command:
     """The command of a Twist; what a unicycle cannot do (linear.y, ...) is ignored."""
     return Command(linear_mps=message.linear.x, angular_radps=message.angular.z)
+
+
+def to_intent(action: Action, time_s: float) -> Vector3Stamped:
+    """The unit direction of an action in the map, (0, 0) to wait."""
+    message = Vector3Stamped()
+    message.header.frame_id = topics.MAP_FRAME
+    message.header.stamp = to_stamp(time_s)
+    message.vector.x, message.vector.y = direction_of_action(action)
+    return message
+
+
+def from_intent(message: Vector3Stamped) -> Action:
+    """The action a direction means: the nearest axis."""
+    return action_of_direction(message.vector.x, message.vector.y)
+
+
+def to_joy(axes: Sequence[float], buttons: Sequence[int], time_s: float) -> Joy:
+    """A joystick's state as joy_node publishes it."""
+    message = Joy(axes=[float(axis) for axis in axes], buttons=[int(each) for each in buttons])
+    message.header.stamp = to_stamp(time_s)
+    return message

@@ -10,8 +10,8 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from serd_core.grid.grid import DIRECTION_VECTORS, Action
-from serd_ros.convert.people import People
 from serd_ros.convert.pose import to_pose
+from serd_ros.convert.sensors import People
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import topics
 

@@ -1,12 +1,29 @@
-"""(x, y, yaw) to and from geometry_msgs/PoseStamped; yaw is a rotation about z (REP 103)."""
+"""Poses, goals, paths, odometry and frames: (x, y, yaw) to and from messages (REP 103, 105)."""
 
 import math
 
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+import numpy as np
+from geometry_msgs.msg import (
+    Point,
+    Point32,
+    PolygonStamped,
+    Pose,
+    PoseStamped,
+    Quaternion,
+    TransformStamped,
+)
+from nav_msgs.msg import Odometry, Path
+from numpy.typing import NDArray
 
+from bags.messages.plain import yaw_of_quaternion
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import topics
+from serd_ros.errors import NodeError
+from sim.scenario.goal import Area
+from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
+
+PlanarPose = tuple[float, float, float]
 
 
 def to_quaternion(yaw_rad: float) -> Quaternion:
@@ -14,13 +31,7 @@ def to_quaternion(yaw_rad: float) -> Quaternion:
     return Quaternion(x=0.0, y=0.0, z=math.sin(yaw_rad / 2), w=math.cos(yaw_rad / 2))
 
 
-def yaw_of(quaternion: Quaternion) -> float:
-    """Yaw (rad, in [-pi, pi]) of a rotation; roll and pitch are ignored."""
-    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
-def to_pose(pose: tuple[float, float, float]) -> Pose:
+def to_pose(pose: PlanarPose) -> Pose:
     """(x_m, y_m, yaw_rad) as a geometry_msgs/Pose."""
     x_m, y_m, yaw_rad = pose
     return Pose(
@@ -28,12 +39,14 @@ def to_pose(pose: tuple[float, float, float]) -> Pose:
     )
 
 
-def from_pose(message: Pose) -> tuple[float, float, float]:
+def from_pose(message: Pose) -> PlanarPose:
     """(x_m, y_m, yaw_rad) of a geometry_msgs/Pose."""
-    return message.position.x, message.position.y, yaw_of(message.orientation)
+    turn = message.orientation
+    yaw_rad = yaw_of_quaternion(turn.x, turn.y, turn.z, turn.w)
+    return message.position.x, message.position.y, yaw_rad
 
 
-def to_pose_stamped(pose: tuple[float, float, float], time_s: float) -> PoseStamped:
+def to_pose_stamped(pose: PlanarPose, time_s: float) -> PoseStamped:
     """A pose in the map at a time."""
     message = PoseStamped(pose=to_pose(pose))
     message.header.frame_id = topics.MAP_FRAME
@@ -49,3 +62,84 @@ def to_waypoint_message(waypoint: Waypoint, time_s: float) -> PoseStamped:
 def from_waypoint_message(message: PoseStamped) -> Waypoint:
     """The waypoint a message names."""
     return Waypoint(x_m=message.pose.position.x, y_m=message.pose.position.y)
+
+
+def to_transform(parent: str, child: str, pose: PlanarPose, time_s: float) -> TransformStamped:
+    """The frame `child` lies at (x_m, y_m, yaw_rad) in `parent`."""
+    message = TransformStamped()
+    message.header.frame_id, message.header.stamp = parent, to_stamp(time_s)
+    message.child_frame_id = child
+    message.transform.translation.x = float(pose[0])
+    message.transform.translation.y = float(pose[1])
+    message.transform.rotation = to_quaternion(pose[2])
+    return message
+
+
+def odom_in_map(base_in_map: PlanarPose, base_in_odom: PlanarPose) -> PlanarPose:
+    """Where the odometry's frame lies, T_map_odom = T_map_base T_odom_base^-1."""
+    yaw = base_in_map[2] - base_in_odom[2]
+    x_m, y_m = base_in_odom[0], base_in_odom[1]
+    return (
+        base_in_map[0] - (math.cos(yaw) * x_m - math.sin(yaw) * y_m),
+        base_in_map[1] - (math.sin(yaw) * x_m + math.cos(yaw) * y_m),
+        math.atan2(math.sin(yaw), math.cos(yaw)),
+    )
+
+
+def to_odometry(observation: Observation, odometry_pose: PlanarPose) -> Odometry:
+    """Odometry at the observation's time. odometry_pose: (x_m, y_m, yaw_rad) in the odom frame."""
+    message = Odometry()
+    message.header.stamp = to_stamp(observation.time_s)
+    message.header.frame_id = topics.ODOM_FRAME
+    message.child_frame_id = topics.BASE_FRAME
+    message.pose.pose = to_pose(odometry_pose)
+    message.twist.twist.linear.x = float(observation.speed_mps)
+    message.twist.twist.angular.z = float(observation.yaw_rate_radps)
+    return message
+
+
+def speeds_of(message: Odometry) -> tuple[float, float]:
+    """(speed_mps, yaw_rate_radps) of the robot."""
+    return message.twist.twist.linear.x, message.twist.twist.angular.z
+
+
+def from_goal_message(message: PoseStamped) -> tuple[float, float]:
+    """(x_m, y_m) of a goal in the map; NodeError for another frame."""
+    frame = message.header.frame_id
+    if frame != topics.MAP_FRAME:
+        raise NodeError(
+            f"goal_pose must be in the frame {topics.MAP_FRAME!r}, got {frame!r}"
+            "; set RViz's fixed frame to it or transform the goal"
+        )
+    return message.pose.position.x, message.pose.position.y
+
+
+def to_goal_area_message(area_m: Area, time_s: float) -> PolygonStamped:
+    """The goal area in the map; its corners are kept in single precision."""
+    message = PolygonStamped()
+    message.header.frame_id = topics.MAP_FRAME
+    message.header.stamp = to_stamp(time_s)
+    message.polygon.points = [Point32(x=float(x), y=float(y), z=0.0) for x, y in area_m]
+    return message
+
+
+def from_goal_area_message(message: PolygonStamped, own_area_m: Area) -> Area:
+    """The area of a message; `own_area_m` where it is that one, whose corners may be finer."""
+    area_m = tuple((point.x, point.y) for point in message.polygon.points)
+    own = np.asarray(own_area_m, dtype=np.float32)
+    if own.shape == (len(area_m), 2) and np.array_equal(own, np.asarray(area_m, np.float32)):
+        return own_area_m
+    return area_m
+
+
+def to_path(points_m: NDArray[np.float64], time_s: float) -> Path:
+    """(N, 2) points in the map as a path; each pose looks along its next leg."""
+    legs = np.diff(points_m, axis=0, append=points_m[-1:]) if len(points_m) else points_m
+    yaws = np.arctan2(legs[:, 1], legs[:, 0]) if len(points_m) else np.zeros(0)
+    message = Path()
+    message.header.frame_id = topics.MAP_FRAME
+    message.header.stamp = to_stamp(time_s)
+    message.poses = [
+        to_pose_stamped((x, y, yaw), time_s) for (x, y), yaw in zip(points_m, yaws, strict=True)
+    ]
+    return message

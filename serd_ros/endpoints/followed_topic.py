@@ -1,7 +1,7 @@
-"""A topic heard raw, with whatever quality of service its publishers offer.
+"""A raw subscription with the quality of service that the publishers of its topic offer.
 
-A reader hears a publisher only where it asks for no more than is offered: for messages sent again
-(reliable) or from before it came (transient local). So it asks for what all publishers offer.
+A subscription matches a publisher when it requests no more than is offered: reliability, and
+messages from before it was made (transient local). So it requests what all publishers offer.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -10,10 +10,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from serd_ros.endpoints.bag_topics import recording_qos
-from serd_ros.endpoints.qos import STATE_DEPTH
+from serd_ros.endpoints.qos import STATE_DEPTH, recording_qos
 from serd_ros.endpoints.topic_types import TopicType
-from serd_ros.endpoints.waiting_messages import waiting_messages
 
 _RELIABLE = ReliabilityPolicy.RELIABLE
 _LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
@@ -97,3 +95,9 @@ class FollowedTopic:
         self._subscription = self._node.create_subscription(
             self.kind.message, self.name, lambda data: self._take(self.name, data), asks, raw=True
         )
+
+
+def waiting_messages(subscription: Subscription) -> Iterator[bytes]:
+    """The raw messages that still wait; works until the node is destroyed, also after a signal."""
+    while (found := subscription.handle.take_message(subscription.msg_type, True)) is not None:
+        yield bytes(found[0])

@@ -3,6 +3,7 @@
 A topic of this stack goes by its name, any other as `topic:package/msg/Type`.
 """
 
+import importlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +13,6 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from bags.rosbag2.message_types import message_type
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.bag_topics import message_class
 from serd_ros.errors import NodeError
 from storage.nearest import hint
 
@@ -103,3 +103,12 @@ def named_topic(text: str, *, stamped_cmd_vel: bool) -> tuple[str, TopicType]:
         reason = str(error).splitlines()[0].rstrip(".:")
         raise NodeError(f"topics: {topic!r} must be a topic name, {reason}; correct it") from None
     return topic, TopicType(type_name)
+
+
+def message_class(type_name: str) -> Any | None:
+    """The class of package/msg/Type, None where its package is not installed."""
+    package, _, name = type_name.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name, None)
+    except ImportError:
+        return None

@@ -1,8 +1,6 @@
-"""A node that drives episodes: resets the world, decides once per period, writes what came of it.
+"""A node that drives episodes: resets the world, decides once per period, writes the results.
 
-The scripted expert and the strategy are this node with another driver and another topic to steer
-by. Nothing sleeps: the first reset waits until the nodes it needs are there and all endpoints
-between them are matched.
+The scripted expert and the strategy are this node with different drivers and steering topics.
 """
 
 from abc import abstractmethod
@@ -10,30 +8,25 @@ from pathlib import Path
 from typing import TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.task import Future
-from std_srvs.srv import Trigger
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.diagnostics import values_of
-from serd_ros.convert.episode_mark import END, START, EpisodeMark, to_episode_message
-from serd_ros.convert.reset_reply import ResetReply, from_reset_sentence
+from serd_ros.convert.diagnostics import END, START, values_of
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import subscribe_observations
-from serd_ros.episodes.result import episode_result
-from serd_ros.graph.readiness import Readiness
-from serd_ros.parameters.configs import DriverConfig
+from serd_ros.episodes.starter import EpisodeStarter
+from serd_ros.graph.configs import DriverConfig
+from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.serd_node import SerdNode
 from sim.drivers.catalogue import Driver
 from sim.episodes.progress import Ending, EpisodeProgress
+from sim.episodes.result import EpisodeStart, observed_result
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.world.observation import Observation
 from sim.world.waypoint import is_decision_tick
 from storage.episode_table import EpisodeResult, save_episodes
 
 Config = TypeVar("Config", bound=DriverConfig)
-_LOOK_AGAIN_S = 0.1
-_SAY_AGAIN_S = 5.0
 _CLOCK_ROUNDING_S = 1e-6
 
 
@@ -45,31 +38,36 @@ class EpisodeDriverNode(SerdNode[Config]):
         self.scenario: Scenario = load_scenario(self.config.scenario)
         self.driver: Driver = self.make_driver()
         self._results: list[EpisodeResult] = []
-        self._running: ResetReply | None = None
+        self._running: EpisodeStart | None = None
         self._progress: EpisodeProgress | None = None
         self._waiting: Observation | None = None
         self._decision: tuple[int, Action] | None = None
         self._ending: tuple[Ending, Observation] | None = None
         self._reason = ""
         self._world_report: tuple[int, dict[str, str]] | None = None
-        self._said_wall_s = self.wall_s()
         self._started_wall_s = 0.0
-        self._marks = self.create_publisher(DiagnosticArray, topics.EPISODE, qos.STATE)
-        self._reset = self.create_client(Trigger, topics.RESET)
+        self._waited_for = ""
         self.create_subscription(
             DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
         )
         subscribe_observations(self, self.scenario.control_period_s, self._on_observation)
-        self._readiness = Readiness(self, self.config.required_nodes, self.wall_s())
-        self._look = self.create_timer(_LOOK_AGAIN_S, self._begin_when_ready, clock=self.wall_clock)
+        self._starter = EpisodeStarter(
+            self,
+            self.config.required_nodes,
+            on_ready=self._next_episode,
+            on_start=self._begin_episode,
+            on_wait=self._log_waiting,
+            needs_reset=self.resets_world,
+        )
+        self._starter.wait()
 
     @abstractmethod
     def make_driver(self) -> Driver:
-        """Who decides."""
+        """The driver that decides."""
 
     @abstractmethod
     def steer(self, observation: Observation, action: Action) -> None:
-        """Tell the local planner, with the observation's stamp."""
+        """Publish the action for the local planner, with the observation's stamp."""
 
     def give_up_reason(self) -> str:
         """Why the episode is given up at the decision just taken; empty to go on."""
@@ -78,58 +76,52 @@ class EpisodeDriverNode(SerdNode[Config]):
     def episode_ended(self, result: EpisodeResult) -> None:
         """Called with every finished episode, before the next begins."""
 
-    def aim(self, scenario: Scenario) -> None:
-        """Let episodes end in another goal area from now on, the running one too."""
+    def set_scenario(self, scenario: Scenario) -> None:
+        """End episodes in the goal area of this scenario from now on, the running one too."""
         self.scenario = scenario
         if self._progress is not None:
             self._progress.set_goal(scenario.goal_area_m)
 
-    def _begin_when_ready(self) -> None:
-        """Wait for the graph, then begin the first episode."""
-        missing = self._readiness.missing(self.wall_s()) or self.missing_for_episode()
-        if missing:
-            self._say_waiting(missing)
-        else:
-            self._look.cancel()
-            self._next_episode()
-
-    def _say_waiting(self, missing: str) -> None:
-        if self.wall_s() - self._said_wall_s > _SAY_AGAIN_S:
-            self._said_wall_s = self.wall_s()
+    def _log_waiting(self, missing: str) -> None:
+        if missing != self._waited_for:
+            self._waited_for = missing
             self.get_logger().info(f"waiting for {missing}")
+            write_progress(Progress(text=f"waiting for {missing}"))
 
     @property
     def ready(self) -> bool:
         """Whether all that episodes need is there."""
-        return bool(self._look.is_canceled())
+        return not self._starter.waiting
+
+    @property
+    def n_finished(self) -> int:
+        """How many episodes have ended."""
+        return len(self._results)
 
     @property
     def driving(self) -> bool:
-        """Whether an episode is under way."""
+        """Whether an episode is running."""
         return self._running is not None
 
-    def missing_for_episode(self) -> str:
-        """What an episode cannot begin without, beside nodes and endpoints; empty when ready."""
-        return "" if self._reset.service_is_ready() else "the reset service"
+    @property
+    def resets_world(self) -> bool:
+        """Whether the world is reset before each episode."""
+        return True
 
     def _next_episode(self) -> None:
         self._running, self._progress, self._decision, self._ending = None, None, None, None
         self._reason = ""
-        self.ask_for_episode()
+        self.request_episode()
 
-    def ask_for_episode(self) -> None:
-        """Have the world reset; whoever begins otherwise calls `begin_episode` when it is time."""
-        self._reset.call_async(Trigger.Request()).add_done_callback(self._on_reset)
+    def request_episode(self) -> None:
+        """Request the next episode; a node that does not reset the world calls `begin_episode`."""
+        self._starter.reset_world()
 
-    def _on_reset(self, future: Future) -> None:
-        reply = future.result()
-        if not reply.success:
-            self._say_waiting(reply.message)
-            self._look.reset()
-            return
-        self.begin_episode(from_reset_sentence(reply.message))
+    def begin_episode(self, episode: EpisodeStart) -> None:
+        """Begin an episode without a reset."""
+        self._starter.begin(episode)
 
-    def begin_episode(self, episode: ResetReply) -> None:
+    def _begin_episode(self, episode: EpisodeStart) -> None:
         """Drive from the episode's first observation on, which may be here already."""
         self._running = episode
         self.driver.begin(episode.episode)
@@ -178,7 +170,7 @@ class EpisodeDriverNode(SerdNode[Config]):
             self._finish_when_reported()
 
     def _finish_when_reported(self) -> None:
-        """End the episode once the world's own count of contacts at its last tick is here."""
+        """End the episode when the world's count of contacts at its last tick has arrived."""
         if self._ending is None or self._running is None:
             return
         ending, observation = self._ending
@@ -188,7 +180,7 @@ class EpisodeDriverNode(SerdNode[Config]):
         self._mark(END, observation, ending)
         self._results.append(self._result(ending, report))
         self.save_results()
-        self._tell(self._results[-1])
+        self._log_result(self._results[-1])
         self.episode_ended(self._results[-1])
         if len(self._results) < self.config.episodes:
             self._next_episode()
@@ -197,7 +189,7 @@ class EpisodeDriverNode(SerdNode[Config]):
             self.finish(0)
 
     def world_report(self, observation: Observation) -> dict[str, str] | None:
-        """What the world counted up to an observation; None while it has not said so yet."""
+        """The world's counts up to an observation; None while they have not arrived."""
         if self._world_report is None:
             return None
         time_ns, report = self._world_report
@@ -206,7 +198,7 @@ class EpisodeDriverNode(SerdNode[Config]):
     def _result(self, ending: Ending, report: dict[str, str]) -> EpisodeResult:
         assert self._running is not None
         assert self._progress is not None
-        return episode_result(
+        return observed_result(
             self._running,
             self._progress,
             report,
@@ -221,23 +213,16 @@ class EpisodeDriverNode(SerdNode[Config]):
         if self.config.output:
             save_episodes(Path(self.config.output) / "episodes.csv", self._results)
 
-    def _tell(self, result: EpisodeResult) -> None:
-        self.get_logger().info(
-            f"episode {len(self._results)} of {self.config.episodes}: {result.outcome}"
-            f"{f' ({result.reason})' if result.reason else ''} after {result.duration_s:.1f} s "
+    def _log_result(self, result: EpisodeResult) -> None:
+        ending = f"{result.outcome} ({result.reason})" if result.reason else result.outcome
+        text = (
+            f"{ending} after {result.duration_s:.1f} s "
             f"({result.duration_s / result.wall_s:.1f} times real time)"
         )
+        self.get_logger().info(f"episode {self.n_finished} of {self.config.episodes}: {text}")
+        write_progress(Progress(text=text, done=self.n_finished))
 
     def _mark(self, event: str, observation: Observation, outcome: str = "") -> None:
-        assert self._running is not None
-        mark = EpisodeMark(
-            event=event,
-            time_s=observation.time_s,
-            episode=self._running.episode,
-            driver=self.driver.name,
-            seed=self._running.seed,
-            start_area=self._running.start_area,
-            outcome=outcome,
-            reason=self._reason,
+        self._starter.mark(
+            event, observation.time_s, self.driver.name, outcome=outcome, reason=self._reason
         )
-        self._marks.publish(to_episode_message(mark))

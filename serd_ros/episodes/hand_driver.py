@@ -1,10 +1,10 @@
-"""What the keyboard and the page share: a person drives, by directions or by velocities.
+"""Base of teleop_keyboard and teleop_page: a person drives by directions or by velocities.
 
-By directions the choice becomes an `intent` at each decision tick: in an episode of this driver's
-from the first direction on, waits included, and else only when something is chosen. By velocities
-`cmd_vel_teleop` is published. As long as somebody is there to drive by directions, `driver_gone`
-says false; else the mux locks the planner, within its timeout even when this process has died.
-While the mux reports the e-stop nothing is decided: what the robot does then is nobody's wish.
+By directions, the choice becomes an `intent` at each decision tick: in an episode of this driver
+from the first direction on, waits included, otherwise only when a direction is chosen. By
+velocities, `cmd_vel_teleop` is published. While a person is present and drives by directions,
+`driver_gone` is published as false; otherwise the mux locks the planner, within its timeout even
+when this process has died. While the mux reports the e-stop no intent is published.
 """
 
 from abc import abstractmethod
@@ -15,13 +15,12 @@ from geometry_msgs.msg import Twist, Vector3Stamped
 from std_msgs.msg import Bool
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.command import to_twist
+from serd_ros.convert.command import to_intent, to_twist
 from serd_ros.convert.diagnostics import values_of
-from serd_ros.convert.intent import to_intent
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import subscribe_observations
-from serd_ros.episodes.control import EpisodeControl
-from serd_ros.parameters.configs import HandDriverConfig
+from serd_ros.episodes.person_episodes import PersonEpisodes
+from serd_ros.graph.configs import HandDriverConfig
 from serd_ros.process.serd_node import SerdNode
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP, Command
@@ -34,7 +33,7 @@ _BEAT_PERIOD_S = 0.05
 
 
 class HandDriverNode(SerdNode[Config]):
-    """A front end reads its person's wishes in `attend`, called 20 times a second."""
+    """A front end reads the input of its person in `attend`, called 20 times a second."""
 
     def __init__(self, kind: str, config_class: type[Config]) -> None:
         super().__init__(kind, config_class)
@@ -42,15 +41,15 @@ class HandDriverNode(SerdNode[Config]):
         self.mode: Mode = self.config.mode
         self.choice = DirectionChoice()
         self.observation: Observation | None = None
-        self.episodes = EpisodeControl(
+        self.episodes = PersonEpisodes(
             self,
             self.scenario,
             driver=self.config.driver,
             timeout_s=self.config.timeout_s,
             required_nodes=self.config.required_nodes,
-            tell=self.tell,
+            notify=self.notify,
         )
-        self._was_there = self._has_decided = self._is_moving = self._is_e_stopped = False
+        self._was_present = self._has_decided = self._is_moving = self._is_e_stopped = False
         self._intents = self.create_publisher(Vector3Stamped, topics.INTENT, qos.STATE)
         self._velocities = self.create_publisher(Twist, topics.CMD_VEL_TELEOP, qos.COMMAND)
         self._gone = self.create_publisher(Bool, topics.DRIVER_GONE, qos.COMMAND)
@@ -63,11 +62,11 @@ class HandDriverNode(SerdNode[Config]):
 
     @abstractmethod
     def attend(self) -> bool:
-        """Read what the person wants; whether somebody is there to drive."""
+        """Read the input; whether a person is present."""
 
     @abstractmethod
-    def tell(self, sentence: str) -> None:
-        """Say something to the person."""
+    def notify(self, sentence: str) -> None:
+        """Show a sentence to the person."""
 
     def set_e_stop(self, engaged: bool) -> None:
         """Engage the emergency stop, or release it."""
@@ -86,15 +85,15 @@ class HandDriverNode(SerdNode[Config]):
         self._velocities.publish(to_twist(command))
 
     def _beat(self) -> None:
-        there = self.attend()
-        if there and self.mode == "directions" and self._has_decided:
+        present = self.attend()
+        if present and self.mode == "directions" and self._has_decided:
             self._gone.publish(Bool(data=False))
-        if self._was_there and not there:
+        if self._was_present and not present:
             self._stop_moving()
-        self._was_there = there
+        self._was_present = present
 
     def _stop_moving(self) -> None:
-        """Whatever moves the robot for this driver ends now."""
+        """End every motion of this driver."""
         self.choice.clear()
         if self.mode == "velocity":
             self.drive(STOP)
@@ -110,14 +109,14 @@ class HandDriverNode(SerdNode[Config]):
 
     def _on_observation(self, observation: Observation) -> None:
         if self.observation is None:
-            self.tell("the world runs: drive, or start an episode")
+            self.notify("the world is running: drive, or start an episode")
         self.observation = observation
         self.episodes.see(observation)
         if self.mode == "directions" and is_decision_tick(observation, self.scenario):
             self._decide(observation)
 
     def _decide(self, observation: Observation) -> None:
-        if not self._was_there or self._is_e_stopped or self.episodes.other_driver:
+        if not self._was_present or self._is_e_stopped or self.episodes.other_driver:
             return
         action = self.choice.decide()
         chosen = action != Action.WAIT

@@ -1,4 +1,4 @@
-"""What the page shows of the graph: world, intent, waypoint, who drives, what is recorded."""
+"""The state that the page shows: world, intent, waypoint, episode, mux and recorder."""
 
 from typing import Any
 
@@ -7,12 +7,12 @@ from geometry_msgs.msg import PoseStamped, Vector3Stamped
 from sensor_msgs.msg import LaserScan
 
 from serd_core.grid.grid import Action, Grid
+from serd_ros.convert.command import from_intent
 from serd_ros.convert.diagnostics import values_of
-from serd_ros.convert.intent import from_intent
 from serd_ros.convert.pose import from_waypoint_message
-from serd_ros.convert.scan import ranges_of
+from serd_ros.convert.sensors import ranges_of
 from serd_ros.endpoints import qos, topics
-from serd_ros.episodes.control import EpisodeControl
+from serd_ros.episodes.person_episodes import PersonEpisodes
 from serd_ros.process.serd_node import SerdNode
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario
@@ -25,7 +25,7 @@ _STALE_S = 1.0
 
 
 class PageView:
-    """Subscribes what the front end itself does not need, and puts a state together."""
+    """Subscribes to what the front end itself does not need, and composes the state."""
 
     def __init__(self, node: SerdNode[Any], scenario: Scenario) -> None:
         self.grid: Grid = grid_of(scenario)
@@ -43,7 +43,7 @@ class PageView:
             DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
         )
 
-    def state(self, observation: Observation | None, episodes: EpisodeControl) -> dict[str, Any]:
+    def state(self, observation: Observation | None, episodes: PersonEpisodes) -> dict[str, Any]:
         """Everything the page needs to draw itself."""
         now_s = self._node.wall_s()
         if observation is not self._observation:
@@ -82,11 +82,11 @@ class PageView:
         self._waypoint = from_waypoint_message(message)
 
 
-def _episode_values(episodes: EpisodeControl) -> dict[str, Any]:
+def _episode_values(episodes: PersonEpisodes) -> dict[str, Any]:
     session, tally = episodes.session, episodes.tally
     return {
         "phase": session.phase,
-        "number": None if episodes.episode is None else episodes.episode.episode,
+        "number": episodes.number,
         "outcome": session.outcome,
         "duration_s": round(session.duration_s, 1),
         "decisions": episodes.n_decisions,

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from serd_ros.errors import NodeError
-from serd_ros.parameters.configs import CONFIGS
+from serd_ros.graph.configs import CONFIGS
 from storage.nearest import hint
 from storage.yaml_config import StrictModel, load_yaml_model
 

@@ -10,20 +10,19 @@ import sys
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
-from bags.playback import Excerpt, Playback
+from bags.playback import Excerpt, Playback, UntilDamage
 from bags.reader import BagReader
 from bags.topic import RawMessage, selected_topics
 from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.replay_publishers import ReplayPublishers
 from serd_ros.errors import NodeError
+from serd_ros.graph.configs import BagReplayConfig
 from serd_ros.graph.readiness import Readiness
-from serd_ros.parameters.configs import BagReplayConfig
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
-from serd_ros.replay.keys import RATE_FACTORS, ReplayKey, ReplayKeys
-from serd_ros.replay.publishers import ReplayPublishers
-from serd_ros.replay.until_damage import UntilDamage
+from teleop.replay_keys import RATE_FACTORS, ReplayKey, ReplayKeys
 
 _TURN_S = 0.005
 _AT_ONCE = 200

@@ -18,11 +18,11 @@ from bags.recorder import BagRecorder, RecorderSettings
 from serd_core.errors import SerdError
 from serd_ros.convert.diagnostics import ERROR, OK, WARN
 from serd_ros.endpoints import topics
-from serd_ros.endpoints.bag_topics import bag_qos
 from serd_ros.endpoints.followed_topic import FollowedTopic
+from serd_ros.endpoints.qos import bag_qos
 from serd_ros.endpoints.topic_types import named_topic
 from serd_ros.errors import NodeError
-from serd_ros.parameters.configs import DemoRecorderConfig
+from serd_ros.graph.configs import DemoRecorderConfig
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 

@@ -5,23 +5,22 @@ import sys
 from geometry_msgs.msg import PolygonStamped
 from std_srvs.srv import SetBool, Trigger
 
-from serd_ros.convert.goal import from_goal_area_message
-from serd_ros.convert.reset_reply import ResetReply, to_reset_sentence
+from serd_ros.convert.pose import from_goal_area_message
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.world_loop import LiveLoop, LockstepLoop, WorldLoop
+from serd_ros.endpoints.world_publisher import WorldPublisher
+from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.graph.readiness import Readiness
-from serd_ros.parameters.configs import HallwaySimConfig
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
-from serd_ros.world.loop import LiveLoop, LockstepLoop, WorldLoop
-from serd_ros.world.publisher import WorldPublisher
+from sim.episodes.result import EpisodeStart
 from sim.scenario.goal import with_goal
 from sim.scenario.scenario import load_scenario
 from sim.world.world import HallwayWorld
 
 
 class HallwaySim(SerdNode[HallwaySimConfig]):
-    """Holds the world; `reset` begins its next episode (once all who must listen do), `pause` stops
-    its time."""
+    """Holds the world; `reset` begins its next episode, `pause` stops its time."""
 
     def __init__(self) -> None:
         super().__init__("hallway_sim", HallwaySimConfig)
@@ -42,28 +41,33 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
             self._begin_episode()
             self.get_logger().info(
                 f"{scenario.name} with {scenario.pedestrians.count} people, seed "
-                f"{self.config.seed}: the robot listens to {topics.CMD_VEL}"
+                f"{self.config.seed}; the robot follows {topics.CMD_VEL}"
             )
 
     def close(self) -> None:
-        """Give PyBullet's world back."""
+        """Close PyBullet's world."""
         self._world.close()
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         missing = self._readiness.missing(self.wall_s())
         response.success = not missing
-        response.message = missing or to_reset_sentence(self._begin_episode())
+        response.message = missing or self._begin_episode().model_dump_json()
         return response
 
-    def _begin_episode(self) -> ResetReply:
+    def _begin_episode(self) -> EpisodeStart:
         episode = self._next_episode
         start = self._world.reset(episode, self.config.start_area)
         self._next_episode += 1
         self._loop.begin()
-        return ResetReply(episode, self.config.seed, self.config.start_area, start.time_s)
+        return EpisodeStart(
+            episode=episode,
+            seed=self.config.seed,
+            start_area=self.config.start_area,
+            start_s=start.time_s,
+        )
 
     def _on_goal(self, message: PolygonStamped) -> None:
-        """The driver's goal: where an episode ends, and a world in lock-step stands still."""
+        """Set the goal of the driver: where an episode ends and a world in lock-step stops."""
         self._world.set_goal(from_goal_area_message(message, self._world.scenario.goal_area_m))
         self._loop.goal_moved()
 

@@ -21,7 +21,8 @@ from serd_core.errors import SerdError
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.topic_types import topic_type
-from serd_ros.parameters.configs import LearnerConfig
+from serd_ros.graph.configs import LearnerConfig
+from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from sim.scenario.grid import grid_of
@@ -153,7 +154,9 @@ class LearnerNode(SerdNode[LearnerConfig]):
             self.config.bag, grid_of(self._scenario), self._scenario.decision_period_s
         )
         decisions = demonstrations.decisions
-        self.get_logger().info(f"{len(decisions)} decisions from {self.config.bag}: {report}")
+        text = f"{len(decisions)} decisions from {self.config.bag}: {report}"
+        self.get_logger().info(text)
+        write_progress(Progress(text=text))
         if self.config.decisions:
             save_decisions(self.config.decisions, decisions)
         return demonstrations
@@ -172,11 +175,14 @@ class LearnerNode(SerdNode[LearnerConfig]):
             "seconds": self.wall_s() - self._begun_s,
         }
         self.report(0.0, values, message="learning")
-        self.get_logger().info(
-            f"fit {progress.number} of {progress.total}, step {step.number}: objective "
-            f"{step.objective:.4f} per decision, gradient {step.gradient_norm:.1e}",
-            throttle_duration_sec=1.0,
+        text = (
+            f"step {step.number}: objective {step.objective:.4f} per decision, "
+            f"gradient {step.gradient_norm:.1e}"
         )
+        self.get_logger().info(
+            f"fit {progress.number} of {progress.total}, {text}", throttle_duration_sec=1.0
+        )
+        write_progress(Progress(text=text, done=progress.number - 1))
 
     def _conclude(self, outcome: FitOutcome) -> None:
         save_outcome(Path(self.config.output), outcome, self._task.problem.grid)

@@ -11,20 +11,19 @@ from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, Vector3Stamped
 from sensor_msgs.msg import LaserScan
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.command import to_twist, to_twist_stamped
+from serd_ros.convert.command import from_intent, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.intent import from_intent
 from serd_ros.convert.pose import from_waypoint_message
-from serd_ros.convert.scan import ranges_of
+from serd_ros.convert.sensors import ranges_of
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import subscribe_observations
-from serd_ros.endpoints.scan_matcher import ScanMatcher
+from serd_ros.graph.configs import LocalPlannerConfig
+from serd_ros.graph.parameters import accept_changes
 from serd_ros.graph.readiness import Readiness
-from serd_ros.parameters.configs import LocalPlannerConfig
-from serd_ros.parameters.params import accept_changes
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
+from sim.perception.scan_matcher import ScanMatcher
 from sim.planning.catalogue import make_planner
 from sim.planning.local_planner import PlannerStatus
 from sim.scenario.grid import grid_of

@@ -14,14 +14,13 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.action import ActionClient
 
+from serd_app.navigation.nav2_goals import Nav2Goals, Target
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.frames import Pose, odom_in_map, to_transform
-from serd_ros.convert.pose import from_pose, to_pose_stamped
+from serd_ros.convert.pose import PlanarPose, from_pose, odom_in_map, to_pose_stamped, to_transform
 from serd_ros.convert.stamp import stamp_ns
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.nav2_goals import Nav2Goals, Target
 from serd_ros.errors import NodeError
-from serd_ros.parameters.configs import Nav2BridgeConfig
+from serd_ros.graph.configs import Nav2BridgeConfig
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 
@@ -52,7 +51,7 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
             self.create_subscription(PoseStamped, topics.ROBOT_POSE, self._on_pose, qos.STATE)
         self.create_timer(_WATCH_S, self._watch, clock=self.wall_clock)
 
-    _odom_pose: Pose | None
+    _odom_pose: PlanarPose | None
 
     def close(self) -> None:
         """Do not leave Nav2 driving."""

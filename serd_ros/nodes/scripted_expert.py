@@ -5,10 +5,10 @@ import sys
 from geometry_msgs.msg import Vector3Stamped
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.intent import to_intent
+from serd_ros.convert.command import to_intent
 from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.driver import EpisodeDriverNode
-from serd_ros.parameters.configs import ScriptedExpertConfig
+from serd_ros.graph.configs import ScriptedExpertConfig
 from serd_ros.process.run_node import run_node
 from sim.drivers.catalogue import Driver, make_driver
 from sim.world.observation import Observation

@@ -7,7 +7,7 @@ from sensor_msgs.msg import Joy
 
 from serd_ros.convert.command import to_twist
 from serd_ros.endpoints import qos, topics
-from serd_ros.parameters.configs import TeleopJoyConfig
+from serd_ros.graph.configs import TeleopJoyConfig
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from teleop.joy_mapping import JoyDriver, load_joy_mapping

@@ -3,7 +3,7 @@
 import sys
 
 from serd_ros.episodes.hand_driver import HandDriverNode
-from serd_ros.parameters.configs import TeleopKeyboardConfig
+from serd_ros.graph.configs import TeleopKeyboardConfig
 from serd_ros.process.run_node import run_node
 from teleop.errors import TeleopError
 from teleop.keyboard import HELP, KEY_COMMANDS, KEY_DIRECTIONS, KeyCommand, VelocityKeys
@@ -20,14 +20,14 @@ class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):
         self._keys = KeyNames()
         self._velocity = VelocityKeys(config.speed_mps, config.turn_radps, config.key_timeout_s)
         self._terminal = RawTerminal(config.terminal)
-        self.tell(f"driving by {self.mode}\n{HELP}")
+        self.notify(f"driving by {self.mode}\n{HELP}")
 
     def close(self) -> None:
         """Restore the terminal."""
         if self._terminal is not None:
             self._terminal.close()
 
-    def tell(self, sentence: str) -> None:
+    def notify(self, sentence: str) -> None:
         """Print it; the terminal shows what this process says on stderr."""
         print(sentence, file=sys.stderr, flush=True)
 
@@ -65,12 +65,12 @@ class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):
                 self.episodes.discard()
             elif wanted is KeyCommand.SWITCH_MODE:
                 self.set_mode("velocity" if self.mode == "directions" else "directions")
-                self.tell(f"driving by {self.mode}")
+                self.notify(f"driving by {self.mode}")
             else:
                 self.set_e_stop(wanted is KeyCommand.E_STOP)
-                self.tell(wanted.value)
+                self.notify(wanted.value)
         except TeleopError as error:
-            self.tell(str(error))
+            self.notify(str(error))
 
 
 def main() -> int:

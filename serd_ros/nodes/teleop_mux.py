@@ -14,7 +14,7 @@ from std_srvs.srv import SetBool
 from serd_ros.convert.command import from_twist, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
-from serd_ros.parameters.configs import TeleopMuxConfig
+from serd_ros.graph.configs import TeleopMuxConfig
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from teleop.mux_settings import load_mux

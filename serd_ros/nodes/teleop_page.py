@@ -10,11 +10,11 @@ from typing import Any
 from sensor_msgs.msg import Joy
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.joy import to_joy
+from serd_ros.convert.command import to_joy
 from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.hand_driver import HandDriverNode
 from serd_ros.episodes.page_view import PageView
-from serd_ros.parameters.configs import TeleopPageConfig
+from serd_ros.graph.configs import TeleopPageConfig
 from serd_ros.process.run_node import run_node
 from sim.world.command import Command
 from teleop.errors import TeleopError
@@ -56,7 +56,7 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
         if self._server is not None:
             self._server.close()
 
-    def tell(self, sentence: str) -> None:
+    def notify(self, sentence: str) -> None:
         """Show it on the page and in the log."""
         self.get_logger().info(sentence)
         if self._server is not None:
@@ -83,7 +83,7 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
         try:
             self._act(request)
         except TeleopError as error:
-            self.tell(str(error))
+            self.notify(str(error))
 
     def _act(self, request: PageRequest) -> None:
         if isinstance(request, Hold):

@@ -1,14 +1,33 @@
-"""What every installed executable runs: the node that has its name.
+"""The entry point of every installed executable: it imports and runs the node of its name.
 
-`lib/serd_ros/hallway_sim` is the node hallway_sim, and so is `python -m serd_ros.process.executable
-hallway_sim`. The node is imported here, so that Ctrl-C meanwhile ends quietly.
-"""
+`lib/serd_ros/hallway_sim` runs the node hallway_sim, and so does `python -m
+serd_ros.process.executable hallway_sim`."""
 
+import os
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from types import FrameType
 
-from serd_ros.process.quiet_interrupt import starting
+#: Exit code of a program that Ctrl-C ended, as shells have it.
+INTERRUPTED = 130
+
+
+@contextmanager
+def starting() -> Iterator[None]:
+    """Within it SIGINT ends the process at once; for the main thread."""
+    before = signal.signal(signal.SIGINT, _end_at_once)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _end_at_once(_: int, __: FrameType | None) -> None:
+    os._exit(INTERRUPTED)
 
 
 def main() -> int:

@@ -11,8 +11,8 @@ from rclpy.task import Future
 
 from serd_ros.convert.diagnostics import OK, to_diagnostics
 from serd_ros.endpoints import qos, topics
-from serd_ros.parameters.configs import NodeConfig
-from serd_ros.parameters.params import read_config
+from serd_ros.graph.configs import NodeConfig
+from serd_ros.graph.parameters import read_config
 
 Config = TypeVar("Config", bound=NodeConfig)
 BAD_INPUT = 2

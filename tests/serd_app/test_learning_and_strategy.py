@@ -14,7 +14,7 @@ from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_cli.demo.report import fit_of
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.solved_policy import soft_policy
-from serd_ros.parameters.configs import LearnerConfig
+from serd_ros.graph.configs import LearnerConfig
 from sim.scenario.grid import grid_of, navigation_problem_of
 from sim.scenario.scenario import load_scenario
 from storage.errors import FileError

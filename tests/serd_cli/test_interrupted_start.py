@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from serd_ros.process.quiet_interrupt import starting
+from serd_ros.process.executable import starting
 from support.waiting import PATIENCE_S
 
 #: Takes the place of a library, so that its import is under way for long.

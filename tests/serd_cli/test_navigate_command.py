@@ -9,9 +9,10 @@ import pytest
 import sim.scenario.scenario
 from report.style import counted
 from serd_app.navigation.arrival_log import load_arrivals
+from serd_app.navigation.comparison import compare
+from serd_app.navigation.drive import DriveSettings
 from serd_app.navigation.strategy import load_strategy, start_distribution
-from serd_cli.navigate.comparison import compare, remarks
-from serd_cli.navigate.settings import NavigateSettings
+from serd_cli.arrival_output import remarks
 from serd_core.arrival.law import law_in_seconds
 from sim.scenario.goal import with_goal
 from sim.scenario.scenario import load_scenario
@@ -160,10 +161,10 @@ def row(episode, time_s, reason=""):
 
 
 def test_a_comparison_counts_those_who_gave_up_as_not_arrived(save_model_of):
-    settings = NavigateSettings(model=str(save_model_of()), scenario="hallway")
+    settings = DriveSettings(model=str(save_model_of()), scenario="hallway")
     strategy = load_strategy(settings.model, load_scenario("hallway"), "optimal")
     rows = [row(0, 50.0), row(1, 60.0), row(2, np.inf, "no progress"), row(3, 70.0)]
-    found = compare(strategy, settings, rows)
+    found = compare(strategy, settings.start_area, rows)
     assert (found.n_arrived, found.measured_probability) == (3, 0.75)
     assert found.outcomes == {"arrived": 3, "aborted (no progress)": 1}
     assert found.measured_median_s == 60.0
@@ -176,7 +177,7 @@ def test_a_comparison_counts_those_who_gave_up_as_not_arrived(save_model_of):
 def test_times_drawn_from_the_prediction_leave_a_small_gap_and_late_ones_a_large_one(
     save_model_of,
 ):
-    settings = NavigateSettings(
+    settings = DriveSettings(
         model=str(save_model_of(goal_entry_s=(0.9, 1.0, 1.1))), scenario="hallway", goal="4.5,10.5"
     )
     scenario = with_goal(load_scenario("hallway"), settings.goal)
@@ -184,7 +185,9 @@ def test_times_drawn_from_the_prediction_leave_a_small_gap_and_late_ones_a_large
     law = strategy.law_s(strategy.predicted_arrival(start_distribution(scenario, "train"), 210))
     rng = np.random.default_rng(5)
     drawn_s = rng.choice(law.times_s, size=600, p=np.diff(law.cdf, prepend=0.0) / law.cdf[-1])
-    found = compare(strategy, settings, [row(i, time_s) for i, time_s in enumerate(drawn_s)])
+    found = compare(
+        strategy, settings.start_area, [row(i, time_s) for i, time_s in enumerate(drawn_s)]
+    )
     # Dvoretzky-Kiefer-Wolfowitz: exceeded once in 10^6.
     allowed = np.sqrt(np.log(2e6) / (2 * 600))
     assert found.largest_gap < allowed

@@ -10,7 +10,7 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.intent import to_intent
+from serd_ros.convert.command import to_intent
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.observation import ObservationPublisher
 from support.observations import observation_at

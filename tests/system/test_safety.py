@@ -12,9 +12,8 @@ from nav_msgs.msg import Odometry
 from visualization_msgs.msg import MarkerArray
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.intent import to_intent
-from serd_ros.convert.odometry import speeds_of
-from serd_ros.convert.pose import from_pose
+from serd_ros.convert.command import to_intent
+from serd_ros.convert.pose import from_pose, speeds_of
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from support.waiting import ProcessorWait

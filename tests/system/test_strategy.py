@@ -11,11 +11,10 @@ from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
 from serd_app.navigation.arrival_log import load_arrivals
-from serd_cli.navigate.in_process import drive_in_process
-from serd_cli.navigate.settings import NavigateSettings
+from serd_app.navigation.drive import DriveSettings, drive
+from serd_app.navigation.settings import NavigationSettings
 from serd_ros.convert.arrival import from_arrival_message
-from serd_ros.convert.diagnostics import values_of
-from serd_ros.convert.episode_mark import END, from_episode_message
+from serd_ros.convert.diagnostics import END, from_episode_message, values_of
 from serd_ros.convert.pose import from_pose, to_pose_stamped
 from serd_ros.endpoints import qos
 from storage.episode_table import load_episodes
@@ -146,7 +145,7 @@ def test_goals_and_models_change_during_a_drive_and_invalid_ones_are_rejected(
     spin_until(lambda: watch.traps and watch.laws)
     assert len(watch.traps[-1].markers[0].points) > 100
     assert "cells are traps" in nodes.log_of("strategy")
-    assert "read again: plan made" in nodes.log_of("strategy")
+    assert "read again: planned" in nodes.log_of("strategy")
 
     # A learner in the same graph publishes a model whose policy arrives.
     better = save_model_of(name="better.yaml")
@@ -228,7 +227,7 @@ def test_without_resets_it_drives_from_goal_to_goal_in_real_time(
 def test_a_transferred_model_drives_to_a_goal_alike_in_process_and_through_ros(
     nodes, save_model_of, tmp_path
 ):
-    settings = NavigateSettings(
+    settings = DriveSettings(
         model=str(save_model_of("corridor")),
         scenario="crossing",
         goal="18.5, 8.5",
@@ -237,10 +236,9 @@ def test_a_transferred_model_drives_to_a_goal_alike_in_process_and_through_ros(
         transfer=True,
         lookahead_cells=2,
     )
-    stack = nodes.start_stack(
-        "navigate", **settings.of_strategy(), strategy__output=str(tmp_path / "ros")
-    )
-    here = drive_in_process(settings, tmp_path / "here", (), lambda _: None)
+    given = settings.model_dump(include=set(NavigationSettings.model_fields))
+    stack = nodes.start_stack("navigate", **given, strategy__output=str(tmp_path / "ros"))
+    here = drive(settings, tmp_path / "here", lambda _: None)
     assert stack["strategy"].wait(PATIENCE_S) == 0, nodes.log_of("strategy")
     there = load_episodes(tmp_path / "ros/episodes.csv")
     for one, other in zip(here, there, strict=True):

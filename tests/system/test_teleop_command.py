@@ -127,7 +127,7 @@ def test_keys_start_save_and_discard_and_a_second_run_overwrites_nothing(probe, 
             tmp_path, ros_env, "--no-page", "--people", "0", "--driver", "anna", "--seed", "2"
         )
         try:
-            session.wait_for("the world runs")
+            session.wait_for("the world is running")
             session.type(b"\r\x1b[A")
             session.wait_for("episode 1 of anna has begun")
             wait_for_poses()

@@ -15,8 +15,8 @@ from std_srvs.srv import SetBool
 
 from serd_cli.node_commands import stack_processes
 from serd_core.grid.grid import Action
-from serd_ros.convert.intent import from_intent
-from serd_ros.convert.odometry import speeds_of
+from serd_ros.convert.command import from_intent
+from serd_ros.convert.pose import speeds_of
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import Stack, find_stack

@@ -23,9 +23,8 @@ from serd_app.demonstrations.discretise import OUTSIDE_EPISODE, WITHIN_PERIOD
 from serd_app.drives.sessions import read_drives
 from serd_cli.node_commands import stack_processes
 from serd_core.grid.grid import Action
-from serd_ros.convert.intent import from_intent
-from serd_ros.convert.odometry import speeds_of
-from serd_ros.convert.pose import from_pose
+from serd_ros.convert.command import from_intent
+from serd_ros.convert.pose import from_pose, speeds_of
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from serd_app.navigation.lookahead import cell_ahead, likeliest_next
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import load_strategy
@@ -20,9 +19,8 @@ def strategy(save_model_of):
 
 
 def test_one_cell_ahead_is_the_next_cell_from_everywhere(strategy):
-    following = likeliest_next(strategy)
     for state, action in enumerate(strategy.policy.greedy):
-        ahead = cell_ahead(strategy, following, state, Action(int(action)), 1)
+        ahead = strategy.cell_ahead(state, Action(int(action)), 1)
         assert ahead == strategy.problem.grid.neighbours[state, action]
 
 
@@ -30,7 +28,7 @@ def test_the_likeliest_next_cell_is_that_of_the_largest_summed_outcome(strategy)
     """Against a sum over all outcomes by hand."""
     problem, table = strategy.problem, strategy.outcome_probabilities
     models = problem.outcome_models
-    for state, found in enumerate(likeliest_next(strategy)):
+    for state, found in enumerate(strategy.likeliest_next):
         action = int(strategy.policy.greedy[state])
         chances = np.zeros(problem.mdp.n_states)
         row = table[models.model_of[state, action]]
@@ -43,12 +41,12 @@ def test_the_likeliest_next_cell_is_that_of_the_largest_summed_outcome(strategy)
 
 
 def test_farther_ahead_goes_straight_on_and_stops_before_a_turn_and_at_the_goal(strategy):
-    grid, following = strategy.problem.grid, likeliest_next(strategy)
+    grid = strategy.problem.grid
     goals = set(strategy.problem.goal_states.tolist())
     farther = 0
     for state in range(grid.n_states):
         action = Action(int(strategy.policy.greedy[state]))
-        ahead = cell_ahead(strategy, following, state, action, 3)
+        ahead = strategy.cell_ahead(state, action, 3)
         step = grid.cells[ahead] - grid.cells[state]
         assert np.count_nonzero(step) <= 1
         assert np.abs(step).sum() <= 3

@@ -3,19 +3,15 @@
 import numpy as np
 import pytest
 
-from serd_app.navigation.forecast_text import (
-    outlook_in_short,
-    outlook_values,
-    situation_of,
-    traps_in_words,
-)
+from serd_app.navigation.arrival_records import arrival_row, prediction_of
+from serd_app.navigation.forecast import traps_text
 from serd_app.navigation.give_up import GiveUp
 from serd_app.navigation.navigator import Navigator
-from serd_app.navigation.prediction import arrival_row, prediction_of
 from serd_app.navigation.settings import NavigationSettings
 from serd_core.grid.grid import Action
 from sim.errors import SimError
 from sim.scenario.scenario import load_scenario
+from storage.episode_table import EpisodeResult
 from storage.errors import FileError
 from storage.model_file import OutcomeModel, load_model
 from support.observations import observation_at
@@ -25,6 +21,25 @@ HALLWAY = load_scenario("hallway")
 
 def navigator_of(model, **changes):
     return Navigator(HALLWAY, NavigationSettings(model=str(model), **changes))
+
+
+def result(outcome, time_of_arrival_s=float("nan"), reason=""):
+    return EpisodeResult(
+        episode=4,
+        seed=2,
+        driver="strategy",
+        start_area="train",
+        outcome=outcome,
+        time_of_arrival_s=time_of_arrival_s,
+        duration_s=40.0,
+        distance_m=20.0,
+        robot_on_person=0,
+        person_on_robot=0,
+        robot_on_wall=0,
+        minimum_person_distance_m=1.0,
+        wall_s=1.0,
+        reason=reason,
+    )
 
 
 def test_another_goal_in_the_middle_of_an_episode_turns_the_robot_round(save_model_of):
@@ -99,23 +114,24 @@ def test_off_the_grid_it_waits_and_expects_nothing(save_model_of):
     navigator.begin(0)
     outside = observation_at(9.0, 3.0)
     assert navigator.decide(outside) == Action.WAIT
-    assert navigator.outlook.probability == 0.0
-    assert navigator.outlook.law.quantile_s(0.5) is None
+    assert navigator.forecast.probability == 0.0
+    assert navigator.forecast.law.quantile_s(0.5) is None
     assert navigator.waypoint_of(outside, Action.WAIT).x_m == 9.0
     assert len(navigator.way_m(outside)) == 0
     assert prediction_of(navigator, outside) is None
-    assert outlook_in_short(navigator.outlook) == "no arrival in sight, in time with 0%"
-    assert situation_of(navigator.outlook) == (True, "waiting: off the grid")
+    assert navigator.forecast.summary == "no arrival expected, before the time-out with 0%"
+    assert navigator.forecast.needs_attention
+    assert navigator.forecast.situation == "waiting: off the grid"
 
 
-def test_who_stands_still_gives_up_after_its_patience_and_who_moves_on_does_not(save_model_of):
+def test_a_robot_that_stands_still_gives_up_and_one_that_moves_on_does_not(save_model_of):
     navigator = navigator_of(save_model_of(), patience_periods=3)
     navigator.begin(0)
-    said = []
+    reasons = []
     for step in range(4):
         navigator.decide(observation_at(4.5, 9.5, time_s=2.0 * step))
-        said.append(navigator.gave_up)
-    assert said == [None, None, None, GiveUp.NO_PROGRESS]
+        reasons.append(navigator.gave_up)
+    assert reasons == [None, None, None, GiveUp.NO_PROGRESS]
     navigator.begin(1)
     for step in range(6):
         navigator.decide(observation_at(4.5, 9.5 + step, time_s=2.0 * step))
@@ -140,7 +156,7 @@ def test_no_patience_is_endless_patience(save_model_of):
     assert navigator.gave_up is None
 
 
-def test_too_little_time_left_is_given_up_where_that_is_asked_for(save_model_of):
+def test_too_little_time_left_is_given_up_where_the_settings_say_so(save_model_of):
     path = save_model_of()
     for minimum, expected in ((0.0, None), (0.01, GiveUp.UNLIKELY)):
         navigator = navigator_of(path, minimum_arrival_probability=minimum, timeout_s=100.0)
@@ -159,18 +175,18 @@ def test_the_remaining_time_grows_shorter_on_the_way_and_its_chances_fall_with_t
     medians, chances = [], []
     for step in range(8):
         navigator.decide(observation_at(4.5, 1.5 + step, time_s=2.0 * step))
-        medians.append(navigator.outlook.law.quantile_s(0.5))
+        medians.append(navigator.forecast.law.quantile_s(0.5))
     assert (np.diff(medians) < 0).all()
     assert all(round(median % 2.0, 6) in (0.9, 1.1) for median in medians)
     for step in range(8, 58):
         navigator.decide(observation_at(4.5, 8.5, time_s=2.0 * step))
-        chances.append(navigator.outlook.probability)
+        chances.append(navigator.forecast.probability)
     assert (np.diff(chances) <= 0).all()
     assert chances[0] > 0.9
     assert chances[-1] == 0.0
 
 
-def test_traps_are_counted_by_kind_and_said_of_a_state(save_model_of):
+def test_traps_are_counted_by_kind_and_reported_for_a_state(save_model_of):
     # One move in 200 succeeds: only the cells next to the goal are left within 210 periods.
     chances = dict.fromkeys(("with_flow", "against_flow", "across_flow"), 0.005)
     rows = tuple(
@@ -184,41 +200,34 @@ def test_traps_are_counted_by_kind_and_said_of_a_state(save_model_of):
     grid = navigator.strategy.problem.grid
     assert grid.state_at(4.5, 1.5) in traps
     assert grid.state_at(10.5, 17.5) not in traps
-    words = traps_in_words(traps)
+    words = traps_text(traps)
     assert words.startswith(f"{len(traps.states)} of 176 cells are traps: from ")
-    assert words.endswith(f"from {traps.unlikely.sum()} it is reached in time with less than 50%")
+    assert words.endswith(
+        f"from {traps.unlikely.sum()} it is reached before the time-out with less than 50%"
+    )
     navigator.begin(0)
     for observation, trapped in ((far, True), (near, False)):
         navigator.decide(observation)
-        assert navigator.outlook.trapped == trapped
-        assert outlook_values(navigator.outlook, navigator.strategy)["trapped"] == trapped
-        assert situation_of(navigator.outlook)[0] == trapped
+        assert navigator.forecast.trapped == trapped
+        assert navigator.forecast.values()["trapped"] == trapped
+        assert navigator.forecast.needs_attention == trapped
 
 
-def test_a_plan_without_traps_has_nothing_to_say_of_them(save_model_of):
-    assert traps_in_words(navigator_of(save_model_of()).strategy.traps) == ""
+def test_a_plan_without_traps_has_no_text_about_them(save_model_of):
+    assert traps_text(navigator_of(save_model_of()).strategy.traps) == ""
 
 
-def test_a_drive_is_held_against_what_was_foretold_at_its_first_decision(save_model_of):
+def test_a_drive_is_compared_with_the_forecast_of_its_first_decision(save_model_of):
     navigator = navigator_of(save_model_of())
     navigator.begin(0)
     here = observation_at(4.5, 9.5, time_s=100.0)
     navigator.decide(here)
     prediction = prediction_of(navigator, here)
-    row = arrival_row(
-        prediction, episode=4, seed=2, outcome="arrived", reason="", time_of_arrival_s=40.0
-    )
-    law = navigator.outlook.law
+    row = arrival_row(prediction, result("arrived", time_of_arrival_s=40.0))
+    law = navigator.forecast.law
     assert row.predicted_median_s == law.quantile_s(0.5)
     assert row.predicted_share == pytest.approx(float(law.probability_by(40.0)))
     assert (row.start_x_m, row.start_y_m) == (4.5, 9.5)
     assert (row.goal_x_m, row.goal_y_m) == (12.0, 18.0)
-    late = arrival_row(
-        prediction,
-        episode=4,
-        seed=2,
-        outcome="aborted",
-        reason="no progress",
-        time_of_arrival_s=float("nan"),
-    )
+    late = arrival_row(prediction, result("aborted", reason="no progress"))
     assert np.isnan(late.predicted_share)

@@ -11,15 +11,14 @@ from visualization_msgs.msg import Marker
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
 from serd_ros.convert.arrival import from_arrival_message, to_arrival_message
-from serd_ros.convert.command import from_twist, to_twist, to_twist_stamped
-from serd_ros.convert.diagnostics import to_diagnostics, values_of
-from serd_ros.convert.episode_mark import EpisodeMark, from_episode_message, to_episode_message
-from serd_ros.convert.goal import (
-    from_goal_area_message,
-    from_goal_message,
-    to_goal_area_message,
+from serd_ros.convert.command import from_intent, from_twist, to_intent, to_twist, to_twist_stamped
+from serd_ros.convert.diagnostics import (
+    EpisodeMark,
+    from_episode_message,
+    to_diagnostics,
+    to_episode_message,
+    values_of,
 )
-from serd_ros.convert.intent import from_intent, to_intent
 from serd_ros.convert.markers import (
     to_people_markers,
     to_policy_markers,
@@ -27,26 +26,37 @@ from serd_ros.convert.markers import (
     to_trap_markers,
     to_value_markers,
 )
-from serd_ros.convert.occupancy import to_occupancy_grid
-from serd_ros.convert.odometry import speeds_of, to_odometry
-from serd_ros.convert.path import to_path
-from serd_ros.convert.people import People, from_people_message, to_people_message
 from serd_ros.convert.pose import (
+    from_goal_area_message,
+    from_goal_message,
     from_pose,
     from_waypoint_message,
+    speeds_of,
+    to_goal_area_message,
+    to_odometry,
+    to_path,
     to_pose,
     to_pose_stamped,
     to_waypoint_message,
 )
-from serd_ros.convert.reset_reply import ResetReply, from_reset_sentence, to_reset_sentence
-from serd_ros.convert.scan import ranges_of, to_scan
+from serd_ros.convert.sensors import (
+    People,
+    from_people_message,
+    ranges_of,
+    to_occupancy_grid,
+    to_people_message,
+    to_scan,
+)
 from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
-from serd_ros.endpoints.inbox import ObservationInbox
+from serd_ros.endpoints.observation import ObservationInbox
 from serd_ros.errors import NodeError
+from sim.episodes.result import EpisodeStart
 from sim.scenario.occupancy import OccupancyRaster
 from sim.scenario.settings import LidarSettings
 from sim.world.command import Command
 from sim.world.waypoint import Waypoint
+from storage.errors import FileError
+from storage.yaml_config import yaml_model
 from support.observations import observation_at
 
 metres = st.floats(-1e3, 1e3, allow_nan=False)
@@ -195,11 +205,11 @@ def test_diagnostics_carry_floats_exactly():
     assert values_of(message, "other") is None
 
 
-def test_a_reset_reply_survives_and_another_sentence_is_refused():
-    reply = ResetReply(7, 3, "transfer", 120.05)
-    assert from_reset_sentence(to_reset_sentence(reply)) == reply
-    with pytest.raises(NodeError, match="drive a world that hallway_sim runs"):
-        from_reset_sentence("done")
+def test_the_start_of_an_episode_survives_as_json_and_other_text_is_rejected():
+    start = EpisodeStart(episode=7, seed=3, start_area="transfer", start_s=120.05)
+    assert yaml_model(start.model_dump_json(), EpisodeStart, name="reset") == start
+    with pytest.raises(FileError, match="reset: must hold keys and values"):
+        yaml_model("done", EpisodeStart, name="reset")
 
 
 def test_a_path_looks_along_its_legs():

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from serd_ros.errors import NodeError
+from serd_ros.graph.configs import CONFIGS
 from serd_ros.graph.graph import PACKAGE, find_stack, load_graph, stack_parameters
-from serd_ros.parameters.configs import CONFIGS
 
 FROM_PEOPLE = {"goal_pose"}
 ROOT = Path(__file__).resolve().parents[3]

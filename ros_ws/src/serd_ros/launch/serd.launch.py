@@ -11,8 +11,8 @@ from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from serd_ros.graph.configs import CONFIGS
 from serd_ros.graph.graph import PACKAGE, find_stack, load_graph, stack_parameters
-from serd_ros.parameters.configs import CONFIGS
 
 
 def parameter_names():

@@ -1,0 +1,98 @@
+"""Predicted against measured arrival of a series of episodes."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from serd_app.navigation.forecast import HALF, MOST, traps_text
+from serd_app.navigation.strategy import Strategy, start_distribution
+from serd_core.arrays import FloatArray
+from serd_core.arrival.bands import clopper_pearson
+from serd_core.arrival.law import ArrivalLaw, largest_gap, law_in_seconds
+from storage.episode_table import EpisodeResult
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Times in seconds, None where so many never arrive.
+
+    median_s, most_s: by which half and nine in ten of all episodes have arrived. largest_gap:
+    Kolmogorov-Smirnov distance of the predicted law and the measured times; largest_gap_thesis: of
+    the thesis's law, which dates arrivals to the ends of decision periods.
+    """
+
+    n_episodes: int
+    n_arrived: int
+    outcomes: dict[str, int]
+    predicted_probability: float
+    measured_probability: float
+    measured_interval_95: tuple[float, float]
+    predicted_median_s: float | None
+    measured_median_s: float | None
+    predicted_most_s: float | None
+    measured_most_s: float | None
+    largest_gap: float
+    largest_gap_thesis: float
+    robot_on_person: int
+    person_on_robot: int
+    robot_on_wall: int
+    n_trap_states: int
+    traps: str
+    transferred: bool
+    n_people: int
+
+    def values(self) -> dict[str, Any]:
+        """The record as plain values."""
+        return asdict(self)
+
+
+def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResult]) -> Comparison:
+    """Compare the prediction from a start area with the episodes."""
+    starts = start_distribution(strategy.scenario, start_area)
+    counts = strategy.predicted_arrival(starts, strategy.n_periods)
+    law = predicted_law(strategy, start_area)
+    thesis = law_in_seconds(counts, period_s=strategy.scenario.decision_period_s)
+    times_s = np.array([row.time_of_arrival_s if row.arrived else math.inf for row in episodes])
+    n_arrived = int(np.isfinite(times_s).sum())
+    low, high = clopper_pearson([n_arrived], len(episodes))
+    return Comparison(
+        n_episodes=len(episodes),
+        n_arrived=n_arrived,
+        outcomes=dict(Counter(_ending(row) for row in episodes)),
+        predicted_probability=float(counts.cdf[-1]),
+        measured_probability=n_arrived / len(episodes),
+        measured_interval_95=(float(low[0]), float(high[0])),
+        predicted_median_s=law.quantile_s(HALF),
+        measured_median_s=_quantile_s(times_s, HALF),
+        predicted_most_s=law.quantile_s(MOST),
+        measured_most_s=_quantile_s(times_s, MOST),
+        largest_gap=largest_gap(law, times_s),
+        largest_gap_thesis=largest_gap(thesis, times_s),
+        robot_on_person=sum(row.robot_on_person for row in episodes),
+        person_on_robot=sum(row.person_on_robot for row in episodes),
+        robot_on_wall=sum(row.robot_on_wall for row in episodes),
+        n_trap_states=len(strategy.traps.states),
+        traps=traps_text(strategy.traps),
+        transferred=strategy.transferred,
+        n_people=strategy.scenario.pedestrians.count,
+    )
+
+
+def predicted_law(strategy: Strategy, start_area: str) -> ArrivalLaw:
+    """Time of arrival from anywhere in a start area, up to the time-out."""
+    starts = start_distribution(strategy.scenario, start_area)
+    return strategy.law_s(strategy.predicted_arrival(starts, strategy.n_periods))
+
+
+def _ending(row: EpisodeResult) -> str:
+    return f"{row.outcome} ({row.reason})" if row.reason else row.outcome
+
+
+def _quantile_s(times_s: FloatArray, share: float) -> float | None:
+    """First time by which a share of all has arrived."""
+    value = float(np.sort(times_s)[math.ceil(share * len(times_s) - 1e-9) - 1])
+    return value if math.isfinite(value) else None

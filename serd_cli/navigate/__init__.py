@@ -1,1 +1,0 @@
-"""`serd navigate`: a learned model drives, and its predicted arrivals are held against it."""

@@ -1,0 +1,94 @@
+"""Runs a stack of nodes to its end with a progress bar, in a ROS domain of its own."""
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+from domain_coordinator import domain_id
+from rich.markup import escape
+from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.table import Column
+
+from serd_cli.node_commands import stack_processes
+from serd_cli.supervisor import run_together
+from serd_cli.terminal import WorkProgress
+from serd_cli.workspace import ros_environment
+from serd_ros.graph.graph import find_stack
+from serd_ros.process.progress import VARIABLE, parse_progress
+
+_LONGEST = 62
+
+
+@contextmanager
+def stack_environment(logs: Path) -> Iterator[dict[str, str]]:
+    """Environment of nodes in a ROS domain of their own; their logs go to the folder."""
+    with domain_id() as domain:
+        environment = ros_environment(os.environ)
+        environment |= {"ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(logs / "ros")}
+        environment[VARIABLE] = "1"
+        environment.setdefault("OMP_NUM_THREADS", "1")
+        environment.setdefault("OPENBLAS_NUM_THREADS", "1")
+        yield environment
+
+
+def run_stack(
+    name: str,
+    parameters: Mapping[str, Any],
+    environment: Mapping[str, str],
+    *,
+    total: int,
+    logs: Path,
+) -> None:
+    """Run a stack until one of its nodes ends; total: how many parts its progress has.
+
+    What the nodes print goes to `NAME.log` in the folder of logs.
+    """
+    processes = stack_processes(find_stack(name), parameters, environment)
+    with StackProgress(name, total, logs / f"{name}.log") as progress:
+        run_together(processes, environment, progress.take_line)
+        progress.finish()
+
+
+class StackProgress:
+    """A bar over `total` parts; every other line of the nodes goes to the log file."""
+
+    def __init__(self, title: str, total: int, log: Path) -> None:
+        log.parent.mkdir(parents=True, exist_ok=True)
+        self._log_path = log
+        self._log: TextIO | None = None
+        self._bar = WorkProgress(
+            TextColumn("{task.description:<12}"),
+            BarColumn(bar_width=20),
+            TaskProgressColumn(),
+            TimeElapsedColumn(),
+            TextColumn("[dim]{task.fields[text]}", table_column=Column(no_wrap=True, ratio=1)),
+            expand=True,
+        )
+        self._task = self._bar.add_task(title, total=total, text="starting the nodes")
+
+    def __enter__(self) -> "StackProgress":
+        self._log = self._log_path.open("a", encoding="utf-8")
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+        if self._log is not None:
+            self._log.close()
+
+    def take_line(self, node: str, line: str) -> None:
+        """Take a line that a node printed."""
+        progress = parse_progress(line)
+        if progress is not None:
+            text = progress.text
+            short = text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+            self._bar.update(self._task, text=escape(short), completed=progress.done)
+        elif self._log is not None:
+            self._log.write(f"{node:>15} | {line}\n")
+            self._log.flush()
+
+    def finish(self) -> None:
+        """Fill the bar."""
+        self._bar.update(self._task, completed=self._bar.tasks[0].total)

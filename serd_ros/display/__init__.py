@@ -1,1 +1,0 @@
-"""What the strategy publishes for viewers."""

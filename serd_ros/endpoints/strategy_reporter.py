@@ -1,0 +1,92 @@
+"""Output of the strategy: displays for viewers, `diagnostics` and the log."""
+
+from geometry_msgs.msg import PolygonStamped
+from nav_msgs.msg import Path
+from std_msgs.msg import Float64MultiArray
+from visualization_msgs.msg import MarkerArray
+
+from serd_app.navigation.forecast import traps_text
+from serd_app.navigation.navigator import Navigator
+from serd_app.navigation.strategy import Strategy, arrows_of
+from serd_ros.convert.arrival import to_arrival_message
+from serd_ros.convert.diagnostics import OK, WARN
+from serd_ros.convert.markers import (
+    to_policy_markers,
+    to_text_marker,
+    to_trap_markers,
+    to_value_markers,
+)
+from serd_ros.convert.pose import to_goal_area_message, to_path
+from serd_ros.endpoints import qos, topics
+from serd_ros.graph.configs import StrategyConfig
+from serd_ros.process.serd_node import SerdNode
+from sim.world.observation import Observation
+
+_LOG_PERIOD_S = 5.0
+
+
+class StrategyReporter:
+    """Publishes for a node; all topics but `plan` are latched. time_s: of the last decision."""
+
+    def __init__(self, node: SerdNode[StrategyConfig]) -> None:
+        self.time_s = 0.0
+        self._node = node
+        self._goal = node.create_publisher(PolygonStamped, topics.GOAL_AREA, qos.LATCHED)
+        self._arrival = node.create_publisher(Float64MultiArray, topics.ARRIVAL, qos.LATCHED)
+        self._way = node.create_publisher(Path, topics.PLAN, qos.COMMAND)
+        self._arrows = node.create_publisher(MarkerArray, topics.MARKERS_POLICY, qos.LATCHED)
+        self._values = node.create_publisher(MarkerArray, topics.MARKERS_VALUE, qos.LATCHED)
+        self._traps = node.create_publisher(MarkerArray, topics.MARKERS_TRAPS, qos.LATCHED)
+        self._text = node.create_publisher(MarkerArray, topics.MARKERS_ARRIVAL, qos.LATCHED)
+
+    def report_plan(self, strategy: Strategy, cause: str, began_s: float) -> None:
+        """Publish a new plan and log its traps; began_s: wall time when planning began."""
+        self._publish_plan(strategy)
+        took_ms = 1e3 * (self._node.wall_s() - began_s)
+        self._node.get_logger().info(f"{cause}: planned and published in {took_ms:.1f} ms")
+        if traps := traps_text(strategy.traps):
+            self._node.get_logger().warning(traps)
+
+    def report_decision(self, navigator: Navigator, observation: Observation) -> None:
+        """Publish the forecast of the decision just made."""
+        forecast = navigator.forecast
+        assert forecast is not None
+        self.time_s = forecast.time_s
+        way_m = navigator.way_m(observation)
+        self._arrival.publish(to_arrival_message(forecast.law, self.time_s))
+        if self._way.get_subscription_count():
+            self._way.publish(to_path(way_m, self.time_s))
+        if self._text.get_subscription_count() and len(way_m):
+            above_m = (way_m[0, 0], way_m[0, 1])
+            self._text.publish(to_text_marker(forecast.summary, above_m, self.time_s))
+        if forecast.needs_attention:
+            self._node.get_logger().warning(
+                f"{forecast.situation} at ({observation.x_m:.1f}, {observation.y_m:.1f}) m: "
+                f"{forecast.summary}",
+                throttle_duration_sec=_LOG_PERIOD_S,
+            )
+        values = {
+            **forecast.values(),
+            "n_trap_states": len(navigator.strategy.traps.states),
+            "transferred": navigator.strategy.transferred,
+        }
+        level = WARN if forecast.needs_attention else OK
+        self._node.report(self.time_s, values, level=level, message=forecast.situation)
+
+    def report_rejection(self, error: Exception) -> None:
+        """Report a goal or a model that cannot be used."""
+        self._node.get_logger().warning(f"refused, the plan stays: {error}")
+        self._node.report(self.time_s, {}, level=WARN, message=f"refused: {error}")
+
+    def report_give_up(self, reason: str) -> None:
+        """Report the end of a drive that did not arrive."""
+        self._node.report(self.time_s, {"reason": reason}, level=WARN, message="gave up")
+
+    def _publish_plan(self, strategy: Strategy) -> None:
+        grid, policy = strategy.problem.grid, strategy.policy
+        centers_m, size_m, time_s = grid.centers_m, grid.cell_size_m, self.time_s
+        self._goal.publish(to_goal_area_message(strategy.scenario.goal_area_m, time_s))
+        self._arrows.publish(to_policy_markers(centers_m, arrows_of(policy), size_m, time_s))
+        self._values.publish(to_value_markers(centers_m, policy.value, size_m, time_s))
+        trapped_m = centers_m[strategy.traps.states]
+        self._traps.publish(to_trap_markers(trapped_m, size_m, time_s))

@@ -1,0 +1,70 @@
+"""Everything the simulated world tells: clock, observation, scan, map, markers, its own health."""
+
+from nav_msgs.msg import OccupancyGrid
+from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import LaserScan
+from visualization_msgs.msg import MarkerArray
+
+from serd_ros.convert.markers import to_people_markers
+from serd_ros.convert.sensors import people_of, to_occupancy_grid, to_scan
+from serd_ros.convert.stamp import to_stamp
+from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.observation import ObservationPublisher
+from serd_ros.graph.configs import HallwaySimConfig
+from serd_ros.process.serd_node import SerdNode
+from sim.crowd.social_force import model_named
+from sim.world.observation import Observation
+from sim.world.waypoint import is_decision_tick
+from sim.world.world import HallwayWorld
+
+
+class WorldPublisher:
+    """Publishes the world's present state; scan and markers at the scan's rate, to who listens."""
+
+    def __init__(self, node: SerdNode[HallwaySimConfig], world: HallwayWorld) -> None:
+        self._node, self._world = node, world
+        self._clock = node.create_publisher(Clock, topics.CLOCK, qos.CLOCK)
+        self._observation = ObservationPublisher(node)
+        self._scan: Publisher = node.create_publisher(LaserScan, topics.SCAN, qos.STATE)
+        self._people: Publisher = node.create_publisher(
+            MarkerArray, topics.MARKERS_PEOPLE, qos.STATE
+        )
+        self._map = node.create_publisher(OccupancyGrid, topics.MAP, qos.LATCHED)
+        self._map.publish(to_occupancy_grid(world.map_raster(), 0.0))
+        model = model_named(world.scenario.pedestrians.model)
+        self._person_radius_m = model.body_radius_m
+
+    def publish(self) -> None:
+        """Send the world as it is now."""
+        observation = self._world.observation
+        self._clock.publish(Clock(clock=to_stamp(observation.time_s)))
+        if self._world.is_scan_tick:
+            self._publish_rarely(observation)
+        if is_decision_tick(observation, self._world.scenario) or self._world.in_goal:
+            self.report()
+        self._observation.publish(observation, self._world.odometry_pose)
+
+    def _publish_rarely(self, observation: Observation) -> None:
+        if self._scan.get_subscription_count():
+            ranges_m = self._world.scan(observation)
+            self._scan.publish(to_scan(ranges_m, self._world.scenario.lidar, observation.time_s))
+        if self._people.get_subscription_count():
+            people = people_of(observation)
+            self._people.publish(
+                to_people_markers(people, self._person_radius_m, observation.time_s)
+            )
+
+    def report(self) -> None:
+        """Send contacts and distances of the running episode on `diagnostics`."""
+        contacts = self._world.contacts
+        self._node.report(
+            self._world.time_s,
+            {
+                "robot_on_person": contacts.robot_on_person,
+                "person_on_robot": contacts.person_on_robot,
+                "robot_on_wall": contacts.robot_on_wall,
+                "minimum_person_distance_m": float(self._world.minimum_person_distance_m),
+                "rejected_commands": self._world.n_rejected_commands,
+            },
+        )

@@ -1,0 +1,104 @@
+"""Episodes of a person: resets the world, publishes marks, counts the episodes of all drivers."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+
+from serd_ros.convert.diagnostics import from_episode_message
+from serd_ros.endpoints import qos, topics
+from serd_ros.episodes.starter import EpisodeStarter
+from serd_ros.process.serd_node import SerdNode
+from sim.episodes.result import EpisodeStart
+from sim.scenario.scenario import Scenario
+from sim.world.observation import Observation
+from teleop.errors import TeleopError
+from teleop.session import END, EpisodeEvent, EpisodeTally, Session
+
+
+class PersonEpisodes:
+    """notify: called with one sentence for the person about everything that happens."""
+
+    def __init__(
+        self,
+        node: SerdNode[Any],
+        scenario: Scenario,
+        *,
+        driver: str,
+        timeout_s: float,
+        required_nodes: Sequence[str],
+        notify: Callable[[str], None],
+    ) -> None:
+        self.session = Session(scenario, timeout_s)
+        self.tally = EpisodeTally()
+        self.n_decisions = 0
+        self._driver, self._notify = driver, notify
+        self._waited_for = ""
+        self._starter = EpisodeStarter(
+            node,
+            required_nodes,
+            on_ready=lambda: self._starter.reset_world(),
+            on_start=self._on_start,
+            on_wait=self._notify_waiting,
+        )
+        node.create_subscription(DiagnosticArray, topics.EPISODE, self._on_mark, qos.STATE)
+
+    @property
+    def number(self) -> int | None:
+        """The number of this driver's latest episode, None before the first."""
+        return None if self._starter.episode is None else self._starter.episode.episode
+
+    @property
+    def is_running(self) -> bool:
+        """Whether an episode of this driver is running."""
+        return self.session.phase == "running"
+
+    @property
+    def other_driver(self) -> str:
+        """The other driver whose episode is running, empty for none."""
+        running = self.tally.running
+        return running.driver if running is not None and running.number != self.number else ""
+
+    def start(self) -> None:
+        """Start when all required nodes subscribe; TeleopError where an episode is running."""
+        if self.other_driver:
+            raise TeleopError(f"an episode of {self.other_driver} is running; end it there first")
+        self.session.start()
+        self._waited_for = ""
+        self._starter.wait()
+
+    def save(self) -> None:
+        """End the running episode and keep it."""
+        event = self.session.save()
+        if event is not None:
+            self._publish(event)
+
+    def discard(self) -> None:
+        """Discard the running or the last episode."""
+        self._publish(self.session.discard())
+
+    def see(self, observation: Observation) -> None:
+        """Follow the episode."""
+        for event in self.session.observe(observation):
+            self._publish(event)
+
+    def _notify_waiting(self, missing: str) -> None:
+        if missing != self._waited_for:
+            self._waited_for = missing
+            self._notify(f"the episode waits for {missing}")
+
+    def _on_start(self, episode: EpisodeStart) -> None:
+        self.n_decisions = 0
+        self.session.world_reset(episode.start_s)
+
+    def _publish(self, event: EpisodeEvent) -> None:
+        self._starter.mark(event.event, event.time_s, self._driver, outcome=event.outcome)
+
+    def _on_mark(self, message: DiagnosticArray) -> None:
+        mark = from_episode_message(message)
+        self.tally.add(mark.event, mark.episode, mark.driver, mark.outcome)
+        if mark.event == END:
+            took = f" after {self.session.duration_s:.1f} s" if mark.episode == self.number else ""
+            self._notify(f"episode {mark.episode} {mark.outcome}{took}; so far {self.tally}")
+        else:
+            self._notify(f"episode {mark.episode} of {mark.driver} has begun")

@@ -1,0 +1,100 @@
+"""Starts episodes: waits for the graph, has the world reset and publishes the marks.
+
+Nothing sleeps: a timer looks whether the required nodes subscribe to all they need, so that neither
+the recorder nor the planner misses the beginning of an episode.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from serd_ros.convert.diagnostics import EpisodeMark, to_episode_message
+from serd_ros.endpoints import qos, topics
+from serd_ros.graph.readiness import Readiness
+from serd_ros.process.serd_node import SerdNode
+from sim.episodes.result import EpisodeStart
+from storage.yaml_config import yaml_model
+
+_LOOK_AGAIN_S = 0.05
+
+
+class EpisodeStarter:
+    """on_ready: called when an episode may begin; on_start: with each episode that the world
+    begins; on_wait: with what is missing, at each look. needs_reset: whether the world is reset.
+    """
+
+    def __init__(
+        self,
+        node: SerdNode[Any],
+        required_nodes: Sequence[str],
+        *,
+        on_ready: Callable[[], None],
+        on_start: Callable[[EpisodeStart], None],
+        on_wait: Callable[[str], None],
+        needs_reset: bool = True,
+    ) -> None:
+        self.episode: EpisodeStart | None = None
+        self._node, self._needs_reset = node, needs_reset
+        self._on_ready, self._on_start, self._on_wait = on_ready, on_start, on_wait
+        self._readiness = Readiness(node, required_nodes, node.wall_s())
+        self._reset = node.create_client(Trigger, topics.RESET)
+        self._marks = node.create_publisher(DiagnosticArray, topics.EPISODE, qos.STATE)
+        self._look = node.create_timer(
+            _LOOK_AGAIN_S, self._continue_when_ready, clock=node.wall_clock, autostart=False
+        )
+
+    @property
+    def waiting(self) -> bool:
+        """Whether it waits for the graph."""
+        return not self._look.is_canceled()
+
+    def wait(self) -> None:
+        """Look until all that an episode needs is there, then call `on_ready`."""
+        self._look.reset()
+
+    def reset_world(self) -> None:
+        """Have the world begin an episode; while it refuses, wait."""
+        self._reset.call_async(Trigger.Request()).add_done_callback(self._on_reply)
+
+    def begin(self, episode: EpisodeStart) -> None:
+        """An episode begins."""
+        self.episode = episode
+        self._on_start(episode)
+
+    def mark(
+        self, event: str, time_s: float, driver: str, *, outcome: str = "", reason: str = ""
+    ) -> None:
+        """Publish the start or the end of the episode that began last."""
+        assert self.episode is not None
+        mark = EpisodeMark(
+            event=event,
+            time_s=time_s,
+            episode=self.episode.episode,
+            driver=driver,
+            seed=self.episode.seed,
+            start_area=self.episode.start_area,
+            outcome=outcome,
+            reason=reason,
+        )
+        self._marks.publish(to_episode_message(mark))
+
+    def _continue_when_ready(self) -> None:
+        missing = self._readiness.missing(self._node.wall_s())
+        if not missing and self._needs_reset and not self._reset.service_is_ready():
+            missing = "the reset service"
+        if missing:
+            self._on_wait(missing)
+        else:
+            self._look.cancel()
+            self._on_ready()
+
+    def _on_reply(self, future: Future) -> None:
+        reply = future.result()
+        if reply.success:
+            self.begin(yaml_model(reply.message, EpisodeStart, name="response of reset"))
+        else:
+            self._on_wait(reply.message)
+            self.wait()

@@ -1,0 +1,112 @@
+"""From ROS parameters to one frozen config: declared once, checked once, unknown names rejected."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from serd_core.errors import SerdError
+from serd_ros.errors import NodeError
+from serd_ros.graph.configs import NodeConfig
+from storage.nearest import hint
+from storage.settings import Setting, settings_of
+from storage.yaml_config import sentence_of
+
+ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
+Config = TypeVar("Config", bound=NodeConfig)
+
+
+def read_config(node: Node, kind: str, config_class: type[Config]) -> Config:
+    """The node's parameters over the defaults as `config_class`; declares each as it is used.
+
+    The node must have been made with automatically_declare_parameters_from_overrides. Raises
+    NodeError with one sentence for an unknown name or a bad value.
+    """
+    given = _given(node)
+    for name in given:
+        if name not in config_class.model_fields:
+            near = hint(name, config_class.model_fields)
+            raise NodeError(f"{kind} has no parameter {name!r}; {near}")
+    config = validated(kind, given, config_class)
+    for each in settings_of(config_class):
+        if node.has_parameter(each.name):
+            node.undeclare_parameter(each.name)
+        value = getattr(config, each.name)
+        plain = list(value) if isinstance(value, tuple) else value
+        node.declare_parameter(each.name, plain, descriptor_of(each), ignore_override=True)
+    return config
+
+
+def validated(kind: str, given: Mapping[str, Any], config_class: type[Config]) -> Config:
+    """The given values over the defaults; NodeError names the parameter, the rule and the value."""
+    values = {**config_class.defaults(given), **given}
+    try:
+        return config_class.model_validate_json(json.dumps(values), strict=True)
+    except ValidationError as error:
+        sentence = sentence_of(error, config_class)
+        raise NodeError(f"parameter of {kind}: {sentence}") from None
+
+
+def descriptor_of(setting: Setting) -> ParameterDescriptor:
+    """Description and range of a parameter, as `ros2 param describe` shows them."""
+    descriptor = ParameterDescriptor(
+        description=setting.description, additional_constraints=setting.range
+    )
+    limits = setting.limits
+    low = limits.get("minimum", limits.get("exclusiveMinimum"))
+    high = limits.get("maximum", limits.get("exclusiveMaximum"))
+    if low is None or high is None:
+        return descriptor
+    if setting.schema["type"] == "integer":
+        descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
+    else:
+        floating = FloatingPointRange(from_value=float(low), to_value=float(high))
+        descriptor.floating_point_range = [floating]
+    return descriptor
+
+
+def accept_changes(node: Node, changes: Mapping[str, Callable[[Any], None]]) -> None:
+    """Call `changes[name](value)` when that parameter is set, and reject to set any other.
+
+    A SerdError raised by the call rejects the value.
+    """
+
+    def on_set(parameters: Sequence[Parameter]) -> SetParametersResult:
+        wanted = [each for each in parameters if not each.name.startswith(ROS_OWN)]
+        for parameter in wanted:
+            if parameter.name not in changes:
+                reason = (
+                    f"{parameter.name} is fixed while the node runs; start it again with "
+                    f"-p {parameter.name}:=VALUE"
+                )
+                return SetParametersResult(successful=False, reason=reason)
+        try:
+            for parameter in wanted:
+                changes[parameter.name](parameter.value)
+        except SerdError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(on_set)
+
+
+def _given(node: Node) -> dict[str, Any]:
+    parameters: list[Parameter] = list(node.get_parameters_by_prefix("").values())
+    return {
+        parameter.name: _plain(parameter.value)
+        for parameter in parameters
+        if not parameter.name.startswith(ROS_OWN)
+    }
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, (list, tuple)) or hasattr(value, "tolist") else value

@@ -1,1 +1,0 @@
-"""A bag on its topics again."""

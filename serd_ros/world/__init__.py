@@ -1,1 +1,0 @@
-"""The simulated world on topics: lock-step or live."""

@@ -1,0 +1,83 @@
+"""The start of an episode, and its row in the table of episodes."""
+
+import math
+from collections.abc import Mapping
+
+from pydantic import Field
+
+from sim.episodes.episode import EpisodeRecord
+from sim.episodes.progress import Ending, EpisodeProgress
+from storage.episode_table import EpisodeResult
+from storage.yaml_config import StrictModel
+
+#: Start area of an episode that began without a reset.
+ANYWHERE = "anywhere"
+#: The world's report where no simulated world counts contacts.
+UNCOUNTED = {
+    "robot_on_person": "0",
+    "person_on_robot": "0",
+    "robot_on_wall": "0",
+    "minimum_person_distance_m": "nan",
+}
+
+
+class EpisodeStart(StrictModel):
+    """An episode that begins now; observations before start_s belong to the one before.
+
+    The service `reset` responds with it as JSON.
+    """
+
+    episode: int = Field(ge=0)
+    seed: int = Field(ge=0)
+    start_area: str
+    start_s: float
+
+
+def observed_result(
+    start: EpisodeStart,
+    progress: EpisodeProgress,
+    report: Mapping[str, str],
+    *,
+    driver: str,
+    outcome: Ending,
+    reason: str,
+    wall_s: float,
+) -> EpisodeResult:
+    """The row of an episode over ROS; report: values of `hallway_sim` on `diagnostics`, as text."""
+    duration_s = progress.duration_s
+    return EpisodeResult(
+        episode=start.episode,
+        seed=start.seed,
+        driver=driver,
+        start_area=start.start_area,
+        outcome=outcome,
+        time_of_arrival_s=duration_s if outcome == "arrived" else math.nan,
+        duration_s=duration_s,
+        distance_m=progress.distance_m,
+        robot_on_person=int(report["robot_on_person"]),
+        person_on_robot=int(report["person_on_robot"]),
+        robot_on_wall=int(report["robot_on_wall"]),
+        minimum_person_distance_m=float(report["minimum_person_distance_m"]),
+        wall_s=wall_s,
+        reason=reason,
+    )
+
+
+def result_of_record(record: EpisodeRecord, *, reason: str, wall_s: float) -> EpisodeResult:
+    """The row of an episode that was run in process; reason: why the driver gave up, or empty."""
+    return EpisodeResult(
+        episode=record.episode,
+        seed=record.seed,
+        driver=record.driver,
+        start_area=record.start_area,
+        outcome=record.outcome,
+        time_of_arrival_s=record.time_of_arrival_s,
+        duration_s=record.duration_s,
+        distance_m=record.distance_m,
+        robot_on_person=record.contacts.robot_on_person,
+        person_on_robot=record.contacts.person_on_robot,
+        robot_on_wall=record.contacts.robot_on_wall,
+        minimum_person_distance_m=record.minimum_person_distance_m,
+        wall_s=wall_s,
+        reason="" if record.outcome == "arrived" else reason,
+    )

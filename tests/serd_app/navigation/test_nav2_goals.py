@@ -1,0 +1,173 @@
+"""Waypoints as goals of Nav2, against a stand-in for its action server.
+
+The wheels hold no nav2_msgs, so goals here are plain values and the server answers by rclpy's own
+futures; a real Nav2 was never part of these tests.
+"""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+from rclpy.task import Future
+
+from serd_app.navigation.nav2_goals import SUCCEEDED, Nav2Goals
+from serd_core.errors import SerdError
+from serd_ros.convert.pose import odom_in_map, to_transform
+from serd_ros.nodes.nav2_bridge import ros_type
+
+ABORTED = 6
+
+
+class Handle:
+    """A goal at the server."""
+
+    def __init__(self, accepted):
+        self.accepted, self.canceled, self.result = accepted, False, Future()
+
+    def get_result_async(self):
+        return self.result
+
+    def cancel_goal_async(self):
+        self.canceled = True
+
+    def end(self, status, error_code=0):
+        answer = SimpleNamespace(status=status, result=SimpleNamespace(error_code=error_code))
+        answered(self.result, answer)
+
+
+class Server:
+    """Takes goals and answers when told to."""
+
+    def __init__(self):
+        self.ready, self.goals, self.answers = True, [], []
+
+    def server_is_ready(self):
+        return self.ready
+
+    def send_goal_async(self, goal):
+        self.goals.append(goal)
+        self.answers.append(Future())
+        return self.answers[-1]
+
+    def answer(self, accepted=True):
+        handle = Handle(accepted)
+        answered(self.answers[-1], handle)
+        return handle
+
+
+def answered(future, value):
+    """Set a future's result and run its callbacks, as a spinning node would."""
+    callbacks, future._callbacks = future._callbacks, []
+    future.set_result(value)
+    for callback in callbacks:
+        callback(future)
+
+
+@pytest.fixture
+def server():
+    return Server()
+
+
+@pytest.fixture
+def goals(server):
+    return Nav2Goals(server, lambda targets, time_s: (tuple(targets), time_s), timeout_s=5.0)
+
+
+def test_a_waypoint_becomes_one_goal_however_often_it_comes(server, goals):
+    goals.take([(1.0, 2.0)], 10.0, 0.0)
+    server.answer()
+    goals.take([(1.0, 2.0)], 12.0, 2.0)
+    assert server.goals == [(((1.0, 2.0),), 10.0)]
+    assert goals.state == "driving"
+
+
+def test_a_new_waypoint_replaces_the_goal_and_the_old_ones_end_tells_nothing(server, goals):
+    goals.take([(1.0, 2.0)], 0.0, 0.0)
+    old = server.answer()
+    goals.take([(1.0, 3.0)], 2.0, 2.0)
+    new = server.answer()
+    old.end(ABORTED)
+    assert goals.state == "driving"
+    new.end(SUCCEEDED)
+    assert goals.state == "arrived"
+    assert len(server.goals) == 2
+
+
+def test_of_waypoints_that_come_while_one_is_sent_only_the_newest_is_sent_after_it(server, goals):
+    for place in range(4):
+        goals.take([(float(place), 0.0)], 0.0, 0.0)
+    assert len(server.goals) == 1
+    server.answer()
+    assert [goal[0] for goal in server.goals] == [((0.0, 0.0),), ((3.0, 0.0),)]
+
+
+def test_a_waypoint_taken_back_before_the_server_answered_is_not_sent(server, goals):
+    first, second = [(1.0, 2.0)], [(1.0, 3.0)]
+    for targets in (first, second, first):
+        goals.take(targets, 0.0, 0.0)
+    handle = server.answer()
+    assert [goal[0] for goal in server.goals] == [tuple(first)]
+    assert goals.state == "driving"
+    handle.end(SUCCEEDED)
+    assert goals.state == "arrived"
+
+
+def test_a_plan_that_goes_on_is_not_sent_again(server, goals):
+    goals.take([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], 0.0, 0.0)
+    server.answer()
+    goals.take([(1.0, 0.0), (2.0, 0.0)], 2.0, 2.0)
+    assert len(server.goals) == 1
+    goals.take([(1.0, 0.0), (1.0, 1.0)], 4.0, 4.0)
+    assert len(server.goals) == 2
+
+
+@pytest.mark.parametrize("ending", ["rejected", "failed with code 105"])
+def test_after_a_failure_the_next_waypoint_tries_again(server, goals, ending):
+    goals.take([(1.0, 2.0)], 0.0, 0.0)
+    handle = server.answer(accepted=ending != "rejected")
+    if ending != "rejected":
+        handle.end(ABORTED, error_code=105)
+    assert goals.state == ending
+    goals.take([(1.0, 2.0)], 2.0, 2.0)
+    assert len(server.goals) == 2
+
+
+def test_silence_stops_nav2(server, goals):
+    goals.take([(1.0, 2.0)], 0.0, 0.0)
+    handle = server.answer()
+    assert not goals.expire(4.9)
+    assert goals.expire(5.1)
+    assert handle.canceled
+    assert not goals.expire(6.0)
+
+
+def test_a_goal_called_off_before_the_server_answered_is_canceled_when_it_does(server, goals):
+    goals.take([(1.0, 2.0)], 0.0, 0.0)
+    goals.cancel()
+    assert server.answer().canceled
+
+
+def test_without_a_server_nothing_is_sent_until_it_is_there(server, goals):
+    server.ready = False
+    goals.take([(1.0, 2.0)], 0.0, 0.0)
+    assert (goals.state, server.goals) == ("no server", [])
+    server.ready = True
+    goals.take([(1.0, 2.0)], 2.0, 2.0)
+    assert len(server.goals) == 1
+
+
+def test_map_to_odom_and_odom_to_base_together_are_the_pose_in_the_map():
+    base_in_map, base_in_odom = (3.0, -1.0, 2.0), (0.5, 0.7, -1.5)
+    x_m, y_m, yaw = odom_in_map(base_in_map, base_in_odom)
+    turned_x = math.cos(yaw) * base_in_odom[0] - math.sin(yaw) * base_in_odom[1]
+    turned_y = math.sin(yaw) * base_in_odom[0] + math.cos(yaw) * base_in_odom[1]
+    assert (x_m + turned_x, y_m + turned_y) == pytest.approx(base_in_map[:2])
+    assert math.remainder(yaw + base_in_odom[2] - base_in_map[2], math.tau) == pytest.approx(0.0)
+    message = to_transform("map", "odom", (x_m, y_m, yaw), 1.5)
+    assert (message.header.frame_id, message.child_frame_id) == ("map", "odom")
+    assert message.transform.translation.x == pytest.approx(x_m)
+
+
+def test_a_missing_ros_package_is_named_with_the_fix():
+    with pytest.raises(SerdError, match="apt-get install ros-jazzy-no-such-msgs"):
+        ros_type("no_such_msgs.action", "NavigateToPose")

@@ -1,0 +1,70 @@
+"""The local planner's parameters in the node: the scenario's, unless the node is given others."""
+
+import pytest
+
+from serd_ros.errors import NodeError
+from serd_ros.graph.configs import LocalPlannerConfig
+from serd_ros.graph.parameters import validated
+from sim.errors import SimError
+from sim.planning.settings import PlannerSettings
+from sim.scenario.scenario import builtin_scenarios, load_scenario
+from storage.yaml_config import model_yaml
+
+
+def config(scenario, **given):
+    """The config of the node: its defaults, then the scenario's, then the values given."""
+    return validated("local_planner", {"scenario": str(scenario), **given}, LocalPlannerConfig)
+
+
+@pytest.fixture
+def slow_corridor(tmp_path):
+    """A corridor whose robot is slower than usual and whose planner is slower still."""
+    corridor = load_scenario("corridor")
+    robot = corridor.robot.model_copy(update={"max_vel_x_mps": 0.9, "acc_lim_x_mps2": 2.0})
+    planner = PlannerSettings(max_vel_x=0.7, sim_time=2.0)
+    path = tmp_path / "slow.yaml"
+    changes = {"robot": robot, "local_planner": planner, "control_period_s": 0.1}
+    path.write_text(model_yaml(corridor.model_copy(update=changes)))
+    return path
+
+
+@pytest.mark.parametrize("name", builtin_scenarios())
+def test_the_defaults_of_the_node_are_those_of_every_built_in_scenario(name):
+    parameters = LocalPlannerConfig.defaults({"scenario": name})
+    assert None not in parameters.values()
+    assert parameters == LocalPlannerConfig.defaults({})
+
+
+def test_what_is_not_given_is_the_scenarios(slow_corridor):
+    found = config(slow_corridor)
+    assert (found.max_vel_x, found.sim_time) == (0.7, 2.0)
+    assert (found.acc_lim_x, found.min_vel_x, found.vx_samples) == (2.0, -0.3, 9)
+    assert found.controller_frequency == 10.0
+
+
+def test_what_is_given_wins_and_reaches_the_planner(slow_corridor):
+    scenario = config(slow_corridor, max_vel_x=0.5, vx_samples=5).planned_scenario()
+    limited = scenario.local_planner.limited(scenario.robot)
+    assert (limited.max_vel_x_mps, limited.acc_lim_x_mps2) == (0.5, 2.0)
+    assert (scenario.local_planner.vx_samples, scenario.local_planner.sim_time) == (5, 2)
+    assert scenario.robot == load_scenario(slow_corridor).robot
+
+
+def test_a_node_without_parameters_plans_for_the_very_robot_of_the_scenario():
+    scenario, given = config("hallway").planned_scenario(), load_scenario("hallway")
+    assert scenario.local_planner.limited(scenario.robot) == scenario.robot
+    complete = given.local_planner.complete(given.robot, given.control_period_s)
+    assert scenario.local_planner == complete
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "sentence"),
+    [
+        ({"max_vel_x": 1.0}, SimError, r"max_vel_x must be at most robot\.max_vel_x_mps \(0\.9\)"),
+        ({"controller_frequency": 20.0}, SimError, r"control_period_s \(10 Hz\), got 20"),
+        ({"sim_time": -1.0}, NodeError, "parameter of local_planner: sim_time must be greater"),
+    ],
+)
+def test_a_value_that_cannot_be_is_refused(slow_corridor, given, error, sentence):
+    with pytest.raises(error, match=sentence):
+        config(slow_corridor, **given).planned_scenario()

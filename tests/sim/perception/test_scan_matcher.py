@@ -1,0 +1,67 @@
+"""Scans and observations are brought together by their stamps, in whatever order they come."""
+
+import numpy as np
+import pytest
+
+from serd_core.errors import SerdError
+from sim.perception.scan_matcher import ScanMatcher
+from sim.planning.catalogue import make_planner
+from sim.robot.lidar import Lidar
+from sim.scenario.scenario import load_scenario
+from support.observations import observation_at
+
+HALLWAY = load_scenario("hallway")
+LIDAR = Lidar(HALLWAY.lidar, HALLWAY.wall_segments_m, 0.25)
+
+
+def standing(tick):
+    return observation_at(3.0, 8.0, tick=tick)
+
+
+def scan_at(tick, x_m):
+    return 50_000_000 * tick, LIDAR.scan((3.0, 8.0, 0.0), np.array([x_m]), np.array([8.0]))
+
+
+@pytest.fixture
+def matcher():
+    return ScanMatcher(HALLWAY)
+
+
+@pytest.mark.parametrize("scan_first", [True, False])
+def test_a_scan_counts_once_the_observation_of_its_stamp_is_there(matcher, scan_first):
+    steps = [
+        lambda: matcher.take_scan(*scan_at(4, 4.5)),
+        lambda: matcher.take_observation(standing(4)),
+    ]
+    first, second = steps if scan_first else reversed(steps)
+    first()
+    assert not matcher.is_complete(standing(4))
+    second()
+    assert matcher.is_complete(standing(4))
+
+
+def test_ticks_between_scans_need_none(matcher):
+    assert matcher.is_complete(standing(5))
+    assert not matcher.is_complete(standing(6))
+
+
+def test_a_scan_of_another_tick_does_not_count(matcher):
+    matcher.take_observation(standing(4))
+    matcher.take_scan(*scan_at(2, 4.5))
+    assert not matcher.is_complete(standing(4))
+
+
+def test_a_scan_sent_twice_is_taken_once(matcher):
+    """Of two scans of a walker 0.1 s apart, the second one again would make him stand."""
+    planner = matcher.planner_on(make_planner("dwa", HALLWAY))
+    for tick, x_m in ((2, 4.5), (4, 4.6), (4, 4.6), (4, 4.6)):
+        matcher.take_observation(standing(tick))
+        matcher.take_scan(*scan_at(tick, x_m))
+    again = planner.perception.tracker.velocity_mps[0, 0]
+    assert again == pytest.approx(0.25, abs=0.05)  # beta times 1 m/s
+
+
+def test_a_scan_of_another_lidar_is_refused_with_the_fix(matcher):
+    matcher.take_observation(standing(4))
+    with pytest.raises(SerdError, match=r"must have 360 rays"):
+        matcher.take_scan(200_000_000, np.ones(90, dtype=np.float32))
