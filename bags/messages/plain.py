@@ -210,11 +210,11 @@ def _header(header: Any) -> Header:
     return Header(header.stamp.sec * _SECOND_NS + header.stamp.nanosec, header.frame_id)
 
 
-def _yaw(x: float, y: float, z: float, w: float) -> float:
+def yaw_of_quaternion(x: float, y: float, z: float, w: float) -> float:
     """Heading of a rotation about any axis, seen from above."""
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def _pose(header: Any, position: Any, turned: Any) -> PlanarPose:
-    yaw_rad = _yaw(turned.x, turned.y, turned.z, turned.w)
+    yaw_rad = yaw_of_quaternion(turned.x, turned.y, turned.z, turned.w)
     return PlanarPose(_header(header), position.x, position.y, yaw_rad)
