@@ -13,7 +13,7 @@ from serd_app.demonstrations.grid_file import save_grid
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.settings import MethodName
-from serd_app.navigation.usable_model import usable_model
+from serd_app.navigation.strategy import load_strategy
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of
@@ -105,7 +105,7 @@ def test_a_recorded_flow_is_learned_with_and_kept_in_the_model(serd, demonstrati
     assert by_scenario["weight.social_norm"] < 0.5  # people walk the other way than the plan says
     model = load_model(by_recorded["model"])
     assert model.flow_on("model", GRID).tolist() == turned.tolist()
-    used = usable_model(by_recorded["model"], HALLWAY, transfer=False)
+    used = load_strategy(by_recorded["model"], HALLWAY, "optimal")
     assert used.problem.flow.tolist() == turned.tolist()
 
 
@@ -247,7 +247,7 @@ def test_every_method_gives_a_model_that_navigates(serd, demonstrations, method)
     assert found["converged"]
     model = load_model(found["model"], expected_grid=GRID)
     assert (model.method, model.fit.n_episodes) == (method, 6)
-    problem = usable_model(found["model"], HALLWAY, transfer=False).problem
+    problem = load_strategy(found["model"], HALLWAY, "optimal").problem
     chosen = optimal_policy(problem, model.weights, model.outcome_probabilities).greedy
     assert chosen.shape == (GRID.n_states,)
 
