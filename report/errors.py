@@ -4,4 +4,4 @@ from serd_core.errors import SerdError
 
 
 class ReportError(SerdError):
-    """An input of the report breaks a rule; the sentence names it and says what to do."""
+    """An input of the report breaks a rule; the message names it and the fix."""

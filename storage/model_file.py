@@ -155,9 +155,9 @@ def model_of_fit(
     goal_entry_s: Sequence[float] = (),
     own_flow: bool = False,
 ) -> ModelFile:
-    """The fit of a navigation problem as the record that is kept.
+    """The fit of a navigation problem as a model file.
 
-    own_flow: whether the problem's flow is kept as well, because it is not the scenario's.
+    own_flow: whether the problem's flow is stored as well, because it is not the scenario's.
     """
     tables = (
         fit.outcome_probabilities,
@@ -198,7 +198,7 @@ def load_model(
     *,
     expected_grid: Grid | None = None,
 ) -> ModelFile:
-    """Read a model; FileError says what differs where it was made for another grid."""
+    """Read a model; FileError names the differences where it was made for another grid."""
     model = load_yaml_model(path, ModelFile)
     if expected_grid is not None:
         require_grid(path, model, expected_grid)
@@ -208,7 +208,7 @@ def load_model(
 
 
 def require_grid(path: str | Path, model: ModelFile, grid: Grid) -> None:
-    """FileError that says what differs where the model of a file was made for another grid."""
+    """FileError with the differences where the model of a file was made for another grid."""
     if model.grid.fingerprint != grid.fingerprint():
         _refuse(path, model, grid, grid.fingerprint())
 

@@ -84,7 +84,7 @@ _PLAIN_WORDS = {
 
 
 def sentence_of(error: ValidationError, model_class: type[BaseModel]) -> str:
-    """The most telling of the faults; the number of the others is added."""
+    """The most specific of the faults; the number of the others is added."""
     details = sorted(error.errors(include_url=False), key=_rank)
     others = len(details) - 1
     more = f" ({others} more fault{'s' if others > 1 else ''})" if others else ""

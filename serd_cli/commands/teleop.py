@@ -79,7 +79,7 @@ def teleop(
 
 
 def _run(settings: TeleopSettings, folder: Path) -> None:
-    """Run the stack until it is told to stop; whatever ends it, say what is recorded."""
+    """Run the stack until it is stopped; in any case, print what is recorded."""
     bag = folder / "bag"
     environment = ros_environment(os.environ)
     environment["ROS_LOG_DIR"] = str(folder / "logs" / "ros")
@@ -91,10 +91,10 @@ def _run(settings: TeleopSettings, folder: Path) -> None:
     except KeyboardInterrupt:
         pass  # the usual end
     finally:
-        _say_what_is_recorded(settings, folder, bag)
+        _print_recorded(settings, folder, bag)
 
 
-def _say_what_is_recorded(settings: TeleopSettings, folder: Path, bag: Path) -> None:
+def _print_recorded(settings: TeleopSettings, folder: Path, bag: Path) -> None:
     summary = summarise_session(bag, settings.scenario)
     if summary is None:
         progress_console.print(f"nothing was recorded in {folder}", soft_wrap=True)

@@ -59,7 +59,7 @@ class TeleopSettings:
 
 
 def require_a_way_to_drive(settings: TeleopSettings) -> None:
-    """UsageError where nobody could drive."""
+    """UsageError where neither the keyboard nor the page can work."""
     if settings.keyboard and not sys.stdin.isatty():
         raise UsageError("the keyboard needs a terminal as standard input; start it in a window")
     if settings.page:

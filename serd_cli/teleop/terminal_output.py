@@ -1,4 +1,4 @@
-"""What the nodes say while somebody drives: all of it into a log, the driver's part on screen."""
+"""Output of the nodes while driving by hand: all of it in a log, the driver's part on screen."""
 
 import re
 import termios
@@ -19,13 +19,13 @@ _FATAL = "FATAL"
 
 
 class DriverLines:
-    """Takes the nodes' lines."""
+    """Logs the nodes' lines and prints those for the driver."""
 
     def __init__(self, log: Path) -> None:
         self._log_path = log
         self._log: TextIO | None = None
         self._shown = ""
-        # If it matters, the supervisor tells; a node stopped in the middle of a callback does not.
+        # Nodes whose traceback is hidden: the supervisor reports a failure that matters.
         self._broken: set[str] = set()
 
     def __enter__(self) -> "DriverLines":
@@ -38,7 +38,7 @@ class DriverLines:
             self._log.close()
 
     def hear(self, node: str, line: str) -> None:
-        """Take a line a node printed."""
+        """Log a line a node printed, and print it where it is for the driver."""
         if self._log is not None:
             self._log.write(f"{node:>15} | {line}\n")
             self._log.flush()
@@ -48,15 +48,15 @@ class DriverLines:
         if node in _SHOWN and node not in self._broken:
             self._show(line[match.end() :] if match else line)
 
-    def _show(self, said: str) -> None:
-        """Print it once: page and keyboard both tell of every episode."""
-        if said == self._shown:
+    def _show(self, text: str) -> None:
+        """Print a line once: page and keyboard both report every episode."""
+        if text == self._shown:
             return
-        self._shown = said
-        if match := _ADDRESS.search(said):
+        self._shown = text
+        if match := _ADDRESS.search(text):
             progress_console.print(f"drive at [bold]{match[1]}[/bold]   (Ctrl-C ends)")
         else:
-            progress_console.print(escape(said), soft_wrap=True)
+            progress_console.print(escape(text), soft_wrap=True)
 
 
 @contextmanager
