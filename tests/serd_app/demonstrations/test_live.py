@@ -165,7 +165,7 @@ def test_an_intent_later_than_the_end_of_its_episode_is_noticed(messages):
 
 
 def test_a_message_too_short_for_a_stamp_is_refused():
-    with pytest.raises(BagError, match=r"must begin with a stamp \(12 bytes\), got 3 bytes"):
+    with pytest.raises(BagError, match=r"must have a stamp \(12 bytes\), got 3 bytes"):
         LiveDrive("live", GRID, 2.0).take("intent", b"\x00\x01\x00")
 
 
