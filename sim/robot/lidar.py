@@ -1,8 +1,8 @@
 """A 2-D lidar: rays all around the robot against walls and people, exactly, in the plane.
 
 A ray meets a wall segment where both parameters of the crossing are in range, and a person's circle
-at along - sqrt(r^2 - across^2). Tests compare it with
-the ray tests of the physics world, which agree to millimetres.
+at along - sqrt(r^2 - across^2). Tests compare it with the ray tests of the physics world, which
+agree to millimetres.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""What a scenario is on the coarse grid: walkable cells, flow, goal, starts, distance to walls."""
+"""A scenario on the coarse grid: walkable cells, flow, goal, starts, distance to walls."""
 
 from collections.abc import Sequence
 
@@ -19,7 +19,11 @@ _WEAKEST_FLOW = 0.05
 
 
 def flow_vectors(loops: tuple[Loop, ...], points_m: FloatArray, cell_size_m: float) -> FloatArray:
-    """(N, 2) sum of the walking directions around each point, weighted by share and nearness."""
+    """(N, 2) walking directions around each point, weighted by share and nearness.
+
+    f = sum over legs of share * max(0, 1 - (d / h)^2) * direction, with d the distance to the leg
+    and h its reach: the half width of the lane plus three quarters of a cell.
+    """
     total = np.zeros((len(points_m), 2))
     for loop in loops:
         legs = edges_of(loop.waypoints_m)

@@ -164,7 +164,7 @@ def test_nobody_passes_a_wall_in_a_hundred_thousand_steps_at_3_people_per_square
     for _ in range(100_000):
         crowd.step(0.05)
         if not (crowd.y_m.min() > 0.0 and crowd.y_m.max() < 2.0):
-            pytest.fail(f"somebody is at y = {crowd.y_m.min()} or {crowd.y_m.max()} m")
+            pytest.fail(f"a person is at y = {crowd.y_m.min()} or {crowd.y_m.max()} m")
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ HALLWAY = load_scenario("hallway")
 
 
 def walking_towards(x_m):
-    """The robot drives north at 1 m/s; somebody walks west at 1 m/s towards x_m = 4.5."""
+    """The robot drives north at 1 m/s; a person walks west at 1 m/s towards x_m = 4.5."""
     return observation_at(
         4.5, 9.5, np.pi / 2, time_s=2.0, speed_mps=1.0, people=[(x_m, 10.5)], velocity=[(-1.0, 0.0)]
     )

@@ -61,10 +61,10 @@ def test_a_line_cut_short_by_a_crash_is_run_again(table, tmp_path):
 def test_a_task_listed_twice_is_one_episode(table):
     path, rows, _ = table
     progress = []
-    told = run_batch(
+    found = run_batch(
         TASKS * 2, path, execution=ONE, on_progress=lambda *done: progress.append(done)
     )
-    assert told == rows
+    assert found == rows
     assert progress == [(2, 2)]
 
 

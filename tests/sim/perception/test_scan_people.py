@@ -95,7 +95,7 @@ def test_the_robot_arrives_without_driving_into_anybody_by_the_scan_alone(name):
 
 
 def test_a_planner_by_scans_knows_nothing_of_people_but_what_the_scans_show():
-    """With nobody given it drives as among the people given: scans are all it looks at."""
+    """Without given people it drives as with them: it reads only the scans."""
     blind = replace(
         HALLWAY_SEEN, people_position_m=NOBODY, people_velocity_mps=NOBODY, people_id=np.zeros(0)
     )

@@ -38,12 +38,12 @@ def robot(velocity_x_mps=0.0):
     ("robots_mps", "persons_mps", "who"),
     [
         (0.5, 0.0, "robot"),
-        (0.5, 0.4, "robot"),  # it catches up with somebody who walks away
+        (0.5, 0.4, "robot"),  # it catches up with a person who walks away
         (0.5, -0.4, "robot"),  # both approach, the robot faster
         (0.4, -0.5, "person"),  # both approach, the person faster
         (0.0, -0.5, "person"),
         (-0.3, -0.5, "person"),  # the person catches up with a robot that backs off
-        (0.0, 0.0, "person"),  # a robot that stands has run into nobody
+        (0.0, 0.0, "person"),  # a robot at rest does not run into people
     ],
 )
 def test_a_contact_is_of_the_one_who_closes_in_faster(robots_mps, persons_mps, who):

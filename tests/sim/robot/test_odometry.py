@@ -1,4 +1,4 @@
-"""Dead reckoning: the truth without drift, and drift as told."""
+"""Dead reckoning: the truth without drift, and drift as set."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The world: one seed one trajectory, exact motion, solid walls, contacts told apart."""
+"""The world: one seed one trajectory, exact motion, solid walls, contacts classified."""
 
 import math
 import pickle
@@ -117,7 +117,7 @@ def test_a_command_that_is_not_finite_stops_the_robot(bad):
 
 
 def meeting(robot_command, person_velocity_mps):
-    """Contacts when the robot at x=2 and a person at x=3 do as told for two seconds."""
+    """Contacts when the robot at x=2 and a person at x=3 drive for two seconds."""
     settings = HALLWAY.with_pedestrian_count(1)
     blind = settings.pedestrians.model_copy(update={"robot_visible": False})
     with HallwayWorld(settings.model_copy(update={"pedestrians": blind}), seed=1) as world:
