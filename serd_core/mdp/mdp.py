@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray, first_index, float_array
+from serd_core.arrays import BoolArray, FloatArray, Shape, first_index, float_array
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.linear.policy_pattern import PolicyPattern, policy_pattern
@@ -85,41 +85,31 @@ def require_discount(discount: float) -> None:
 
 #: How far a sum may be from 1; tables read from files are rounded.
 SUM_TOLERANCE = 1e-6
+#: How far below 0 a probability may be.
+ROUNDING = 1e-9
 
 
-def checked_policy(name: str, values: FloatArray, mdp: Mdp) -> FloatArray:
-    """(S, A) copy of a policy; SerdError naming the first state whose row is no distribution."""
-    policy = float_array(name, values, mdp.available.shape)
-    bad = first_index((policy < -1e-9) | (~mdp.available & (policy != 0.0)))
-    if bad is not None:
-        raise SerdError(
-            f"{name}[{bad[0]}, {bad[1]}] must be a probability of an available action,"
-            f" got {policy[bad]}; use 0 for actions that are not available"
-        )
-    _require_rows_of_one(name, policy)
-    return policy
-
-
-def checked_choices(
-    name: str, values: FloatArray, shape: tuple[int | None, int | None]
+def checked_policy(
+    name: str, values: FloatArray, mdp: Mdp | None = None, shape: Shape = (None, None)
 ) -> FloatArray:
-    """(S, A) copy of a policy of whatever problem; SerdError where a row is no distribution."""
-    policy = float_array(name, values, shape)
-    negative = first_index(policy < -1e-9)
-    if negative is not None:
+    """(S, A) copy of a policy; SerdError naming the first state whose row is no distribution.
+
+    mdp: the one it is for; None for a policy of any problem, then of the given shape.
+    """
+    policy = float_array(name, values, shape if mdp is None else mdp.available.shape)
+    available = np.ones_like(policy, dtype=np.bool_) if mdp is None else mdp.available
+    bad = first_index((policy < -ROUNDING) | (~available & (policy != 0.0)))
+    if bad is not None:
+        which = "" if mdp is None else " of an available action"
         raise SerdError(
-            f"{name}{list(negative)} must be a probability, got {policy[negative]}"
+            f"{name}{list(bad)} must be a probability{which}, got {policy[bad]}"
             "; use 0 for actions that are not available"
         )
-    _require_rows_of_one(name, policy)
-    return np.maximum(policy, 0.0)
-
-
-def _require_rows_of_one(name: str, policy: FloatArray) -> None:
     sums = policy.sum(axis=1)
     off = first_index(np.abs(sums - 1.0) > SUM_TOLERANCE)
     if off is not None:
         raise SerdError(f"{name}[{off[0]}] must sum to 1, got {sums[off]}; normalise over actions")
+    return policy
 
 
 def checked_distribution(name: str, values: FloatArray, size: int) -> FloatArray:

@@ -9,12 +9,12 @@ theta_P > 0 is moved by its logarithm.
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.posterior.parameters import Parameters
+from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.coupling import CouplingPrior
 from serd_core.priors.prior import Prior, UniformPrior
 
@@ -23,8 +23,16 @@ class Belief(ABC):
     """A relation between the blocks theta_TE and theta_T."""
 
     @property
+    @abstractmethod
+    def groups(self) -> tuple[tuple[Block, ...], ...]:
+        """Blocks in the order of the vector; those of one group are equal and move as one.
+
+        The logarithm of the temperature follows them. Other blocks stay fixed.
+        """
+
+    @property
     def prior(self) -> Prior:
-        """The prior this relation brings along."""
+        """The prior that comes with this relation."""
         return UniformPrior()
 
     @property
@@ -32,74 +40,58 @@ class Belief(ABC):
         """Whether any dynamics move; where none do, they may rule outcomes out."""
         return True
 
-    @abstractmethod
     def pack(self, parameters: Parameters) -> FloatArray:
-        """Vector of the free numbers."""
+        """(m,) vector of the free numbers."""
+        blocks = [parameters.block(group[0]) for group in self.groups]
+        return np.concatenate([*blocks, np.log(parameters.policy)])
 
-    @abstractmethod
     def unpack(self, vector: FloatArray, like: Parameters) -> Parameters:
         """Blocks of a vector; `like` gives the lengths (and the values of fixed blocks)."""
+        lengths = [len(like.block(group[0])) for group in self.groups]
+        *parts, log_temperature = np.split(vector, np.cumsum(lengths))
+        moved = {
+            block.value: part
+            for group, part in zip(self.groups, parts, strict=True)
+            for block in group
+        }
+        return replace(like, policy=np.exp(log_temperature), **moved)
 
-    @abstractmethod
     def jacobian(self, at: Parameters) -> FloatArray:
         """(n, m) derivative of all blocks in a row (`Parameters.vector`) by the vector."""
+        table = np.zeros((len(at.vector), len(self.pack(at))))
+        start = 0
+        for group in self.groups:
+            length = len(at.block(group[0]))
+            for block in group:
+                table[at.place(block), start : start + length] = np.eye(length)
+            start += length
+        table[at.place(Block.POLICY), start:] = np.diag(at.policy)
+        return table
 
-    @abstractmethod
     def pull_back(self, gradient: Parameters, at: Parameters) -> FloatArray:
-        """Gradient by the vector of a function with the given block gradients."""
+        """(m,) gradient by the vector of a function with the given block gradients."""
+        parts = [sum(map(gradient.block, group), np.zeros(1)) for group in self.groups]
+        return np.concatenate([*parts, gradient.policy * at.policy])
 
 
 @dataclass(frozen=True)
 class TiedBelief(Belief):
     """The expert knows the dynamics: theta_TE = theta_T."""
 
-    def pack(self, parameters: Parameters) -> FloatArray:
-        """(F + N + 0 or 1,) reward, dynamics, log temperature."""
-        return np.concatenate([parameters.reward, parameters.truth, np.log(parameters.policy)])
-
-    def unpack(self, vector: FloatArray, like: Parameters) -> Parameters:
-        """Blocks with belief and truth equal."""
-        reward, truth, temperature = _split(vector, (like.reward, like.truth, like.policy))
-        return Parameters(reward, truth, truth, np.exp(temperature))
-
-    def jacobian(self, at: Parameters) -> FloatArray:
-        """Both dynamics blocks follow one part of the vector."""
-        reward, dynamics, temperature = _unit_blocks(at.reward, at.truth, at.policy)
-        return np.concatenate([reward, dynamics, dynamics, at.policy[:, None] * temperature])
-
-    def pull_back(self, gradient: Parameters, at: Parameters) -> FloatArray:
-        """Both dynamics terms add up."""
-        dynamics = gradient.belief + gradient.truth
-        return np.concatenate([gradient.reward, dynamics, gradient.policy * at.policy])
+    @property
+    def groups(self) -> tuple[tuple[Block, ...], ...]:
+        """Reward, and both dynamics blocks as one."""
+        return (Block.REWARD,), (Block.BELIEF, Block.TRUTH)
 
 
 @dataclass(frozen=True)
 class FreeBelief(Belief):
     """The expert may be wrong in any way: theta_TE and theta_T are learned apart (4.10)."""
 
-    def pack(self, parameters: Parameters) -> FloatArray:
-        """(F + 2 N + 0 or 1,) reward, belief, truth, log temperature."""
-        return np.concatenate(
-            [parameters.reward, parameters.belief, parameters.truth, np.log(parameters.policy)]
-        )
-
-    def unpack(self, vector: FloatArray, like: Parameters) -> Parameters:
-        """All four blocks."""
-        reward, belief, truth, temperature = _split(
-            vector, (like.reward, like.belief, like.truth, like.policy)
-        )
-        return Parameters(reward, belief, truth, np.exp(temperature))
-
-    def jacobian(self, at: Parameters) -> FloatArray:
-        """Each block follows its own part of the vector."""
-        reward, belief, truth, temperature = _unit_blocks(at.reward, at.belief, at.truth, at.policy)
-        return np.concatenate([reward, belief, truth, at.policy[:, None] * temperature])
-
-    def pull_back(self, gradient: Parameters, at: Parameters) -> FloatArray:
-        """Each block has its own term."""
-        return np.concatenate(
-            [gradient.reward, gradient.belief, gradient.truth, gradient.policy * at.policy]
-        )
+    @property
+    def groups(self) -> tuple[tuple[Block, ...], ...]:
+        """Reward, belief, truth."""
+        return (Block.REWARD,), (Block.BELIEF,), (Block.TRUTH,)
 
 
 @dataclass(frozen=True)
@@ -119,36 +111,11 @@ class FixedBelief(Belief):
     """Dynamics are given and stay as they are: inverse reinforcement learning."""
 
     @property
+    def groups(self) -> tuple[tuple[Block, ...], ...]:
+        """Reward only."""
+        return ((Block.REWARD,),)
+
+    @property
     def learns_dynamics(self) -> bool:
         """None move."""
         return False
-
-    def pack(self, parameters: Parameters) -> FloatArray:
-        """(F + 0 or 1,) reward, log temperature."""
-        return np.concatenate([parameters.reward, np.log(parameters.policy)])
-
-    def unpack(self, vector: FloatArray, like: Parameters) -> Parameters:
-        """Blocks with the dynamics of `like`."""
-        reward, temperature = _split(vector, (like.reward, like.policy))
-        return Parameters(reward, like.belief, like.truth, np.exp(temperature))
-
-    def jacobian(self, at: Parameters) -> FloatArray:
-        """Dynamics blocks follow nothing."""
-        reward, temperature = _unit_blocks(at.reward, at.policy)
-        still = np.zeros((len(at.belief) + len(at.truth), reward.shape[1]))
-        return np.concatenate([reward, still, at.policy[:, None] * temperature])
-
-    def pull_back(self, gradient: Parameters, at: Parameters) -> FloatArray:
-        """Dynamics terms have nothing to move."""
-        return np.concatenate([gradient.reward, gradient.policy * at.policy])
-
-
-def _split(vector: FloatArray, like: tuple[FloatArray, ...]) -> list[FloatArray]:
-    ends = np.cumsum([len(block) for block in like])[:-1]
-    return list(np.split(vector, ends))
-
-
-def _unit_blocks(*blocks: FloatArray) -> list[FloatArray]:
-    """Rows of an identity matrix, split into one piece per block."""
-    sizes = [len(block) for block in blocks]
-    return list(np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1]))

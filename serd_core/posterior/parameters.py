@@ -66,17 +66,7 @@ class Parameters:
 
     def zeros(self) -> "Parameters":
         """Blocks of the same lengths filled with zeros."""
-        return Parameters(
-            reward=np.zeros_like(self.reward),
-            belief=np.zeros_like(self.belief),
-            truth=np.zeros_like(self.truth),
-            policy=np.zeros_like(self.policy),
-        )
+        return self.with_vector(np.zeros(len(self.vector)))
 
     def __add__(self, other: "Parameters") -> "Parameters":
-        return Parameters(
-            reward=self.reward + other.reward,
-            belief=self.belief + other.belief,
-            truth=self.truth + other.truth,
-            policy=self.policy + other.policy,
-        )
+        return self.with_vector(self.vector + other.vector)

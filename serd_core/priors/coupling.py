@@ -9,11 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, floored
+from serd_core.arrays import FloatArray
 from serd_core.derivatives.transition_derivatives import transition_hessian, transition_jacobian
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.priors.divergence import dynamics_gradient, group_weights
+from serd_core.priors.dynamics_prior import (
+    dynamics_gradient,
+    group_weights,
+    transition_probabilities,
+)
 from serd_core.priors.prior import LogPrior, Prior, require_weight
 
 
@@ -30,8 +34,8 @@ class CouplingPrior(Prior):
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
         """Value and gradient by both dynamics blocks."""
         weights = self.weight * group_weights(model, self.state_action_weights)
-        truth = floored(_transition_probabilities(model, parameters.truth))
-        belief = floored(_transition_probabilities(model, parameters.belief))
+        truth = transition_probabilities(model, parameters.truth)
+        belief = transition_probabilities(model, parameters.belief)
         log_ratio = np.log(truth / belief)
         value = -float(np.sum(weights * truth * log_ratio))
         by_truth = dynamics_gradient(model, parameters.truth, -weights * (log_ratio + 1.0))
@@ -43,8 +47,8 @@ class CouplingPrior(Prior):
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         """Parts of each block, and the mixed part w / P_TE dP_T dP_TE^T."""
         weights = self.weight * group_weights(model, self.state_action_weights)
-        truth = floored(_transition_probabilities(model, parameters.truth))
-        belief = floored(_transition_probabilities(model, parameters.belief))
+        truth = transition_probabilities(model, parameters.truth)
+        belief = transition_probabilities(model, parameters.belief)
         at_truth, at_belief = parameters.place(Block.TRUTH), parameters.place(Block.BELIEF)
         table = np.zeros((len(parameters.vector),) * 2)
         table[at_truth, at_truth] = transition_hessian(
@@ -62,7 +66,3 @@ class CouplingPrior(Prior):
         mixed = (by_truth * (weights / belief)[:, None]).T @ by_belief
         table[at_truth, at_belief], table[at_belief, at_truth] = mixed, mixed.T
         return table
-
-
-def _transition_probabilities(model: TransitionModel, theta: FloatArray) -> FloatArray:
-    return model.groups.probabilities(model.entries(model.local_probabilities(theta)))

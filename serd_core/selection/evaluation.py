@@ -15,7 +15,7 @@ from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
-from serd_core.mdp.mdp import checked_choices, checked_policy
+from serd_core.mdp.mdp import checked_policy
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 
@@ -61,8 +61,8 @@ def dynamics_divergence(
 
 def policy_divergence(truth: FloatArray, estimate: FloatArray, visits: FloatArray) -> float:
     """Mean KLD from a true to an estimated (S, A) policy under (S,) or (S, A) visits."""
-    true = checked_choices("truth", truth, (None, None))
-    other = checked_choices("estimate", estimate, true.shape)
+    true = np.maximum(checked_policy("truth", truth), 0.0)
+    other = np.maximum(checked_policy("estimate", estimate, shape=true.shape), 0.0)
     total = np.asarray(visits, np.float64)
     per_state = total.sum(axis=1) if total.ndim == 2 else total
     return _mean(np.sum(rel_entr(true, other), axis=1), per_state)

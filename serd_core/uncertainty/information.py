@@ -15,7 +15,7 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import Observations, observe
+from serd_core.demonstrations.observations import observe
 from serd_core.derivatives.posterior_hessian import (
     curvature_parts,
     posterior_hessian,
@@ -29,20 +29,19 @@ from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.parameters import Block, Parameters
-from serd_core.posterior.posterior import Posterior, PosteriorValue
+from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import Prior
 
 
 def decision_scores(
     posterior: Posterior,
     parameters: Parameters,
-    at: PosteriorValue,
-    observations: Observations,
-) -> tuple[FloatArray, FloatArray]:
-    """(G, blocks) score of each distinct observed (s, a, s'), and (G,) how often it was seen."""
-    model = posterior.problem.mdp.transitions
-    policy_model, q = posterior.policy_model, at.solution.q
-    by_q = curvature_parts(posterior, parameters, at).sensitivities.by_q
+    q: FloatArray,
+    by_q: FloatArray,
+) -> FloatArray:
+    """(G, blocks) score of each distinct observed (s, a, s') for Q and its derivatives."""
+    model, observations = posterior.problem.mdp.transitions, posterior.observations
+    policy_model = posterior.policy_model
     policy = np.exp(policy_model.log_probabilities(parameters.policy, q))
     mean = np.einsum("sa,san->sn", policy, by_q)
     state, action = np.divmod(model.groups.row[observations.group], model.n_actions)
@@ -57,7 +56,7 @@ def decision_scores(
                 parameters.policy, q, single
             )
     scores[:, parameters.place(Block.TRUTH)] += _transition_scores(posterior, parameters)
-    return scores, observations.group_count
+    return scores
 
 
 def _transition_scores(posterior: Posterior, parameters: Parameters) -> FloatArray:
@@ -70,14 +69,15 @@ def _transition_scores(posterior: Posterior, parameters: Parameters) -> FloatArr
     return np.asarray(slopes / probability[:, None])
 
 
-def score_sizes(posterior: Posterior, parameters: Parameters, at: PosteriorValue) -> FloatArray:
+def score_sizes(
+    posterior: Posterior, parameters: Parameters, q: FloatArray, by_q: FloatArray
+) -> FloatArray:
     """(blocks,) largest of the numbers whose differences make a decision's score, by parameter."""
     model, policy_model = posterior.problem.mdp.transitions, posterior.policy_model
     temperature = policy_model.temperature(parameters.policy)
-    by_q = curvature_parts(posterior, parameters, at).sensitivities.by_q
     by_choice = np.abs(by_q).max(axis=(0, 1)) / temperature
     by_outcome = np.abs(model.local_jacobian(parameters.truth)).max(axis=0, initial=0.0)
-    largest_q = float(np.abs(at.solution.q[np.isfinite(at.solution.q)]).max())
+    largest_q = float(np.abs(q[np.isfinite(q)]).max())
     by_temperature = np.full(len(parameters.policy), largest_q / temperature**2)
     return np.concatenate([by_choice, by_outcome, by_temperature])
 
@@ -128,9 +128,10 @@ def fit_information(
     at = posterior.evaluate(fit.parameters)
     hessian = posterior_hessian(posterior, fit.parameters, at)
     jacobian = assumed.belief.jacobian(fit.parameters)
-    scores, counts = decision_scores(posterior, fit.parameters, at, observations)
-    free_scores = scores @ jacobian
-    sizes = score_sizes(posterior, fit.parameters, at)
+    q, by_q = at.solution.q, curvature_parts(posterior, fit.parameters, at).sensitivities.by_q
+    free_scores = decision_scores(posterior, fit.parameters, q, by_q) @ jacobian
+    sizes = score_sizes(posterior, fit.parameters, q, by_q)
+    counts = observations.group_count
     return Information(
         names=_free_names(problem, fit.parameters, jacobian),
         observed=-vector_hessian(assumed.belief, hessian, at.gradient, fit.parameters),

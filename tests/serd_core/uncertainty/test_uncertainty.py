@@ -8,6 +8,7 @@ from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.derivatives.posterior_hessian import curvature_parts
 from serd_core.errors import SerdError
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.pm_serd import fit_pm_serd
@@ -83,7 +84,9 @@ def test_scores_add_up_to_the_gradient_of_the_likelihood(gridworld, policy_model
     at = fit.parameters.with_vector(fit.parameters.vector + 0.1 * rng.normal(size=92))
     parameters = type(at)(at.reward, at.belief, at.truth, policy_model.initial_parameters)
     found = posterior.evaluate(parameters)
-    scores, counts = decision_scores(posterior, parameters, found, posterior.observations)
+    by_q = curvature_parts(posterior, parameters, found).sensitivities.by_q
+    scores = decision_scores(posterior, parameters, found.solution.q, by_q)
+    counts = posterior.observations.group_count
     np.testing.assert_allclose(counts @ scores, found.gradient.vector, atol=1e-6)
     assert counts.sum() == len(gridworld.decisions)
 

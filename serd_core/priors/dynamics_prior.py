@@ -1,0 +1,94 @@
+"""Priors on the transition probabilities P_g of one dynamics block, sum_g w_g h_g(P_g).
+
+g = (s, a, s') runs over distinct transitions and w_g is lambda times the weight w of its pair
+(s, a); the thesis has w = 1 everywhere. Each prior defines h and its first two derivatives.
+"""
+
+from abc import abstractmethod
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, first_index, float_array, floored
+from serd_core.derivatives.transition_derivatives import transition_hessian
+from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.errors import SerdError
+from serd_core.posterior.parameters import Block, Parameters
+from serd_core.priors.prior import LogPrior, Prior, require_weight
+
+
+class DynamicsPrior(Prior):
+    """Weighted sum over the distinct transitions of a block.
+
+    weight: lambda; state_action_weights: (S, A) weights w; None for one everywhere.
+    """
+
+    weight: float
+    block: Block
+    state_action_weights: FloatArray | None
+
+    def __post_init__(self) -> None:
+        name = type(self).__name__
+        require_weight(f"weight of {name}", self.weight)
+        if self.block not in (Block.BELIEF, Block.TRUTH):
+            raise SerdError(f"block of {name} must be BELIEF or TRUTH, got {self.block.name}")
+
+    @abstractmethod
+    def value(self, model: TransitionModel, weights: FloatArray, probability: FloatArray) -> float:
+        """sum_g w_g h_g for (G,) weights (with lambda) and positive probabilities."""
+
+    @abstractmethod
+    def slopes(
+        self, model: TransitionModel, weights: FloatArray, probability: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """(G,) first and second derivatives of w_g h_g by P_g."""
+
+    def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
+        """Value and gradient."""
+        theta = parameters.block(self.block)
+        weights, probability = self._weights(model), transition_probabilities(model, theta)
+        slope, _ = self.slopes(model, weights, probability)
+        gradient = dynamics_gradient(model, theta, slope)
+        return LogPrior(
+            self.value(model, weights, probability),
+            parameters.zeros().with_block(self.block, gradient),
+        )
+
+    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
+        """Second derivatives, in the part of the block."""
+        theta, place = parameters.block(self.block), parameters.place(self.block)
+        probability = transition_probabilities(model, theta)
+        table = np.zeros((len(parameters.vector),) * 2)
+        table[place, place] = transition_hessian(
+            model, theta, *self.slopes(model, self._weights(model), probability)
+        )
+        return table
+
+    def _weights(self, model: TransitionModel) -> FloatArray:
+        return self.weight * group_weights(model, self.state_action_weights)
+
+
+def transition_probabilities(model: TransitionModel, theta: FloatArray) -> FloatArray:
+    """(G,) probability of each distinct transition, with a positive floor."""
+    return floored(model.groups.probabilities(model.entries(model.local_probabilities(theta))))
+
+
+def dynamics_gradient(
+    model: TransitionModel, theta: FloatArray, group_gradient: FloatArray
+) -> FloatArray:
+    """(N,) gradient by the parameters for a (G,) gradient by distinct transitions."""
+    entry_gradient = group_gradient[model.groups.group_of_entry]
+    return model.pull_back(theta, model.gather(entry_gradient))
+
+
+def group_weights(model: TransitionModel, weights: FloatArray | None) -> FloatArray:
+    """(G,) weight of the state-action pair of each distinct transition."""
+    if weights is None:
+        return np.ones(len(model.groups))
+    checked = float_array("state_action_weights", weights, model.available.shape)
+    bad = first_index(checked < 0)
+    if bad is not None:
+        raise SerdError(
+            f"state_action_weights{list(bad)} must not be negative, got {checked[bad]}"
+            "; use 0 for none"
+        )
+    return np.asarray(checked.ravel()[model.groups.row])
