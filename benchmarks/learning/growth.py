@@ -159,8 +159,7 @@ def _sweep_seconds(posterior: Posterior, value: np.ndarray) -> float:
         posterior.policy_model.equation,
         posterior.problem.features @ WEIGHTS,
         transitions_of(mdp.transitions, DYNAMICS),
-        mdp.discount,
-        mdp.available,
+        mdp,
     )
     return best_of(lambda: backup(problem, value))[0]
 

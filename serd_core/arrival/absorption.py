@@ -79,7 +79,7 @@ def _eliminated(
 ) -> FloatArray:
     """(n,) share that arrives, from the rates (n, n) within and (n,) out of n states.
 
-    Eliminating state k sends everybody who would pass it on to where k leads.
+    Eliminating state k redirects every transition into k to the successors of k.
     """
     n_states = len(to_goal)
     band, width = _log_band(inner)

@@ -1,7 +1,7 @@
 """Time of arrival predicted by the absorbing chain of a policy (Fig. 5.10).
 
 The chain P_pi[s, s'] = sum_a pi(a|s) P(s'|s,a) moves the start distribution one decision period at
-a time; what has reached a goal state has arrived. Goals absorb, whatever the policy does there.
+a time; what has reached a goal state has arrived. Goals absorb under every policy.
 
 Run backwards it gives the arrival from every state at once, index order [n, s]:
 

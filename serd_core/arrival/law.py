@@ -52,8 +52,8 @@ class ArrivalLaw:
     def given_not_arrived_by(self, elapsed_s: float) -> "ArrivalLaw":
         """The law of the time that remains after `elapsed_s` without arriving.
 
-        P(T - e <= t | T > e) = (F(e + t) - F(e)) / (1 - F(e)). Raises SerdError where the law says
-        that it has surely arrived by then.
+        P(T - e <= t | T > e) = (F(e + t) - F(e)) / (1 - F(e)). Raises SerdError where arrival by
+        then is certain.
         """
         done = float(self.probability_by(elapsed_s))
         if done >= 1.0:

@@ -1,6 +1,6 @@
 """Trap states: where a policy does not lead to the goal (Fig. 5.11 of the thesis).
 
-Two ways to be trapped are told apart:
+There are two kinds of trap states:
 
 - *looping*: each greedy action is followed as if it always had its intended outcome; the chain of
   cells either reaches a goal or runs into a cycle. Outcomes of low probability may free a robot
@@ -19,7 +19,7 @@ from serd_core.errors import SerdError
 
 @dataclass(frozen=True, eq=False)
 class Traps:
-    """looping, unlikely: (S,) masks; threshold: the probability that `unlikely` is held against."""
+    """looping, unlikely: (S,) masks; threshold: probability below which states are `unlikely`."""
 
     looping: BoolArray
     unlikely: BoolArray

@@ -112,7 +112,7 @@ class _Run:
         return True
 
     def _search(self, direction: FloatArray, slope: float) -> Point | None:
-        """A place along the direction that meets the weak Wolfe conditions, or at least gains."""
+        """A point along the direction that meets the weak Wolfe conditions, or at least gains."""
         longest = self.settings.longest_step / max(float(np.linalg.norm(direction)), TINY)
         short, long, length, found = 0.0, np.inf, min(1.0, longest), None
         for _ in range(MAX_TRIALS):
@@ -129,7 +129,7 @@ class _Run:
         return found
 
     def _gains(self, there: Point, wanted: float) -> bool:
-        """Whether a place is higher by as much as wanted; by nothing at all is no gain.
+        """Whether a point is higher by as much as wanted, and higher at all.
 
         Near a kink `wanted` drowns in rounding, and steps to the same height would go on for ever.
         """
@@ -147,7 +147,7 @@ class _Run:
             there = self._search(direction, float(mean @ direction))
             if there is not None:
                 return there
-            # What failed the direction must not be forgotten, or the next may fail the same way.
+            # Keep the gradient that made the direction fail, or the next may fail the same way.
             self.steepest_down.append(
                 min(self._points_around(), key=lambda point: float(point.gradient @ direction))
             )

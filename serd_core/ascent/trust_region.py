@@ -37,7 +37,7 @@ NO_ROOM = "not converged: steps became too short, at a kink or by rounding"
 
 @dataclass(frozen=True)
 class TrustRegion(Ascent):
-    """Few, dear steps; converged where the largest gradient entry is within the tolerance."""
+    """Few, expensive steps; converged where the largest gradient entry is within the tolerance."""
 
     gradient_tolerance: float = 1e-6
     max_steps: int = 500

@@ -5,33 +5,39 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrays import FloatArray
 from serd_core.bellman.equations import BellmanEquation
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
+from serd_core.mdp.mdp import Mdp
 
 EPSILON = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False)
 class BellmanProblem:
-    """Everything T depends on: the equation, (S, A) rewards, transitions, discount and mask."""
+    """Everything T depends on: the equation, (S, A) rewards, transitions, and their MDP."""
 
     equation: BellmanEquation
     rewards: FloatArray
     transitions: Transitions
-    discount: float
-    available: BoolArray
+    mdp: Mdp
 
     def __post_init__(self) -> None:
-        allowed = np.where(self.available, self.rewards, 0.0)
+        available = self.mdp.available
+        allowed = np.where(available, self.rewards, 0.0)
         if not np.all(np.isfinite(allowed)):
             state, action = np.argwhere(~np.isfinite(allowed))[0]
             raise SerdError(
                 f"rewards[{state}, {action}] must be finite, got {allowed[state, action]}; use"
                 " smaller weights or features, and mark forbidden actions unavailable"
             )
-        object.__setattr__(self, "rewards", np.where(self.available, self.rewards, -np.inf))
+        object.__setattr__(self, "rewards", np.where(available, self.rewards, -np.inf))
+
+    @property
+    def discount(self) -> float:
+        """gamma."""
+        return self.mdp.discount
 
     def q(self, value: FloatArray) -> FloatArray:
         """(S, A) R + gamma P V, -inf where an action is unavailable."""

@@ -22,7 +22,7 @@ from serd_core.mdp.mdp import Mdp
 
 @dataclass(frozen=True, eq=False)
 class BellmanSolution:
-    """A solved (or honestly unsolved) Bellman equation.
+    """The end of a Bellman iteration, converged or not.
 
     value: (S,); q: (S, A), -inf where unavailable; policy: (S, A) derivative of the maximum.
     steps: operator applications; linear_solves: Newton corrections among them.
@@ -51,7 +51,7 @@ class BellmanSolver(ABC):
 
     @abstractmethod
     def solve(
-        self, mdp: Mdp, problem: BellmanProblem, initial_value: FloatArray | None = None
+        self, problem: BellmanProblem, initial_value: FloatArray | None = None
     ) -> BellmanSolution:
         """Solve from `initial_value` (S,), or from zero."""
 

@@ -24,7 +24,6 @@ from serd_core.bellman.bellman_solver import (
 )
 from serd_core.linear.automatic import Automatic
 from serd_core.linear.linear_solver import LinearSolver, LinearSystem
-from serd_core.mdp.mdp import Mdp
 
 #: Relative residual an iterative solver may leave in a correction; the next step removes it. A
 #: third fewer products with the matrix than with 1e-3 at 100,000 states.
@@ -52,10 +51,10 @@ class Newton(BellmanSolver):
         require_limits(self.accuracy, self.max_steps)
 
     def solve(
-        self, mdp: Mdp, problem: BellmanProblem, initial_value: FloatArray | None = None
+        self, problem: BellmanProblem, initial_value: FloatArray | None = None
     ) -> BellmanSolution:
         """Solve from `initial_value`, or from zero after `cold_sweeps` sweeps."""
-        latest = backup(problem, starting_value(mdp, initial_value))
+        latest = backup(problem, starting_value(problem.mdp, initial_value))
         cold = initial_value is None
         sweeps_due = self.cold_sweeps if cold else 0
         solver = self.linear_solver.for_cold_start() if cold else self.linear_solver
@@ -67,7 +66,7 @@ class Newton(BellmanSolver):
                 latest, sweeps_due = backup(problem, latest.target), sweeps_due - 1
                 continue
             linear_solves += 1
-            system = system or _prepared(solver, mdp, problem, latest)
+            system = system or _prepared(solver, problem, latest)
             correction = system.solve(latest.gap, relative_residual=FORCING)
             proposed = backup(problem, latest.target - latest.gap + correction)
             good = proposed.residual <= KEEP * latest.residual
@@ -84,17 +83,15 @@ class Newton(BellmanSolver):
         return latest.residual <= residual_target(problem.discount, self.accuracy, latest)
 
 
-def _prepared(
-    solver: LinearSolver, mdp: Mdp, problem: BellmanProblem, latest: Backup
-) -> LinearSystem:
-    pattern = mdp.policy_pattern
+def _prepared(solver: LinearSolver, problem: BellmanProblem, latest: Backup) -> LinearSystem:
+    pattern = problem.mdp.policy_pattern
     policy = problem.equation.policy(latest.q)
     data = pattern.system_data(policy, problem.transitions.entries, problem.discount)
     return solver.prepare(pattern, data)
 
 
 def _acceptable(proposed: Backup, latest: Backup) -> bool:
-    """Whether a step may be kept: it shrank the residual, or rose monotonically as theory says."""
+    """Whether a step may be kept: it shrank the residual, or values rose monotonically."""
     if not np.isfinite(proposed.residual):
         return False
     rises = float(np.min(proposed.gap)) >= -FALL * proposed.residual

@@ -12,7 +12,6 @@ from serd_core.bellman.bellman_solver import (
     solution_from,
     starting_value,
 )
-from serd_core.mdp.mdp import Mdp
 
 
 @dataclass(frozen=True)
@@ -29,10 +28,10 @@ class ValueIteration(BellmanSolver):
         require_limits(self.accuracy, self.max_sweeps)
 
     def solve(
-        self, mdp: Mdp, problem: BellmanProblem, initial_value: FloatArray | None = None
+        self, problem: BellmanProblem, initial_value: FloatArray | None = None
     ) -> BellmanSolution:
         """Sweep until certified or out of sweeps."""
-        latest = backup(problem, starting_value(mdp, initial_value))
+        latest = backup(problem, starting_value(problem.mdp, initial_value))
         sweeps = 1
         while not (done := self._done(problem, latest)):
             if sweeps >= self.max_sweeps:

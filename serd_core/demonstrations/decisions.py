@@ -1,6 +1,6 @@
 """Expert demonstrations D as one table of decisions (s, a, s') (Eqs. 3.1 and 3.2).
 
-Rows of one episode share an episode number; `time_s` says in which order they happened.
+Rows of one episode share an episode number; `time_s` orders them.
 """
 
 from collections.abc import Iterable
@@ -23,7 +23,7 @@ class Decisions:
     episode: (N,) number of the episode, any non-negative integers.
     time_s: (N,) when the decision was taken.
     state, action, next_state: (N,) indices of the problem they were made in.
-    source: where they come from, for people to read.
+    source: where they come from, for reports.
     """
 
     episode: IntArray

@@ -1,6 +1,6 @@
-"""Demonstrations boiled down to the counts that the likelihood depends on.
+"""The counts of demonstrations that the likelihood depends on.
 
-P(D | theta) of (4.7) is a product over decisions, so n(s, a) and n(s, a, s') say everything.
+P(D | theta) of (4.7) is a product over decisions, so n(s, a) and n(s, a, s') are sufficient.
 """
 
 from dataclasses import dataclass
@@ -58,7 +58,7 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
 
 
 def explained(mdp: Mdp, decisions: Decisions) -> BoolArray:
-    """(N,) which decisions the MDP allows; the others would be refused by every learner."""
+    """(N,) which decisions the MDP allows; every learner rejects the others."""
     inside = (decisions.state < mdp.n_states) & (decisions.next_state < mdp.n_states)
     inside &= decisions.action < mdp.n_actions
     row = decisions.state * mdp.n_actions + decisions.action

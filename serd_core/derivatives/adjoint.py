@@ -41,7 +41,7 @@ def adjoint(
     pattern = mdp.policy_pattern
     data = pattern.system_data(solution.policy, transitions.entries, mdp.discount)
     system = linear_solver.prepare(pattern, data)
-    state_gradient = system.solve_transposed(mdp.discount * transitions.flow(q_gradient))
+    state_gradient = system.solve(mdp.discount * transitions.flow(q_gradient), transposed=True)
     reward_gradient = q_gradient + solution.policy * state_gradient[:, None]
     return Adjoint(
         reward_gradient=reward_gradient,

@@ -1,4 +1,4 @@
-"""Second derivatives by central differences of a gradient, where nobody derived them."""
+"""Second derivatives by central differences of a gradient, where no formula is given."""
 
 from collections.abc import Callable
 

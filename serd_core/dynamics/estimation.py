@@ -98,7 +98,7 @@ def maximum_of(
     rounding = (n_outcomes + 3) * EPSILON * counts.total / least
     bound = np.inf
     if rounding > LARGEST_ROUNDING:
-        # The pseudo-count is lost in the counts and does not tell hidden outcomes apart.
+        # The pseudo-count is lost in the counts, so hidden outcomes cannot be distinguished.
         return DynamicsEstimate(probabilities, 0, bound, converged=False)
     for step in range(1, max_steps + 1):
         move, size, slope = counts.newton(probabilities)

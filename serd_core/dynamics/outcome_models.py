@@ -173,7 +173,7 @@ class OutcomeModels(TransitionModel):
     def fixed_parameters_of(self, known: FloatArray) -> FloatArray:
         """(M*K,) energies of (M, K) probabilities; outcomes of probability 0 keep exactly that.
 
-        Such energies suit dynamics that nobody moves: there the gradient is 0, too.
+        Such energies suit dynamics that are not learned: their gradient is 0, too.
         """
         probabilities = np.asarray(known, dtype=np.float64)
         self.require_distributions(probabilities)

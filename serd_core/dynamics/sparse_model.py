@@ -1,8 +1,8 @@
 """A general sparse P(s' | s, a) with a parameterisation of the user's own.
 
-The local probabilities are the entries themselves; learners are given the parameters. Whoever knows
-a smooth map from parameters to entries and its vector-Jacobian product can learn with it;
-`fixed_transitions` has no parameters.
+The local probabilities are the entries themselves; learners are given the parameters. It takes a
+smooth map from parameters to entries and its vector-Jacobian product; `fixed_transitions` has no
+parameters.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from serd_core.errors import SerdError
 class SparseModel(TransitionModel):
     """P given entry by entry.
 
-    n_pairs: (S, A); state, action, next_state: (E,) of each entry, in any order of your own.
+    n_pairs: (S, A); state, action, next_state: (E,) of each entry, in any order.
     probabilities: parameters (n_parameters,) -> (E,) entries in that order.
     vector_jacobian: (parameters, (E,) gradient) -> (n_parameters,) gradient.
     Pairs without entries are not available.
@@ -125,7 +125,7 @@ class SparseModel(TransitionModel):
         return local
 
     def parameters_of(self, initial: FloatArray) -> FloatArray:
-        """The given (n_parameters,) vector: only the user knows the inverse of the map."""
+        """The given (n_parameters,) vector: the inverse of the map is not available."""
         vector = np.asarray(initial, dtype=np.float64)
         if vector.shape != (self.parameter_count,):
             raise SerdError(

@@ -6,8 +6,8 @@ and one successor, several entries of a row may share a successor, and
 
     P(s' | s, a) = sum of the entries of row (s, a) whose successor is s'.
 
-Entries are linear in the model's *local probabilities* (the numbers people read, e.g. one table of
-outcomes per local model), which are a smooth function of its parameter vector.
+Entries are linear in the model's *local probabilities* (the numbers that are reported, e.g. one
+table of outcomes per local model), which are a smooth function of its parameter vector.
 """
 
 from abc import ABC, abstractmethod
@@ -120,7 +120,7 @@ class TransitionModel(ABC):
     @property
     @abstractmethod
     def parameter_names(self) -> tuple[str, ...]:
-        """(n_parameters,) names for people to read."""
+        """(n_parameters,) one name per parameter, for reports."""
 
     @property
     def gauge(self) -> FloatArray:
@@ -173,7 +173,7 @@ class TransitionModel(ABC):
 
     @cached_property
     def absorbing(self) -> BoolArray:
-        """(S,) states that no available action can leave, whatever the parameters."""
+        """(S,) states that no available action can leave, for any parameters."""
         state = self.row // self.n_actions
         leaves = np.zeros(self.n_states, dtype=np.bool_)
         leaves[state[self.successor != state]] = True
@@ -193,14 +193,14 @@ class TransitionModel(ABC):
         """SerdError naming the first (s, a) whose probabilities are no distribution."""
         bad = np.flatnonzero(~(np.isfinite(entries) & (entries >= -tolerance)))
         if bad.size:
-            self._refuse(int(self.row[bad[0]]), f"has an entry of {entries[bad[0]]}")
+            self._reject(int(self.row[bad[0]]), f"has an entry of {entries[bad[0]]}")
         lengths = np.diff(self.row_start)
         sums = np.bincount(self.row, weights=entries, minlength=len(lengths))
         wrong = np.flatnonzero((lengths > 0) & (np.abs(sums - 1.0) > tolerance))
         if wrong.size:
-            self._refuse(int(wrong[0]), f"sums to {sums[wrong[0]]}")
+            self._reject(int(wrong[0]), f"sums to {sums[wrong[0]]}")
 
-    def _refuse(self, row: int, problem: str) -> None:
+    def _reject(self, row: int, problem: str) -> None:
         state, action = divmod(row, self.n_actions)
         raise SerdError(
             f"transition probabilities of state {state}, action {action} must be non-negative and"

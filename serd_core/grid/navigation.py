@@ -3,7 +3,7 @@
 States are grid cells, actions the four directions and waiting. One decision period has an outcome
 relative to the intended direction (Table 5.1); its probabilities depend on how the action lies to
 the human flow of the cell: with it, against it, across it, or waiting. Moves in cells without flow
-count as across it: nobody walks along there. Outcomes of waiting are relative to the flow of
+count as across it. Outcomes of waiting are relative to the flow of
 the cell, so that they can learn being carried along by the crowd (north where there is no flow).
 A blocked outcome leaves the robot in its cell. Goal states absorb: their one action is WAIT.
 """

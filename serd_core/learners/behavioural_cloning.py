@@ -2,7 +2,7 @@
 
     pi(a | s) = (n(s, a) + c) / (n(s) + c |A(s)|)
 
-Nothing is said about states never visited: there the policy is uniform.
+In states never visited the policy is uniform.
 
     policy = clone_behaviour(problem, decisions, pseudo_count=0.5)
 """

@@ -86,7 +86,6 @@ def reward_search(
     problem: Problem,
     decisions: Decisions,
     policy_model: PolicyModel,
-    *,
     initial_weights: FloatArray | None,
     rng: np.random.Generator | None,
     dynamics: FloatArray | None,

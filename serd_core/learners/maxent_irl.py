@@ -51,14 +51,7 @@ def fit_maxent_irl(
     dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate. The objective is
     the mean over episodes.
     """
-    search = reward_search(
-        problem,
-        decisions,
-        MdcePolicy(),
-        initial_weights=initial_weights,
-        rng=rng,
-        dynamics=dynamics,
-    )
+    search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
     model = TrajectoryModel(problem, search.transitions)
     episodes = trajectories_of(decisions)
     demonstrated = feature_counts(problem, decisions).mean(axis=0)

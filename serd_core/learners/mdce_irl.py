@@ -8,7 +8,7 @@ entropy problem is concave,
     J(theta) = theta . phi~ - E_{s0}[V_theta(s0)],   dJ/dtheta = phi~ - phi(pi_theta)      (3.34)
 
 Both agree for many demonstrations under true dynamics, and differ for few. Feature counts are
-*discounted*, as the constraint says; matching them undiscounted converges to a wrong reward.
+*discounted*, as in the constraint; matching them undiscounted converges to a wrong reward.
 
     fit = fit_mdce_irl_by_likelihood(problem, decisions, rng=rng)
     fit = fit_mdce_irl_by_entropy(problem, decisions, rng=rng, dynamics=known)
@@ -90,21 +90,17 @@ def fit_mdce_irl_by_entropy(
     demonstrations may grow without bound, as no policy has their features.
     """
     require_weight("slack", slack)
-    search = reward_search(
-        problem,
-        decisions,
-        MdcePolicy(),
-        initial_weights=initial_weights,
-        rng=rng,
-        dynamics=dynamics,
-    )
+    search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
     wanted = empirical_feature_expectation(problem, decisions)
     starts = start_distribution(decisions, problem.mdp.n_states)
     last: list[BellmanSolution] = []
 
     def dual(weights: FloatArray) -> tuple[float, FloatArray]:
         """J scaled by 1 - gamma, which makes feature expectations averages."""
-        solution = _solve(problem, search.transitions, weights, last[-1].value if last else None)
+        bellman = BellmanProblem(
+            SoftBellman(), problem.features @ weights, search.transitions, problem.mdp
+        )
+        solution = Newton().solve(bellman, last[-1].value if last else None)
         last[:] = [solution]
         expected = feature_expectation(problem, search.transitions, solution.policy, starts)
         value = float(weights @ wanted - starts @ solution.value)
@@ -128,20 +124,6 @@ def feature_expectation(
     return np.asarray(np.tensordot(visits, problem.features, axes=2))
 
 
-def _solve(
-    problem: Problem, transitions: Transitions, weights: FloatArray, value: FloatArray | None
-) -> BellmanSolution:
-    mdp = problem.mdp
-    bellman = BellmanProblem(
-        equation=SoftBellman(),
-        rewards=problem.features @ weights,
-        transitions=transitions,
-        discount=mdp.discount,
-        available=mdp.available,
-    )
-    return Newton().solve(mdp, bellman, value)
-
-
 def state_action_occupancy(
     mdp: Mdp, transitions: Transitions, policy: FloatArray, starts: FloatArray
 ) -> FloatArray:
@@ -150,4 +132,4 @@ def state_action_occupancy(
     begin = checked_distribution("starts", starts, mdp.n_states)
     data = mdp.policy_pattern.system_data(choice, transitions.entries, mdp.discount)
     system = Automatic().prepare(mdp.policy_pattern, data)
-    return np.asarray(system.solve_transposed(begin)[:, None] * choice)
+    return np.asarray(system.solve(begin, transposed=True)[:, None] * choice)

@@ -93,22 +93,14 @@ def fit_policy_matching(
             f"inverse_temperature must be finite and above 0, got {inverse_temperature}"
         )
     mdp = problem.mdp
-    search = reward_search(
-        problem,
-        decisions,
-        PolicyMatchingPolicy(1.0 / inverse_temperature),
-        initial_weights=initial_weights,
-        rng=rng,
-        dynamics=dynamics,
-    )
+    policy_model = PolicyMatchingPolicy(1.0 / inverse_temperature)
+    search = reward_search(problem, decisions, policy_model, initial_weights, rng, dynamics)
     counts, transitions = search.observations.state_action, search.transitions
     last: list[BellmanSolution] = []
 
     def matching(weights: FloatArray) -> tuple[float, FloatArray]:
-        bellman = BellmanProblem(
-            HardBellman(), problem.features @ weights, transitions, mdp.discount, mdp.available
-        )
-        solution = Newton().solve(mdp, bellman, last[-1].value if last else None)
+        bellman = BellmanProblem(HardBellman(), problem.features @ weights, transitions, mdp)
+        solution = Newton().solve(bellman, last[-1].value if last else None)
         last[:] = [solution]
         policy = boltzmann(solution.q, 1.0 / inverse_temperature)
         value, by_scaled_q = objective.evaluate(policy, counts)

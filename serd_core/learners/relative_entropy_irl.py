@@ -75,14 +75,7 @@ def fit_relative_entropy_irl(
     if not largest_weight > 0:
         raise SerdError(f"largest_weight must be above 0, got {largest_weight}; use 100")
     require_limits(gradient_tolerance, max_steps)
-    search = reward_search(
-        problem,
-        decisions,
-        MdcePolicy(),
-        initial_weights=initial_weights,
-        rng=rng,
-        dynamics=dynamics,
-    )
+    search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
     observe(problem.mdp, samples, name="samples")
     dual = SampledDual(
         wanted=feature_counts(problem, decisions).mean(axis=0),

@@ -52,7 +52,7 @@ class Automatic(LinearSolver):
         return LU if n_states <= self.largest_lu_states else Krylov(fill=10.0)
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        """Prepare with the chosen solver; LU stands by where it fits."""
+        """Prepare with the chosen solver; LU is the fallback where it fits."""
         if pattern.n_states <= self.largest_lu_states and self._narrow(pattern):
             return BAND.prepare(pattern, data)
         if pattern.n_states <= self.always_lu_states:
@@ -63,30 +63,27 @@ class Automatic(LinearSolver):
         system = chosen.prepare(pattern, data)
         if chosen is LU or pattern.n_states > self.largest_lu_states:
             return system
-        return StandBy(system, pattern, data)
+        return WithFallback(system, pattern, data)
 
     def _narrow(self, pattern: PolicyPattern) -> bool:
         return max(pattern.band.below, pattern.band.above) <= self.widest_band
 
 
 @dataclass(frozen=True, eq=False)
-class StandBy(LinearSystem):
-    """An iterative system with LU standing by where it does not get there."""
+class WithFallback(LinearSystem):
+    """An iterative system with LU as fallback."""
 
     first: LinearSystem
     pattern: PolicyPattern
     data: FloatArray
 
-    def solve(self, right_side: FloatArray, relative_residual: float = 0.0) -> FloatArray:
-        """Solve with the matrix."""
+    def solve(
+        self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
+    ) -> FloatArray:
+        """Solve iteratively, and by LU where that does not converge."""
         try:
-            return self.first.solve(right_side, relative_residual)
+            return self.first.solve(
+                right_side, transposed=transposed, relative_residual=relative_residual
+            )
         except SerdError:
-            return LU.prepare(self.pattern, self.data).solve(right_side)
-
-    def solve_transposed(self, right_side: FloatArray) -> FloatArray:
-        """Solve with the transposed matrix."""
-        try:
-            return self.first.solve_transposed(right_side)
-        except SerdError:
-            return LU.prepare(self.pattern, self.data).solve_transposed(right_side)
+            return LU.prepare(self.pattern, self.data).solve(right_side, transposed=transposed)

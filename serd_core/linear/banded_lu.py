@@ -43,18 +43,13 @@ class BandedFactor(LinearSystem):
     pivots: IntArray
     band: Band
 
-    def solve(self, right_side: FloatArray, relative_residual: float = 0.0) -> FloatArray:
-        """Solve with the matrix, to rounding."""
+    def solve(
+        self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
+    ) -> FloatArray:
+        """Solve to rounding."""
         del relative_residual
-        return self._solved(right_side, transposed=0)
-
-    def solve_transposed(self, right_side: FloatArray) -> FloatArray:
-        """Solve with the transposed matrix."""
-        return self._solved(right_side, transposed=1)
-
-    def _solved(self, right_side: FloatArray, transposed: int) -> FloatArray:
-        band = self.band
+        band, given = self.band, right_side[self.band.order]
         reordered, _ = scipy.linalg.lapack.dgbtrs(
-            self.factor, band.below, band.above, right_side[band.order], self.pivots, transposed
+            self.factor, band.below, band.above, given, self.pivots, int(transposed)
         )
         return np.asarray(reordered[band.rank])

@@ -24,7 +24,7 @@ GAIN_PER_RUN = 1e-6
 class Krylov(LinearSolver):
     """Restarted BiCGSTAB.
 
-    relative_residual: wanted |b - A x| / |b| unless a caller asks for less.
+    relative_residual: |b - A x| / |b| to reach, unless `solve` allows more.
     max_iterations: of each run; max_runs: bound of the restarts.
     fill, drop: size and threshold of the incomplete factor; fill 0 goes without one.
     """
@@ -36,7 +36,7 @@ class Krylov(LinearSolver):
     drop: float = 1e-3
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
-        """Keep the matrix, and an incomplete factor of it where one is wanted."""
+        """Keep the matrix, and an incomplete factor of it where one is used."""
         matrix = pattern.matrix(data)
         return KrylovSystem(
             matrix=matrix.tocsr(),
@@ -62,39 +62,31 @@ class KrylovSystem(LinearSystem):
     incomplete: Any
     settings: Krylov
 
-    def solve(self, right_side: FloatArray, relative_residual: float = 0.0) -> FloatArray:
-        """Solve with the matrix; SerdError where the residual cannot be reached."""
-        return self._each_column(self.matrix, right_side, "N", relative_residual)
-
-    def solve_transposed(self, right_side: FloatArray) -> FloatArray:
-        """Solve with the transposed matrix; SerdError where the residual cannot be reached."""
-        return self._each_column(self.transposed, right_side, "T", 0.0)
-
-    def _each_column(
-        self, matrix: Any, right_side: FloatArray, trans: str, relative: float
+    def solve(
+        self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
     ) -> FloatArray:
-        wanted = max(relative, self.settings.relative_residual)
+        """Solve column by column; SerdError where the residual cannot be reached."""
+        target = max(relative_residual, self.settings.relative_residual)
         if right_side.ndim == 1:
-            return self._solve_one(matrix, right_side, trans, wanted)
-        columns = [self._solve_one(matrix, column, trans, wanted) for column in right_side.T]
+            return self._solve_one(right_side, transposed, target)
+        columns = [self._solve_one(column, transposed, target) for column in right_side.T]
         return np.stack(columns, axis=1)
 
-    def _solve_one(
-        self, matrix: Any, right_side: FloatArray, trans: str, wanted: float
-    ) -> FloatArray:
+    def _solve_one(self, right_side: FloatArray, transposed: bool, target: float) -> FloatArray:
+        matrix = self.transposed if transposed else self.matrix
         size = float(np.linalg.norm(right_side))
         solution, left = np.zeros_like(right_side), right_side
         for _ in range(self.settings.max_runs):
             length = float(np.linalg.norm(left))
-            if length <= wanted * size:
+            if length <= target * size:
                 return solution
             correction, _ = scipy.sparse.linalg.bicgstab(
                 matrix,
                 left,
-                rtol=max(0.5 * wanted * size / length, GAIN_PER_RUN),
+                rtol=max(0.5 * target * size / length, GAIN_PER_RUN),
                 atol=0.0,
                 maxiter=self.settings.max_iterations,
-                M=self._preconditioner(trans),
+                M=self._preconditioner("T" if transposed else "N"),
             )
             improved = solution + correction
             remaining = right_side - matrix @ improved
@@ -102,10 +94,10 @@ class KrylovSystem(LinearSystem):
                 break
             solution, left = improved, remaining
         share = float(np.linalg.norm(left)) / size
-        if share <= wanted:
+        if share <= target:
             return solution
         raise SerdError(
-            f"Krylov must reach a relative residual of {wanted}, got {share}; raise fill or"
+            f"Krylov must reach a relative residual of {target}, got {share}; raise fill or"
             " max_iterations, or use SparseLu"
         )
 

@@ -10,15 +10,13 @@ class LinearSystem(ABC):
     """One matrix I - gamma P_pi, prepared for several right-hand sides."""
 
     @abstractmethod
-    def solve(self, right_side: FloatArray, relative_residual: float = 0.0) -> FloatArray:
-        """x with (I - gamma P_pi) x = b for b of shape (S,) or (S, n).
+    def solve(
+        self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
+    ) -> FloatArray:
+        """x with (I - gamma P_pi) x = b, or with its transpose, for b of shape (S,) or (S, n).
 
         An iterative solver may stop at |b - A x| <= relative_residual |b|; 0 asks for its best.
         """
-
-    @abstractmethod
-    def solve_transposed(self, right_side: FloatArray) -> FloatArray:
-        """x with (I - gamma P_pi)^T x = b for b of shape (S,) or (S, n)."""
 
 
 class LinearSolver(ABC):

@@ -38,16 +38,12 @@ class LuFactor(LinearSystem):
     factor: Any
     order: IntArray
 
-    def solve(self, right_side: FloatArray, relative_residual: float = 0.0) -> FloatArray:
-        """Solve with the matrix, to rounding."""
+    def solve(
+        self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
+    ) -> FloatArray:
+        """Solve to rounding."""
         del relative_residual
-        return self._restored(self.factor.solve(right_side[self.order]))
-
-    def solve_transposed(self, right_side: FloatArray) -> FloatArray:
-        """Solve with the transposed matrix."""
-        return self._restored(self.factor.solve(right_side[self.order], trans="T"))
-
-    def _restored(self, reordered: FloatArray) -> FloatArray:
-        solution = np.empty_like(reordered)
-        solution[self.order] = reordered
+        solution = np.empty_like(right_side)
+        trans = "T" if transposed else "N"
+        solution[self.order] = self.factor.solve(right_side[self.order], trans=trans)
         return solution

@@ -71,7 +71,7 @@ class MdcePolicy(PolicyModel):
         return np.zeros(0)
 
     def temperature(self, policy_parameters: FloatArray) -> float:
-        """One: the scale of the reward weights says how noisy the expert is."""
+        """One: the scale of the reward weights expresses how noisy the expert is."""
         del policy_parameters
         return 1.0
 

@@ -84,10 +84,9 @@ def _solved(
         equation=equation,
         rewards=rewards(problem, reward_weights),
         transitions=transitions_of(mdp.transitions, np.asarray(outcome_probabilities, np.float64)),
-        discount=mdp.discount,
-        available=mdp.available,
+        mdp=mdp,
     )
-    return solver.solve(mdp, bellman)
+    return solver.solve(bellman)
 
 
 def _policy(solution: BellmanSolution, probabilities: FloatArray) -> Policy:

@@ -115,15 +115,9 @@ class Posterior:
         self, parameters: Parameters, believed: Transitions, initial_value: FloatArray | None
     ) -> BellmanSolution:
         """Line 5 of Algorithm 1: the Bellman equation under the believed transitions."""
-        mdp = self.problem.mdp
-        bellman = BellmanProblem(
-            equation=self.policy_model.equation,
-            rewards=self.problem.features @ parameters.reward,
-            transitions=believed,
-            discount=mdp.discount,
-            available=mdp.available,
-        )
-        return self.solver.solve(mdp, bellman, initial_value)
+        rewards = self.problem.features @ parameters.reward
+        bellman = BellmanProblem(self.policy_model.equation, rewards, believed, self.problem.mdp)
+        return self.solver.solve(bellman, initial_value)
 
     @property
     def _model(self) -> TransitionModel:

@@ -3,7 +3,7 @@
 Rewards and dynamics together can often explain the same demonstrations in more than one way. Fits
 that ended in the same place are one explanation; places are compared by outcome probabilities and
 by reward weights per temperature, so neither the softmax gauge nor the scale that policy matching
-leaves open (`pm_serd`) tells them apart. A fit that did not converge is on its way to one of them
+leaves open (`pm_serd`) makes a difference. A fit that did not converge is on its way to one of them
 and explains nothing; it is kept and counted apart.
 """
 
@@ -107,7 +107,7 @@ def differences(first: FitResult, second: FitResult, largest: int = 5) -> tuple[
 
 
 def describe(found: MultiStart, largest: int = 3) -> str:
-    """Sentences for people: how many explanations, how likely, and how they differ."""
+    """Text report: how many explanations, how likely, and how they differ."""
     n_starts, n_distinct = len(found.fits), len(found.explanations)
     lines = [
         f"{n_distinct} distinct explanation(s) from {n_starts} starts"

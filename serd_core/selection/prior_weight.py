@@ -15,7 +15,7 @@ from serd_core.learners.fit_result import FitResult
 class WeightSelection:
     """weights, scores: (n,); fits: one per weight; best: index of the highest score.
 
-    A score is that of the policy that came out, converged or not; `converged` says which.
+    Scores include those of fits that did not converge; see `converged`.
     """
 
     weights: FloatArray

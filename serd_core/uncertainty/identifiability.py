@@ -32,7 +32,7 @@ class Spectrum:
     """m = n - g directions of n free numbers.
 
     values: (m,) eigenvalues of the correlation form, ascending; known, null: (m,) whether the data
-    tell anything along each.
+    hold information along each.
     loadings: (m, n) each number's part, in standard errors it would have alone.
     directions: (m, n) the same in the numbers' own units, orthogonal to the gauge.
     """
@@ -84,8 +84,8 @@ def _scale(information: Information, matrix: FloatArray) -> FloatArray:
     """(n,) D: the error each number would have if all others were known."""
     most = information.n_decisions * information.score_sizes**2
     own = np.abs(np.diag(matrix))
-    told = np.where(own > _ROUNDING * most, own, most)
-    return np.asarray(1.0 / np.sqrt(np.where(told > 0, told, 1.0)))
+    squares = np.where(own > _ROUNDING * most, own, most)
+    return np.asarray(1.0 / np.sqrt(np.where(squares > 0, squares, 1.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class Identifiability:
 
     @property
     def identified(self) -> bool:
-        """Whether the data tell every free number."""
+        """Whether the data determine every free number."""
         return not self.null
 
 

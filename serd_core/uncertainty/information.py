@@ -158,8 +158,8 @@ def _assumptions(
         )
     if policy_model is None or belief is None or prior is None:
         raise SerdError(
-            "policy_model, belief and prior must be given for a fit that does not say what it"
-            " assumed, got None; pass those it was made with"
+            "policy_model, belief and prior must be given for a fit that does not record"
+            " what it assumed, got None; pass those it was made with"
         )
     return Assumptions(policy_model, belief, prior)
 

@@ -2,11 +2,11 @@
 
 The covariance is the inverse of an information matrix with the gauge taken out; outcome
 probabilities get theirs by the delta method, which does not depend on the gauge. A parameter that
-a null direction moves has an infinite standard error: the data say nothing about it.
+a null direction moves has an infinite standard error: the data do not determine it.
 
 All this holds at an optimum where J is smooth: there the gradient g is 0. Elsewhere, as on the way
 to it or at a kink, the Newton step M^-1 g leads away from the point, by sqrt(g . M^-1 g) standard
-errors at most in any direction, and what is computed there says little.
+errors at most in any direction, and standard errors computed there mean little.
 """
 
 from dataclasses import dataclass

@@ -12,7 +12,7 @@ def pairs_of(posed):
     """[s][...] of (reward, {successor: probability}) per available action, as exact fractions."""
     model, rewards = posed.transitions.model, posed.rewards
     table = [[None] * model.n_actions for _ in range(model.n_states)]
-    for state, action in np.argwhere(posed.available):
+    for state, action in np.argwhere(posed.mdp.available):
         table[state][action] = (Fraction(float(rewards[state, action])), {})
     for entry, row in enumerate(model.row):
         state, action = divmod(int(row), model.n_actions)

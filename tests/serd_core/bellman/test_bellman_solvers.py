@@ -23,8 +23,7 @@ def bellman(problem, probabilities, weights, equation):
         equation=equation,
         rewards=problem.features @ np.asarray(weights),
         transitions=transitions_of(problem.mdp.transitions, probabilities),
-        discount=problem.mdp.discount,
-        available=problem.mdp.available,
+        mdp=problem.mdp,
     )
 
 
@@ -43,8 +42,8 @@ def one_state(rewards, discount):
 @pytest.mark.parametrize("solver", [Newton(), ValueIteration()], ids=["newton", "sweeps"])
 def test_one_state_has_the_value_of_the_geometric_series(solver):
     problem = one_state([1.0, 3.0], 0.9)
-    soft = solver.solve(problem.mdp, bellman(problem, np.ones((1, 1)), [1.0], SoftBellman()))
-    hard = solver.solve(problem.mdp, bellman(problem, np.ones((1, 1)), [1.0], HardBellman()))
+    soft = solver.solve(bellman(problem, np.ones((1, 1)), [1.0], SoftBellman()))
+    hard = solver.solve(bellman(problem, np.ones((1, 1)), [1.0], HardBellman()))
     assert soft.value[0] == pytest.approx(np.log(np.exp(1) + np.exp(3)) / 0.1, rel=1e-9)
     assert hard.value[0] == pytest.approx(30.0, rel=1e-9)
     np.testing.assert_allclose(soft.policy[0, 1], 1 / (1 + np.exp(-2)), rtol=1e-9)
@@ -58,8 +57,8 @@ def test_newton_and_value_iteration_agree_within_their_error_bounds(
 ):
     problem, probabilities = random_problem(seed, discount)
     posed = bellman(problem, probabilities, [3.0, -1.0], equation)
-    fast = Newton().solve(problem.mdp, posed)
-    slow = ValueIteration().solve(problem.mdp, posed)
+    fast = Newton().solve(posed)
+    slow = ValueIteration().solve(posed)
     assert fast.converged
     assert slow.converged
     difference = np.max(np.abs(fast.value - slow.value))
@@ -74,8 +73,8 @@ def test_newton_and_value_iteration_agree_within_their_error_bounds(
 def test_the_error_bound_holds_at_any_stage(equation, random_problem, seed, sweeps):
     problem, probabilities = random_problem(seed, 0.95)
     posed = bellman(problem, probabilities, [3.0, -1.0], equation)
-    early = ValueIteration(max_sweeps=sweeps).solve(problem.mdp, posed)
-    exact = Newton().solve(problem.mdp, posed)
+    early = ValueIteration(max_sweeps=sweeps).solve(posed)
+    exact = Newton().solve(posed)
     error = np.max(np.abs(early.value - exact.value))
     assert error <= early.error_bound + exact.error_bound
 
@@ -96,7 +95,7 @@ def test_the_error_bound_holds_against_values_in_fractions(
 ):
     problem, probabilities = random_problem(seed, discount)
     posed = bellman(problem, probabilities, [3.0 * size, -size], HardBellman())
-    solution = solver.solve(problem.mdp, posed)
+    solution = solver.solve(posed)
     assert largest_error(solution.value, exact_hard_value(posed)) <= solution.error_bound
 
 
@@ -108,7 +107,7 @@ def test_the_error_bound_holds_against_soft_values_of_many_digits(
 ):
     problem, probabilities = random_problem(seed, discount)
     posed = bellman(problem, probabilities, [3.0, -1.0], SoftBellman())
-    solution = solver.solve(problem.mdp, posed)
+    solution = solver.solve(posed)
     assert largest_error(solution.value, exact_soft_value(posed)) <= solution.error_bound
 
 
@@ -118,15 +117,15 @@ def test_a_computed_residual_of_zero_certifies_no_exact_value():
     for reward in rewards:
         problem = one_state([reward], 0.9999)
         posed = bellman(problem, np.ones((1, 1)), [1.0], HardBellman())
-        solution = Newton().solve(problem.mdp, posed)
+        solution = Newton().solve(posed)
         error = largest_error(solution.value, exact_hard_value(posed))
         assert 0 < error <= solution.error_bound <= 1e-10 * abs(reward / (1 - 0.9999))
 
 
 def test_a_soft_value_lies_between_the_best_value_and_log_actions_above_it(random_problem):
     problem, probabilities = random_problem(4)
-    soft = Newton().solve(problem.mdp, bellman(problem, probabilities, [3.0, -1.0], SoftBellman()))
-    hard = Newton().solve(problem.mdp, bellman(problem, probabilities, [3.0, -1.0], HardBellman()))
+    soft = Newton().solve(bellman(problem, probabilities, [3.0, -1.0], SoftBellman()))
+    hard = Newton().solve(bellman(problem, probabilities, [3.0, -1.0], HardBellman()))
     slack = np.log(problem.mdp.n_actions) / (1 - problem.mdp.discount)
     assert np.all(soft.value >= hard.value - 1e-9)
     assert np.all(soft.value <= hard.value + slack + 1e-9)
@@ -136,7 +135,7 @@ def test_a_soft_value_lies_between_the_best_value_and_log_actions_above_it(rando
 def test_newton_needs_few_steps_where_sweeps_need_a_hundred_thousand(equation, make_gridworld):
     case = make_gridworld(side=8, discount=0.9999, n_episodes=1)
     posed = bellman(case.problem, case.probabilities, case.weights, equation)
-    solution = Newton().solve(case.problem.mdp, posed)
+    solution = Newton().solve(posed)
     assert solution.converged
     assert solution.steps < 40
     assert solution.error_bound <= 1e-9 * np.max(np.abs(solution.value))
@@ -145,15 +144,15 @@ def test_newton_needs_few_steps_where_sweeps_need_a_hundred_thousand(equation, m
 def test_large_rewards_and_a_far_start_do_not_break_newton(gridworld):
     posed = bellman(gridworld.problem, gridworld.probabilities, [1e4, -1e4], SoftBellman())
     far = np.where(np.arange(25) % 2 == 0, 1e7, -1e7)
-    solution = Newton().solve(gridworld.problem.mdp, posed, far)
+    solution = Newton().solve(posed, far)
     assert solution.converged
     assert np.all(np.isfinite(solution.value))
 
 
 def test_a_warm_start_at_the_solution_needs_no_linear_solve(gridworld):
     posed = bellman(gridworld.problem, gridworld.probabilities, [1.0, 2.0], SoftBellman())
-    first = Newton().solve(gridworld.problem.mdp, posed)
-    again = Newton().solve(gridworld.problem.mdp, posed, first.value)
+    first = Newton().solve(posed)
+    again = Newton().solve(posed, first.value)
     assert again.linear_solves == 0
     assert again.converged
 
@@ -161,7 +160,7 @@ def test_a_warm_start_at_the_solution_needs_no_linear_solve(gridworld):
 def test_running_out_of_steps_is_said_and_not_hidden(gridworld):
     posed = bellman(gridworld.problem, gridworld.probabilities, [1.0, 2.0], SoftBellman())
     for solver in (Newton(max_steps=2), ValueIteration(max_sweeps=2)):
-        solution = solver.solve(gridworld.problem.mdp, posed)
+        solution = solver.solve(posed)
         assert not solution.converged
         assert solution.steps == 2
         assert solution.error_bound == pytest.approx(solution.residual / 0.1)
@@ -170,16 +169,16 @@ def test_running_out_of_steps_is_said_and_not_hidden(gridworld):
 def test_the_starting_value_must_be_finite_and_of_the_right_length(gridworld):
     posed = bellman(gridworld.problem, gridworld.probabilities, [1.0, 2.0], SoftBellman())
     with pytest.raises(SerdError, match=r"initial_value\[3\] must be finite, got nan"):
-        Newton().solve(gridworld.problem.mdp, posed, np.where(np.arange(25) == 3, np.nan, 0.0))
+        Newton().solve(posed, np.where(np.arange(25) == 3, np.nan, 0.0))
     with pytest.raises(SerdError, match=r"initial_value must have shape \(25\), got \(3,\)"):
-        Newton().solve(gridworld.problem.mdp, posed, np.zeros(3))
+        Newton().solve(posed, np.zeros(3))
 
 
 def test_rewards_that_are_not_finite_are_refused_with_the_place(minimum_example):
     transitions = transitions_of(minimum_example.mdp.transitions, np.full((2, 2), 0.5))
     rewards = np.array([[0.0, np.nan, np.nan], [np.nan, np.nan, 1.0]])
     with pytest.raises(SerdError, match=r"rewards\[0, 1\] must be finite, got nan; use smaller"):
-        BellmanProblem(SoftBellman(), rewards, transitions, 0.9, minimum_example.mdp.available)
+        BellmanProblem(SoftBellman(), rewards, transitions, minimum_example.mdp)
 
 
 def test_limits_that_no_solver_can_meet_are_refused():

@@ -25,10 +25,9 @@ def solved(problem, weights, theta, equation):
         equation,
         problem.features @ weights,
         transitions,
-        problem.mdp.discount,
-        problem.mdp.available,
+        problem.mdp,
     )
-    return transitions, Newton().solve(problem.mdp, posed)
+    return transitions, Newton().solve(posed)
 
 
 def forward(problem, weights, theta, equation, method):

@@ -23,10 +23,8 @@ def algorithm_1(problem, decisions, weights, step_size, n_steps):
     theta = np.concatenate([weights, dynamics])
     for _ in range(n_steps):
         transitions = transitions_at(model, theta[2:])
-        posed = BellmanProblem(
-            SoftBellman(), problem.features @ theta[:2], transitions, mdp.discount, mdp.available
-        )
-        solution = ValueIteration().solve(mdp, posed)
+        posed = BellmanProblem(SoftBellman(), problem.features @ theta[:2], transitions, mdp)
+        solution = ValueIteration().solve(posed)
         policy = solution.policy
         jacobian = entry_jacobian(mdp, theta[2:])
         immediate = immediate_gradient(mdp, problem.features, solution.value, jacobian)

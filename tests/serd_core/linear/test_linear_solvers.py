@@ -8,7 +8,7 @@ from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
-from serd_core.linear.automatic import Automatic, StandBy
+from serd_core.linear.automatic import Automatic, WithFallback
 from serd_core.linear.banded_lu import BandedFactor, BandedLu
 from serd_core.linear.krylov import Krylov
 from serd_core.linear.sparse_lu import SparseLu
@@ -61,7 +61,7 @@ def test_solutions_are_those_of_the_dense_solver(random_problem, solver, seed):
         system.solve(right_side), np.linalg.solve(dense, right_side), atol=1e-7
     )
     np.testing.assert_allclose(
-        system.solve_transposed(right_side[:, 0]),
+        system.solve(right_side[:, 0], transposed=True),
         np.linalg.solve(dense.T, right_side[:, 0]),
         atol=1e-7,
     )
@@ -79,17 +79,16 @@ def posed_of(case):
         SoftBellman(),
         case.problem.features @ case.weights,
         transitions_of(mdp.transitions, case.probabilities),
-        mdp.discount,
-        mdp.available,
+        mdp,
     )
 
 
 @pytest.mark.parametrize("solver", [Krylov(), Krylov(fill=10.0), BandedLu(), WIDE], ids=repr)
 def test_newton_reaches_its_accuracy_with_every_linear_solver(make_gridworld, solver):
     case = make_gridworld(side=30, discount=0.99, n_episodes=1, n_steps=1)
-    mdp, posed = case.problem.mdp, posed_of(case)
-    exact = Newton(linear_solver=SparseLu()).solve(mdp, posed)
-    other = Newton(linear_solver=solver).solve(mdp, posed)
+    posed = posed_of(case)
+    exact = Newton(linear_solver=SparseLu()).solve(posed)
+    other = Newton(linear_solver=solver).solve(posed)
     assert other.converged
     np.testing.assert_allclose(other.value, exact.value, rtol=1e-10)
 
@@ -127,11 +126,11 @@ def test_krylov_says_when_it_did_not_get_there_and_lu_stands_by(make_gridworld):
     weak = Krylov(max_iterations=2, max_runs=1).prepare(pattern, data)
     with pytest.raises(SerdError, match="Krylov must reach a relative residual of 1e-11, got"):
         weak.solve(right_side)
-    helped = StandBy(weak, pattern, data)
+    helped = WithFallback(weak, pattern, data)
     exact = SparseLu().prepare(pattern, data)
     np.testing.assert_allclose(helped.solve(right_side), exact.solve(right_side))
     np.testing.assert_allclose(
-        helped.solve_transposed(right_side), exact.solve_transposed(right_side)
+        helped.solve(right_side, transposed=True), exact.solve(right_side, transposed=True)
     )
 
 
@@ -169,7 +168,7 @@ def test_newton_solves_cold_and_warm_starts_by_the_solvers_meant_for_them(make_g
 
     case = make_gridworld(side=8, discount=0.95, n_episodes=1, n_steps=1)
     mdp, posed = case.problem.mdp, posed_of(case)
-    Newton(linear_solver=Named()).solve(mdp, posed)
+    Newton(linear_solver=Named()).solve(posed)
     assert used == ["cold"]
-    Newton(linear_solver=Named()).solve(mdp, posed, np.zeros(mdp.n_states))
+    Newton(linear_solver=Named()).solve(posed, np.zeros(mdp.n_states))
     assert set(used[1:]) == {"warm"}
