@@ -8,7 +8,6 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, AscentResult, FunctionObjective, StepCallback
-from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import Observations, observe
 from serd_core.dynamics.transition_model import Transitions, transitions_of
@@ -18,7 +17,6 @@ from serd_core.learners.start import (
     initial_weights_or_sample,
     starting_parameters,
 )
-from serd_core.linear.automatic import Automatic
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import FixedBelief
@@ -60,14 +58,7 @@ class RewardSearch:
     def result(self, ascended: AscentResult) -> FitResult:
         """The fit of an ascent over the weights, with the likelihood of its policy."""
         assumptions = Assumptions(self.policy_model, FixedBelief(), UniformPrior())
-        posterior = Posterior(
-            self.problem,
-            self.observations,
-            self.policy_model,
-            assumptions.prior,
-            Newton(),
-            Automatic(),
-        )
+        posterior = Posterior(self.problem, self.observations, self.policy_model, assumptions.prior)
         parameters = self.start.with_block(Block.REWARD, ascended.vector)
         return fit_result(
             self.problem,

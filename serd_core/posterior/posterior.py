@@ -5,17 +5,19 @@
 Where several outcomes land in s', their probabilities add up; the likelihood selects none of them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from serd_core.arrays import FloatArray, floored, weighted_counts
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.bellman_solver import BellmanSolution, BellmanSolver
+from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.observations import Observations
 from serd_core.derivatives.adjoint import Adjoint, adjoint
 from serd_core.dynamics.transition_model import TransitionModel, Transitions, transitions_at
 from serd_core.errors import SerdError
+from serd_core.linear.automatic import Automatic
 from serd_core.linear.linear_solver import LinearSolver
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem
@@ -79,8 +81,8 @@ class Posterior:
     observations: Observations
     policy_model: PolicyModel
     prior: Prior
-    solver: BellmanSolver
-    linear_solver: LinearSolver
+    solver: BellmanSolver = field(default_factory=Newton)
+    linear_solver: LinearSolver = field(default_factory=Automatic)
 
     def evaluate(
         self, parameters: Parameters, initial_value: FloatArray | None = None

@@ -7,7 +7,6 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step, StepCallback, largest
-from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.transition_model import Transitions
@@ -19,7 +18,6 @@ from serd_core.learners.start import (
     initial_weights_or_sample,
     starting_parameters,
 )
-from serd_core.linear.automatic import Automatic
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
@@ -132,9 +130,7 @@ def validation_score(
     like: parameters of the fit's block lengths (and of its fixed blocks).
     """
     observations = observe(problem.mdp, decisions)
-    posterior = Posterior(
-        problem, observations, policy_model, UniformPrior(), Newton(), Automatic()
-    )
+    posterior = Posterior(problem, observations, policy_model, UniformPrior())
 
     def score(vector: FloatArray) -> float:
         parameters = belief.unpack(vector, like)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.derivatives.posterior_hessian import (
@@ -24,7 +23,6 @@ from serd_core.derivatives.posterior_hessian import (
 from serd_core.derivatives.transition_derivatives import transition_jacobian
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import Assumptions, FitResult
-from serd_core.linear.automatic import Automatic
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
@@ -122,9 +120,7 @@ def fit_information(
     _require_fitting(problem, fit, assumed)
     observations = observe(problem.mdp, decisions)
     whole_prior = assumed.whole_prior.anchored(fit.initial_outcome_probabilities)
-    posterior = Posterior(
-        problem, observations, assumed.policy_model, whole_prior, Newton(), Automatic()
-    )
+    posterior = Posterior(problem, observations, assumed.policy_model, whole_prior)
     at = posterior.evaluate(fit.parameters)
     hessian = posterior_hessian(posterior, fit.parameters, at)
     jacobian = assumed.belief.jacobian(fit.parameters)
