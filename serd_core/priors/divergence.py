@@ -36,18 +36,14 @@ class KldPrior(DynamicsPrior):
             return self
         return replace(self, reference=initial_local_probabilities)
 
-    def value(self, model: TransitionModel, weights: FloatArray, probability: FloatArray) -> float:
-        """(4.91); transitions that the reference rules out do not count, as 0 log 0 = 0."""
+    def terms(
+        self, model: TransitionModel, weights: FloatArray, probability: FloatArray
+    ) -> tuple[float, FloatArray, FloatArray]:
+        """(4.91); w Q / P; -w Q / P^2. What the reference rules out does not count: 0 log 0 = 0."""
         reference = self._reference(model)
         logs = np.log(floored(reference) / probability)
-        return -float(np.sum(weights * reference * logs))
-
-    def slopes(
-        self, model: TransitionModel, weights: FloatArray, probability: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Of w Q log P, the only part that depends on the parameters: w Q / P, -w Q / P^2."""
-        ratio = weights * self._reference(model) / probability
-        return ratio, -ratio / probability
+        ratio = weights * reference / probability
+        return -float(np.sum(weights * reference * logs)), ratio, -ratio / probability
 
     def _reference(self, model: TransitionModel) -> FloatArray:
         """(G,) Q of each distinct transition; SerdError where a row of it is no distribution."""

@@ -33,34 +33,29 @@ class DynamicsPrior(Prior):
             raise SerdError(f"block of {name} must be BELIEF or TRUTH, got {self.block.name}")
 
     @abstractmethod
-    def value(self, model: TransitionModel, weights: FloatArray, probability: FloatArray) -> float:
-        """sum_g w_g h_g for (G,) weights (with lambda) and positive probabilities."""
-
-    @abstractmethod
-    def slopes(
+    def terms(
         self, model: TransitionModel, weights: FloatArray, probability: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """(G,) first and second derivatives of w_g h_g by P_g."""
+    ) -> tuple[float, FloatArray, FloatArray]:
+        """sum_g w_g h_g and (G,) first and second derivatives of w_g h_g by P_g.
+
+        weights: (G,) w with lambda; probability: (G,) positive P.
+        """
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
         """Value and gradient."""
         theta = parameters.block(self.block)
-        weights, probability = self._weights(model), transition_probabilities(model, theta)
-        slope, _ = self.slopes(model, weights, probability)
+        probability = transition_probabilities(model, theta)
+        value, slope, _ = self.terms(model, self._weights(model), probability)
         gradient = dynamics_gradient(model, theta, slope)
-        return LogPrior(
-            self.value(model, weights, probability),
-            parameters.zeros().with_block(self.block, gradient),
-        )
+        return LogPrior(value, parameters.zeros().with_block(self.block, gradient))
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         """Second derivatives, in the part of the block."""
         theta, place = parameters.block(self.block), parameters.place(self.block)
         probability = transition_probabilities(model, theta)
+        _, slope, bend = self.terms(model, self._weights(model), probability)
         table = np.zeros((len(parameters.vector),) * 2)
-        table[place, place] = transition_hessian(
-            model, theta, *self.slopes(model, self._weights(model), probability)
-        )
+        table[place, place] = transition_hessian(model, theta, slope, bend)
         return table
 
     def _weights(self, model: TransitionModel) -> FloatArray:

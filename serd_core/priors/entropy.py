@@ -23,14 +23,11 @@ class EntropyPrior(DynamicsPrior):
     block: Block = Block.TRUTH
     state_action_weights: FloatArray | None = None
 
-    def value(self, model: TransitionModel, weights: FloatArray, probability: FloatArray) -> float:
-        """(4.88)."""
-        del model
-        return -float(np.sum(weights * probability * np.log(probability)))
-
-    def slopes(
+    def terms(
         self, model: TransitionModel, weights: FloatArray, probability: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """-w (log P + 1) (4.89) and -w / P."""
+    ) -> tuple[float, FloatArray, FloatArray]:
+        """(4.88); -w (log P + 1), as in (4.89); -w / P."""
         del model
-        return -weights * (np.log(probability) + 1.0), -weights / probability
+        logs = np.log(probability)
+        value = -float(np.sum(weights * probability * logs))
+        return value, -weights * (logs + 1.0), -weights / probability
