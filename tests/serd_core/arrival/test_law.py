@@ -165,3 +165,18 @@ def test_a_gap_to_no_measurement_is_refused(times_s):
     law = law_in_seconds(counted([0.0, 1.0]), period_s=2.0)
     with pytest.raises(SerdError, match="arrival_times_s must hold at least one time and no NaN"):
         largest_gap(law, times_s)
+
+
+def test_the_largest_gap_counts_arrivals_between_the_last_two_steps_and_no_later_one():
+    law = ArrivalLaw(np.array([0.0, 1.0, 10.0]), np.array([0.0, 0.4, 1.0]), 1.0)
+    # At 5 s all measured robots have arrived, of the law's 40 %.
+    assert largest_gap(law, [5, 5, 5]) == pytest.approx(0.6)
+    early = ArrivalLaw(np.array([0.0, 1.0]), np.array([0.0, 0.4]), 0.4)
+    # After the last step nothing is compared.
+    assert largest_gap(early, [2.0, 3.0]) == pytest.approx(0.4)
+
+
+def test_a_quantile_is_reached_where_the_law_equals_it():
+    law = ArrivalLaw(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 1.0]), 1.0)
+    assert law.quantile_s(0.5) == 1.0
+    assert law.quantile_s(1.0) == 2.0

@@ -62,3 +62,16 @@ def test_an_arrival_probability_that_is_no_number_is_refused_with_its_place() ->
         find_traps(
             np.array([[0], [1]]), np.zeros(2, int), np.array([0]), np.array([1.0, np.nan]), 0.5
         )
+
+
+def test_a_state_is_unlikely_below_the_threshold_and_not_at_it() -> None:
+    likely = np.array([0.0, 0.2, 0.5, 0.7, 1.0, 1.0])
+    for threshold, n_unlikely in ((0.0, 0), (0.5, 2), (1.0, 4)):
+        traps = find_traps(CORRIDOR, np.full(6, RIGHT), np.array([5]), likely, threshold)
+        assert traps.threshold == threshold
+        assert np.flatnonzero(traps.unlikely).tolist() == list(range(n_unlikely))
+    for threshold in (-0.1, 1.1):
+        with pytest.raises(SerdError, match=f"threshold must be a probability, got {threshold}"):
+            find_traps(CORRIDOR, np.full(6, RIGHT), np.array([5]), likely, threshold)
+    with pytest.raises(SerdError, match=r"arrival_probability must have shape \(6\)"):
+        find_traps(CORRIDOR, np.full(6, RIGHT), np.array([5]), likely[:5], 0.5)

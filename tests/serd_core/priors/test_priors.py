@@ -150,12 +150,18 @@ def test_coupling_is_zero_where_belief_and_truth_are_the_same():
         (lambda: NormPrior(1.0, Block.REWARD, smoothing=0.0), "smoothing of NormPrior"),
         (lambda: GaussianPrior(0.0, Block.REWARD), "standard_deviation of GaussianPrior"),
         (lambda: GaussianPrior(1.0, Block.REWARD, mean=float("inf")), "mean of GaussianPrior"),
-        (lambda: CouplingPrior(-2.0), "weight of CouplingPrior"),
+        (lambda: CouplingPrior(-2.0), "^weight of CouplingPrior must be finite"),
+        (lambda: NormPrior(-1.0, Block.REWARD), "^weight of NormPrior must be finite"),
     ],
 )
 def test_wrong_settings_are_refused_by_name(make, sentence):
     with pytest.raises(SerdError, match=sentence):
         make()
+
+
+def test_a_weight_of_zero_is_allowed_and_leaves_no_preference():
+    assert EntropyPrior(0.0).evaluate(MODEL, at()).value == 0
+    assert NormPrior(0.0, Block.REWARD).evaluate(MODEL, at()).value == 0
 
 
 def test_wrong_pair_weights_are_refused():
