@@ -47,8 +47,10 @@ format: $(VENV)/.ready
 lint: $(VENV)/.ready
 	@$(BIN)/ruff check .
 
+# The types of NumPy 2.2, the newest for Python 3.10, are incomplete.
 types: $(VENV)/.ready
-	@$(BIN)/mypy
+	@if $(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then $(BIN)/mypy; \
+	else echo "types: checked on Python 3.11 and 3.12"; fi
 
 imports: $(VENV)/.ready
 	@$(BIN)/lint-imports

@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
 class Demo:
-    """A demo in a process of its own."""
+    """A demo in a separate process."""
 
     def __init__(self, folder, *arguments):
         self._log = folder / "demo.log"

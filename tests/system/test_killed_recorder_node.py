@@ -26,7 +26,7 @@ MOST_LOST_S = 0.5
 
 
 class Publishing:
-    """Publishes every topic at 25 Hz from a thread of its own; a stamp is the system's time.
+    """Publishes every topic at 25 Hz from a separate thread; a stamp is the system's time.
 
     stamps_ns, sent_ns: stamps so far, and when all topics had been published with each.
     """

@@ -92,7 +92,7 @@ def test_a_topic_of_the_stack_is_recorded_also_from_a_publisher_that_offers_less
         odometry.publish(Odometry(header=Header(stamp=to_stamp(time_s))))
 
     def first_is_recorded():
-        publish(0.05)  # a best-effort message is lost where the recorder does not know its sender
+        publish(0.05)  # best effort: lost until the recorder has matched the publisher
         return recorder_report.n_messages > 0
 
     probe.spin_until(first_is_recorded)

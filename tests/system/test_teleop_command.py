@@ -52,7 +52,7 @@ def test_what_cannot_be_done_exits_with_2_and_makes_no_folder(
 
 
 class Session:
-    """`serd teleop` in a terminal of its own."""
+    """`serd teleop` in a separate terminal."""
 
     def __init__(self, folder, environment, *arguments):
         self._person, device = pty.openpty()

@@ -67,7 +67,7 @@ pytestmark = [
 
 
 class Page:
-    """The page in a browser of its own."""
+    """The page in a separate browser."""
 
     def __init__(self, folder):
         options = webdriver.ChromeOptions()
