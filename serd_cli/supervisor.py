@@ -6,6 +6,7 @@ Nodes watch this process and end when it is killed (`serd_ros.process.parent_wat
 import os
 import shlex
 import signal
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from serd_ros.process.parent_watch import VARIABLE
 
 Line = Callable[[str, str], None]
 _KEPT_LINES = 15
+_ENDING_S = 25.0
 
 
 @dataclass(frozen=True)
@@ -51,9 +53,13 @@ class _Tap:
 
 
 class _Manager(Manager):
-    """honcho's manager that also survives a signal before all processes have started."""
+    """honcho's manager that survives a signal before all processes have started, and is patient.
+
+    honcho kills after 5 s, in which a busy machine may not have closed a bag.
+    """
 
     _stop_when_started = False
+    _ending_since_s: float | None = None
 
     def terminate(self) -> None:
         """End all processes; once they have all been started."""
@@ -61,6 +67,14 @@ class _Manager(Manager):
             super().terminate()
         else:
             self._stop_when_started = True
+
+    def kill(self) -> None:
+        """Kill the processes that have not ended some time after they were asked to."""
+        now_s = time.monotonic()
+        if self._ending_since_s is None:
+            self._ending_since_s = now_s
+        if now_s - self._ending_since_s > _ENDING_S:
+            super().kill()
 
     def _all_started(self) -> bool:
         started = bool(super()._all_started())

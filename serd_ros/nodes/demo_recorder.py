@@ -53,9 +53,10 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
     def close(self) -> None:
         """Finish the bag, with all that has come in."""
         for _ in range(_LAST_LOOKS):
-            if not self._record_what_waits():
+            recorded = self._record_what_waits()
+            time.sleep(_LOOK_AGAIN_S)  # the middleware may still be receiving
+            if not recorded and not self._record_what_waits():
                 break
-            time.sleep(_LOOK_AGAIN_S)
         self._finish_bag()
 
     def _record_what_waits(self) -> bool:

@@ -35,7 +35,7 @@ _HEADERS = {
     "Cache-Control": "no-store",
 }
 _PING_PERIOD_S = 5.0
-_START_LIMIT_S = 10.0
+_START_LIMIT_S = 60.0
 _SHUTDOWN_S = 0.5
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
