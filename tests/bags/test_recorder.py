@@ -108,12 +108,12 @@ def test_errors_of_the_caller_are_not_disk_faults(tmp_path, clock):
 
 def test_files_are_split_by_size(tmp_path, clock, messages):
     recorder = make(tmp_path / "bag", clock, max_file_bytes=20_000)
-    told = []
+    sizes = []
     for number in range(300):
         clock.now_s += 0.05
         recorder.record("/robot_pose", messages.pose(number, 0.0, 0.0), number)
-        told.append(recorder.status.size_bytes)
-    assert told == sorted(told)
+        sizes.append(recorder.status.size_bytes)
+    assert sizes == sorted(sizes)
     told_bytes = recorder.close().size_bytes
     sizes = [path.stat().st_size for path in (tmp_path / "bag").glob("*.mcap")]
     assert told_bytes == sum(sizes)

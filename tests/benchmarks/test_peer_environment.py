@@ -1,4 +1,4 @@
-"""Peers install into environments of their own, once, and say why they cannot."""
+"""Peers install into separate environments, once; a failure gives its reason."""
 
 import pytest
 
@@ -34,8 +34,8 @@ def test_scripts_run_there_without_the_project(peers, monkeypatch):
         "assert 'PYTHONPATH' not in os.environ\n"
         "open(sys.argv[1], 'w').write(sys.prefix)\n"
     )
-    run_peer("none", "write.py", peers / "said.txt")
-    assert (peers / "said.txt").read_text() == str(peer_environment.ENVIRONMENTS / "none")
+    run_peer("none", "write.py", peers / "environment.txt")
+    assert (peers / "environment.txt").read_text() == str(peer_environment.ENVIRONMENTS / "none")
 
 
 def test_what_pip_cannot_find_is_named_and_tried_again_next_time(peers):

@@ -42,13 +42,13 @@ LEFT_BEHIND = {
 
 @pytest.mark.parametrize("name", sorted(SMALL))
 def test_each_experiment_leaves_its_tables_and_figures(tmp_path, name):
-    told = []
+    calls = []
     summary = experiment_of(name).run(
-        SMALL[name], tmp_path, Execution(n_jobs=1), lambda done, total: told.append((done, total))
+        SMALL[name], tmp_path, Execution(n_jobs=1), lambda done, total: calls.append((done, total))
     )
     assert len(summary)
     assert LEFT_BEHIND[name] <= {file.name for file in tmp_path.iterdir()}
-    assert told[-1][0] == told[-1][1]
+    assert calls[-1][0] == calls[-1][1]
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"Rust's bus data are not there; put them in {DATA}")

@@ -1,4 +1,4 @@
-"""The headline says what happened, whatever happened."""
+"""The headline summarises the run for every outcome."""
 
 from dataclasses import replace
 

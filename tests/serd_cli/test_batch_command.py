@@ -17,10 +17,10 @@ SMALL = ("batch", "--scenario", "crossing", "--people", "4", "--jobs", "1")
 def test_a_batch_writes_a_table_and_tells_what_came_of_it(serd, tmp_path):
     output = tmp_path / "episodes.csv"
     ended = serd(*SMALL, "--seeds", "2", "--output", output, "--json")
-    told = json.loads(ended.out)
+    summary = json.loads(ended.out)
     assert ended.code == 0
-    assert told["table"] == str(output)
-    (condition,) = told["conditions"]
+    assert summary["table"] == str(output)
+    (condition,) = summary["conditions"]
     assert (condition["n_episodes"], condition["n_people"]) == (2, 4)
     assert condition["n_arrived"] == 2
     assert len(output.read_text().splitlines()) == 3
@@ -66,10 +66,10 @@ def test_an_interrupted_batch_keeps_its_rows_and_ends_with_130(tmp_path):
         try:
             wait_until(lambda: output.exists() and len(output.read_text().splitlines()) > 1)
             process.send_signal(signal.SIGINT)
-            _, said = process.communicate(timeout=PATIENCE_S)
+            _, errors = process.communicate(timeout=PATIENCE_S)
         finally:
             process.kill()  # its workers end with it
     assert process.returncode == 130
-    assert "Traceback" not in said
-    assert f"results are in {output}; rerun the command to resume" in said
+    assert "Traceback" not in errors
+    assert f"results are in {output}; rerun the command to resume" in errors
     assert 1 < len(output.read_text().splitlines()) < 2001

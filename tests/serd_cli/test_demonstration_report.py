@@ -1,4 +1,4 @@
-"""Short names tell paths apart."""
+"""Short names distinguish paths."""
 
 from pathlib import Path
 

@@ -11,11 +11,11 @@ SMALL = ("episode", "render", "crossing", "--people", "4", "--pixels-per-m", "8"
 
 def test_a_movie_shows_the_whole_episode_at_the_speed_asked_for(serd, tmp_path):
     path = tmp_path / "episode.mp4"
-    told = json.loads(serd(*SMALL, "--output", path, "--speed", "20", "--json").out)
-    assert told["outcome"] == "arrived"
-    assert told["picture"] == str(path)
+    summary = json.loads(serd(*SMALL, "--output", path, "--speed", "20", "--json").out)
+    assert summary["outcome"] == "arrived"
+    assert summary["picture"] == str(path)
     _, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
-    assert seconds == pytest.approx(told["duration_s"] / 20.0, abs=0.3)
+    assert seconds == pytest.approx(summary["duration_s"] / 20.0, abs=0.3)
 
 
 def test_a_gif_moves_and_a_picture_shows_the_end(serd, tmp_path):

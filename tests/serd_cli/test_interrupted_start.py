@@ -33,9 +33,9 @@ def test_ctrl_c_during_an_import_ends_quietly(root, tmp_path, library, words):
     ) as process:
         assert process.stdout.readline() == "importing\n"
         process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=PATIENCE_S)
+        _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
-    assert said == ""
+    assert errors == ""
 
 
 def test_afterwards_ctrl_c_is_what_it_was_before():

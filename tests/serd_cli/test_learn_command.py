@@ -102,7 +102,7 @@ def test_a_recorded_flow_is_learned_with_and_kept_in_the_model(serd, demonstrati
     by_scenario = learned(serd("learn", table, "--output", "other.yaml", "--json"))
     assert (by_recorded["flow"], by_scenario["flow"]) == ("recorded", "scenario")
     assert abs(by_recorded["weight.social_norm"] - 1.0) < 0.5
-    assert by_scenario["weight.social_norm"] < 0.5  # people walk the other way than the plan says
+    assert by_scenario["weight.social_norm"] < 0.5  # people walk against the direction of the plan
     model = load_model(by_recorded["model"])
     assert model.flow_on("model", GRID).tolist() == turned.tolist()
     used = load_strategy(by_recorded["model"], HALLWAY, "optimal")

@@ -90,8 +90,8 @@ def test_a_folder_of_another_drive_is_refused(serd, save_model_of, tmp_path):
     ).code == 0  # fmt: skip
     done = serd("navigate", path, "--goal", "4.5,5.5", "--output", folder)
     assert done.code == 2
-    said = " ".join(done.err.split())
-    assert "was begun with goal = '4.5,4.5', but '4.5,5.5' is given; give another folder" in said
+    message = " ".join(done.err.split())
+    assert "was begun with goal = '4.5,4.5', but '4.5,5.5' is given; give another folder" in message
     (tmp_path / "full").mkdir()
     (tmp_path / "full/notes.txt").write_text("mine")
     assert serd("navigate", path, "--output", tmp_path / "full").code == 2
@@ -133,11 +133,11 @@ def test_a_file_in_the_place_of_the_folder_gets_a_sentence(serd, save_model_of, 
     file = tmp_path / "decisions.csv"
     file.touch()
     path = save_model_of()
-    for place, said in ((file, "a file of this name is in the way"),
+    for place, message in ((file, "a file of this name is in the way"),
                         (file / "new", "a part of the path is a file, not a folder")):  # fmt: skip
         done = serd("navigate", path, "--output", place)
         assert done.code == 2
-        assert f"cannot write {place}: {said}" in " ".join(done.err.split())
+        assert f"cannot write {place}: {message}" in " ".join(done.err.split())
 
 
 def row(episode, time_s, reason=""):

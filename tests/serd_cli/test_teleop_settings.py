@@ -100,13 +100,13 @@ def test_the_driver_sees_its_own_lines_once_and_everything_goes_into_the_log(tmp
         lines.hear("teleop_mux", "[WARN] [1.0] [teleop_mux]: E-STOP engaged")
         lines.hear("teleop_page", "[FATAL] [1.0] [teleop_page]: Exception in 'timers' callback")
         lines.hear("teleop_page", "  File x.py, line 3")
-    said = capsys.readouterr().err
-    assert "drive at http://127.0.0.1:9/" in said
-    assert said.count("episode 1 arrived") == 1
-    assert "nothing of interest" not in said
-    assert "E-STOP engaged" in said
-    assert "Exception" not in said
-    assert "x.py" not in said
+    printed = capsys.readouterr().err
+    assert "drive at http://127.0.0.1:9/" in printed
+    assert printed.count("episode 1 arrived") == 1
+    assert "nothing of interest" not in printed
+    assert "E-STOP engaged" in printed
+    assert "Exception" not in printed
+    assert "x.py" not in printed
     assert len((tmp_path / "logs" / "nodes.log").read_text().splitlines()) == 7
 
 

@@ -49,10 +49,10 @@ def test_products_of_other_settings_are_refused(tmp_path):
 
 
 def test_progress_tells_the_work_that_is_left(tmp_path):
-    told = []
+    calls = []
     stages = [
         stage(tmp_path / "a", partial(write, "x"), partial(write, "y")),
         stage(tmp_path / "b", partial(write, "z")),
     ]
-    make_products(stages, ALONE, lambda *said: told.append(said[:2]))
-    assert told == [(0, 6), (2, 6), (4, 6), (4, 6), (6, 6)]
+    make_products(stages, ALONE, lambda *progress: calls.append(progress[:2]))
+    assert calls == [(0, 6), (2, 6), (4, 6), (4, 6), (6, 6)]

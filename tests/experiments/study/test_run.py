@@ -55,10 +55,12 @@ def settings(tmp_path):
 
 @pytest.mark.slow
 def test_every_stage_leaves_its_products_from_which_tables_and_figures_are_made(settings, tmp_path):
-    folder, told = tmp_path / "study", []
-    tables = run_study(settings, folder, Execution(n_jobs=1), lambda *said: told.append(said))
+    folder, calls = tmp_path / "study", []
+    tables = run_study(
+        settings, folder, Execution(n_jobs=1), lambda *progress: calls.append(progress)
+    )
 
-    assert list(dict.fromkeys(name for *_, name in told)) == [
+    assert list(dict.fromkeys(name for *_, name in calls)) == [
         "reference recordings",
         "demonstrations",
         "learning",

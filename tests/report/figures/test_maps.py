@@ -64,7 +64,7 @@ def test_maps_are_in_metres_with_equal_scales(hallway: Figure) -> None:
 
 
 def test_an_empty_hallway_can_be_drawn(layout: HallwayLayout) -> None:
-    nobody = CrowdSnapshot(
+    no_people = CrowdSnapshot(
         time_s=0.0,
         robot_pose=np.zeros(3),
         people_position_m=np.zeros((0, 2)),
@@ -72,7 +72,7 @@ def test_an_empty_hallway_can_be_drawn(layout: HallwayLayout) -> None:
         people_trail_m=np.zeros((0, 0, 2)),
         robot_trail_m=np.zeros((0, 2)),
     )
-    assert png_bytes(draw_hallway(layout, nobody))
+    assert png_bytes(draw_hallway(layout, no_people))
 
 
 def test_visitation_shows_the_counts_and_the_tracks(

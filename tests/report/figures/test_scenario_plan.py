@@ -1,4 +1,4 @@
-"""The plan of a scenario tells where everything is, and what people walk."""
+"""The plan of a scenario shows all areas and the people's loops."""
 
 import pytest
 from matplotlib.lines import Line2D

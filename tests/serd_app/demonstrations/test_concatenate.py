@@ -11,7 +11,7 @@ from serd_core.demonstrations.decisions import Decisions
 
 
 def table(episodes, source="bag"):
-    """Decisions of those episodes, one each, told apart by their state."""
+    """Decisions of those episodes, one each, distinguished by their state."""
     numbers = np.array(sorted(episodes), dtype=np.int64)
     return Decisions(numbers, numbers * 1.0, numbers, numbers * 0, numbers, source)
 

@@ -1,4 +1,4 @@
-"""Anybody's bag by a mapping file: frames, clocks, inferred actions, a fitted grid."""
+"""Bags of other robots by a mapping file: frames, clocks, inferred actions, a fitted grid."""
 
 import math
 import re

@@ -36,7 +36,7 @@ class Handle:
 
 
 class Server:
-    """Takes goals and answers when told to."""
+    """Takes goals and answers on request."""
 
     def __init__(self):
         self.ready, self.goals, self.answers = True, [], []

@@ -1,4 +1,4 @@
-"""Which model files may drive where, and what is said of the others."""
+"""Which model files are usable in which scenario, and the errors of the others."""
 
 import numpy as np
 import pytest

@@ -62,7 +62,7 @@ def test_walking_away_never_arrives():
 
 
 def test_a_trap_is_left_out_of_the_probability_of_ever_arriving():
-    """Forward 0.6, back 0.4 with everybody below cell 2 walking away: gambler's ruin."""
+    """Forward 0.6, back 0.4; below cell 2 the policy walks away: gambler's ruin."""
     problem = corridor()
     table = np.tile([0, 0.6, 0, 0.4, 0], (4, 1))
     policy = always(problem, Action.NORTH)

@@ -111,7 +111,7 @@ def test_the_quantile_is_the_first_time_by_which_that_share_has_arrived():
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 10_000))
 def test_the_largest_gap_is_the_kolmogorov_smirnov_statistic(seed):
-    """Against scipy's two-sample statistic, with the law as a sample of its own step times."""
+    """Against scipy's two-sample statistic, with the law as a sample of its step times."""
     rng = np.random.default_rng(seed)
     predicted = np.sort(rng.choice(np.arange(1, 60) / 4, size=40))
     measured = rng.choice(np.arange(1, 60) / 4, size=25)

@@ -64,7 +64,7 @@ def test_no_episodes_are_refused(minimum_example):
 
 
 def test_an_expert_that_stays_but_still_chooses_goes_on_deciding():
-    """One state that both actions keep: nothing leaves it, but what is chosen there says a lot."""
+    """One state that both actions keep: nothing leaves it, but the choice there is informative."""
     mdp = Mdp(
         OutcomeModels(np.zeros((1, 2, 1), int), np.zeros((1, 2), int), np.ones((1, 2), bool), 1),
         0.9,

@@ -146,7 +146,7 @@ def wall_heavy_problem():
 
 
 def wall_heavy_decisions():
-    """100,000 decisions that hide one outcome from the other, and three that tell."""
+    """100,000 decisions that do not distinguish two outcomes, and three that do."""
     half = np.repeat([0, 1], 50_000)
     state, following = np.append(0 * half, [1, 1, 1]), np.append(half, [0, 1, 1])
     zeros = np.zeros(len(state), dtype=int)

@@ -10,7 +10,7 @@ from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 
-#: Says nothing about the ratio of rewards and temperature, which is all that policies depend on.
+#: Does not affect the ratio of rewards and temperature, which is all that policies depend on.
 SCALE = GaussianPrior(0.1, Block.POLICY, mean=1.0)
 
 

@@ -116,7 +116,7 @@ def test_divergences_refuse_what_is_no_distribution(gridworld):
 
 
 def test_an_estimate_that_rules_out_what_is_true_diverges_without_bound(minimum_example):
-    """As its log-likelihood is -inf; where nobody goes it does not matter."""
+    """As its log-likelihood is -inf; in states that are never visited it does not matter."""
     sure, wrong = np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([[0.0, 1.0], [1.0, 0.0]])
     assert policy_divergence(sure, wrong, np.array([1.0, 3.0])) == np.inf
     assert policy_divergence(sure, wrong, np.array([0.0, 3.0])) == 0.0

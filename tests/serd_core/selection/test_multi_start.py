@@ -39,10 +39,10 @@ def test_the_ambiguity_of_the_minimum_example_is_shown(minimum_example, always_a
     named = differences(first, second, largest=1)[0]
     assert named.name == "reward state"
     assert named.first == first.reward_weights[0]
-    told = describe(found).splitlines()
-    assert told[0] == "2 distinct explanation(s) from 12 starts (12 converged)"
-    assert told[2].startswith("2. objective ")
-    assert "differs from 1 in reward state" in told[2]
+    lines = describe(found).splitlines()
+    assert lines[0] == "2 distinct explanation(s) from 12 starts (12 converged)"
+    assert lines[2].startswith("2. objective ")
+    assert "differs from 1 in reward state" in lines[2]
 
 
 def test_one_optimum_is_one_explanation(gridworld):
@@ -107,9 +107,9 @@ def test_fits_that_did_not_converge_are_no_explanations(gridworld):
     assert found.unconverged == (0, 2, 4)
     assert [one.starts for one in found.explanations] == [(1, 3, 5)]
     assert found.best.converged
-    told = describe(found).splitlines()
-    assert told[0] == "1 distinct explanation(s) from 6 starts (3 converged)"
-    assert told[1] == "fits that did not converge and are no explanation: starts 0, 2, 4"
+    lines = describe(found).splitlines()
+    assert lines[0] == "1 distinct explanation(s) from 6 starts (3 converged)"
+    assert lines[1] == "fits that did not converge and are no explanation: starts 0, 2, 4"
 
 
 def test_no_fit_that_converged_leaves_no_best_one(gridworld):

@@ -146,8 +146,8 @@ def test_an_observation_survives_the_three_topics_bit_for_bit(x, y, yaw, v, w, t
 
 def test_parts_of_different_ticks_make_no_observation():
     inbox = ObservationInbox(0.05)
-    nobody = People(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
-    inbox.take_people(to_people_message(nobody, 1.0))
+    no_people = People(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+    inbox.take_people(to_people_message(no_people, 1.0))
     assert inbox.take_pose(to_waypoint_message(Waypoint(0, 0), 1.0)) is None
     observation = observation_at(0.0, 0.0, time_s=1.05)
     assert inbox.take_odometry(to_odometry(observation, observation.pose)) is None

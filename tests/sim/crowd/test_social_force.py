@@ -12,7 +12,7 @@ FAR_WALL = np.array([[[-500.0, -500.0], [500.0, -500.0]]])
 
 
 def crowd_at(model_name, position_m, goal_m, *, walls_m=FAR_WALL, speed_mps=1.34, noise=0.0):
-    """People at (N, 2) places, each with a loop of its own from there to its goal and back."""
+    """People at (N, 2) places, each with a separate loop from there to its goal and back."""
     position, goal = np.asarray(position_m, float), np.asarray(goal_m, float)
     across = np.stack([position[:, 1] - goal[:, 1], goal[:, 0] - position[:, 0]], axis=1)
     routes = Routes(list(np.stack([position, goal, goal + across], axis=1)))

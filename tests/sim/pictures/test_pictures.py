@@ -114,10 +114,10 @@ def test_a_movie_whose_frames_fail_leaves_nothing_behind(save, trajectory, tmp_p
 
 def test_a_caption_adds_a_strip_with_dark_text():
     frame = np.full((30, 200, 3), 128, np.uint8)
-    said = with_caption(frame, "12.3 s")
-    np.testing.assert_array_equal(said[:30], frame)
-    assert said.shape[0] > 40
-    assert said[30:].min() < 100 < 250 < said[30:].max()
+    captioned = with_caption(frame, "12.3 s")
+    np.testing.assert_array_equal(captioned[:30], frame)
+    assert captioned.shape[0] > 40
+    assert captioned[30:].min() < 100 < 250 < captioned[30:].max()
 
 
 def test_a_movie_of_nothing_is_refused(tmp_path):

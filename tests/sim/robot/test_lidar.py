@@ -12,11 +12,11 @@ from sim.world.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway")
 LIDAR = Lidar(LidarSettings(), HALLWAY.wall_segments_m, 0.25)
-NOBODY = np.zeros(0)
+NO_PEOPLE = np.zeros(0)
 
 
 def test_the_walls_of_the_empty_hallway_are_seen_at_their_distances():
-    ranges = LIDAR.scan((2.0, 8.0, 0.0), NOBODY, NOBODY)
+    ranges = LIDAR.scan((2.0, 8.0, 0.0), NO_PEOPLE, NO_PEOPLE)
     assert ranges.dtype == np.float32
     assert ranges[[180, 0, 90]] == pytest.approx([4.0, 2.0, 8.0], abs=1e-5)
     assert np.isinf(ranges[270])
@@ -62,7 +62,7 @@ def test_noise_has_its_deviation_and_is_the_same_when_asked_twice_at_one_tick():
     with HallwayWorld(noisy, seed=4) as world:
         seen = world.reset(1)
         first, second = world.scan(seen), world.scan(seen)
-    clean = LIDAR.scan(seen.pose, NOBODY, NOBODY)
+    clean = LIDAR.scan(seen.pose, NO_PEOPLE, NO_PEOPLE)
     np.testing.assert_array_equal(first, second)
     both = np.isfinite(clean) & np.isfinite(first)
     error = first[both] - clean[both]

@@ -31,7 +31,7 @@ mdce_serd, serd_coupled, serd_free, irl_by_likelihood, relative_entropy_irl = ma
     ),
 )
 
-#: A robot that is held up more than any demonstration says.
+#: A robot that is held up more than in any demonstration.
 REFERENCE = np.array(
     [
         [0.40, 0.57, 0.01, 0.01, 0.01],

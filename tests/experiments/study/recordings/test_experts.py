@@ -34,7 +34,7 @@ def test_who_ignores_the_crowd_walks_against_it_more_readily(settings, problem):
         name: planned_policy(problem, name, settings.beliefs.reward_weights, TRUTH)
         for name in BELIEFS
     }
-    # Lower left: people come towards whoever goes north.
+    # Lower left: people walk against a robot that goes north.
     against = problem.outcome_models.model_of == AGAINST_FLOW
     chosen = {name: policy[against].mean() for name, policy in policies.items()}
     assert chosen["ignores_crowd"] > chosen["knows"] > chosen["fears_crowd"]
