@@ -80,6 +80,7 @@ class Page:
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         self._service = webdriver.ChromeService(CHROMEDRIVER)
         self.browser = webdriver.Chrome(options, self._service)
+        self.browser.command_executor.client_config.timeout = PATIENCE_S
 
     def open(self, url):
         self.browser.get(url)
@@ -222,11 +223,26 @@ def drive_to_the_goal(page, world):
     """North until the bend, then east, with held arrow keys."""
     page.press(Keys.ENTER)
     page.wait(lambda: page.part("recording").is_displayed())
-    page.keys().key_down(Keys.ARROW_UP).perform()
-    world.until(lambda: world.pose[1] > 2.2)
-    page.keys().key_up(Keys.ARROW_UP).key_down(Keys.ARROW_RIGHT).perform()
-    page.wait(lambda: "arrived" in page.text("phase"))
-    page.keys().key_up(Keys.ARROW_RIGHT).perform()
+    hold_until(page, world, Keys.ARROW_UP, lambda: world.pose[1] > 2.2)
+    hold_until(page, world, Keys.ARROW_RIGHT, lambda: "arrived" in page.text("phase"))
+
+
+def hold_until(page, world, key, condition):
+    """Hold a key; press it again while the robot stands, as a late page releases it."""
+    page.keys().key_down(key).perform()
+    pressed_s = world.time_s
+
+    def reached():
+        nonlocal pressed_s
+        if condition():
+            return True
+        if world.speed_mps < STOPPED_MPS and world.time_s > pressed_s + 3.0:
+            page.keys().key_up(key).key_down(key).perform()
+            pressed_s = world.time_s
+        return False
+
+    world.until(reached)
+    page.keys().key_up(key).perform()
 
 
 def keep_picture(page, folder):
