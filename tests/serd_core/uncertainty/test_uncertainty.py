@@ -348,7 +348,7 @@ def test_what_a_fit_assumed_comes_with_it(gridworld):
     assert len(information.names) == 3
     with pytest.raises(SerdError, match=r"fit must have 0 temperatures .* got 1; pass"):
         fit_information(problem, decisions, fit, policy_model=MdcePolicy())
-    with pytest.raises(SerdError, match="must be given for a fit that does not say"):
+    with pytest.raises(SerdError, match="must be given for a fit that does not record"):
         fit_information(problem, decisions, replace(fit, assumptions=None))
     other = TabularProblem(problem.mdp, problem.features[:, :, :1], ("goal",))
     with pytest.raises(SerdError, match=r"fit must have 1 reward weights .* got 2; pass"):
