@@ -158,7 +158,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
             return
         self._goal_waits = True
         if self.ready:
-            self.ask_for_episode()
+            self.request_episode()
 
 
 def main() -> int:
