@@ -25,7 +25,7 @@ def find_command(package: str, executable: str, environment: Mapping[str, str]) 
     prefix = next((each for each in prefixes if (each / _MARKERS / package).exists()), None)
     if prefix is None and package == PACKAGE:
         _require_known(package, executable, sorted(load_graph().nodes))
-        return [sys.executable, "-m", f"{PACKAGE}.executable", executable]
+        return [sys.executable, "-m", f"{PACKAGE}.process.executable", executable]
     if prefix is None:
         packages = sorted({PACKAGE, *_all(prefixes)})
         raise UsageError(f"package {package!r} is not installed; {hint(package, packages)}")
