@@ -1,7 +1,10 @@
 """All messages of one .db3 file (SQLite, the storage before MCAP), sound or damaged.
 
-A sound file is opened by rosbags and read in the order it was written. SQLite has no checksums: a
-file it finds sound may hold flipped bits within messages. Of a damaged file each page is read.
+A sound file is read through SQLite in the order it was written. SQLite has no checksums: a file it
+finds sound may hold flipped bits within messages. Of a damaged file each page is read.
+
+rosbags' reader is not used here: it rejects files whose quality of service or message definitions
+it cannot parse, and sorts by log time, which would mix the runs of a clock that was set back.
 """
 
 import mmap
@@ -12,24 +15,17 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
-from typing import Any
-from urllib.parse import quote
-
-from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
-from rosbags.rosbag2.metadata import dump_qos_v9
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from bags.damage import Damage
 from bags.errors import BagError
 from bags.rosbag2.message_types import ENCODING, MessageType
-from bags.rosbag2.qos import qos_of_text, qos_of_values
+from bags.rosbag2.qos import qos_of_text
 from bags.sqlite.pages import SqlitePages
 from bags.topic import CDR, RawMessage, Topic
 from storage.errors import disk_error
 
 #: What SQLite keeps beside a file that was not closed.
 _UNFINISHED = ("-wal", "-journal")
-_ENCODINGS = {MessageDefinitionFormat.MSG: ENCODING, MessageDefinitionFormat.IDL: "ros2idl"}
 
 #: topic number, log time, data
 _Row = tuple[int, int, bytes]
@@ -88,57 +84,66 @@ class SqliteScan:
         self.damage.append(Damage(self.path, None, what))
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[Sqlite3Reader]:
-    """The file in rosbags' reader, which raises errors of several kinds for a damaged one."""
-    reader = Sqlite3Reader(Path(quote(str(path.resolve()))))  # rosbags makes a URI of the path
-    reader.open()
-    with closing(reader):
-        yield reader
+def _connection(path: Path) -> sqlite3.Connection:
+    uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+    connection = sqlite3.connect(uri, uri=True, check_same_thread=False)
+    connection.text_factory = lambda text: text.decode("utf-8", errors="replace")
+    return connection
 
 
 def _fault(path: Path) -> str:
     """Why SQLite finds the file damaged, empty where it is sound."""
     try:
-        with _opened(path) as reader:
-            (result,) = next(_query(reader, "PRAGMA integrity_check(1)"))
-    except Exception as error:
+        with closing(_connection(path)) as connection:
+            (result,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+            connection.execute("SELECT id, topic_id, timestamp, data FROM messages LIMIT 1")
+            connection.execute("SELECT id, name, type FROM topics LIMIT 1")
+    except sqlite3.Error as error:
         return f"the database cannot be read ({error})"
     verdict = " ".join(str(result).removeprefix("*** in database main ***").split())
     return "" if verdict == "ok" else f"the database is damaged ({verdict})"
 
 
 def _rows(path: Path) -> Iterator[_Row]:
-    """Rows of messages in the order of recording; rosbags would sort them by log time."""
+    """Rows of messages in the order of recording."""
     try:
-        with _opened(path) as reader:
-            yield from _query(reader, "SELECT topic_id, timestamp, data FROM messages")
-    except Exception as error:
+        with closing(_connection(path)) as connection:
+            yield from connection.execute("SELECT topic_id, timestamp, data FROM messages")
+    except sqlite3.Error as error:
         raise BagError(f"{path} cannot be read any further ({error})") from None
 
 
-def _query(reader: Sqlite3Reader, text: str) -> Iterator[Any]:
-    assert reader.dbconn is not None
-    return iter(reader.dbconn.execute(text))
-
-
 def _topics(path: Path) -> dict[int, Topic]:
-    """Topics by number."""
+    """Topics by number; of a damaged file those whose rows are left."""
     try:
-        with _opened(path) as reader:
-            return {each.id: _topic(each) for each in reader.connections}
-    except Exception:  # of a damaged file the rows that are left
+        with closing(_connection(path)) as connection:
+            return _listed_topics(connection)
+    except sqlite3.Error:
         rows = _pages(path).rows()
         return dict(each for number, row in rows for each in _topic_row(number, row))
 
 
-def _topic(connection: Connection) -> Topic:
-    assert isinstance(connection.ext, ConnectionExtRosbag2)
-    definition = connection.msgdef
-    encoding = _ENCODINGS.get(definition.format, ENCODING)
-    recorded = MessageType(connection.msgtype, definition.data, connection.digest, encoding)
-    qos = qos_of_values(dump_qos_v9(connection.ext.offered_qos_profiles))
-    return Topic(connection.topic, recorded, qos, connection.ext.serialization_format)
+def _listed_topics(connection: sqlite3.Connection) -> dict[int, Topic]:
+    """Older schemas have no type hashes, still older ones no quality of service."""
+    columns = {row[1] for row in connection.execute("PRAGMA table_info(topics)")}
+    qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
+    digest = "type_description_hash" if "type_description_hash" in columns else "''"
+    texts = _definitions(connection)
+    query = f"SELECT id, name, type, serialization_format, {qos}, {digest} FROM topics"
+    found = {}
+    for number, name, type_name, serialization, profiles, type_hash in connection.execute(query):
+        encoding, text = texts.get(type_name, (ENCODING, ""))
+        recorded = MessageType(type_name, text, type_hash, encoding)
+        found[number] = Topic(name, recorded, qos_of_text(str(profiles)), serialization)
+    return found
+
+
+def _definitions(connection: sqlite3.Connection) -> dict[str, tuple[str, str]]:
+    """(encoding, definition) by type; none in files of versions before Iron."""
+    if not connection.execute("PRAGMA table_info(message_definitions)").fetchall():
+        return {}
+    query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+    return {name: (encoding, text) for name, encoding, text in connection.execute(query)}
 
 
 def _topic_row(number: int, row: tuple[object, ...]) -> Iterator[tuple[int, Topic]]:

@@ -2,6 +2,7 @@
 
 import shutil
 import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -202,7 +203,7 @@ def test_several_files_without_metadata_are_read_one_after_the_other(make, tmp_p
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "missing tables"),
+        (b"", "no such table"),
         (bytes(9000), "not a database"),
         (b"SQLite format 3\0" + bytes(9000), "the database"),
     ],
@@ -214,3 +215,36 @@ def test_a_file_that_is_no_recording_raises(tmp_path, content, message):
     found, reader = contents(tmp_path / "file.db3", tolerant=True)
     assert found == []
     assert reader.damage
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "UPDATE message_definitions SET encoding = 'unknown'",
+        "UPDATE message_definitions SET encoding = ''",
+        "UPDATE message_definitions SET encoded_message_definition = CAST(x'ff' AS TEXT)",
+        "UPDATE topics SET offered_qos_profiles = 'depth'",
+        "UPDATE topics SET offered_qos_profiles = '- history: 1'",
+        "UPDATE topics SET offered_qos_profiles = '- {deadline: infinite'",
+        "DROP TABLE schema",
+    ],
+)
+def test_a_sound_file_is_read_whatever_describes_its_topics(make, change):
+    bag = make()
+    whole, _ = contents(bag)
+    (file,) = bag.glob("*.db3")
+    with closing(sqlite3.connect(file)) as connection:
+        connection.execute(change)
+        connection.commit()
+    assert contents(bag)[0] == whole
+
+
+def test_definitions_and_hashes_are_read_without_the_table_of_the_schema(make):
+    bag = make()
+    topics = BagReader(bag).topics
+    assert all(each.message_type.text for each in topics.values())
+    (file,) = bag.glob("*.db3")
+    with closing(sqlite3.connect(file)) as connection:
+        connection.execute("DROP TABLE schema")
+        connection.commit()
+    assert BagReader(bag).topics == topics
