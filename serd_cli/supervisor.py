@@ -16,6 +16,7 @@ from honcho.printer import Message
 
 from serd_cli.errors import BAD_INPUT, FAILED, RunError
 from serd_ros.process.parent_watch import VARIABLE
+from serd_ros.process.progress import parse_progress
 
 Line = Callable[[str, str], None]
 _KEPT_LINES = 15
@@ -48,12 +49,14 @@ class _Tap:
         for line in data.splitlines():
             if message.name == SYSTEM_PRINTER_NAME:
                 continue
-            self.tails.setdefault(message.name, deque(maxlen=_KEPT_LINES)).append(line)
+            # Progress would displace the lines that name what failed.
+            if parse_progress(line) is None:
+                self.tails.setdefault(message.name, deque(maxlen=_KEPT_LINES)).append(line)
             self._on_line(message.name, line)
 
 
 class _Manager(Manager):
-    """honcho's manager that survives a signal before all processes have started, and is patient.
+    """honcho's manager that survives a signal before all processes have started.
 
     honcho kills after 5 s, in which a busy machine may not have closed a bag.
     """
@@ -97,7 +100,7 @@ def run_together(
     """Run until one ends, then end the others; return when all have ended.
 
     on_line: called with (process name, line) for everything they print. Raises KeyboardInterrupt
-    when told to stop, RunError with the last lines of a process that failed of itself.
+    when interrupted, RunError with the last lines of a process that failed of itself.
     """
     tap = _Tap(on_line)
     manager = _Manager(tap)
@@ -123,5 +126,7 @@ def run_together(
 def _what_failed(codes: Mapping[str, int], code: int, tails: Mapping[str, deque[str]]) -> str:
     name = next(name for name, each in codes.items() if each == code)
     ending = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
-    said = f"{os.linesep}  ".join(tails.get(name, ()))
-    return f"{name} {ending}; it said last:{os.linesep}  {said}" if said else f"{name} {ending}"
+    output = f"{os.linesep}  ".join(tails.get(name, ()))
+    return (
+        f"{name} {ending}; its last output:{os.linesep}  {output}" if output else f"{name} {ending}"
+    )

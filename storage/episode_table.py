@@ -13,7 +13,8 @@ from storage.table import OptionalFloat, columns_of, read_rows, write_table
 class EpisodeResult:
     """How one episode ended; times in simulated seconds.
 
-    time_of_arrival_s: NaN if the robot did not arrive. wall_s: wall time from the first to the last
+    time_of_arrival_s: NaN if the robot did not arrive; minimum_person_distance_m: NaN if not
+    measured. wall_s: wall time from the first to the last
     observation, for the real-time factor. reason: why the driver gave up, empty otherwise.
     """
 
@@ -28,7 +29,7 @@ class EpisodeResult:
     robot_on_person: int
     person_on_robot: int
     robot_on_wall: int
-    minimum_person_distance_m: float
+    minimum_person_distance_m: OptionalFloat
     wall_s: float
     reason: str = ""
 

@@ -58,9 +58,9 @@ class RowTable:
     def close(self) -> None:
         """Move the rows that wait beside a Parquet file into it."""
         if self._lines != self.path and self._lines.exists():
-            write_table(
-                self.path, self._columns, [list(row.values()) for row in self.rows.values()]
-            )
+            names = [column.name for column in self._columns]
+            rows = [[row[name] for name in names] for row in self.rows.values()]
+            write_table(self.path, self._columns, rows)
             self._lines.unlink()
 
     def __enter__(self) -> "RowTable":

@@ -3,6 +3,8 @@
 set -euo pipefail
 bin=$(cd "$1" && pwd)
 cd "$(dirname "$0")/../ros_ws"
+# Modules that were moved or deleted would stay importable in the installed copy.
+rm -rf build/serd_ros/build install/serd_ros
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 if ! PATH="$bin:$PATH" "$bin/colcon" build >"$log" 2>&1; then

@@ -235,12 +235,14 @@ def relative_entropy_irl(data: FitData) -> MethodResult:
     best = 0
     if len(data.validation):
         scores = []
-        for smoothing, share in choices:
-            found = _fit_relative_entropy(data, data.training, smoothing, share)
+        for number, (smoothing, share) in enumerate(choices, start=1):
+            on_step = data.reporter(number, len(choices) + 1)
+            found = _fit_relative_entropy(data, data.training, smoothing, share, on_step)
             scores.append(validation_log_likelihood(data.problem, data.validation, found))
         best = int(np.argmax(scores))
     smoothing, share = choices[best]
-    fit = _fit_relative_entropy(data, data.decisions, smoothing, share)
+    on_step = data.reporter(len(choices) + 1, len(choices) + 1)
+    fit = _fit_relative_entropy(data, data.decisions, smoothing, share, on_step)
     return MethodResult(fit, f"none; thresholds {share:g} of Hoeffding's, smoothing {smoothing:g}")
 
 
@@ -346,7 +348,7 @@ def _fit_policy_matching_serd(
 
 
 def _fit_relative_entropy(
-    data: FitData, decisions: Decisions, smoothing: float, share: float
+    data: FitData, decisions: Decisions, smoothing: float, share: float, on_step: OnStep
 ) -> FitResult:
     """smoothing: of the cloned policy that samples; share: of Hoeffding's thresholds."""
     problem, estimate = data.problem, data.estimate(decisions)
@@ -370,6 +372,7 @@ def _fit_relative_entropy(
         thresholds=share * thresholds,
         dynamics=estimate,
         rng=data.rng,
+        on_step=on_step,
     )
 
 

@@ -28,7 +28,7 @@ def play(
         list[str] | None, typer.Option(metavar="FROM:=TO", help="play into another topic")
     ] = None,
     wait_for: Annotated[
-        list[str] | None, typer.Option(metavar="NODE", help="start when this node listens")
+        list[str] | None, typer.Option(metavar="NODE", help="start when this node subscribes")
     ] = None,
     wait: Annotated[float, typer.Option(min=0, help="seconds to wait for any listener")] = 10.0,
     clock: Annotated[bool, typer.Option(help="publish bag time on /clock")] = True,

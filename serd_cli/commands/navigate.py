@@ -61,7 +61,7 @@ def navigate(
 
     serd navigate model.yaml --goal 3.5,20.5 --episodes 30
 
-    With --output an interrupted drive in process goes on where it stopped.
+    Rerun an interrupted drive in process with the same --output to resume it.
     """
     settings = validated(
         DriveSettings,

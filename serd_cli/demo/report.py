@@ -38,7 +38,7 @@ _FILES = (
     FileLink("navigation/episodes.csv", "how each episode of the learned policy ended"),
     FileLink("learning.csv", "objective after each step of the fit"),
     FileLink("demo.yaml", "settings of this run"),
-    FileLink("logs", "what the nodes said"),
+    FileLink("logs", "logs of the nodes"),
 )
 
 

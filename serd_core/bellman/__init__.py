@@ -1,1 +1,1 @@
-"""Bellman equations: what is solved. How it is solved is in `serd_core.solvers`."""
+"""Bellman equations and the solvers for them."""

@@ -96,7 +96,7 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         if heard or (not required and now_s >= self._waiting_until_s):
             self._waiting_until_s = None
             return True
-        waited_for = missing or "somebody who listens"
+        waited_for = missing or "a subscriber"
         self.get_logger().info(f"waiting for {waited_for}", throttle_duration_sec=2.0)
         return False
 

@@ -131,7 +131,9 @@ class LearnerNode(SerdNode[LearnerConfig]):
             return response
         self._begin_anew = response.success = True
         when = "when the fit under way has ended" if self._worker.busy else "now"
-        response.message = f"learning begins {when}; diagnostics tell how it goes and ends"
+        response.message = (
+            f"learning begins {when}; progress and result are published on diagnostics"
+        )
         return response
 
     def _begin(self, *, anew: bool) -> None:

@@ -139,7 +139,7 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         silent_s = self.wall_s() - self._heard_wall_s
         if silent_s > self.config.input_timeout_s:
             self.get_logger().warning(
-                f"nothing heard of pose and people for {silent_s:.1f} s: stopping",
+                f"no pose or people received for {silent_s:.1f} s: stopping",
                 throttle_duration_sec=2.0,
             )
             self.report(observation.time_s, {"silent_s": silent_s}, level=WARN, message="stale")

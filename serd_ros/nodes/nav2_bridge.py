@@ -77,7 +77,7 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
 
     def _watch(self) -> None:
         if self._goals.expire(self.wall_s()):
-            self.get_logger().warning("no waypoint for too long: Nav2 was told to stop")
+            self.get_logger().warning("no waypoint in time: goal of Nav2 cancelled")
         time_s = self.get_clock().now().nanoseconds * 1e-9
         well = self._goals.state in ("no goal", "sent", "driving", "arrived")
         self.report(time_s, {"goal": self._goals.state}, level=OK if well else WARN)

@@ -18,7 +18,7 @@ class EpisodeSettings(StrictModel):
         Scenario.model_fields["episode_timeout_s"].default,
         "simulated time per episode",
         unit="s",
-        gt=0,
+        ge=2,
         le=86400,
     )
 

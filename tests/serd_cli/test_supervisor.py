@@ -9,6 +9,7 @@ import pytest
 from serd_cli import supervisor
 from serd_cli.errors import BAD_INPUT, FAILED, RunError
 from serd_cli.supervisor import Process, run_together
+from serd_ros.process.progress import Progress
 
 SLEEP = [sys.executable, "-S", "-c", "import time; time.sleep(3600)"]
 
@@ -28,13 +29,21 @@ def test_when_one_ends_well_all_end_and_every_line_was_passed_on():
 
 
 @pytest.mark.parametrize(("code", "passed_on"), [(3, FAILED), (2, BAD_INPUT)])
-def test_a_failing_process_is_named_with_what_it_said_last(code, passed_on):
+def test_a_failing_process_is_named_with_its_last_output(code, passed_on):
     failing = python("bad", f"import sys; print('the reason'); sys.exit({code})")
     with pytest.raises(
         RunError, match=rf"(?s)bad ended with exit code {code}.*the reason"
     ) as found:
         run_together([Process("sleeper", SLEEP), failing], os.environ, lambda *_: None)
     assert found.value.exit_code == passed_on
+
+
+def test_lines_of_progress_do_not_displace_the_reason_of_a_failure():
+    line = "serd-progress " + Progress(text="step", done=1).model_dump_json()
+    failing = python("bad", f"print('the reason'); [print('{line}') for _ in range(40)]; exit(1)")
+    with pytest.raises(RunError, match="the reason") as found:
+        run_together([failing], os.environ, lambda *_: None)
+    assert "serd-progress" not in str(found.value)
 
 
 def test_a_killed_process_is_named_with_its_signal():
@@ -75,6 +84,15 @@ def test_an_interrupt_before_all_have_started_ends_all_too(monkeypatch):
         start(manager)
 
     monkeypatch.setattr(supervisor.Manager, "_start", start_late)
+    codes: list[dict[str, int]] = []
+    loop = supervisor.Manager.loop
+
+    def loop_and_report(manager):
+        loop(manager)
+        codes.append(manager.exit_codes())
+
+    monkeypatch.setattr(supervisor.Manager, "loop", loop_and_report)
     processes = [Process(f"sleeper {number}", SLEEP) for number in range(3)]
     with pytest.raises(KeyboardInterrupt):
         run_together(processes, os.environ, lambda *_: None)
+    assert codes == [dict.fromkeys((each.name for each in processes), -signal.SIGTERM)]

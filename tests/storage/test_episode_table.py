@@ -1,6 +1,7 @@
 """The table of episodes: exact round trips, faults by line."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -24,6 +25,13 @@ def result(episode=0, outcome="arrived", time_of_arrival_s=0.1 + 0.2):
         minimum_person_distance_m=-1e-17,
         wall_s=1.5,
     )
+
+
+def test_a_distance_that_was_not_measured_survives(tmp_path):
+    row = replace(result(), minimum_person_distance_m=math.nan)
+    save_episodes(tmp_path / "episodes.csv", [row])
+    (found,) = load_episodes(tmp_path / "episodes.csv")
+    assert math.isnan(found.minimum_person_distance_m)
 
 
 def test_rows_survive_exactly(tmp_path):

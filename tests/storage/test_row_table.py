@@ -34,6 +34,14 @@ def test_rows_read_back_exactly_whatever_the_file(tmp_path, name):
     assert [each.name for each in path.parent.iterdir()] == [name]
 
 
+@pytest.mark.parametrize("name", ["rows.csv", "rows.parquet"])
+def test_the_order_of_a_row_does_not_matter(tmp_path, name):
+    with RowTable(tmp_path / name, COLUMNS, ["name", "seed"]) as table:
+        table.append(dict(reversed(ROWS[0].items())))
+    with RowTable(tmp_path / name, COLUMNS, ["name", "seed"]) as table:
+        assert list(table.rows.values()) == ROWS[:1]
+
+
 def test_a_row_is_on_disk_before_the_table_is_closed(tmp_path):
     table = RowTable(tmp_path / "rows.parquet", COLUMNS, ["seed"])
     table.append(ROWS[0])

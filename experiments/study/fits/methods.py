@@ -12,7 +12,6 @@ from experiments.study.fits.learned import Learned, learned_from_fit
 from serd_app.learning import methods as product
 from serd_app.learning.methods import FitData, MethodResult
 from serd_core.arrays import FloatArray
-from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.learners.behavioural_cloning import clone_behaviour
 
 
@@ -47,7 +46,7 @@ def behavioural_cloning(trial: Trial) -> Learned:
     return Learned(
         policy=policy,
         greedy=policy.argmax(axis=1),
-        truth=estimate_dynamics(trial.problem, trial.decisions),
+        truth=trial.estimate(trial.decisions),
         reward_weights=np.zeros(0),
         converged=True,
     )

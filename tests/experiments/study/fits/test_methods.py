@@ -50,9 +50,10 @@ def trial(settings, problem, shipped_sets):
 
 def test_actions_are_predicted_by_the_belief_and_the_robot_plans_by_the_truth(problem, trial):
     weights, truth = np.array([4.0, 1.0, -0.2]), estimate_dynamics(problem, trial.decisions)
+    found = methods.mdce_serd_free(trial).fit
     fit = replace(
-        methods.mdce_serd_free(trial).fit,
-        reward_weights=weights,
+        found,
+        parameters=replace(found.parameters, reward=weights),
         outcome_probabilities=truth,
         believed_outcome_probabilities=REFERENCE,
     )
