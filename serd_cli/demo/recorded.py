@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from bags.messages.decoded import messages_of
 from report.inputs import CrowdSnapshot, snapshot_from_history
+from serd_app.drives.recorded_drive import LONGEST_GAP_S
 from serd_ros.convert.pose import from_pose
 from serd_ros.convert.sensors import People, from_people_message
 from serd_ros.convert.stamp import stamp_ns
 from serd_ros.endpoints import topics
 
-_GAP_S = 0.5
 _TRAIL_S = 4.0
 _MOMENT = 0.45
 
@@ -39,7 +39,7 @@ def read_recording(bag: Path) -> Recording:
         poses.append(from_pose(message.pose))
     time_s, pose = np.array(times), np.array(poses)
     time_s, first = np.unique(time_s, return_index=True)
-    cuts = np.flatnonzero(np.diff(time_s) > _GAP_S) + 1
+    cuts = np.flatnonzero(np.diff(time_s) > LONGEST_GAP_S) + 1
     return Recording(tuple(np.split(time_s, cuts)), tuple(np.split(pose[first], cuts)))
 
 
