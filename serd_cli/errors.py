@@ -20,3 +20,7 @@ class RunError(SerdError):
     def __init__(self, sentence: str, exit_code: int = FAILED) -> None:
         super().__init__(sentence)
         self.exit_code = exit_code
+
+    def __str__(self) -> str:
+        """The message with the line ends of a process's output."""
+        return ValueError.__str__(self)

@@ -3,20 +3,26 @@
 from collections.abc import Mapping
 from typing import Any
 
-import yaml
-
 from serd_cli.errors import UsageError
 from serd_cli.executables import find_command
 from serd_cli.supervisor import Process
 from serd_ros.graph.graph import PACKAGE, Stack, stack_parameters
+from storage.errors import shortened
+from storage.yaml_text import read_yaml
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """`name:=value` as a name and a YAML value, as ROS reads it."""
-    name, separator, value = text.partition(":=")
+    """`name:=value` as a name and a YAML value that a ROS parameter can have."""
+    name, separator, written = text.partition(":=")
     if not separator or not name:
-        raise UsageError(f"a parameter must be written name:=value, got {text!r}")
-    return name, yaml.safe_load(value)
+        raise UsageError(f"a parameter must be written name:=value, got {shortened(repr(text))}")
+    value = read_yaml(written, f"parameter {shortened(repr(name))}")
+    if not all(map(_is_ros_value, value if isinstance(value, list) else [value])):
+        raise UsageError(
+            f"parameter {shortened(repr(name))} must be true or false, a 64-bit number, printable"
+            f" text or a list of these, got {shortened(repr(written))}; put text into quotes"
+        )
+    return name, value
 
 
 def stack_processes(
@@ -47,6 +53,12 @@ def _arguments(parameters: Mapping[str, Any], remappings: Mapping[str, str]) -> 
     for name, value in parameters.items():
         arguments += ["-p", f"{name}:={_as_ros(value)}"]
     return arguments
+
+
+def _is_ros_value(value: Any) -> bool:
+    if isinstance(value, int):
+        return -(2**63) <= value < 2**63
+    return isinstance(value, float) or (isinstance(value, str) and value.isprintable())
 
 
 def _as_ros(value: Any) -> str:

@@ -2,7 +2,8 @@
 
 PyYAML alone reads 1.1: `1e-3` as a string, `1:30` as 90, `no` as false, and of a key given twice
 the last. Here numbers are numbers, words are strings, and a key given twice is refused. So are
-aliases: no file of ours needs one, and nested ones grow without bound when expanded.
+tags, which need not fit their value, and aliases, which grow without bound when nested; no file of
+ours needs them.
 """
 
 import re
@@ -32,10 +33,11 @@ class _Loader(yaml.SafeLoader):
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+        event = self.peek_event()  # type: ignore[no-untyped-call]
+        if isinstance(event, yaml.AliasEvent) or event.tag is not None:
+            fault = "aliases" if isinstance(event, yaml.AliasEvent) else "tags"
             raise yaml.composer.ComposerError(
-                None, None, "aliases are refused; write the value out", mark
+                None, None, f"{fault} are refused; write the value out", event.start_mark
             )
         return super().compose_node(parent, index)
 

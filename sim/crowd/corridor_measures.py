@@ -15,6 +15,9 @@ from sim.crowd.ring_corridor import ring_corridor_crowd
 from sim.errors import SimError
 from storage.files import read_text
 
+#: All whole numbers below it are exact as floats.
+_MOST = 2.0**53
+
 
 @dataclass(frozen=True, eq=False)
 class RecordedPaths:
@@ -44,14 +47,14 @@ class CorridorMeasures:
 
 def load_petrack(path: str | Path, frames_per_s: float = 25.0) -> RecordedPaths:
     """Recording in PeTrack's text format: rows `person frame x y z` in centimetres."""
-    lines = read_text(path).splitlines()
+    cells = [line.partition("#")[0].split()[:4] for line in read_text(path).splitlines()]
     try:
-        rows = np.loadtxt(lines)
+        rows = np.array([row for row in cells if row], dtype=np.float64)
     except ValueError as error:
         raise SimError(f"{path} must hold rows of numbers, but {error}; export it again") from None
-    if rows.ndim != 2 or rows.shape[1] < 4:
+    if rows.ndim != 2 or rows.shape[1] != 4 or not (np.abs(rows) < _MOST).all():
         raise SimError(
-            f"{path} must have rows of person, frame, x and y, got shape {rows.shape}"
+            f"{path} must have rows of person, frame, x and y, all finite, got shape {rows.shape}"
             "; export it from PeTrack as text"
         )
     return RecordedPaths(

@@ -1,0 +1,194 @@
+"""Mutated files and arguments load or raise SerdError with one line, in bounded time and memory."""
+
+import os
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from experiments.study.settings import FULL_YAML, study_settings
+from serd_app.demonstrations.decision_table import load_decisions, save_decisions
+from serd_app.demonstrations.flow_table import load_flow, save_flow
+from serd_app.demonstrations.grid_file import load_grid, save_grid
+from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
+from serd_app.drives.mapping import BagMapping
+from serd_app.learning.checkpoint import LearnerCheckpoint
+from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arrivals
+from serd_app.navigation.drive_folder import BegunDrive
+from serd_cli.demo.settings import DemoSettings
+from serd_cli.node_commands import parse_assignment, stack_processes
+from serd_core.demonstrations.decisions import Decisions
+from serd_ros.graph.graph import find_stack
+from sim.crowd.corridor_measures import load_petrack
+from sim.episodes.batch import COLUMNS, TASK_COLUMNS
+from sim.scenario.grid import flow_of, grid_of
+from sim.scenario.scenario import load_scenario
+from storage.episode_table import EpisodeResult, load_episodes, save_episodes
+from storage.model_file import load_model
+from storage.row_table import RowTable
+from storage.table import write_table
+from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
+from support.fuzzing import (
+    CSV_PIECES,
+    FUZZ,
+    YAML_PIECES,
+    assert_loads_or_one_line,
+    mutated_bytes,
+    mutated_text,
+    mutated_yaml,
+)
+from teleop.joy_mapping import load_joy_mapping
+from teleop.mux_settings import load_mux
+
+_ROOT = Path(__file__).resolve().parents[2]
+_CORRIDOR = load_scenario("corridor")
+_GRID = grid_of(_CORRIDOR)
+_BAG = BagRecord(
+    bag="b", n_decisions=1, n_episodes=1, n_diagonal=0, n_far=0, dropped={"w": 1}, n_bad_poses=0
+)
+_MODELS: dict[str, StrictModel] = {
+    "scenario": _CORRIDOR,
+    "mapping": BagMapping(longest_gap_s=1.0),
+    "checkpoint": LearnerCheckpoint(
+        scenario="corridor", grid_fingerprint="0", reward_weights={"goal": 1.0}, goal_entry_s=(1.0,)
+    ),
+    "demonstrations": DemonstrationRecord(
+        scenario="corridor", grid_fingerprint="0", decision_period_s=2.0, bags=(_BAG,)
+    ),
+    "begun drive": BegunDrive(model="model.yaml"),
+    "demo": DemoSettings(),
+}
+_TEXTS = {
+    "mux": _ROOT / "teleop" / "mux.yaml",
+    "joy": _ROOT / "teleop" / "joy.yaml",
+    "study": FULL_YAML,
+}
+_YAML_LOADERS: dict[str, Callable[[Path], object]] = {
+    "model": load_model,
+    "grid": load_grid,
+    "mux": load_mux,
+    "joy": load_joy_mapping,
+    "study": lambda path: study_settings(config=path),
+    **{name: partial(load_yaml_model, model_class=type(each)) for name, each in _MODELS.items()},
+}
+
+
+def _save_decisions(path: Path) -> None:
+    numbers = {"episode": [0, 1], "state": [0, 1], "action": [1, 0], "next_state": [1, 2]}
+    columns = {name: np.array(values) for name, values in numbers.items()}
+    save_decisions(path, Decisions(**columns, time_s=np.array([0.0, 0.5]), source="bag a"))
+
+
+def _save_flow(path: Path) -> None:
+    count = np.ones(_GRID.n_states, dtype=np.int64)
+    velocity = np.ones((_GRID.n_states, 2))
+    flow = flow_of(_CORRIDOR, _GRID)
+    save_flow(path, _GRID, flow=flow, order=count * 0.5, count=count, mean_velocity_mps=velocity)
+
+
+def _save_episodes(path: Path) -> None:
+    measured = (9.5, 9.5, 8.0, 0, 0, 0, 0.5, 1.0)
+    save_episodes(path, [EpisodeResult(1, 3, "expert", "train", "arrived", *measured)] * 3)
+
+
+def _save_arrivals(path: Path) -> None:
+    for number in range(3):
+        measured = (1.0, 2.0, 3.0, 4.0, 1.0)
+        row = ArrivalRow(number, 3, 0.0, 0.5, 9.0, 1.0, "m", "arrived", "", *measured)
+        append_arrival(path, row)
+
+
+def _save_rows(path: Path) -> None:
+    cells = {int: 1, float: 0.5, str: "a"}
+    write_table(path, COLUMNS, [[cells[column.kind] for column in COLUMNS]] * 2)
+
+
+#: Writer of a valid table and loader, by name.
+_TABLES: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = {
+    "decisions": (_save_decisions, load_decisions),
+    "flow": (_save_flow, lambda path: load_flow(path, _GRID)),
+    "episodes": (_save_episodes, load_episodes),
+    "arrivals": (_save_arrivals, load_arrivals),
+    "rows": (_save_rows, lambda path: RowTable(path, COLUMNS, TASK_COLUMNS).close()),
+    "recorded paths": (
+        lambda path: path.write_text("".join(f"1 {n} 5.5 {n} 7\n" for n in range(5))),
+        load_petrack,
+    ),
+}
+
+
+def _valid_yaml(name: str, folder: Path, save_model_of: Callable[..., Path]) -> str:
+    if name == "model":
+        return save_model_of("corridor", goal_entry_s=(0.5, 1.0)).read_text()
+    if name == "grid":
+        save_grid(folder / "grid.yaml", _GRID, "corridor")
+        return (folder / "grid.yaml").read_text()
+    return _TEXTS[name].read_text() if name in _TEXTS else model_yaml(_MODELS[name])
+
+
+@pytest.mark.parametrize("name", _YAML_LOADERS)
+def test_a_mutated_yaml_file_loads_or_is_refused_in_one_line(name, tmp_path, save_model_of):
+    valid = _valid_yaml(name, tmp_path, save_model_of)
+    path = tmp_path / "case.yaml"
+    path.write_text(valid)
+    _YAML_LOADERS[name](path)
+
+    @FUZZ
+    @given(
+        mutated_yaml(valid).map(_encoded)
+        | mutated_text(valid, YAML_PIECES).map(_encoded)
+        | mutated_bytes(valid.encode())
+    )
+    def check(content: bytes) -> None:
+        path.write_bytes(content)
+        assert_loads_or_one_line(lambda: _YAML_LOADERS[name](path))
+
+    check()
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+@pytest.mark.parametrize("name", _TABLES)
+def test_a_mutated_table_loads_or_is_refused_in_one_line(name, suffix, tmp_path):
+    save, load = _TABLES[name]
+    path = tmp_path / f"case.{suffix}"
+    if suffix == "parquet" and name in ("arrivals", "recorded paths"):
+        pytest.skip("this format has no Parquet file")
+    save(path)
+    load(path)
+    valid = path.read_bytes()
+    cases = mutated_bytes(valid)
+    if suffix == "csv":
+        cases |= mutated_text(valid.decode(), CSV_PIECES).map(_encoded)
+
+    @FUZZ
+    @given(cases)
+    def check(content: bytes) -> None:
+        path.write_bytes(content)
+        assert_loads_or_one_line(lambda: load(path))
+
+    check()
+
+
+@FUZZ
+@given(
+    mutated_text("live: {seed: 3, names: [a, 'b']}", YAML_PIECES)
+    | mutated_text("seed:=3", YAML_PIECES)
+    | st.sampled_from(YAML_PIECES)
+    | st.text(max_size=20)
+)
+def test_a_mutated_assignment_gives_commands_or_is_refused_in_one_line(text):
+    def commands(assignment: str) -> None:
+        name, value = parse_assignment(assignment)
+        for process in stack_processes(find_stack("live"), {name: value}, {}):
+            assert b"\0" not in b"".join(map(os.fsencode, process.command))
+
+    assert_loads_or_one_line(lambda: commands(text))
+    assert_loads_or_one_line(lambda: commands(f"seed:={text}"))
+
+
+def _encoded(text: str) -> bytes:
+    return text.encode("utf-8", "surrogatepass")

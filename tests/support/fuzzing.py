@@ -1,0 +1,185 @@
+"""Mutations of valid input as hypothesis strategies, and the bounds each mutated input must keep.
+
+The environment variable SERD_FUZZ_CASES sets the number of cases per target; `make fuzz` sets it
+to 10,000.
+"""
+
+import os
+import re
+import resource
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import yaml
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+
+from serd_core.errors import SerdError
+
+#: Settings of one target; the cases are the same in every run.
+FUZZ = settings(
+    max_examples=int(os.environ.get("SERD_FUZZ_CASES", "200")),
+    deadline=None,
+    database=None,
+    derandomize=True,
+    suppress_health_check=list(HealthCheck),
+)
+MOST_CPU_S = 5.0
+MOST_MEMORY = 10**9
+
+ODD_SCALARS = (
+    None, True, False, 0, 1, -1, 2, 3, 10**6, 2**31, 2**63, -(2**63) - 1, 10**30, 10**400, 0.0, 0.5,
+    -0.0, 1e-300, 1e300, float("inf"), -float("inf"), float("nan"), "", " ", "a", "0", "1e3", "nan",
+    "\n", "\x85", "\u2028", "\0", "é", "😀", "../x", "/", ".", "#", "^", "a\nb", "x" * 3000,
+)  # fmt: skip
+YAML_PIECES = (
+    "!!float ''", "!!float x", "!!float 1:x", "!!int ''", "!!int x", "!!int 0x", "!!int 1:1",
+    "!!bool x", "!!bool ''", "!!null x", "!!timestamp x", "!!timestamp 2001-99-99", "!!binary x",
+    "!!binary YQ==", "!!set {a}", "!!set x", "!!omap [a: 1]", "!!omap x", "!!pairs [a: 1]",
+    "!!pairs x", "!!seq x", "!!map x", "!!map [1]", "!!str [1]", "!!str", "!!python/none x", "!x y",
+    "2001-12-14t21:59:43.10-05:00", "2001-01-01", "2001-99-99", "<<: {a: 1}", "<<: x", "<<", "=",
+    "&a", "*a", "? ", "- ", ": ", "|", ">", "%", "@", "`", "---", "...", "{", "}", "[", "]", ",",
+    "'", '"', "'\\'", '"\\x"', "\t", "\n", "\n  ", "~", "null", ".inf", "-.inf", ".nan", "1e999",
+    "0x10", "0o17", "1_000", "1:30", "+", "-", ".", "1.", ".5", "9" * 30, "9" * 5000, "[" * 3000,
+    "{a: " * 200, "\x85", "\u2028", "\0", "\ufeff", "True", "yes", "é",
+)  # fmt: skip
+CSV_PIECES = (
+    "", ",", ",,", "\n", "\n\n", "\r", "\r\n", '"', '""', '"a', 'a"', '"a\nb"', '"a,b"', "\0",
+    "nan", "NaN", "inf", "-inf", "1e999", "1e400", "-1", "0", "1.0", "1.5", "0x1", "1_0", " 1 ",
+    "9" * 19, "9" * 30, "9" * 400, "9" * 5000, "x" * 140_000, "é", "١", "\x85", "\u2028", "\ufeff",
+    "none", "north", "arrived", "a", "None", "True", "<NA>", "1e18", "-9223372036854775809",
+)  # fmt: skip
+
+Edit = tuple[str, int, int, str]
+
+
+def mutated_text(valid: str, pieces: Sequence[str]) -> st.SearchStrategy[str]:
+    """The text with up to six of its words removed, repeated, exchanged or replaced."""
+    edit = st.tuples(
+        st.sampled_from(("replace", "insert", "remove", "repeat", "exchange", "cut")),
+        st.integers(0, 2**16),
+        st.integers(0, 2**16),
+        st.sampled_from(pieces)
+        | st.text(max_size=8)
+        | st.floats().map(str)
+        | st.integers().map(str),
+    )
+    words = re.split(r"([\s,:\[\]{}#'\"]+)", valid)
+    return st.lists(edit, min_size=1, max_size=6).map(lambda edits: "".join(_edited(words, edits)))
+
+
+def mutated_bytes(valid: bytes) -> st.SearchStrategy[bytes]:
+    """The bytes with up to six places overwritten, inserted or cut out."""
+    edit = st.tuples(st.integers(0, 2**16), st.integers(0, 16), st.binary(max_size=16))
+
+    def edited(edits: Sequence[tuple[int, int, bytes]]) -> bytes:
+        content = valid
+        for place, length, new in edits:
+            start = place % (len(content) + 1)
+            content = content[:start] + new + content[start + length :]
+        return content
+
+    return st.lists(edit, min_size=1, max_size=6).map(edited) | st.binary(max_size=64)
+
+
+def mutated_yaml(valid: str) -> st.SearchStrategy[str]:
+    """The YAML text with up to four of its values, keys or branches changed, written by PyYAML."""
+    values = yaml.safe_load(valid)
+    scalars = st.sampled_from(ODD_SCALARS) | st.integers() | st.floats() | st.text(max_size=8)
+    branches = st.recursive(
+        scalars,
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner),
+        max_leaves=4,
+    )
+    changes = st.lists(
+        st.tuples(st.integers(0, 2**16), st.sampled_from(("set", "remove", "rename", "repeat")),
+                  scalars | branches),
+        min_size=1,
+        max_size=4,
+    )  # fmt: skip
+    return changes.map(lambda edits: yaml.safe_dump(_changed(values, edits), allow_unicode=True))
+
+
+def assert_loads_or_one_line(load: Callable[[], object]) -> None:
+    """The call returns, or raises SerdError with one line, within the bounds."""
+    with _bounded():
+        try:
+            load()
+        except SerdError as error:
+            if len(str(error).splitlines()) == 1:
+                return
+            raise
+
+
+@contextmanager
+def _bounded() -> Iterator[None]:
+    """TimeoutError after 5 s of CPU time, MemoryError beyond 1 GB more memory than now."""
+    previous = signal.signal(signal.SIGPROF, _time_is_over)
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MOST_MEMORY, hard))
+    signal.setitimer(signal.ITIMER_PROF, MOST_CPU_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+        signal.signal(signal.SIGPROF, previous)
+
+
+def _time_is_over(_signal: int, _frame: FrameType | None) -> None:
+    raise TimeoutError(f"more than {MOST_CPU_S:g} s of CPU time")
+
+
+def _edited(words: Sequence[str], edits: Sequence[Edit]) -> list[str]:
+    found = list(words)
+    for kind, first, second, new in edits:
+        here, there = first % (len(found) + 1), second % (len(found) + 1)
+        if kind == "insert" or here == len(found):
+            found.insert(here, new)
+        elif kind == "replace":
+            found[here] = new
+        elif kind == "remove":
+            del found[here : here + 1 + second % 4]
+        elif kind == "repeat":
+            found[here:here] = found[here : here + 1 + second % 40]
+        elif kind == "exchange" and there < len(found):
+            found[here], found[there] = found[there], found[here]
+        else:
+            del found[here:]
+    return found
+
+
+def _changed(values: Any, edits: Sequence[tuple[int, str, Any]]) -> Any:
+    root = {"": _copied(values)}
+    for number, kind, new in edits:
+        places = list(_places(root))
+        parent, key = places[number % len(places)]
+        if kind == "set" or parent is root:
+            parent[key] = new
+        elif kind == "remove":
+            del parent[key]
+        elif isinstance(parent, dict):
+            name = new if isinstance(new, (str, int, float, bool, type(None))) else "x"
+            parent[name] = parent[key] if kind == "repeat" else parent.pop(key)
+        else:
+            parent.insert(key, _copied(parent[key]))
+    return root[""]
+
+
+def _copied(values: Any) -> Any:
+    if isinstance(values, dict):
+        return {key: _copied(value) for key, value in values.items()}
+    return [_copied(value) for value in values] if isinstance(values, list) else values
+
+
+def _places(values: Any) -> Iterator[tuple[Any, Any]]:
+    """Every (container, key or index) in a tree of dicts and lists."""
+    if isinstance(values, (dict, list)):
+        for key in values if isinstance(values, dict) else range(len(values)):
+            yield values, key
+            yield from _places(values[key])
