@@ -26,7 +26,7 @@ def test_an_assignment_gives_the_name_and_the_value(text, value):
     "text", ["seed:=!!float ''", "seed:=[1", "seed:=!!timestamp x", "seed:=*a", "seed:='"]
 )
 def test_what_is_no_yaml_is_refused_with_the_name(text):
-    with pytest.raises(SerdError, match="parameter 'seed'.* not valid YAML"):
+    with pytest.raises(SerdError, match=r"parameter 'seed'.* not valid YAML"):
         parse_assignment(text)
 
 
