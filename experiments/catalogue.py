@@ -1,4 +1,4 @@
-"""All experiments by name, each a function that writes its tables and figures into a folder."""
+"""All experiments of the thesis, in the order of its chapters."""
 
 from experiments.gridworld.ascents import AscentsConfig, run_ascents
 from experiments.gridworld.early_stopping import EarlyStoppingConfig, run_early_stopping
@@ -7,9 +7,8 @@ from experiments.minimum_example import MinimumExampleConfig, run_minimum_exampl
 from experiments.multi_start import MultiStartConfig, run_multi_start
 from experiments.policy_cost import PolicyCostConfig, run_policy_cost
 from experiments.priors import PriorsConfig, run_priors
-from experiments.running.settings import Experiment
+from experiments.running.experiment import Experiment
 from experiments.rust import RustConfig, run_rust
-from serd_core.errors import SerdError
 
 EXPERIMENTS = (
     Experiment(
@@ -48,12 +47,3 @@ EXPERIMENTS = (
     ),
     Experiment("rust", "bus engine replacement (Rust 1987)", RustConfig, run_rust),
 )
-
-
-def experiment_of(name: str) -> Experiment:
-    """The experiment of that name; SerdError with all names otherwise."""
-    for experiment in EXPERIMENTS:
-        if experiment.name == name:
-            return experiment
-    names = ", ".join(experiment.name for experiment in EXPERIMENTS)
-    raise SerdError(f"experiment must be among {names}, got {name!r}")

@@ -5,36 +5,31 @@ observed, so the demonstrations have two explanations. SERD finds either, depend
 IRL with the naive dynamics finds only the one that its prior for b implies.
 """
 
-from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.running.repetitions import Progress, run_repetitions
-from experiments.running.settings import setting
-from experiments.running.tables import Row, quartiles, write_table
+from experiments.running.experiment import Count, Findings, Session, Sizes
+from experiments.running.tables import Row, quartiles
 from report.learners import STYLES, tick_sizes
-from report.style import BLUE, CYAN, HAIRLINE, INK, MUTED, new_figure, png_bytes
-from serd_core.ascent.ascent import Ascent
+from report.style import BLUE, CYAN, HAIRLINE, INK, MUTED, new_figure
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.mdp.mdp import Mdp, require_discount
+from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.norm import NormPrior
 from serd_core.selection.evaluation import fitted_policy
-from sim.episodes.execution import Execution
-from storage.files import atomic_write_bytes
+from storage.settings import setting
+from storage.yaml_config import StrictModel
 
 FIRST, SECOND = 0, 1
 A, B, C = 0, 1, 2
@@ -44,52 +39,36 @@ LEARNERS: dict[str, Belief] = {"MDCE SERD": TiedBelief(), "MDCE IRL": FixedBelie
 WIDEST = 60.0
 
 
-@dataclass(frozen=True)
-class MinimumExampleConfig:
-    """Settings of section 4.6.1; the thesis does not state the discount.
+class MinimumExampleConfig(StrictModel):
+    """Settings of section 4.6.1; the thesis does not state the discount."""
 
-    ascent: optimiser of the parameters.
-    """
-
-    n_sets: int = setting(5_000, "demonstration sets, spread evenly over the sizes")
-    sizes: tuple[int, ...] = setting((1, 2, 3, 5, 8, 12, 20, 30, 50), "demonstrations of a set")
-    horizon: int = setting(3, "decisions of a demonstration")
-    discount: float = setting(0.9, "discount per decision, below 1")
-    weight: float = setting(1e-6, "of the L2 norms of rewards and dynamics")
-    seed: int = setting(0, "of which every random number is derived")
-    ascent: Ascent = ASCENT
-
-    def __post_init__(self) -> None:
-        require_discount(self.discount)
-        if self.n_sets < 1 or not self.sizes or min(self.sizes) < 1:
-            raise SerdError(
-                f"n_sets and sizes must be at least 1, got {self.n_sets} and {self.sizes}"
-            )
+    n_sets: Count = setting(5_000, "demonstration sets, spread evenly over the sizes")
+    sizes: Sizes = setting((1, 2, 3, 5, 8, 12, 20, 30, 50), "demonstrations of a set")
+    horizon: Count = setting(3, "decisions of a demonstration")
+    discount: float = setting(0.9, "discount per decision", ge=0, lt=1)
+    weight: float = setting(1e-6, "of the L2 norms of rewards and dynamics", ge=0)
+    seed: int = setting(0, "of which every random number is derived", ge=0)
 
 
-def run_minimum_example(
-    config: MinimumExampleConfig, folder: Path, execution: Execution, progress: Progress
-) -> pd.DataFrame:
-    """Write estimates, likelihoods and their figures; returns quartiles of the log-likelihood."""
-    table = all_estimates(config, folder / "repetitions", execution, progress)
+def run_minimum_example(config: MinimumExampleConfig, session: Session) -> Findings:
+    """Estimates of both learners, and quartiles of the log-likelihood."""
+    table = all_estimates(config, session)
     by = ["learner", "mode", "size"]
     summary = quartiles(table, "log_likelihood", by).sort_values(by)
-    write_table(folder / "estimates.csv", table)
-    write_table(folder / "log_likelihood.csv", summary)
-    atomic_write_bytes(folder / "estimates.png", png_bytes(estimates_figure(table)))
-    atomic_write_bytes(folder / "log_likelihood.png", png_bytes(likelihood_figure(table)))
-    return summary
+    files = {
+        "estimates.csv": table,
+        "log_likelihood.csv": summary,
+        "estimates.png": estimates_figure(table),
+        "log_likelihood.png": likelihood_figure(table),
+    }
+    return Findings(summary, files)
 
 
-def all_estimates(
-    config: MinimumExampleConfig, folder: Path, execution: Execution, progress: Progress
-) -> pd.DataFrame:
-    """One row per demonstration set and learner; resumable in `folder`."""
+def all_estimates(config: MinimumExampleConfig, session: Session) -> pd.DataFrame:
+    """One row per demonstration set and learner."""
     sets_per_repetition = 50
     n_repetitions = -(-config.n_sets // sets_per_repetition)
-    repetition = partial(fit_sets, config, sets_per_repetition)
-    rows = run_repetitions(repetition, n_repetitions, folder, repr(config), execution, progress)
-    return pd.DataFrame(rows)
+    return session.repeat(partial(fit_sets, config, sets_per_repetition), n_repetitions, config)
 
 
 def fit_sets(config: MinimumExampleConfig, n_sets: int, number: int) -> list[Row]:
@@ -114,7 +93,7 @@ def fit_one_set(config: MinimumExampleConfig, index: int) -> list[Row]:
             initial_weights=weight,
             belief=belief,
             prior=prior,
-            ascent=config.ascent,
+            ascent=ASCENT,
         )
         rows.append(_row(problem, name, index, size, fit))
     return rows

@@ -5,73 +5,51 @@ minimum example (section 4.6.1), SERD is fitted from several random weights to e
 set; fits that converged to the same place count as one explanation.
 """
 
-from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from experiments.minimum_example import ASCENT, demonstrate, minimum_example
-from experiments.running.repetitions import Progress, run_repetitions
-from experiments.running.settings import setting
-from experiments.running.tables import Row, write_table
-from report.style import BLUE, CYAN, HAIRLINE, YELLOW, new_figure, png_bytes, report_style
-from serd_core.errors import SerdError
+from experiments.running.experiment import Count, Findings, Session, Sizes
+from experiments.running.tables import Row
+from report.style import BLUE, CYAN, HAIRLINE, YELLOW, new_figure, report_style
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.mdp.mdp import require_discount
 from serd_core.posterior.parameters import Block
 from serd_core.priors.norm import NormPrior
 from serd_core.selection.multi_start import MultiStart, describe, multi_start
-from sim.episodes.execution import Execution
-from storage.files import atomic_write_bytes, atomic_write_text
+from storage.settings import setting
+from storage.yaml_config import StrictModel
 
 COLOURS = {"none": HAIRLINE, "1": CYAN, "2": BLUE, "3 or more": YELLOW}
 
 
-@dataclass(frozen=True)
-class MultiStartConfig:
+class MultiStartConfig(StrictModel):
     """Settings of the random starts."""
 
-    n_sets: int = setting(40, "demonstration sets of each size")
-    sizes: tuple[int, ...] = setting((1, 3, 12, 50), "demonstrations of a set")
-    n_starts: int = setting(10, "random starts for each set")
-    horizon: int = setting(3, "decisions of a demonstration")
-    discount: float = setting(0.9, "discount per decision, below 1")
-    weight: float = setting(1e-6, "of the L2 norms of rewards and dynamics")
-    seed: int = setting(0, "of which every random number is derived")
-
-    def __post_init__(self) -> None:
-        require_discount(self.discount)
-        if min(self.n_sets, self.n_starts, *self.sizes, len(self.sizes)) < 1:
-            raise SerdError(
-                "n_sets, n_starts and sizes must be at least 1, got"
-                f" {self.n_sets}, {self.n_starts} and {self.sizes}"
-            )
+    n_sets: Count = setting(40, "demonstration sets of each size")
+    sizes: Sizes = setting((1, 3, 12, 50), "demonstrations of a set")
+    n_starts: Count = setting(10, "random starts for each set")
+    horizon: Count = setting(3, "decisions of a demonstration")
+    discount: float = setting(0.9, "discount per decision", ge=0, lt=1)
+    weight: float = setting(1e-6, "of the L2 norms of rewards and dynamics", ge=0)
+    seed: int = setting(0, "of which every random number is derived", ge=0)
 
 
-def run_multi_start(
-    config: MultiStartConfig, folder: Path, execution: Execution, progress: Progress
-) -> pd.DataFrame:
-    """Write explanations, their shares and a figure; returns the shares."""
+def run_multi_start(config: MultiStartConfig, session: Session) -> Findings:
+    """Explanations of each set, their shares, and those of the last set in words."""
     n_all = config.n_sets * len(config.sizes)
-    rows = run_repetitions(
-        partial(explain_set, config),
-        n_all,
-        folder / "repetitions",
-        repr(config),
-        execution,
-        progress,
-    )
-    table = pd.DataFrame(rows)
+    table = session.repeat(partial(explain_set, config), n_all, config)
     shares = explanation_shares(table)
-    write_table(folder / "explanations.csv", table)
-    write_table(folder / "shares.csv", shares)
-    atomic_write_text(folder / "example.txt", describe(fits_of_set(config, n_all - 1)) + "\n")
-    atomic_write_bytes(folder / "shares.png", png_bytes(shares_figure(shares)))
-    return shares
+    files = {
+        "explanations.csv": table,
+        "shares.csv": shares,
+        "example.txt": describe(fits_of_set(config, n_all - 1)) + "\n",
+        "shares.png": shares_figure(shares),
+    }
+    return Findings(shares, files)
 
 
 def explain_set(config: MultiStartConfig, number: int) -> list[Row]:

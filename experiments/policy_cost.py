@@ -11,28 +11,27 @@ One LU factor serves all parameters, so by LU the cost is really O((S A)^3 + N (
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from pydantic import Field
 
-from experiments.running.repetitions import Progress
-from experiments.running.settings import setting
-from experiments.running.tables import Row, write_table
+from experiments.running.experiment import Count, Findings, Session
+from experiments.running.tables import Row
 from report.learners import tick_sizes
-from report.style import BLUE, GREEN, PURPLE, RED, new_figure, png_bytes, report_style
+from report.style import BLUE, GREEN, PURPLE, RED, new_figure, report_style
 from serd_core.arrays import FloatArray
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.derivatives.adjoint import adjoint
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import Transitions, transitions_of
-from serd_core.errors import SerdError
 from serd_core.linear.sparse_lu import SparseLu
 from serd_core.mdp.mdp import Mdp
-from sim.episodes.execution import Execution
-from storage.files import atomic_write_bytes
+from storage.settings import setting
+from storage.yaml_config import StrictModel
 
 #: Stated exponents of Table 4.2 by quantity; the adjoint's are this library's claim.
 STATED: dict[str, dict[str, float]] = {
@@ -45,24 +44,20 @@ COLOURS = dict(zip(STATED, (RED, BLUE, PURPLE, GREEN), strict=True))
 LABELS = {"n_states": "states", "n_actions": "actions", "n_parameters": "parameters"}
 
 
-@dataclass(frozen=True)
-class PolicyCostConfig:
+Ladder = Annotated[tuple[Count, ...], Field(min_length=2)]
+
+
+class PolicyCostConfig(StrictModel):
     """Ladders of sizes: one quantity grows, the others stay at their base."""
 
-    base: tuple[int, int, int] = setting((100, 4, 4), "states, actions and parameters that stay")
-    n_states: tuple[int, ...] = setting((100, 200, 400), "sizes while only the states grow")
-    n_actions: tuple[int, ...] = setting((4, 8, 16), "sizes while only the actions grow")
-    n_parameters: tuple[int, ...] = setting((4, 8, 16, 32), "sizes while only the parameters grow")
-    repeats: int = setting(5, "runs of each, of which the fastest counts")
-    seed: int = setting(0, "of which every random number is derived")
-
-    def __post_init__(self) -> None:
-        ladders = (self.n_states, self.n_actions, self.n_parameters)
-        if min(len(ladder) for ladder in ladders) < 2 or self.repeats < 1:
-            raise SerdError(
-                f"ladders must have at least two sizes and repeats be at least 1, got {ladders}"
-                f" and {self.repeats}"
-            )
+    base: tuple[Count, Count, Count] = setting(
+        (100, 4, 4), "states, actions and parameters that stay"
+    )
+    n_states: Ladder = setting((100, 200, 400), "sizes while only the states grow")
+    n_actions: Ladder = setting((4, 8, 16), "sizes while only the actions grow")
+    n_parameters: Ladder = setting((4, 8, 16, 32), "sizes while only the parameters grow")
+    repeats: Count = setting(5, "runs of each, of which the fastest counts")
+    seed: int = setting(0, "of which every random number is derived", ge=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,19 +75,14 @@ class CostCase:
     immediate: FloatArray
 
 
-def run_policy_cost(
-    config: PolicyCostConfig, folder: Path, execution: Execution, progress: Progress
-) -> pd.DataFrame:
-    """Write seconds, exponents and their figure; returns the exponents."""
-    del execution  # parallel work would disturb the timings
-    progress(0, 1)
+def run_policy_cost(config: PolicyCostConfig, session: Session) -> Findings:
+    """Seconds of each method, and the exponents; one after the other for the timing."""
     table = measure_policy_cost(config, time.perf_counter)
     exponents = fitted_exponents(table)
-    write_table(folder / "seconds.csv", table)
-    write_table(folder / "exponents.csv", exponents)
-    atomic_write_bytes(folder / "cost.png", png_bytes(cost_figure(table, exponents)))
-    progress(1, 1)
-    return exponents
+    session.progress(1, 1)
+    figure = cost_figure(table, exponents)
+    files = {"seconds.csv": table, "exponents.csv": exponents, "cost.png": figure}
+    return Findings(exponents, files)
 
 
 def measure_policy_cost(config: PolicyCostConfig, timer: Callable[[], float]) -> pd.DataFrame:

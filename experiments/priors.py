@@ -6,27 +6,24 @@ the likelihood.
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from experiments.running.repetitions import Progress
-from experiments.running.settings import setting
-from experiments.running.tables import Row, write_table
-from report.style import INK, RED, new_figure, png_bytes
+from experiments.running.experiment import Findings, Session
+from experiments.running.tables import Row
+from report.style import INK, RED, new_figure
 from serd_core.arrays import FloatArray
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.entropy import EntropyPrior
 from serd_core.priors.norm import NormPrior
 from serd_core.priors.prior import Prior
-from sim.episodes.execution import Execution
-from storage.files import atomic_write_bytes
+from storage.settings import setting
+from storage.yaml_config import StrictModel
 
 #: One state that knows two outcomes apart: stay, or leave for a second state that only stays.
 MODEL = OutcomeModels(
@@ -44,20 +41,12 @@ PRIORS: dict[str, Prior] = {
 }
 
 
-@dataclass(frozen=True)
-class PriorsConfig:
+class PriorsConfig(StrictModel):
     """Settings of section 4.5.4."""
 
-    extent: float = setting(2.0, "half-width of the drawn plane of two parameters")
-    n_points: int = setting(81, "drawn points along each side of it")
-    n_angles: int = setting(7_200, "points on the unit circle among which optima are sought")
-
-    def __post_init__(self) -> None:
-        if not self.extent > 0 or self.n_points < 2 or self.n_angles < 8:
-            raise SerdError(
-                "extent must be above 0, n_points at least 2 and n_angles at least 8, got"
-                f" {self.extent}, {self.n_points} and {self.n_angles}"
-            )
+    extent: float = setting(2.0, "half-width of the drawn plane of two parameters", gt=0)
+    n_points: int = setting(81, "drawn points along each side of it", ge=2)
+    n_angles: int = setting(7_200, "points on the unit circle among which optima are sought", ge=8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,17 +57,12 @@ class Surface:
     value: FloatArray
 
 
-def run_priors(
-    config: PriorsConfig, folder: Path, execution: Execution, progress: Progress
-) -> pd.DataFrame:
-    """Write the maxima and the figure of all surfaces; returns the maxima."""
-    del execution
-    progress(0, 1)
-    surfaces, optima = prior_surfaces(config), optimal_distributions(config)
-    write_table(folder / "optimal_distributions.csv", optima)
-    atomic_write_bytes(folder / "surfaces.png", png_bytes(surfaces_figure(surfaces, optima)))
-    progress(1, 1)
-    return optima
+def run_priors(config: PriorsConfig, session: Session) -> Findings:
+    """The maxima, and the figure of all surfaces."""
+    optima = optimal_distributions(config)
+    figure = surfaces_figure(prior_surfaces(config), optima)
+    session.progress(1, 1)
+    return Findings(optima, {"optimal_distributions.csv": optima, "surfaces.png": figure})
 
 
 def prior_surfaces(config: PriorsConfig) -> dict[str, Surface]:

@@ -11,17 +11,17 @@ replace falls in the last month before the odometer passes the replacement readi
 month is dropped; after a replacement the increment is the new bin counted from one.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 import pandas as pd
 import scipy.special
 from numpy.typing import NDArray
+from pydantic import Field
 
-from experiments.running.repetitions import Progress
-from experiments.running.settings import setting
-from experiments.running.tables import write_table
+from experiments.running.experiment import Findings, Session
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
@@ -31,14 +31,14 @@ from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.mdp.mdp import Mdp, require_discount
+from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.uncertainty.information import fit_information
 from serd_core.uncertainty.standard_errors import StandardErrors, standard_errors
-from sim.episodes.execution import Execution
+from storage.settings import setting
+from storage.yaml_config import StrictModel
 
 KEEP, REPLACE = 0, 1
-TRANSITIONS = ("outcomes", "sparse")
 FEATURE_NAMES = ("maintenance", "replacement")
 HEADER_LENGTH = 11
 FIRST_REPLACEMENT, SECOND_REPLACEMENT = 5, 8
@@ -58,33 +58,18 @@ GROUPS = {
 }
 
 
-@dataclass(frozen=True)
-class RustConfig:
+class RustConfig(StrictModel):
     """Settings of the bus engine replacement problem (Rust 1987)."""
 
-    data: Path = field(
-        metadata={"about": "the folder of Rust's odometer files (a530875.asc for group 4)"}
+    data: Path = setting(..., "the folder of Rust's odometer files (a530875.asc for group 4)")
+    groups: tuple[Annotated[int, Field(ge=1, le=8)], ...] = setting(
+        (4,), "groups of buses, 1 to 8", min_length=1
     )
-    groups: tuple[int, ...] = setting((4,), "groups of buses, 1 to 8")
-    n_bins: int = setting(90, "bins of the odometer reading")
-    transitions: str = setting(
-        "outcomes", "outcomes of local models, or sparse: P given entry by entry (SparseModel)"
+    n_bins: int = setting(90, "bins of the odometer reading", ge=2)
+    transitions: Literal["outcomes", "sparse"] = setting(
+        "outcomes", "outcomes of local models, or P given entry by entry (SparseModel)"
     )
-    discount: float = setting(0.9999, "discount per month, below 1")
-
-    def __post_init__(self) -> None:
-        require_discount(self.discount)
-        for group in self.groups:
-            if group not in GROUPS:
-                raise SerdError(f"groups must be among {sorted(GROUPS)}, got {group}")
-        if not self.groups:
-            raise SerdError("groups must name at least one group, got none")
-        if self.transitions not in TRANSITIONS:
-            raise SerdError(
-                f"transitions must be among {', '.join(TRANSITIONS)}, got {self.transitions!r}"
-            )
-        if self.n_bins < 2:
-            raise SerdError(f"n_bins must be at least 2, got {self.n_bins}")
+    discount: float = setting(0.9999, "discount per month", ge=0, lt=1)
 
     @property
     def bin_miles(self) -> float:
@@ -109,13 +94,10 @@ class RustResult:
     errors: StandardErrors
 
 
-def run_rust(
-    config: RustConfig, folder: Path, execution: Execution, progress: Progress
-) -> pd.DataFrame:
-    """Write and return the estimates with their errors."""
-    del execution
-    progress(0, 1)
+def run_rust(config: RustConfig, session: Session) -> Findings:
+    """The estimates with their errors."""
     result = estimate_rust(config)
+    session.progress(1, 1)
     increments = zip(result.increments, result.increment_errors, strict=True)
     rows = [
         ("RC", result.replacement_cost, result.replacement_cost_error),
@@ -124,9 +106,7 @@ def run_rust(
         ("log-likelihood", result.log_likelihood, None),
     ]
     table = pd.DataFrame(rows, columns=["name", "estimate", "error"])
-    write_table(folder / "estimates.csv", table)
-    progress(1, 1)
-    return table
+    return Findings(table, {"estimates.csv": table})
 
 
 def estimate_rust(config: RustConfig) -> RustResult:

@@ -6,63 +6,53 @@ part up to the maximum, and to the training part until the likelihood of the val
 longer improves.
 """
 
-from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
+from typing import Annotated
 
 import numpy as np
-import pandas as pd
+from pydantic import Field
 
-from experiments.gridworld.ascents import ascent_of
+from experiments.gridworld.ascents import AscentName, make_ascent
 from experiments.gridworld.experiment import (
-    MEASURES,
     GridworldConfig,
     demonstrate,
     measures,
     scenes,
+    with_measures,
 )
-from experiments.gridworld.figures import measures_figure
 from experiments.gridworld.learners import FIXED, Estimate
-from experiments.running.repetitions import Progress, run_repetitions
-from experiments.running.settings import setting
-from experiments.running.tables import Row, quartiles, write_table
-from report.style import png_bytes
+from experiments.running.experiment import Count, Findings, Session
+from experiments.running.tables import Row
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import SerdSettings, fit_serd
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.selection.early_stopping import fit_serd_with_early_stopping
 from serd_core.selection.prior_weight import split_episodes
-from sim.episodes.execution import Execution
-from storage.files import atomic_write_bytes
+from storage.settings import setting
+from storage.yaml_config import StrictModel
 
 POLICY = MdcePolicy()
 WHOLE, PART, STOPPED = "MDCE SERD", "MDCE SERD, training part", "MDCE SERD, stopped early"
 
 
-@dataclass(frozen=True)
-class EarlyStoppingConfig:
+class EarlyStoppingConfig(StrictModel):
     """Settings of early stopping."""
 
-    ascent: str = setting("trust-region", "trust-region, lbfgs, or gradient as in Algorithm 1")
-    max_steps: int = setting(150, "steps after which a fit ends; gradient needs thousands")
-    patience: int = setting(5, "steps without a better validation likelihood before the end")
-    validation_share: float = setting(0.25, "share of the demonstrations for validation")
-    side: int = setting(10, "cells along each side of the grid")
-    sizes: tuple[int, ...] = setting((2, 4, 8, 16, 32), "demonstrations, validation included")
-    n_steps: int = setting(40, "decisions of a demonstration")
-    n_repetitions: int = setting(20, "repetitions of every size")
-    seed: int = setting(0, "of which every random number is derived")
-
-    def __post_init__(self) -> None:
-        ascent_of(self.ascent, 1e-5, self.max_steps)
-        if not self.sizes or min(self.sizes) < 2 or self.n_repetitions < 1 or self.patience < 1:
-            raise SerdError(
-                "sizes must be at least 2, n_repetitions and patience at least 1, got"
-                f" {self.sizes}, {self.n_repetitions} and {self.patience}"
-            )
+    ascent: AscentName = setting("trust-region", "optimiser; gradient is that of Algorithm 1")
+    max_steps: Count = setting(150, "steps after which a fit ends; gradient needs thousands")
+    patience: Count = setting(5, "steps without a better validation likelihood before the end")
+    validation_share: float = setting(
+        0.25, "share of the demonstrations for validation", gt=0, lt=1
+    )
+    side: int = setting(10, "cells along each side of the grid", ge=4)
+    sizes: tuple[Annotated[int, Field(ge=2)], ...] = setting(
+        (2, 4, 8, 16, 32), "demonstrations, validation included", min_length=1
+    )
+    n_steps: Count = setting(40, "decisions of a demonstration")
+    n_repetitions: Count = setting(20, "repetitions of every size")
+    seed: int = setting(0, "of which every random number is derived", ge=0)
 
     @property
     def world(self) -> GridworldConfig:
@@ -70,25 +60,11 @@ class EarlyStoppingConfig:
         return GridworldConfig(side=self.side, n_steps=self.n_steps, seed=self.seed)
 
 
-def run_early_stopping(
-    config: EarlyStoppingConfig, folder: Path, execution: Execution, progress: Progress
-) -> pd.DataFrame:
-    """Write measures and their figure; returns quartiles of the log-likelihood."""
-    repetition = partial(one_repetition, config)
-    rows = run_repetitions(
-        repetition,
-        config.n_repetitions,
-        folder / "repetitions",
-        repr(config),
-        execution,
-        progress,
+def run_early_stopping(config: EarlyStoppingConfig, session: Session) -> Findings:
+    """The measures of the three fits."""
+    return with_measures(
+        session.repeat(partial(one_repetition, config), config.n_repetitions, config)
     )
-    table = pd.DataFrame(rows)
-    write_table(folder / "measures.csv", table)
-    for measure in MEASURES:
-        write_table(folder / f"{measure}.csv", quartiles(table, measure, ["size", "learner"]))
-    atomic_write_bytes(folder / "measures.png", png_bytes(measures_figure(table)))
-    return quartiles(table, "log_likelihood", ["size", "learner"])
 
 
 def one_repetition(config: EarlyStoppingConfig, number: int) -> list[Row]:
@@ -116,7 +92,7 @@ def fits_of(
     """The three fits by name; each starts at the weights under its M-estimate of the dynamics."""
     part, validation = split_episodes(seen, config.validation_share, rng)
     start = rng.uniform(-10.0, 10.0, 2)
-    settings = SerdSettings(ascent=ascent_of(config.ascent, 1e-5, config.max_steps))
+    settings = SerdSettings(ascent=make_ascent(config.ascent, 1e-5, config.max_steps))
     staged = SerdSettings(belief=FIXED, ascent=settings.ascent)
 
     def weights(decisions: Decisions) -> FitResult:

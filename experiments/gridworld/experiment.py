@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pandas as pd
 
-from experiments.gridworld.figures import environment_figure, measures_figure
+from experiments.gridworld.figures import MEASURES, environment_figure, measures_figure
 from experiments.gridworld.landscape import (
     Landscape,
     cell_means,
@@ -25,15 +26,11 @@ from experiments.gridworld.landscape import (
 )
 from experiments.gridworld.learners import EXPERTS, Estimate
 from experiments.gridworld.problem import Gridworld, gridworld, true_dynamics
-from experiments.running.repetitions import Progress, run_repetitions
-from experiments.running.settings import setting
-from experiments.running.tables import Row, quartiles, welch_test, write_table
-from report.style import png_bytes
+from experiments.running.experiment import Count, Findings, Session, Sizes
+from experiments.running.tables import Row, quartiles, welch_test
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions, state_action_counts, state_counts
 from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.errors import SerdError
-from serd_core.mdp.mdp import require_discount
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import boltzmann_policy, optimal_policy, soft_policy
 from serd_core.selection.evaluation import (
@@ -41,52 +38,31 @@ from serd_core.selection.evaluation import (
     policy_divergence,
     policy_log_likelihood,
 )
-from sim.episodes.execution import Execution
-from storage.files import atomic_write_bytes
-
-#: The four panels of Figs. 4.12 and 4.13, as columns of the table.
-MEASURES = (
-    "log_likelihood",
-    "dynamics_divergence",
-    "policy_divergence",
-    "transfer_log_likelihood",
-)
+from storage.settings import setting
+from storage.yaml_config import StrictModel
 
 
-@dataclass(frozen=True)
-class GridworldConfig:
+class GridworldConfig(StrictModel):
     """Settings of section 4.6.2; other lengths and numbers are our choice."""
 
-    expert: str = setting("mdce", "policy of the demonstrator: mdce or pm (Policy-Matching)")
+    expert: Literal["mdce", "pm"] = setting(
+        "mdce", "policy of the demonstrator; pm: Policy-Matching"
+    )
     image: Path | None = setting(None, "training image; without it a generated landscape")
     transfer_image: Path | None = setting(None, "transfer image; without it a generated landscape")
     forest_mask: Path | None = setting(
         None, "image of the training scene, bright where there is forest; without it a rule decides"
     )
     transfer_forest_mask: Path | None = setting(None, "the same of the transfer scene")
-    side: int = setting(20, "cells along each side of the grid")
-    discount: float = setting(0.99, "discount per decision, below 1")
+    side: int = setting(20, "cells along each side of the grid", ge=4)
+    discount: float = setting(0.99, "discount per decision", ge=0, lt=1)
     weights: tuple[float, float] = setting((6.0, 6.0), "true weights of brightness and goal")
     temperature: float = setting(2.0, "true temperature of a pm demonstrator (4.62); mdce has none")
-    sizes: tuple[int, ...] = setting((1, 3, 6, 12, 25, 50), "demonstrations learned from")
-    n_steps: int = setting(40, "decisions of a demonstration")
-    n_test_episodes: int = setting(200, "new episodes on which likelihoods are measured")
-    n_repetitions: int = setting(50, "repetitions of every size")
-    seed: int = setting(0, "of which every random number is derived")
-
-    def __post_init__(self) -> None:
-        require_discount(self.discount)
-        if self.expert not in EXPERTS:
-            raise SerdError(f"expert must be among {sorted(EXPERTS)}, got {self.expert!r}")
-        if not self.sizes or min(self.sizes) < 1 or self.side < 4:
-            raise SerdError(
-                f"sizes must be at least 1 and side at least 4, got {self.sizes} and {self.side}"
-            )
-        if self.n_repetitions < 1 or self.seed < 0:
-            raise SerdError(
-                "n_repetitions must be at least 1 and seed not negative, got"
-                f" {self.n_repetitions} and {self.seed}"
-            )
+    sizes: Sizes = setting((1, 3, 6, 12, 25, 50), "demonstrations learned from")
+    n_steps: Count = setting(40, "decisions of a demonstration")
+    n_test_episodes: Count = setting(200, "new episodes on which likelihoods are measured")
+    n_repetitions: Count = setting(50, "repetitions of every size")
+    seed: int = setting(0, "of which every random number is derived", ge=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,35 +74,33 @@ class Scene:
     test: Decisions
 
 
-def run_gridworld(
-    config: GridworldConfig, folder: Path, execution: Execution, progress: Progress
-) -> pd.DataFrame:
-    """Write measures, tests and figures; returns quartiles of the log-likelihood."""
-    table = all_measures(config, folder / "repetitions", execution, progress)
-    write_table(folder / "measures.csv", table)
-    for measure in MEASURES:
-        write_table(folder / f"{measure}.csv", quartiles(table, measure, ["size", "learner"]))
+def run_gridworld(config: GridworldConfig, session: Session) -> Findings:
+    """The measures with their tests, and the two environments."""
+    table = all_measures(config, session)
+    found = with_measures(table)
+    files = dict(found.files)
     if config.n_repetitions > 1:
-        _write_tests(config, table, folder)
-    atomic_write_bytes(folder / "measures.png", png_bytes(measures_figure(table)))
+        files |= _tests(config, table)
     weights = np.array(config.weights)
     solve = soft_policy if config.expert == "mdce" else optimal_policy
     for name, scene in zip(("training", "transfer"), scenes(config), strict=True):
         value = solve(scene.world.problem, weights, true_dynamics()).value
         visits = state_counts(scene.test, len(value))
-        figure = environment_figure(scene.world, weights, value, visits)
-        atomic_write_bytes(folder / f"{name}.png", png_bytes(figure))
-    return quartiles(table, "log_likelihood", ["size", "learner"])
+        files[f"{name}.png"] = environment_figure(scene.world, weights, value, visits)
+    return Findings(found.summary, files)
 
 
-def all_measures(
-    config: GridworldConfig, folder: Path, execution: Execution, progress: Progress
-) -> pd.DataFrame:
-    """All rows; resumable in `folder`."""
-    repetition = partial(one_repetition, config)
-    return pd.DataFrame(
-        run_repetitions(repetition, config.n_repetitions, folder, repr(config), execution, progress)
-    )
+def all_measures(config: GridworldConfig, session: Session) -> pd.DataFrame:
+    """The rows of all repetitions."""
+    return session.repeat(partial(one_repetition, config), config.n_repetitions, config)
+
+
+def with_measures(table: pd.DataFrame) -> Findings:
+    """The rows, quartiles of each measure and their figure; the log-likelihood is the summary."""
+    by = {name: quartiles(table, name, ["size", "learner"]) for name in MEASURES}
+    tables = {"measures": table, **by}
+    files = {f"{name}.csv": content for name, content in tables.items()}
+    return Findings(by["log_likelihood"], files | {"measures.png": measures_figure(table)})
 
 
 def one_repetition(config: GridworldConfig, number: int) -> list[Row]:
@@ -181,17 +155,20 @@ def policy_of(problem: TabularProblem, estimate: Estimate) -> FloatArray:
     return boltzmann_policy(problem, weights, dynamics, estimate.temperature).probabilities
 
 
-def _write_tests(config: GridworldConfig, table: pd.DataFrame, folder: Path) -> None:
+def _tests(config: GridworldConfig, table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Welch's t-test of each SERD learner against each other learner, where it is defined."""
     serd = [name for name in EXPERTS[config.expert] if "SERD" in name]
     others = [name for name in EXPERTS[config.expert] if "SERD" not in name]
-    for measure in ("log_likelihood", "transfer_log_likelihood"):
-        rows = [
-            row
-            for first, second in product(serd, others)
-            for row in welch_test(table, measure, first, second)
-        ]
-        write_table(folder / f"welch_{measure}.csv", pd.DataFrame(rows))
+    return {
+        f"welch_{measure}.csv": pd.DataFrame(
+            [
+                row
+                for first, second in product(serd, others)
+                for row in welch_test(table, measure, first, second)
+            ]
+        )
+        for measure in ("log_likelihood", "transfer_log_likelihood")
+    }
 
 
 def _landscape(

@@ -6,11 +6,11 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
+from experiments.running.experiment import settings_of_file
 from experiments.running.statistics import StatisticsSettings
 from serd_app.learning.settings import RecipeSettings
-from storage.files import read_text
 from storage.yaml_config import StrictModel, yaml_model
-from storage.yaml_text import read_yaml, write_yaml
+from storage.yaml_text import write_yaml
 
 FOLDER = Path(__file__).parent
 FULL_YAML = FOLDER / "hallway_study.yaml"
@@ -95,20 +95,15 @@ def study_settings(
     *, quick: bool = False, config: Path | None = None, bags: Sequence[Path] = ()
 ) -> StudySettings:
     """The defaults, changed by --quick, a YAML file and bags; FileError with one sentence."""
-    values = _mapping(FULL_YAML)
+    values = settings_of_file(FULL_YAML)
     changes = [QUICK_YAML] if quick else []
     changes += [config] if config is not None else []
     for path in changes:
-        values = _merged(values, _mapping(path))
+        values = _merged(values, settings_of_file(path))
     if bags:
         values = _merged(values, {"demonstrations": {"bags": [str(bag.resolve()) for bag in bags]}})
     name = " with ".join(map(str, [FULL_YAML.name, *changes]))
     return yaml_model(write_yaml(values), StudySettings, name=name)
-
-
-def _mapping(path: Path) -> dict[str, Any]:
-    found = read_yaml(read_text(path), str(path))
-    return found if isinstance(found, dict) else {"": found}
 
 
 def _merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,29 +3,25 @@
 import inspect
 import shlex
 from collections.abc import Callable, Mapping
-from dataclasses import Field
 from pathlib import Path
 from typing import Annotated, Any
 
 import pandas as pd
 import typer
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from experiments.catalogue import EXPERIMENTS
+from experiments.running.experiment import Experiment, Session, settings_of_file
 from experiments.running.provenance import recorded
-from experiments.running.settings import (
-    Experiment,
-    file_settings,
-    is_required,
-    make_config,
-    settings_of,
-)
 from serd_cli.options import Address, Backend, Jobs
 from serd_cli.output_paths import require_folder
 from serd_cli.resume_notice import remark_other_code, results_kept_in
 from serd_cli.terminal import WorkProgress, console
 from sim.episodes.execution import Execution
+from storage.settings import Setting, settings_of
 
 _OWN = {
     "output": Annotated[Path, typer.Option(help="folder for tables and figures")],
@@ -50,7 +46,6 @@ def register(app: typer.Typer) -> None:
 
 def command_of(experiment: Experiment) -> Callable[..., None]:
     """A function whose signature Typer turns into the subcommand's options."""
-    settings = settings_of(experiment)
 
     def command(
         output: Path,
@@ -60,11 +55,11 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         config: Path | None,
         **texts: str | None,
     ) -> None:
-        given = file_settings(experiment, config) if config is not None else {}
+        given = settings_of_file(config) if config is not None else {}
         given |= {name: text for name, text in texts.items() if text is not None}
         execution = Execution(jobs, backend, address)
         words = _words(experiment, config, texts, execution, output)
-        made = make_config(experiment, given)
+        made = experiment.make_config(given)
         require_folder(output)
         remark_other_code(output)
         with recorded(output, words, made):
@@ -79,8 +74,9 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         "address": "",
     }
     annotations: dict[str, Any] = {**_OWN}
-    for name, (field, _) in settings.items():
-        annotations[name] = Annotated[str | None, typer.Option(*_flags(name), help=_help(field))]
+    for each in settings_of(experiment.config):
+        option = typer.Option(*_flags(each.name), help=_help(each))
+        annotations[each.name] = Annotated[str | None, option]
     command.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
         [
             inspect.Parameter(
@@ -104,7 +100,7 @@ def _words(
     execution: Execution,
     output: Path,
 ) -> str:
-    """The command line that says the same."""
+    """The command that repeats the run."""
     words = ["serd", "experiment", experiment.name]
     words += ["--config", str(config)] if config is not None else []
     for name, text in texts.items():
@@ -114,7 +110,9 @@ def _words(
     return shlex.join([*words, "--output", str(output)])
 
 
-def _run(experiment: Experiment, config: Any, output: Path, execution: Execution) -> pd.DataFrame:
+def _run(
+    experiment: Experiment, config: BaseModel, output: Path, execution: Execution
+) -> pd.DataFrame:
     """Run with a progress bar."""
     bar = WorkProgress(
         TextColumn(experiment.name),
@@ -124,12 +122,11 @@ def _run(experiment: Experiment, config: Any, output: Path, execution: Execution
     )
     with results_kept_in(output), bar:
         task = bar.add_task("", total=None)
-        return experiment.run(
-            config,
-            output,
-            execution,
-            lambda done, total: bar.update(task, completed=done, total=total),
-        )
+
+        def show(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        return experiment.write(config, Session(output, execution, show))
 
 
 def _show(experiment: Experiment, rows: pd.DataFrame) -> None:
@@ -154,11 +151,11 @@ def _flags(name: str) -> list[str]:
     return [*flags, f"--{name[2:].replace('_', '-')}"] if name.startswith("n_") else flags
 
 
-def _help(field: Field[Any]) -> str:
-    about = str(field.metadata["about"])
-    if is_required(field):
+def _help(setting: Setting) -> str:
+    about = f"{setting.description} ({setting.range})" if setting.range else setting.description
+    default = setting.default
+    if default is PydanticUndefined:
         return f"required: {about}"
-    default = field.default
     if default is None:
         return about
     text = ",".join(map(str, default)) if isinstance(default, tuple) else str(default)

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.catalogue import EXPERIMENTS, experiment_of
+from experiments.catalogue import EXPERIMENTS
 from experiments.gridworld.ascents import AscentsConfig
 from experiments.gridworld.early_stopping import EarlyStoppingConfig
 from experiments.gridworld.experiment import GridworldConfig
@@ -10,8 +10,8 @@ from experiments.minimum_example import MinimumExampleConfig
 from experiments.multi_start import MultiStartConfig
 from experiments.policy_cost import PolicyCostConfig
 from experiments.priors import PriorsConfig
+from experiments.running.experiment import Session
 from experiments.rust import RustConfig
-from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rust1987"
@@ -29,6 +29,7 @@ SMALL = {
         side=6, sizes=(4,), n_steps=10, n_test_episodes=10, n_repetitions=2
     ),
 }
+BY_NAME = {experiment.name: experiment for experiment in EXPERIMENTS}
 LEFT_BEHIND = {
     "minimum-example": {"estimates.csv", "log_likelihood.csv", "estimates.png"},
     "multi-start": {"explanations.csv", "shares.csv", "shares.png", "example.txt"},
@@ -43,9 +44,10 @@ LEFT_BEHIND = {
 @pytest.mark.parametrize("name", sorted(SMALL))
 def test_each_experiment_leaves_its_tables_and_figures(tmp_path, name):
     calls = []
-    summary = experiment_of(name).run(
-        SMALL[name], tmp_path, Execution(n_jobs=1), lambda done, total: calls.append((done, total))
+    session = Session(
+        tmp_path, Execution(n_jobs=1), lambda done, total: calls.append((done, total))
     )
+    summary = BY_NAME[name].write(SMALL[name], session)
     assert len(summary)
     assert LEFT_BEHIND[name] <= {file.name for file in tmp_path.iterdir()}
     assert calls[-1][0] == calls[-1][1]
@@ -53,9 +55,8 @@ def test_each_experiment_leaves_its_tables_and_figures(tmp_path, name):
 
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"Rust's bus data are not there; put them in {DATA}")
 def test_the_table_of_rust_has_estimates_with_errors(tmp_path):
-    table = experiment_of("rust").run(
-        RustConfig(DATA), tmp_path, Execution(n_jobs=1), lambda *_: None
-    )
+    session = Session(tmp_path, Execution(n_jobs=1), lambda *_: None)
+    table = BY_NAME["rust"].write(RustConfig(data=DATA), session)
     assert list(table["name"][:2]) == ["RC", "theta_11"]
     assert (tmp_path / "estimates.csv").exists()
 
@@ -64,10 +65,3 @@ def test_configurations_are_the_types_the_catalogue_names():
     for experiment in EXPERIMENTS:
         if experiment.name in SMALL:
             assert isinstance(SMALL[experiment.name], experiment.config)
-
-
-def test_an_unknown_name_is_refused_with_those_there_are():
-    with pytest.raises(
-        SerdError, match=r"must be among minimum-example, multi-start, priors, .* got 'rest'"
-    ):
-        experiment_of("rest")

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from experiments.minimum_example import (
     MinimumExampleConfig,
@@ -8,6 +9,7 @@ from experiments.minimum_example import (
     fit_sets,
     minimum_example,
 )
+from experiments.running.experiment import Session
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 
@@ -57,14 +59,14 @@ def test_an_interrupted_run_goes_on_without_repeating_anything(tmp_path, rows):
     def note(done, total):
         seen.append((done, total))
 
-    first = all_estimates(CONFIG, tmp_path, Execution(n_jobs=1), note)
-    again = all_estimates(CONFIG, tmp_path, Execution(n_jobs=1), note)
+    session = Session(tmp_path, Execution(n_jobs=1), note)
+    first, again = all_estimates(CONFIG, session), all_estimates(CONFIG, session)
     assert first.to_dict("records") == again.to_dict("records") == rows
     assert seen == [(0, 1), (1, 1), (1, 1)]
     with pytest.raises(SerdError, match="holds results of another configuration"):
-        all_estimates(MinimumExampleConfig(), tmp_path, Execution(n_jobs=1), note)
+        all_estimates(MinimumExampleConfig(), session)
 
 
 def test_no_sets_are_refused():
-    with pytest.raises(SerdError, match="n_sets and sizes must be at least 1"):
+    with pytest.raises(ValidationError, match=r"n_sets\n.* greater than or equal to 1"):
         MinimumExampleConfig(n_sets=0)

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(
 
 
 def test_the_group_4_row_is_reproduced_to_the_printed_digits():
-    result = estimate_rust(RustConfig(DATA, groups=(4,), n_bins=90, discount=0.9999))
+    result = estimate_rust(RustConfig(data=DATA, groups=(4,), n_bins=90, discount=0.9999))
     assert result.fit.converged
     assert (result.n_decisions, result.n_replacements) == (4292, 33)
     assert f"{result.replacement_cost:.4f}" == "10.0750"
@@ -31,8 +31,8 @@ def test_the_group_4_row_is_reproduced_to_the_printed_digits():
 
 def test_pooled_groups_are_reproduced_too():
     """Rows of groups 1, 2, 3 and of groups 1, 2, 3, 4."""
-    three = estimate_rust(RustConfig(DATA, groups=(1, 2, 3)))
-    four = estimate_rust(RustConfig(DATA, groups=(1, 2, 3, 4)))
+    three = estimate_rust(RustConfig(data=DATA, groups=(1, 2, 3)))
+    four = estimate_rust(RustConfig(data=DATA, groups=(1, 2, 3, 4)))
     assert f"{three.replacement_cost:.4f}" == "11.7270"
     assert three.maintenance_cost == pytest.approx(4.8259, abs=2e-4)
     assert f"{three.log_likelihood:.3f}" == "-2708.366"
@@ -42,8 +42,8 @@ def test_pooled_groups_are_reproduced_too():
 
 
 def test_a_short_sighted_planner_explains_group_4_less_well():
-    far = estimate_rust(RustConfig(DATA, discount=0.9999))
-    near = estimate_rust(RustConfig(DATA, discount=0.0))
+    far = estimate_rust(RustConfig(data=DATA, discount=0.9999))
+    near = estimate_rust(RustConfig(data=DATA, discount=0.0))
     assert near.fit.converged
     assert f"{near.replacement_cost:.4f}" == "7.6358"
     assert near.maintenance_cost == pytest.approx(71.5133, abs=2e-4)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from experiments.gridworld.ascents import LOOKS, AscentsConfig, climb
 from experiments.gridworld.early_stopping import (
@@ -11,14 +12,15 @@ from experiments.gridworld.early_stopping import (
     EarlyStoppingConfig,
     one_repetition,
 )
-from serd_core.errors import SerdError
 
 SMALL = EarlyStoppingConfig(max_steps=20, side=5, sizes=(2,), n_steps=8, n_repetitions=1)
 
 
 @pytest.mark.parametrize("ascent", ["trust-region", "gradient"])
 def test_a_stopped_fit_takes_no_more_steps_than_the_fit_to_its_maximum(ascent):
-    config = EarlyStoppingConfig(ascent, 40, side=5, sizes=(2,), n_steps=8, n_repetitions=1)
+    config = EarlyStoppingConfig(
+        ascent=ascent, max_steps=40, side=5, sizes=(2,), n_steps=8, n_repetitions=1
+    )
     rows = {row["learner"]: row for row in one_repetition(config, 0)}
     assert set(rows) == {WHOLE, PART, STOPPED}
     assert rows[STOPPED]["steps"] <= rows[PART]["steps"]
@@ -48,9 +50,9 @@ def test_a_trace_has_the_objective_after_each_step():
 
 
 def test_wrong_settings_are_refused_by_name():
-    with pytest.raises(SerdError, match="ascent must be among gradient, lbfgs, trust-region"):
+    with pytest.raises(ValidationError, match="'gradient', 'lbfgs' or 'trust-region'"):
         EarlyStoppingConfig(ascent="newton")
-    with pytest.raises(SerdError, match="sizes must be at least 2"):
+    with pytest.raises(ValidationError, match=r"sizes.0\n.* greater than or equal to 2"):
         EarlyStoppingConfig(sizes=(1,))
-    with pytest.raises(SerdError, match="step_size above 0"):
+    with pytest.raises(ValidationError, match=r"step_size\n.* greater than 0"):
         AscentsConfig(step_size=0.0)
