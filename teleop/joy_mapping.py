@@ -3,6 +3,9 @@
 linear = scale_linear.x * axes[axis_linear.x], angular = scale_angular.yaw * axes[axis_angular.yaw],
 with the turbo scales while enable_turbo_button is held. One stop is sent when enable_button is
 released, then nothing. Axes and buttons that a message lacks count as 0.
+
+At the start, after an emergency stop and after a message without the mapped axes, which a joystick
+that has gone leaves, the command is a stop until both axes have returned to neutral.
 """
 
 from collections.abc import Sequence
@@ -17,6 +20,8 @@ from teleop.mux_settings import read_parameters
 
 _BUILTIN = Path(__file__).with_name("joy.yaml")
 _NO_BUTTON = -1
+#: Deflection up to which an axis counts as neutral.
+_NEUTRAL = 0.1
 
 
 class LinearAxis(StrictModel):
@@ -64,6 +69,11 @@ class JoyDriver:
     def __init__(self, mapping: JoyMapping) -> None:
         self._mapping = mapping
         self._driving = False
+        self._was_neutral = False
+
+    def require_neutral(self) -> None:
+        """Stop until both axes have returned to neutral."""
+        self._was_neutral = False
 
     def command(self, axes: Sequence[float], buttons: Sequence[int]) -> Command | None:
         """The command of a message; one stop after release, None while the joystick is disabled."""
@@ -71,9 +81,17 @@ class JoyDriver:
         turbo = _held(buttons, mapping.enable_turbo_button)
         enabled = _held(buttons, mapping.enable_button) or not mapping.require_enable_button
         was_driving, self._driving = self._driving, turbo or enabled
+        self._follow_axes(axes)
         if self._driving:
-            return self._scaled(axes, turbo=turbo)
+            return self._scaled(axes, turbo=turbo) if self._was_neutral else STOP
         return STOP if was_driving else None
+
+    def _follow_axes(self, axes: Sequence[float]) -> None:
+        mapped = self._mapping.axis_linear.x, self._mapping.axis_angular.yaw
+        if max(mapped) >= len(axes):
+            self._was_neutral = False
+        elif all(abs(axes[index]) <= _NEUTRAL for index in mapped):
+            self._was_neutral = True
 
     def _scaled(self, axes: Sequence[float], *, turbo: bool) -> Command:
         mapping = self._mapping

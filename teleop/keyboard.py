@@ -9,6 +9,7 @@ key stops. A terminal does not report when a key is released, so a key counts fo
 key repeat renews it.
 """
 
+import math
 from enum import Enum
 from typing import Literal
 
@@ -57,12 +58,14 @@ class DirectionChoice:
     """The direction chosen for the next decision period, else wait.
 
     A tap counts for one period. A held key counts as long as it is held; one that is released
-    before the period begins counts as a tap.
+    before the period begins counts as a tap. Held keys count once none has been held since the
+    start, or since `clear`.
     """
 
     def __init__(self) -> None:
         self._tapped = Action.WAIT
         self._held: Action | None = None
+        self._was_released = False
 
     @property
     def upcoming(self) -> Action:
@@ -75,18 +78,49 @@ class DirectionChoice:
 
     def hold(self, action: Action | None) -> None:
         """Set the direction that is held now, None for none; repeated calls change nothing."""
+        if action is None:
+            self._was_released = True
+        if not self._was_released:
+            return
         if action is not None and action != self._held:
             self._tapped = action
         self._held = action
 
     def clear(self) -> None:
-        """Reset to wait, when the driver is absent."""
-        self._tapped, self._held = Action.WAIT, None
+        """Reset to wait; a key that is held now counts after it has been released."""
+        self._tapped, self._held, self._was_released = Action.WAIT, None, False
 
     def decide(self) -> Action:
         """The action of the period that begins now."""
         action, self._tapped = self.upcoming, Action.WAIT
         return action
+
+
+#: Longer (s) than any keyboard waits before it repeats a held key.
+_REPEAT_DELAY_S = 0.7
+
+
+class KeyPresses:
+    """Whether a key of a terminal counts: after `require_release` only when it was pressed anew.
+
+    A terminal does not report when a key is released; a pause that is longer than the delay of key
+    repeat is taken for it.
+    """
+
+    def __init__(self) -> None:
+        self._last_s = -math.inf
+        self._waits_for_release = False
+
+    def require_release(self) -> None:
+        """Ignore the keys that are held now."""
+        self._waits_for_release = True
+
+    def admit(self, now_s: float) -> bool:
+        """Process a key that arrived now; whether it counts."""
+        if now_s - self._last_s > _REPEAT_DELAY_S:
+            self._waits_for_release = False
+        self._last_s = now_s
+        return not self._waits_for_release
 
 
 _MOVES = {
@@ -117,6 +151,10 @@ class VelocityKeys:
         else:
             self._move = _MOVES.get(key, (0, 0))
             self._pressed_s = now_s
+
+    def release(self) -> None:
+        """Let the last key count no longer."""
+        self._pressed_s = None
 
     def command(self, now_s: float) -> Command | None:
         """The command to send now; one stop after the timeout, then None."""

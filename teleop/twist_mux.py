@@ -2,8 +2,10 @@
 
 Of the inputs that are not silent and whose priority is not below that of an engaged lock, the one
 with the highest priority drives, within the limits. Without such an input the command is stop. The
-e-stop is a latch: engaged, it overrides everything until it is released. A stop for safety is
-passed on at once; the limits apply to driving commands only:
+e-stop is a latch: engaged, it overrides everything until it is released. After the release each
+input counts as a stop until it has sent a stop, or nothing within its timeout: what drove before
+the release does not drive on. A stop for safety is passed on at once; the limits apply to driving
+commands only:
 
     v' = clip(clip(w, low, high), v - a dt, v + a dt)
 """
@@ -55,11 +57,15 @@ _LONGEST_STEP_S = 0.1
 
 @dataclass(frozen=True)
 class MuxOutput:
-    """active: the input that drives, empty for none; locked_by: the engaged locks."""
+    """active: the input that drives, empty for none; locked_by: the engaged locks.
+
+    held: inputs that count as a stop since the release of the e-stop.
+    """
 
     command: Command
     active: str
     locked_by: tuple[str, ...]
+    held: tuple[str, ...]
     e_stop: bool
 
 
@@ -71,6 +77,7 @@ class TwistMux:
         self._inputs = {name: CommandGuard(each.timeout) for name, each in settings.topics.items()}
         self._locks: dict[str, tuple[bool, float]] = {}
         self._e_stop = False
+        self._held: set[str] = set()
         self._before, self._before_s = STOP, 0.0
 
     @property
@@ -80,6 +87,8 @@ class TwistMux:
 
     def receive(self, name: str, command: Command, now_s: float) -> None:
         """Store a command of an input."""
+        if command == STOP and not self._e_stop:
+            self._held.discard(name)
         self._inputs[name].receive(command, now_s)
 
     def receive_lock(self, name: str, engaged: bool, now_s: float) -> None:
@@ -89,18 +98,25 @@ class TwistMux:
     def set_e_stop(self, engaged: bool) -> None:
         """Engage the latch, or release it."""
         self._e_stop = engaged
+        if engaged:
+            self._held = set(self._inputs)
 
     def step(self, now_s: float) -> MuxOutput:
         """The command for now; call it at a steady rate."""
         locked_by = self.engaged_locks(now_s)
+        if not self._e_stop:
+            self._held -= {
+                name for name, each in self._inputs.items() if each.current(now_s) == STOP
+            }
         active = "" if self._e_stop else self._active(locked_by, now_s)
         command = STOP
         if active:
             duration_s = min(max(now_s - self._before_s, 0.0), _LONGEST_STEP_S)
-            wanted = self._inputs[active].current(now_s)
+            wanted = STOP if active in self._held else self._inputs[active].current(now_s)
             command = self._limits.limited(wanted, self._before, duration_s)
         self._before, self._before_s = command, now_s
-        return MuxOutput(command, active, locked_by, self._e_stop)
+        held = tuple(name for name in self._inputs if name in self._held)
+        return MuxOutput(command, active, locked_by, held, self._e_stop)
 
     def engaged_locks(self, now_s: float) -> tuple[str, ...]:
         """Locks whose last value is true, or whose timeout has passed without a message."""

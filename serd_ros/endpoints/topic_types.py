@@ -61,6 +61,7 @@ _TYPES = {
     topics.CMD_VEL_JOY: TopicType(_TWIST, qos.COMMAND),
     topics.DRIVER_GONE: TopicType(_BOOL, qos.COMMAND),
     topics.E_STOP: TopicType(_BOOL, qos.COMMAND),
+    topics.E_STOP_ENGAGED: TopicType(_BOOL, qos.LATCHED),
     topics.MAP: TopicType("nav_msgs/msg/OccupancyGrid", qos.LATCHED),
     topics.INTENT: TopicType("geometry_msgs/msg/Vector3Stamped", qos.STATE),
     topics.WAYPOINT: TopicType(_POSE, qos.STATE),

@@ -4,7 +4,11 @@ By directions, the choice becomes an `intent` at each decision tick: in an episo
 from the first direction on, waits included, otherwise only when a direction is chosen. By
 velocities, `cmd_vel_teleop` is published. While a person is present and drives by directions,
 `driver_gone` is published as false; otherwise the mux locks the planner, within its timeout even
-when this process has died. While the mux reports the e-stop no intent is published.
+when this process has died.
+
+While the e-stop is engaged no intent is published. At its engagement and release, when the person
+was absent, at the end of an episode and when the planner has fallen silent, the input is discarded:
+the robot stands until a key is pressed anew.
 """
 
 from abc import abstractmethod
@@ -30,6 +34,8 @@ from teleop.keyboard import DirectionChoice, Mode
 
 Config = TypeVar("Config", bound=HandDriverConfig)
 _BEAT_PERIOD_S = 0.05
+#: A longer pause (s) between two beats counts as absence: this process was stopped.
+_ABSENCE_S = 0.5
 
 
 class HandDriverNode(SerdNode[Config]):
@@ -48,8 +54,10 @@ class HandDriverNode(SerdNode[Config]):
             timeout_s=self.config.timeout_s,
             required_nodes=self.config.required_nodes,
             notify=self.notify,
+            on_end=self.stop_moving,
         )
         self._was_present = self._has_decided = self._is_moving = self._is_e_stopped = False
+        self._is_driven, self._beat_s = False, self.wall_s()
         self._intents = self.create_publisher(Vector3Stamped, topics.INTENT, qos.STATE)
         self._velocities = self.create_publisher(Twist, topics.CMD_VEL_TELEOP, qos.COMMAND)
         self._gone = self.create_publisher(Bool, topics.DRIVER_GONE, qos.COMMAND)
@@ -58,6 +66,7 @@ class HandDriverNode(SerdNode[Config]):
         self.create_subscription(
             DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
         )
+        self.create_subscription(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
         self.create_timer(_BEAT_PERIOD_S, self._beat, clock=self.wall_clock)
 
     @abstractmethod
@@ -68,16 +77,20 @@ class HandDriverNode(SerdNode[Config]):
     def notify(self, sentence: str) -> None:
         """Show a sentence to the person."""
 
+    def discard_input(self) -> None:
+        """Let what is pressed now count only after it has been released and pressed again."""
+        self.choice.clear()
+
     def set_e_stop(self, engaged: bool) -> None:
         """Engage the emergency stop, or release it."""
         if engaged:
-            self._stop_moving()
+            self.stop_moving()
         self._e_stop.publish(Bool(data=engaged))
 
     def set_mode(self, mode: Mode) -> None:
         """Drive by directions or by velocities; the robot stops in between."""
         if mode != self.mode:
-            self._stop_moving()
+            self.stop_moving()
             self.mode, self._has_decided = mode, False
 
     def drive(self, command: Command) -> None:
@@ -85,16 +98,19 @@ class HandDriverNode(SerdNode[Config]):
         self._velocities.publish(to_twist(command))
 
     def _beat(self) -> None:
+        late_s, self._beat_s = self.wall_s() - self._beat_s, self.wall_s()
+        if late_s > _ABSENCE_S:
+            self.stop_moving()
         present = self.attend()
         if present and self.mode == "directions" and self._has_decided:
             self._gone.publish(Bool(data=False))
         if self._was_present and not present:
-            self._stop_moving()
+            self.stop_moving()
         self._was_present = present
 
-    def _stop_moving(self) -> None:
-        """End every motion of this driver."""
-        self.choice.clear()
+    def stop_moving(self) -> None:
+        """End every motion of this driver; the next one needs a key that is pressed anew."""
+        self.discard_input()
         if self.mode == "velocity":
             self.drive(STOP)
             return
@@ -103,9 +119,20 @@ class HandDriverNode(SerdNode[Config]):
             self._publish_intent(Action.WAIT, self.observation)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Discard the input when the mux has no input left: the planner has fallen silent."""
         values = values_of(message, "teleop_mux")
-        if values is not None:
-            self._is_e_stopped = values["e_stop"] == str(True)
+        if values is None:
+            return
+        was_driven, self._is_driven = self._is_driven, bool(values.get("active"))
+        if was_driven and not self._is_driven and self.mode == "directions":
+            self.stop_moving()
+
+    def _on_e_stop(self, message: Bool) -> None:
+        was_stopped, self._is_e_stopped = self._is_e_stopped, bool(message.data)
+        if self._is_e_stopped:
+            self.stop_moving()
+        elif was_stopped:
+            self.discard_input()
 
     def _on_observation(self, observation: Observation) -> None:
         if self.observation is None:

@@ -17,7 +17,10 @@ from teleop.session import END, EpisodeEvent, EpisodeTally, Session
 
 
 class PersonEpisodes:
-    """notify: called with one sentence for the person about everything that happens."""
+    """notify: called with one sentence for the person about everything that happens.
+
+    on_end: called when an episode of this driver ends or is discarded.
+    """
 
     def __init__(
         self,
@@ -28,11 +31,12 @@ class PersonEpisodes:
         timeout_s: float,
         required_nodes: Sequence[str],
         notify: Callable[[str], None],
+        on_end: Callable[[], None],
     ) -> None:
         self.session = Session(scenario, timeout_s)
         self.tally = EpisodeTally()
         self.n_decisions = 0
-        self._driver, self._notify = driver, notify
+        self._driver, self._notify, self._on_end = driver, notify, on_end
         self._waited_for = ""
         self._starter = EpisodeStarter(
             node,
@@ -93,6 +97,8 @@ class PersonEpisodes:
 
     def _publish(self, event: EpisodeEvent) -> None:
         self._starter.mark(event.event, event.time_s, self._driver, outcome=event.outcome)
+        if event.event == END:
+            self._on_end()
 
     def _on_mark(self, message: DiagnosticArray) -> None:
         mark = from_episode_message(message)

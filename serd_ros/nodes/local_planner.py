@@ -2,13 +2,15 @@
 
 In lock-step every observation is answered by one command with its stamp; at a decision tick the
 answer waits for the waypoint or intent of that tick. Live, a timer plans on the newest messages,
-and stale ones stop the robot.
+and stale ones stop the robot; when waypoints or intents stop coming, it drives to the next cell
+centre on its way and stands there. An engaged e-stop discards them.
 """
 
 import sys
 
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, Vector3Stamped
 from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Bool
 
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import from_intent, to_twist, to_twist_stamped
@@ -28,6 +30,7 @@ from sim.planning.catalogue import make_planner
 from sim.planning.local_planner import PlannerStatus
 from sim.scenario.grid import grid_of
 from sim.world.command import STOP, Command
+from sim.world.directive import FollowedDirective
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
 
@@ -46,7 +49,8 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         self._status = self._planner.status
         self._observation: Observation | None = None
         self._directive: tuple[int, Action | Waypoint] | None = None
-        self._is_new = False
+        self._followed = FollowedDirective(self._scenario)
+        self._is_overdue = self._is_e_stopped = False
         self._waypoint: Waypoint | None = None
         self._answer: tuple[int, Command] | None = None
         self._heard_wall_s = self.wall_s()
@@ -64,6 +68,7 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         self.create_subscription(Vector3Stamped, topics.INTENT, self._on_intent, qos.COMMAND)
         self.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
         if not self.config.lockstep:
+            self.create_subscription(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
             period_s = self._scenario.control_period_s
             self.create_timer(period_s, self._plan_live, clock=self.wall_clock)
 
@@ -89,15 +94,24 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
 
     def _take_directive(self, time_ns: int, directive: Action | Waypoint) -> None:
         self._directive = time_ns, directive
-        self._is_new = True
         if self.config.lockstep:
             self._answer_tick()
+        elif not self._is_e_stopped:
+            self._followed.take(time_ns * 1e-9, directive)
+
+    def _on_e_stop(self, message: Bool) -> None:
+        """Discard what was asked for before the e-stop was engaged, and while it is."""
+        was_stopped, self._is_e_stopped = self._is_e_stopped, bool(message.data)
+        if was_stopped or self._is_e_stopped:
+            self._followed.clear()
+            self._planner.reset()
 
     def _on_observation(self, observation: Observation) -> None:
         last, self._observation = self._observation, observation
         self._heard_wall_s = self.wall_s()
         if last is None or self._is_another_episode(last, observation):
             self._planner.reset()
+            self._followed.stand()
             self._waypoint = None
         if self._scans:
             self._scans.take_observation(observation)
@@ -111,7 +125,7 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
     def _answer_tick(self) -> None:
         """Answer the present tick once all it depends on is here; a repeated one the same way."""
         observation = self._observation
-        if observation is None or not self._listened_to():
+        if observation is None or not self._has_subscribers():
             return
         time_ns = stamp_ns(to_stamp(observation.time_s))
         if self._scans and not self._scans.is_complete(observation):
@@ -124,18 +138,18 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
             self._answer = time_ns, self._plan(observation)
         self._send(self._answer[1], observation.time_s)
 
-    def _listened_to(self) -> bool:
-        """Whether all who must hear the commands do; until then the world repeats its tick."""
+    def _has_subscribers(self) -> bool:
+        """Whether all required nodes subscribe; until then the world repeats its tick."""
         if not self._ready:
             self._ready = not self._readiness.missing(self.wall_s())
         return self._ready
 
     def _plan_live(self) -> None:
         observation = self._observation
-        if observation is None or self._directive is None:
-            return  # nobody has asked for anything yet: leave cmd_vel to others
-        if self._is_new:
-            self._waypoint, self._is_new = self._towards(observation, self._directive[1]), False
+        if observation is None or not self._followed.is_given:
+            return  # without a directive, cmd_vel is left to other publishers
+        self._waypoint = self._followed.waypoint(observation)
+        self._report_overdue(observation)
         silent_s = self.wall_s() - self._heard_wall_s
         if silent_s > self.config.input_timeout_s:
             self.get_logger().warning(
@@ -147,8 +161,17 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
             return
         self._send(self._plan(observation), observation.time_s)
 
+    def _report_overdue(self, observation: Observation) -> None:
+        """Publish that the source of waypoints is silent, or no longer so, when that changes."""
+        if self._followed.is_overdue == self._is_overdue:
+            return
+        self._is_overdue = self._followed.is_overdue
+        age_s = self._followed.age_s(observation)
+        level, message = (WARN, "no recent waypoint") if self._is_overdue else (OK, "")
+        self.report(observation.time_s, {"directive_age_s": age_s}, level=level, message=message)
+
     def _plan(self, observation: Observation) -> Command:
-        """The planner's command; how it fares is told when that changes."""
+        """The planner's command; its status is published when it changes."""
         command = self._planner.step(observation, self._waypoint)
         if self._planner.status != self._status:
             self._status = self._planner.status

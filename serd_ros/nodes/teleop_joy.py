@@ -4,6 +4,7 @@ import sys
 
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Joy
+from std_msgs.msg import Bool
 
 from serd_ros.convert.command import to_twist
 from serd_ros.endpoints import qos, topics
@@ -14,13 +15,18 @@ from teleop.joy_mapping import JoyDriver, load_joy_mapping
 
 
 class TeleopJoyNode(SerdNode[TeleopJoyConfig]):
-    """`joy` in, `cmd_vel_joy` out; silent while nobody holds the enable button."""
+    """`joy` in, `cmd_vel_joy` out; publishes nothing while the enable button is not held."""
 
     def __init__(self) -> None:
         super().__init__("teleop_joy", TeleopJoyConfig)
         self._driver = JoyDriver(load_joy_mapping(self.config.mapping))
         self._commands = self.create_publisher(Twist, topics.CMD_VEL_JOY, qos.COMMAND)
         self.create_subscription(Joy, topics.JOY, self._on_joy, qos.COMMAND)
+        self.create_subscription(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
+
+    def _on_e_stop(self, _: Bool) -> None:
+        """Engaged or released: the axes must return to neutral."""
+        self._driver.require_neutral()
 
     def _on_joy(self, message: Joy) -> None:
         command = self._driver.command(list(message.axes), list(message.buttons))

@@ -1,4 +1,4 @@
-"""teleop_keyboard: somebody drives with the keys of a terminal, as a ROS 2 node."""
+"""teleop_keyboard: a person drives with the keys of a terminal, as a ROS 2 node."""
 
 import sys
 
@@ -6,7 +6,7 @@ from serd_ros.episodes.hand_driver import HandDriverNode
 from serd_ros.graph.configs import TeleopKeyboardConfig
 from serd_ros.process.run_node import run_node
 from teleop.errors import TeleopError
-from teleop.keyboard import HELP, KEY_COMMANDS, KEY_DIRECTIONS, KeyCommand, VelocityKeys
+from teleop.keyboard import HELP, KEY_COMMANDS, KEY_DIRECTIONS, KeyCommand, KeyPresses, VelocityKeys
 from teleop.terminal import KeyNames, RawTerminal
 
 
@@ -17,7 +17,7 @@ class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):
         self._terminal: RawTerminal | None = None
         super().__init__("teleop_keyboard", TeleopKeyboardConfig)
         config = self.config
-        self._keys = KeyNames()
+        self._keys, self._presses = KeyNames(), KeyPresses()
         self._velocity = VelocityKeys(config.speed_mps, config.turn_radps, config.key_timeout_s)
         self._terminal = RawTerminal(config.terminal)
         self.notify(f"driving by {self.mode}\n{HELP}")
@@ -28,11 +28,11 @@ class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):
             self._terminal.close()
 
     def notify(self, sentence: str) -> None:
-        """Print it; the terminal shows what this process says on stderr."""
+        """Print it; the terminal shows what this process writes to stderr."""
         print(sentence, file=sys.stderr, flush=True)
 
     def attend(self) -> bool:
-        """Take the keys typed since; the process being alive is somebody being there."""
+        """Process the keys typed since; the person is present while the process runs."""
         if self._terminal is None:
             return False
         typed = self._terminal.read()
@@ -46,10 +46,18 @@ class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):
             self.drive(command)
         return True
 
+    def discard_input(self) -> None:
+        """Discard choice and velocity; a key that repeats counts after a pause."""
+        super().discard_input()
+        self._presses.require_release()
+        self._velocity.release()
+
     def _press(self, key: str) -> None:
         wanted = KEY_COMMANDS.get(key)
         if wanted is not None:
             self._obey(wanted)
+        elif not self._presses.admit(self.wall_s()):
+            return
         elif self.mode == "velocity":
             self._velocity.press(key, self.wall_s())
         elif key in KEY_DIRECTIONS:

@@ -1,7 +1,8 @@
 """teleop_mux: which of several velocity commands drives the robot, as a ROS 2 node.
 
-After twist_mux; see teleop.twist_mux for the rules. It speaks all the time: when nobody drives,
-stop. `e_stop` (Bool) and `set_e_stop` (SetBool) engage the latch with true, release it with false.
+After twist_mux; see teleop.twist_mux for the rules. It publishes all the time: a stop when no input
+drives. `e_stop` (Bool) and `set_e_stop` (SetBool) engage the latch with true and release it with
+false; `e_stop_engaged` is its state.
 """
 
 import sys
@@ -32,7 +33,7 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
         settings = load_mux(config.mux)
         limits = config.model_dump(exclude={"mux", "rate_hz", "stamped_cmd_vel"})
         self._mux = TwistMux(settings, VelocityLimits(**limits))
-        self._said: MuxOutput | None = None
+        self._reported: MuxOutput | None = None
         self._reported_s = self.wall_s()
         for name, source in settings.topics.items():
             kind = TwistStamped if source.stamped else Twist
@@ -43,6 +44,7 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
         self.create_service(SetBool, topics.SET_E_STOP, self._on_set_e_stop)
         kind = TwistStamped if config.stamped_cmd_vel else Twist
         self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.STATE)
+        self._engaged = self.create_publisher(Bool, topics.E_STOP_ENGAGED, qos.LATCHED)
         self.create_timer(1.0 / config.rate_hz, self._step, clock=self.wall_clock)
 
     def _take(self, name: str, message: Twist | TwistStamped) -> None:
@@ -75,23 +77,25 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
             self._commands.publish(to_twist_stamped(output.command, time_s))
         else:
             self._commands.publish(to_twist(output.command))
-        self._tell(output, now_s)
-
-    def _tell(self, output: MuxOutput, now_s: float) -> None:
-        """Report at once when who drives has changed, else now and then."""
-        last = self._said
-        changed = last is None or (last.active, last.e_stop) != (output.active, output.e_stop)
-        if not changed and now_s - self._reported_s < _REPORT_PERIOD_S:
-            return
+        last = self._reported
+        if last is None or last.e_stop != output.e_stop:
+            self._engaged.publish(Bool(data=output.e_stop))
         if last is not None and last.e_stop != output.e_stop:
             self.get_logger().warning("E-STOP engaged" if output.e_stop else "e-stop released")
-        self._said, self._reported_s = output, now_s
+        changed = last is None or (last.active, last.e_stop) != (output.active, output.e_stop)
+        if changed or now_s - self._reported_s >= _REPORT_PERIOD_S:
+            self._report_output(output, now_s)
+
+    def _report_output(self, output: MuxOutput, now_s: float) -> None:
+        """Publish the state on `diagnostics`: at each change, and once in a period."""
+        self._reported, self._reported_s = output, now_s
         self.report(
             self.get_clock().now().nanoseconds * 1e-9,
             {
                 "active": output.active,
                 "e_stop": output.e_stop,
                 "locked_by": ", ".join(output.locked_by),
+                "held": ", ".join(output.held),
                 "rejected_commands": sum(self._mux.n_rejected.values()),
             },
             level=WARN if output.e_stop else OK,

@@ -1,4 +1,4 @@
-"""teleop_page: somebody drives through a web page, as a ROS 2 node.
+"""teleop_page: a person drives through a web page, as a ROS 2 node.
 
 The page is served by a thread of its own (teleop.page). This node publishes its requests and sends
 the state of the world to it, twenty times a second.
@@ -36,14 +36,14 @@ _SILENCE_S = 0.5
 
 
 class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
-    """One page at a time drives; without its heartbeat nobody does."""
+    """One page at a time drives; without its heartbeat the robot stops."""
 
     def __init__(self) -> None:
         self._server: PageServer | None = None
         super().__init__("teleop_page", TeleopPageConfig)
         config = self.config
         self._heard_s: float | None = None
-        self._moving = False
+        self._moving = self._was_released = self._has_gamepad = False
         self._view = PageView(self, self.scenario)
         self._joy = self.create_publisher(Joy, topics.JOY, qos.COMMAND)
         access = PageAccess(config.address, read_token(config.token_file))
@@ -63,20 +63,27 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
             self._server.notify(sentence)
 
     def attend(self) -> bool:
-        """Take the page's requests and show how things stand."""
+        """Take the page's requests and send it the present state."""
         if self._server is None:
             return False
         for request in self._server.take():
             self._obey(request)
         there = self._heard_s is not None and self.wall_s() - self._heard_s <= _SILENCE_S
-        if not there:
-            self._let_go()
         self._server.show(self._state(self._server, there=there))
         return there
+
+    def discard_input(self) -> None:
+        """Discard the directions; velocities and gamepad count after they were neutral."""
+        super().discard_input()
+        self._moving = self._was_released = False
+        if self._has_gamepad:
+            self._joy.publish(Joy())
+            self._has_gamepad = False
 
     def _obey(self, request: PageRequest) -> None:
         if isinstance(request, Away):
             self._heard_s = None
+            self.stop_moving()
             return
         if isinstance(request, Hold | Move | Joystick):
             self._heard_s = self.wall_s()
@@ -95,6 +102,7 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
         elif isinstance(request, Joystick):
             time_s = self.observation.time_s if self.observation is not None else 0.0
             self._joy.publish(to_joy(request.axes, request.buttons, time_s))
+            self._has_gamepad = True
         elif isinstance(request, SetMode):
             self.set_mode(request.mode)
         elif isinstance(request, EmergencyStop):
@@ -108,16 +116,15 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
             steps[request.do]()
 
     def _move(self, request: Move) -> None:
-        """Drive while something is held; one stop when it is let go, then nothing."""
+        """Drive while a direction is held; one stop when it is released, then nothing."""
         moving = request.linear != 0.0 or request.angular != 0.0
+        self._was_released |= not moving
+        if not self._was_released:
+            return
         if self.mode == "velocity" and (moving or self._moving):
             linear_mps = request.linear * self.config.speed_mps
             self.drive(Command(linear_mps, request.angular * self.config.turn_radps))
         self._moving = moving
-
-    def _let_go(self) -> None:
-        self.choice.hold(None)
-        self._moving = False
 
     def _state(self, server: PageServer, *, there: bool) -> dict[str, Any]:
         return {

@@ -29,14 +29,24 @@ class Nodes:
     def __init__(self, environment: dict[str, str], logs: Path) -> None:
         self._environment, self._logs = environment, logs
         self._started: dict[str, subprocess.Popen[bytes]] = {}
+        self._commands: dict[str, list[str]] = {}
 
     def start(self, command: list[str], name: str) -> subprocess.Popen[bytes]:
         with (self._logs / f"{name}.log").open("ab") as log:
             process = subprocess.Popen(
                 command, env=self._environment, stdout=log, stderr=subprocess.STDOUT
             )
-        self._started[name] = process
+        self._started[name], self._commands[name] = process, command
         return process
+
+    def kill(self, name: str) -> None:
+        """End a node by SIGKILL."""
+        self._started[name].kill()
+        self._started[name].wait()
+
+    def restart(self, name: str) -> None:
+        """Start a node that has ended again, with the same command."""
+        self.start(self._commands[name], name)
 
     def start_stack(self, stack: str, **given: object) -> dict[str, subprocess.Popen[bytes]]:
         """Start every node of a stack; a parameter of one node is written node__parameter."""

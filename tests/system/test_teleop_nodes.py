@@ -110,6 +110,9 @@ def test_the_e_stop_holds_until_the_service_releases_it_and_speeds_are_limited(c
     reply = service.call_async(SetBool.Request(data=False))
     commander.probe.spin_until(reply.done)
     assert reply.result().message == "released"
+    for _ in range(10):
+        commander.until(0.0, teleop=0.5, joy=0.5)  # they did not stop in between
+    commander.until(0.0, teleop=0.0, joy=0.0)
     commander.until(0.5, teleop=0.5)
 
 
@@ -145,13 +148,106 @@ def test_a_joystick_drives_while_its_enable_button_is_held(nodes, probe, ros_env
     probe.spin_until(lambda: publisher.get_subscription_count() > 0)
 
     def driven():
+        publisher.publish(Joy(axes=[0.0, 0.0, 0.0], buttons=[0] * 6))
         publisher.publish(Joy(axes=[0.0, 1.0, -0.5], buttons=[0, 0, 0, 0, 1, 0]))
-        return received
+        return received and received[-1].linear.x != 0.0
 
     probe.spin_until(driven)
     assert (received[-1].linear.x, received[-1].angular.z) == pytest.approx((0.6, -0.75))
     publisher.publish(Joy(axes=[0.0, 1.0, -0.5], buttons=[0] * 6))
     probe.spin_until(lambda: received[-1].linear.x == 0.0)
+
+
+def test_after_the_release_of_the_e_stop_the_stick_must_return_to_neutral(nodes, probe, ros_env):
+    start(nodes, ros_env, ("teleop_joy", "teleop_mux"))
+    received = []
+    probe.node.create_subscription(Twist, "cmd_vel_joy", received.append, qos.COMMAND)
+    e_stop = probe.node.create_publisher(Bool, "e_stop", qos.COMMAND)
+    publisher = probe.node.create_publisher(Joy, "joy", qos.COMMAND)
+    engaged = []
+    probe.node.create_subscription(
+        Bool, "e_stop_engaged", lambda m: engaged.append(m.data), qos.LATCHED
+    )
+    probe.spin_until(
+        lambda: publisher.get_subscription_count() and e_stop.get_subscription_count() and engaged
+    )
+
+    def push(deflection):
+        publisher.publish(Joy(axes=[0.0, deflection, 0.0], buttons=[0, 0, 0, 0, 1, 0]))
+        return received[-1].linear.x if received else 0.0
+
+    probe.spin_until(lambda: push(0.0) == 0.0 and received)
+    probe.spin_until(lambda: push(1.0) > 0.0)
+    for state in (True, False):
+        e_stop.publish(Bool(data=state))
+        probe.spin_until(lambda state=state: engaged[-1] == state)
+    probe.spin_until(lambda: push(1.0) == 0.0)
+    received.clear()
+    probe.spin_until(lambda: push(1.0) == 0.0 and len(received) > 20)
+    assert all(each.linear.x == 0.0 for each in received)
+    push(0.0)
+    probe.spin_until(lambda: push(1.0) > 0.0)
+
+
+class Drive:
+    """The motion of the robot, and the keys that drive it."""
+
+    def __init__(self, probe, terminal):
+        self.probe, self._terminal = probe, terminal
+        self.time_s, self.speed_mps, self.speeds_mps = 0.0, 0.0, []
+        probe.node.create_subscription(Odometry, "odom", self._take, qos.STATE)
+
+    def _take(self, message):
+        self.time_s, self.speed_mps = stamp_s(message.header.stamp), abs(speeds_of(message)[0])
+        self.speeds_mps.append(self.speed_mps)
+
+    def until(self, condition, key=b""):
+        """Until the condition holds, with a key that is held: the terminal repeats it."""
+
+        def press():
+            if key:
+                self._terminal.type(key)
+            return condition()
+
+        self.probe.spin_until(press)
+
+    def stands_for(self, duration_s, key=b""):
+        self.probe.spin_all()
+        self.speeds_mps.clear()
+        since_s = self.time_s
+        self.until(lambda: self.time_s > since_s + duration_s, key)
+        assert max(self.speeds_mps) < STOPPED_MPS
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mode", "key"), [("directions", b"\x1b[A"), ("velocity", b"i")])
+def test_after_the_release_of_the_e_stop_keys_of_a_terminal_must_be_pressed_anew(
+    nodes, probe, ros_env, terminal, mode, key
+):
+    names = ("hallway_sim", "local_planner", "teleop_mux", "teleop_keyboard")
+    start(nodes, ros_env, names, terminal=terminal.name, people=0, seed=2, mode=mode)
+    drive = Drive(probe, terminal)
+
+    def log():
+        return nodes.log_of("teleop_keyboard")
+
+    drive.until(lambda: drive.time_s and "Ctrl-C end" in log())
+    drive.until(lambda: drive.speed_mps > 0.2, key)
+    terminal.type(b" ")
+    drive.until(lambda: drive.speed_mps < STOPPED_MPS and "E-STOP engaged" in log(), key)
+    terminal.type(b"r")
+    drive.until(lambda: "e-stop released" in log(), key)
+    drive.stands_for(2.5, key)  # held through the release
+    drive.stands_for(1.0)  # the pause after which a key counts as pressed anew
+    drive.until(lambda: drive.speed_mps > 0.2, key)
+    terminal.type(b" ")
+    drive.until(lambda: drive.speed_mps < STOPPED_MPS and log().count("E-STOP engaged") == 2)
+    terminal.type(key)
+    drive.stands_for(3.0)
+    terminal.type(b"r")
+    drive.until(lambda: log().count("e-stop released") == 2)
+    drive.stands_for(2.5)  # a tap while stopped
+    drive.until(lambda: drive.speed_mps > 0.2, key)
 
 
 class Terminal:

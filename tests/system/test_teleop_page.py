@@ -177,8 +177,13 @@ class World:
         yield
         self.until(lambda: self.speed_mps < STOPPED_MPS)
         assert self.time_s - since_s <= limit_s + waited.total_s
+        self.stands_for(0.4)
+
+    def stands_for(self, duration_s):
+        """It stands during so much simulated time from now on."""
+        self.probe.spin_all()
         self.speeds_mps.clear()
-        self.until_later(0.4)
+        self.until_later(duration_s)
         assert max(self.speeds_mps) < STOPPED_MPS
 
     def until_later(self, duration_s):
@@ -302,11 +307,67 @@ def test_touch_drives_and_leaving_the_page_or_the_e_stop_stops_the_robot(driving
     page.wait(lambda: page.text("veil-title") == "Emergency stop")
     assert page.text("stop").startswith("RELEASE")
     n_actions = len(world.actions)
-    world.until_later(2.2)  # the key is still held, and a decision period begins
+    world.stands_for(A_DECISION_S)  # the key is still held
     assert len(world.actions) == n_actions
-    page.press("r")
-    world.until_it_drives()
+    release(page)
+    world.stands_for(A_DECISION_S)  # held through the release
+    press_anew(page, world, Keys.ARROW_UP)
+    with world.stops_within(1.5):
+        page.press(Keys.SPACE)
+    page.keys().key_up(Keys.ARROW_UP).key_down(Keys.ARROW_UP).key_up(Keys.ARROW_UP).perform()
+    page.wait(lambda: page.text("veil-title") == "Emergency stop")
+    release(page)
+    world.stands_for(A_DECISION_S)  # a tap while stopped
+    press_anew(page, world, Keys.ARROW_UP)
     page.keys().key_up(Keys.ARROW_UP).perform()
+
+
+A_DECISION_S = 2.5
+
+
+def release(page):
+    page.press("r")
+    page.wait(lambda: page.text("stop").startswith("E-STOP"))
+
+
+def press_anew(page, world, key):
+    """Press a key again that may be held, and hold it until the robot drives."""
+    page.keys().key_up(key).perform()
+    world.until_later(0.5)  # the page has sent that nothing is held
+    page.keys().key_down(key).perform()
+    world.until(lambda: world.speed_mps > 0.1)
+
+
+def test_a_held_key_drives_on_only_when_it_is_pressed_anew(driving, world, nodes):
+    """After absence, the end of an episode, a lost connection and a restart of the planner."""
+    page = driving
+    press_anew(page, world, Keys.ARROW_UP)
+    with world.stops_within(1.5):
+        page.run("window.dispatchEvent(new Event('blur'))")
+    page.run("window.dispatchEvent(new Event('focus'))")
+    world.stands_for(A_DECISION_S)
+
+    page.press(Keys.ENTER)
+    page.wait(lambda: page.part("recording").is_displayed())
+    press_anew(page, world, Keys.ARROW_RIGHT)
+    with world.stops_within(1.5):
+        page.press("d")
+    world.stands_for(A_DECISION_S)
+
+    press_anew(page, world, Keys.ARROW_RIGHT)
+    nodes.kill("local_planner")
+    world.until(lambda: world.speed_mps < STOPPED_MPS)
+    nodes.restart("local_planner")
+    world.probe.spin_until(lambda: "local_planner" in world.probe.node.get_node_names())
+    world.stands_for(2 * A_DECISION_S)
+    press_anew(page, world, Keys.ARROW_RIGHT)
+
+    with page.frozen():
+        world.until(lambda: world.speed_mps < STOPPED_MPS)
+    world.stands_for(A_DECISION_S)
+    page.keys().key_up(Keys.ARROW_RIGHT).perform()
+    press_anew(page, world, Keys.ARROW_LEFT)
+    page.keys().key_up(Keys.ARROW_LEFT).perform()
 
 
 def test_a_gamepad_drives_by_velocities_and_a_page_that_closes_stops_the_robot(driving, world):
@@ -314,19 +375,42 @@ def test_a_gamepad_drives_by_velocities_and_a_page_that_closes_stops_the_robot(d
     page.part("velocity").click()
     page.wait(lambda: page.part("velocity").get_attribute("aria-pressed") == "true")
     page.run(FAKE_GAMEPAD)
-    world.until_it_drives()
-    assert "test pad" in page.text("gamepad")
+    page.wait(lambda: "test pad" in page.text("gamepad"))
+    world.stands_for(0.5)  # its stick was deflected from the start
+    push_anew(page, world)
+    with world.stops_within(1.5):
+        page.press(Keys.SPACE)
+    page.wait(lambda: page.text("veil-title") == "Emergency stop")
+    release(page)
+    world.stands_for(1.0)
+    push_anew(page, world)
     with world.stops_within(1.5):
         page.run("window.fake.buttons[4] = { pressed: false, value: 0 }")
     page.run("window.fake = null")
-    page.keys().key_down(Keys.ARROW_LEFT).key_down(Keys.ARROW_DOWN).perform()
-    world.until(lambda: world.speed_mps > 0.1)
+    page.keys().key_down(Keys.ARROW_LEFT).perform()
+    press_anew(page, world, Keys.ARROW_DOWN)
     with page.frozen():
         world.until(lambda: world.speed_mps < STOPPED_MPS)
-    world.until(lambda: world.speed_mps > 0.1)
+    world.stands_for(1.0)
+    page.keys().key_up(Keys.ARROW_LEFT).perform()
+    press_anew(page, world, Keys.ARROW_DOWN)
+    with world.stops_within(1.5):
+        page.press(Keys.SPACE)
+    page.wait(lambda: page.text("veil-title") == "Emergency stop")
+    release(page)
+    world.stands_for(1.0)
+    press_anew(page, world, Keys.ARROW_DOWN)
     with world.stops_within(1.5):
         page.browser.get("about:blank")
     assert world.actions == []
+
+
+def push_anew(page, world):
+    """Return the stick of the gamepad to neutral, then push it until the robot drives."""
+    page.run("window.fake.axes = [0, 0, 0, 0]")
+    world.until_later(0.5)
+    page.run("window.fake.axes = [0, -1, 0, 0]")
+    world.until_it_drives()
 
 
 def test_buttons_start_save_and_discard_episodes(driving, world):

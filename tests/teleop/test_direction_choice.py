@@ -1,5 +1,6 @@
 """Which direction counts when a decision period begins."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -26,8 +27,15 @@ def test_wait_takes_a_tap_back():
     assert choice.decide() == Action.WAIT
 
 
-def test_a_held_key_counts_again_and_again_until_it_is_let_go():
+@pytest.fixture
+def choice():
+    """Nothing is held."""
     choice = DirectionChoice()
+    choice.hold(None)
+    return choice
+
+
+def test_a_held_key_counts_in_each_period_until_it_is_released(choice):
     for _ in range(3):
         choice.hold(Action.NORTH)
         assert choice.decide() == Action.NORTH
@@ -36,8 +44,7 @@ def test_a_held_key_counts_again_and_again_until_it_is_let_go():
     assert choice.decide() == Action.WAIT
 
 
-def test_a_key_let_go_before_the_period_still_counts_once():
-    choice = DirectionChoice()
+def test_a_key_released_before_the_period_counts_once(choice):
     choice.hold(Action.WEST)
     choice.hold(None)
     assert [choice.decide(), choice.decide()] == [Action.WEST, Action.WAIT]
@@ -49,7 +56,7 @@ presses = st.lists(
 
 
 @given(presses)
-def test_after_clear_nobody_drives_whatever_was_pressed(pressed):
+def test_after_clear_the_choice_is_wait_until_a_key_is_pressed_anew(pressed):
     choice = DirectionChoice()
     for kind, action in pressed:
         if kind == "hold":
@@ -57,4 +64,15 @@ def test_after_clear_nobody_drives_whatever_was_pressed(pressed):
         elif action is not None:
             choice.tap(action)
     choice.clear()
+    choice.hold(Action.NORTH)
+    choice.hold(Action.EAST)
+    assert choice.decide() == Action.WAIT
+    choice.hold(None)
+    choice.hold(Action.EAST)
+    assert choice.decide() == Action.EAST
+
+
+def test_a_key_that_is_held_at_the_start_counts_after_its_release():
+    choice = DirectionChoice()
+    choice.hold(Action.NORTH)
     assert choice.decide() == Action.WAIT

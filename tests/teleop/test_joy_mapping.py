@@ -20,19 +20,26 @@ MAPPING = JoyMapping.model_validate(
 )
 
 
+def driver_of(mapping=MAPPING):
+    """Its axes have been neutral."""
+    driver = JoyDriver(mapping)
+    assert driver.command([0.0, 0.0], [0, 0, 0]) in (None, STOP)
+    return driver
+
+
 def test_without_the_enable_button_nothing_is_sent():
     assert JoyDriver(MAPPING).command([1.0, 1.0], [1, 0, 0]) is None
 
 
 def test_axes_are_scaled_while_enabled_and_letting_go_sends_one_stop():
-    driver = JoyDriver(MAPPING)
+    driver = driver_of()
     assert driver.command([0.5, 1.0], [0, 1, 0]) == Command(0.5, 1.0)
     assert driver.command([0.5, 1.0], [0, 0, 0]) == STOP
     assert driver.command([0.5, 1.0], [0, 0, 0]) is None
 
 
 def test_turbo_has_its_own_scale_and_enables_too():
-    assert JoyDriver(MAPPING).command([-0.5, 1.0], [0, 0, 1]) == Command(1.5, -2.0)
+    assert driver_of().command([-0.5, 1.0], [0, 0, 1]) == Command(1.5, -2.0)
 
 
 def test_axes_and_buttons_that_are_missing_count_as_zero():
@@ -42,12 +49,29 @@ def test_axes_and_buttons_that_are_missing_count_as_zero():
 
 def test_inverted_reverse_steers_backwards_as_a_car_does():
     car = MAPPING.model_copy(update={"inverted_reverse": True})
-    assert JoyDriver(car).command([1.0, -1.0], [0, 1]) == Command(-0.5, -2.0)
+    assert driver_of(car).command([1.0, -1.0], [0, 1]) == Command(-0.5, -2.0)
 
 
 def test_without_a_required_enable_button_the_axes_drive_at_once():
     free = MAPPING.model_copy(update={"require_enable_button": False})
-    assert JoyDriver(free).command([0.0, 1.0], []) == Command(0.5, 0.0)
+    assert driver_of(free).command([0.0, 1.0], []) == Command(0.5, 0.0)
+
+
+@pytest.mark.parametrize("stop", [JoyDriver.require_neutral, lambda driver: driver.command([], [])])
+def test_after_an_e_stop_or_a_lost_joystick_the_axes_must_return_to_neutral(stop):
+    driver = driver_of()
+    assert driver.command([0.0, 1.0], [0, 1, 0]) == Command(0.5, 0.0)
+    stop(driver)
+    for _ in range(3):
+        assert driver.command([0.0, 1.0], [0, 1, 0]) == STOP
+    assert driver.command([0.0, 1.0], [0, 0, 0]) == STOP
+    assert driver.command([0.0, 1.0], [0, 1, 0]) == STOP  # the button alone is not enough
+    driver.command([0.05, -0.05], [0, 1, 0])
+    assert driver.command([0.0, 1.0], [0, 1, 0]) == Command(0.5, 0.0)
+
+
+def test_axes_that_are_deflected_at_the_start_do_not_drive():
+    assert JoyDriver(MAPPING).command([0.0, 1.0], [0, 1, 0]) == STOP
 
 
 def test_the_built_in_mapping_needs_an_enable_button():

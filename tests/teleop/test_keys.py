@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from sim.world.command import STOP, Command
 from support.waiting import wait_until
 from teleop.errors import TeleopError
-from teleop.keyboard import VelocityKeys
+from teleop.keyboard import KeyPresses, VelocityKeys
 from teleop.terminal import KeyNames, RawTerminal
 
 
@@ -75,6 +75,29 @@ def test_speeds_change_by_a_tenth_and_do_not_move_the_robot():
         keys.press(key, 0.0)
     assert (keys.speed_mps, keys.turn_radps) == pytest.approx((0.5 * 1.1 * 1.1 * 0.9, 1.1))
     assert keys.command(0.1) is None
+
+
+def test_a_key_that_repeats_through_a_stop_counts_after_it_was_released():
+    presses = KeyPresses()
+    assert presses.admit(3.0)
+    presses.require_release()
+    repeats_s = [3.66 + 0.04 * count for count in range(100)]
+    assert not any(presses.admit(now_s) for now_s in repeats_s)
+    assert presses.admit(repeats_s[-1] + 0.8)
+    assert presses.admit(repeats_s[-1] + 0.84)
+
+
+def test_after_a_stop_without_keys_the_first_key_counts():
+    presses = KeyPresses()
+    presses.require_release()
+    assert presses.admit(5.0)
+
+
+def test_a_released_key_sends_nothing():
+    keys = VelocityKeys(0.5, 1.0, 0.5)
+    keys.press("i", 3.0)
+    keys.release()
+    assert keys.command(3.1) is None
 
 
 @pytest.fixture

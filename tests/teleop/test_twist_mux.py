@@ -88,8 +88,52 @@ def test_the_e_stop_wins_over_everything_until_it_is_released():
         output = mux.step(now_s)
         assert output.e_stop
         assert output.command == STOP
+
+
+@pytest.mark.parametrize("between", [STOP, None])
+def test_after_the_release_an_input_counts_once_it_has_sent_a_stop_or_fallen_silent(between):
+    mux = TwistMux(UNLOCKED, UNLIMITED)
+    mux.receive("keys", FAST, 1.0)
+    mux.set_e_stop(True)
+    mux.step(1.0)
     mux.set_e_stop(False)
-    assert mux.step(50.1).command == FAST
+    for tick in range(100):
+        now_s = 1.1 + 0.1 * tick
+        mux.receive("keys", FAST, now_s)
+        output = mux.step(now_s)
+        assert (output.command, output.held) == (STOP, ("keys",))
+    if between is not None:
+        mux.receive("keys", between, now_s)
+    else:
+        now_s += 0.6
+        assert mux.step(now_s).held == ()
+    mux.receive("keys", FAST, now_s)
+    assert mux.step(now_s + 0.02).command == FAST
+
+
+def test_an_input_that_was_neutral_at_the_release_counts_at_once():
+    mux = TwistMux(UNLOCKED, UNLIMITED)
+    mux.set_e_stop(True)
+    mux.receive("keys", FAST, 1.0)
+    mux.receive("keys", STOP, 1.1)
+    mux.step(1.1)
+    mux.set_e_stop(False)
+    assert mux.step(1.15).held == ()
+    mux.receive("keys", FAST, 1.2)
+    assert mux.step(1.2).command == FAST
+
+
+def test_a_planner_that_drives_on_through_the_e_stop_is_held_while_keys_drive_anew():
+    mux = TwistMux(UNLOCKED, UNLIMITED)
+    mux.set_e_stop(True)
+    mux.receive("planner", FAST, 1.0)
+    mux.step(1.0)
+    mux.set_e_stop(False)
+    mux.receive("planner", FAST, 1.1)
+    output = mux.step(1.1)
+    assert (output.active, output.command, output.held) == ("planner", STOP, ("planner",))
+    mux.receive("keys", SLOW, 1.2)
+    assert mux.step(1.2).command == SLOW
 
 
 def test_a_command_that_is_not_finite_is_a_stop_of_its_input_and_is_counted():
@@ -137,16 +181,25 @@ events = st.lists(
 def test_whatever_comes_the_output_is_finite_within_limits_and_reachable(happenings):
     mux, now_s, before, latched, stepped_s = TwistMux(SETTINGS, ROBOT), 0.0, STOP, False, 0.0
     last: dict[str, float] = {}
+    sent: dict[str, Command] = {}
+    held: set[str] = set()
     for kind, command, wait_s in happenings:
         now_s += wait_s
         if kind in SETTINGS.topics:
             mux.receive(kind, command, now_s)
             last[kind] = now_s
+            sent[kind] = command if command.is_finite else STOP
         elif kind in ("lock", "unlock"):
             mux.receive_lock("gone", kind == "lock", now_s)
         elif kind in ("e_stop", "release"):
             latched = kind == "e_stop"
             mux.set_e_stop(latched)
+        neutral = {
+            name
+            for name in SETTINGS.topics
+            if sent.get(name, STOP) == STOP or now_s - last[name] > 0.5 + 1e-9
+        }
+        held = set(SETTINGS.topics) if latched else held - neutral
         output = mux.step(now_s)
         got = output.command
         assert got.is_finite
@@ -157,6 +210,7 @@ def test_whatever_comes_the_output_is_finite_within_limits_and_reachable(happeni
             assert abs(got.linear_mps - before.linear_mps) <= reach_mps
             assert now_s - last[output.active] <= 0.5 + 1e-6
             assert not latched
+            assert got == STOP or output.active not in held
             assert output.active == "keys" or not output.locked_by
         else:
             assert got == STOP

@@ -31,8 +31,9 @@ export class Controls {
     addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.altKey || event.metaKey) return;
       const command = commands[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-      if (KEY_DIRECTIONS[event.key]) this.hold(KEY_DIRECTIONS[event.key]);
-      else if (command && !event.repeat) this.actions[command]();
+      if (KEY_DIRECTIONS[event.key]) {
+        if (!event.repeat) this.hold(KEY_DIRECTIONS[event.key]);
+      } else if (command && !event.repeat) this.actions[command]();
       else if (!command) return;
       event.preventDefault();
     });
@@ -63,11 +64,20 @@ export class Controls {
       this.isInFront = false;
       this.link.send({ type: "away" });
     };
-    const update = () => { this.isInFront = document.visibilityState === "visible" && document.hasFocus(); };
+    // The first message has nothing held, since the server ignores what was held before.
+    const enter = () => {
+      if (this.isInFront) return;
+      this.isInFront = true;
+      this.send();
+    };
+    const update = () => {
+      if (document.visibilityState === "visible" && document.hasFocus()) enter();
+      else this.isInFront = false;
+    };
     addEventListener("blur", leave);
     addEventListener("pagehide", leave);
     addEventListener("focus", update);
-    addEventListener("pointerdown", () => { this.isInFront = true; });
+    addEventListener("pointerdown", enter, { capture: true });
     document.addEventListener("visibilitychange", () => (document.hidden ? leave() : update()));
   }
 

@@ -61,6 +61,6 @@ function showConnection() {
   panel.showLink({ isAlive, isStale: state?.is_stale ?? true });
   if (!isAlive) panel.veil("No connection", "The robot has stopped. Reconnecting …");
   else if (!controls.isInFront) panel.veil("The robot stands", "Click here to drive: this page must have the focus.");
-  else if (isStopped()) panel.veil("Emergency stop", "Press R, or Release, to drive on.");
+  else if (isStopped()) panel.veil("Emergency stop", "Press R, or Release; then press a direction anew.");
   else panel.veil("", "");
 }
