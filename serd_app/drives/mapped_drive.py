@@ -6,7 +6,6 @@ their log time, through the log times and stamps of the poses, whatever the rate
 
 from array import array
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
@@ -37,13 +36,6 @@ UNMARKED = "unmarked"
 _LONGEST_STEP_BACK_S = 1.0
 #: Without one in the mapping, the longest gap is so many usual steps between poses.
 _GAP_STEPS = 5.0
-
-
-def read_mapped_drive(
-    path: str | Path, mapping: BagMapping, decision_period_s: float
-) -> RecordedDrive:
-    """The drive; BagError names a topic, type or frame that is not as the mapping says."""
-    return mapped_drive_in(BagReader(path), mapping, decision_period_s)
 
 
 def mapped_drive_in(

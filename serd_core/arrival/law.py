@@ -49,27 +49,6 @@ class ArrivalLaw:
         """The same law counted from `delay_s` before: remaining time as time since the start."""
         return ArrivalLaw(self.times_s + delay_s, self.cdf, self.arrival_probability)
 
-    def given_not_arrived_by(self, elapsed_s: float) -> "ArrivalLaw":
-        """The law of the time that remains after `elapsed_s` without arriving.
-
-        P(T - e <= t | T > e) = (F(e + t) - F(e)) / (1 - F(e)). Raises SerdError where arrival by
-        then is certain.
-        """
-        done = float(self.probability_by(elapsed_s))
-        if done >= 1.0:
-            raise SerdError(
-                f"not having arrived by {elapsed_s} s must be possible, but its probability is 0"
-                "; the law is that of another episode"
-            )
-        to_come = self.times_s > elapsed_s + _SAME_TIME_S
-        rest = (self.cdf[to_come] - done) / (1.0 - done)
-        ever = (self.arrival_probability - done) / (1.0 - done)
-        return ArrivalLaw(
-            times_s=np.concatenate([[0.0], self.times_s[to_come] - elapsed_s]),
-            cdf=np.concatenate([[0.0], np.clip(rest, 0.0, 1.0)]),
-            arrival_probability=float(np.clip(ever, 0.0, 1.0)),
-        )
-
 
 def law_in_seconds(
     arrival: ArrivalTimes, *, period_s: float, entry_times_s: ArrayLike = ()

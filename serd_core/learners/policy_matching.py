@@ -10,9 +10,6 @@ Both gradients run through dQ*/dtheta, here by one adjoint solve.
     fit = fit_policy_matching(problem, decisions, inverse_temperature=0.5, rng=rng)
 """
 
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
-
 import numpy as np
 
 from serd_core.arrays import FloatArray
@@ -32,43 +29,21 @@ from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyMatchingPolicy
 
 
-class MatchingObjective(ABC):
-    """How well a policy matches (S, A) counts; larger is better."""
+def squared_loss(policy: FloatArray, counts: FloatArray) -> tuple[float, FloatArray]:
+    """Minus the loss (3.8) of a policy for (S, A) counts, and its (S, A) gradient by beta Q.
 
-    @abstractmethod
-    def evaluate(self, policy: FloatArray, counts: FloatArray) -> tuple[float, FloatArray]:
-        """Value and (S, A) gradient by beta Q."""
-
-
-@dataclass(frozen=True)
-class SquaredLoss(MatchingObjective):
-    """Minus the loss (3.8)."""
-
-    def evaluate(self, policy: FloatArray, counts: FloatArray) -> tuple[float, FloatArray]:
-        """Value and gradient; chain rule (3.10) with the Boltzmann derivative (3.13)."""
-        visits = counts.sum(axis=1, keepdims=True)
-        frequency = visits / visits.sum()
-        difference = policy - counts / np.maximum(visits, 1.0)
-        by_policy = -frequency * difference
-        mean = np.sum(policy * by_policy, axis=1, keepdims=True)
-        value = -0.5 * float(np.sum(frequency * difference**2))
-        return value, np.asarray(policy * (by_policy - mean))
+    Chain rule (3.10) with the Boltzmann derivative (3.13).
+    """
+    visits = counts.sum(axis=1, keepdims=True)
+    frequency = visits / visits.sum()
+    difference = policy - counts / np.maximum(visits, 1.0)
+    by_policy = -frequency * difference
+    mean = np.sum(policy * by_policy, axis=1, keepdims=True)
+    value = -0.5 * float(np.sum(frequency * difference**2))
+    return value, np.asarray(policy * (by_policy - mean))
 
 
-@dataclass(frozen=True)
-class MeanLogLikelihood(MatchingObjective):
-    """Log-likelihood of the choices per decision."""
-
-    def evaluate(self, policy: FloatArray, counts: FloatArray) -> tuple[float, FloatArray]:
-        """Value and gradient."""
-        total = counts.sum()
-        seen = counts > 0
-        floor = np.maximum(policy[seen], np.finfo(np.float64).tiny)
-        value = float(np.sum(counts[seen] * np.log(floor)) / total)
-        return value, (counts - counts.sum(axis=1, keepdims=True) * policy) / total
-
-
-SQUARED_LOSS, LBFGS = SquaredLoss(), Lbfgs()
+LBFGS = Lbfgs()
 
 
 def fit_policy_matching(
@@ -79,7 +54,6 @@ def fit_policy_matching(
     initial_weights: FloatArray | None = None,
     rng: np.random.Generator | None = None,
     dynamics: FloatArray | None = None,
-    objective: MatchingObjective = SQUARED_LOSS,
     ascent: Ascent = LBFGS,
     on_step: StepCallback | None = None,
 ) -> FitResult:
@@ -103,7 +77,7 @@ def fit_policy_matching(
         solution = Newton().solve(bellman, last[-1].value if last else None)
         last[:] = [solution]
         policy = boltzmann(solution.q, 1.0 / inverse_temperature)
-        value, by_scaled_q = objective.evaluate(policy, counts)
+        value, by_scaled_q = squared_loss(policy, counts)
         by_q = inverse_temperature * by_scaled_q
         found = adjoint(mdp, transitions, solution, by_q, Automatic())
         return value, np.tensordot(found.reward_gradient, problem.features, axes=2)

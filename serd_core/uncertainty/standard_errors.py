@@ -15,7 +15,7 @@ import numpy as np
 import scipy.special
 import scipy.stats
 
-from serd_core.arrays import FloatArray, first_index
+from serd_core.arrays import FloatArray
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.parameters import Block
@@ -97,37 +97,9 @@ def _require_optimum(information: Information, found: Spectrum) -> None:
 def confidence_interval(
     estimate: FloatArray, errors: FloatArray, coverage: float = 0.95
 ) -> tuple[FloatArray, FloatArray]:
-    """Normal (Wald) interval; approximate, as it relies on many decisions.
-
-    For numbers of any size such as reward weights; see `probability_interval`.
-    """
+    """Normal (Wald) interval of reward weights; approximate, as it relies on many decisions."""
     width = _normal_quantile(coverage) * np.asarray(errors)
     return np.asarray(estimate) - width, np.asarray(estimate) + width
-
-
-def probability_interval(
-    estimate: FloatArray, errors: FloatArray, coverage: float = 0.95
-) -> tuple[FloatArray, FloatArray]:
-    """Normal interval of the log-odds, which stays within 0 and 1: logit p +- z e / (p (1 - p)).
-
-    [0, 1] where the error is infinite, or not 0 for an estimate of 0 or 1, which has no log-odds.
-    """
-    probability, error = np.asarray(estimate, np.float64), np.asarray(errors, np.float64)
-    bad = first_index(~((probability >= 0.0) & (probability <= 1.0)))
-    if bad is not None:
-        raise SerdError(
-            f"estimate{list(bad)} must be a probability, got {probability[bad]}"
-            "; use confidence_interval for other numbers"
-        )
-    spread = probability * (1.0 - probability)
-    width = np.divide(error, spread, out=np.full(error.shape, np.inf), where=spread > 0)
-    width = _normal_quantile(coverage) * np.where(error == 0.0, 0.0, width)
-    odds = scipy.special.logit(probability)
-    known, settled = np.isfinite(width), error == 0.0
-    reached = np.where(known, width, 0.0)
-    lower = np.where(known, scipy.special.expit(odds - reached), 0.0)
-    upper = np.where(known, scipy.special.expit(odds + reached), 1.0)
-    return np.where(settled, probability, lower), np.where(settled, probability, upper)
 
 
 def _normal_quantile(coverage: float) -> float:

@@ -1,4 +1,4 @@
-"""Predicted arrival to and from std_msgs/Float64MultiArray: a row of times, a row of probabilities.
+"""Predicted arrival to std_msgs/Float64MultiArray: a row of times, a row of probabilities.
 
 Row 0: times (s) on the clock of the observations, the first one being when the prediction was
 made; row 1: predicted probability of having arrived by then, given no arrival so far. Steps of less
@@ -18,7 +18,7 @@ _SMALLEST_STEP = 1e-3
 
 def to_arrival_message(law: ArrivalLaw, now_s: float) -> Float64MultiArray:
     """The law of the remaining time as seen at `now_s`."""
-    kept = _worth_telling(law)
+    kept = _distinct_steps(law)
     size = len(kept)
     layout = MultiArrayLayout(
         dim=[
@@ -31,13 +31,7 @@ def to_arrival_message(law: ArrivalLaw, now_s: float) -> Float64MultiArray:
     return Float64MultiArray(layout=layout, data=array.array("d", rows.tobytes()))
 
 
-def from_arrival_message(message: Float64MultiArray) -> tuple[float, ArrivalLaw]:
-    """(now_s, law) of a message; what comes after its last step is not known."""
-    times_s, cdf = np.array(message.data, dtype=np.float64).reshape(2, -1)
-    return float(times_s[0]), ArrivalLaw(times_s - times_s[0], cdf, float(cdf[-1]))
-
-
-def _worth_telling(law: ArrivalLaw) -> list[int]:
+def _distinct_steps(law: ArrivalLaw) -> list[int]:
     kept = [0]
     for step in range(1, len(law.cdf)):
         if law.cdf[step] - law.cdf[kept[-1]] >= _SMALLEST_STEP:

@@ -39,11 +39,6 @@ class TopView:
         height = round((y_max - y_min + 2 * _MARGIN_M) * pixels_per_m)
         self._background = self._drawn_background(scenario, height, width)
 
-    @property
-    def background(self) -> Frame:
-        """The empty scenario: floor, walls, goal and start areas."""
-        return self._background.astype(np.uint8)
-
     def frame(
         self,
         robot_pose: tuple[float, float, float] | None = None,

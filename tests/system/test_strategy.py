@@ -13,11 +13,11 @@ from visualization_msgs.msg import MarkerArray
 from serd_app.navigation.arrival_log import load_arrivals
 from serd_app.navigation.drive import DriveSettings, drive
 from serd_app.navigation.settings import NavigationSettings
-from serd_ros.convert.arrival import from_arrival_message
 from serd_ros.convert.diagnostics import END, from_episode_message, values_of
 from serd_ros.convert.pose import from_pose, to_pose_stamped
 from serd_ros.endpoints import qos
 from storage.episode_table import load_episodes
+from support.arrival_messages import from_arrival_message
 from support.waiting import PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]

@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 
 from bags.errors import BagError
 from bags.messages.plain import Header, PlanarPose, PlanarTransform
+from bags.reader import BagReader
 from bags.writer import BagWriter
 from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.demonstrations.fitted_grid import grid_around
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.mapped_actions import NO_COMMAND, actions_of_velocities, actions_of_waypoints
-from serd_app.drives.mapped_drive import read_mapped_drive
+from serd_app.drives.mapped_drive import mapped_drive_in
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.recorded_drive import NOT_FINITE
 from serd_app.drives.transforms import TransformTree, composed, inverse
@@ -172,7 +173,7 @@ def bag_with_tf(path, messages, tf_times_s):
 
 def test_poses_that_no_transform_reaches_are_left_out_and_counted(tmp_path, messages):
     mapping = bag_with_tf(tmp_path / "late", messages, np.arange(53.0, 56.01, 0.5))
-    drive = read_mapped_drive(tmp_path / "late", mapping, 2.0)
+    drive = mapped_drive_in(BagReader(tmp_path / "late"), mapping, 2.0)
     assert drive.n_unplaced_poses == 20 + 10
     assert (drive.pose_time_s[0], drive.pose_time_s[-1]) == pytest.approx((52.0, 57.0))
     np.testing.assert_allclose(drive.position_m[:, 0], 10.5)
@@ -185,7 +186,7 @@ def test_poses_that_no_transform_reaches_are_left_out_and_counted(tmp_path, mess
 def test_transforms_of_another_clock_place_no_pose_and_that_is_said(tmp_path, messages):
     mapping = bag_with_tf(tmp_path / "other", messages, np.arange(0.0, 3.0, 0.5))
     with pytest.raises(BagError, match=r"/tf must join 'odom' with 'map' .* it never does; record"):
-        read_mapped_drive(tmp_path / "other", mapping, 2.0)
+        mapped_drive_in(BagReader(tmp_path / "other"), mapping, 2.0)
 
 
 def written(path, kinds, *rows):
@@ -220,29 +221,29 @@ def test_poses_given_in_several_frames_are_each_brought_from_their_own(tmp_path,
         for topic, time_s, data in rows
     ]
     mapping = DRIVEN.model_copy(update={"frame": "map"})
-    one = read_mapped_drive(written(tmp_path / "one", KINDS, *rows), mapping, 2.0)
+    one = mapped_drive_in(BagReader(written(tmp_path / "one", KINDS, *rows)), mapping, 2.0)
     two_path = written(tmp_path / "two", KINDS, *in_map)
-    two = read_mapped_drive(two_path, mapping, 2.0)
+    two = mapped_drive_in(BagReader(two_path), mapping, 2.0)
     np.testing.assert_allclose(one.position_m, two.position_m, atol=1e-9)
     np.testing.assert_allclose(two.position_m[[0, -1], 0], [10.0, 18.0])
     assert one.intent_action.tolist() == two.intent_action.tolist()
     with pytest.raises(BagError, match="in one frame where the mapping names none, got 'odom', 'm"):
-        read_mapped_drive(two_path, DRIVEN, 2.0)
+        mapped_drive_in(BagReader(two_path), DRIVEN, 2.0)
 
 
 def test_a_topic_of_actions_without_a_message_is_refused(tmp_path, messages):
     poses = [row for row in drive_east(messages) if row[0] == "/pose"]
     path = written(tmp_path / "silent", KINDS, *poses)
     with pytest.raises(BagError, match="action_topic /cmd_vel must hold messages, it holds none"):
-        read_mapped_drive(path, DRIVEN, 2.0)
+        mapped_drive_in(BagReader(path), DRIVEN, 2.0)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_command_that_is_not_finite_is_left_out_and_counted(tmp_path, messages, bad):
     rows = [*drive_east(messages)]
-    sound = read_mapped_drive(written(tmp_path / "sound", KINDS, *rows), DRIVEN, 2.0)
+    sound = mapped_drive_in(BagReader(written(tmp_path / "sound", KINDS, *rows)), DRIVEN, 2.0)
     rows.append(("/cmd_vel", 53.05, twist(messages, bad)))
-    drive = read_mapped_drive(written(tmp_path / "bad", KINDS, *rows), DRIVEN, 2.0)
+    drive = mapped_drive_in(BagReader(written(tmp_path / "bad", KINDS, *rows)), DRIVEN, 2.0)
     assert (sound.n_bad_commands, drive.n_bad_commands) == (0, 1)
     assert drive.intent_action.tolist() == sound.intent_action.tolist()
     _, report = decisions_from_drive(drive, grid_around(drive.position_m, 1.0), 2.0)
@@ -257,7 +258,7 @@ def test_an_intent_or_waypoint_that_is_not_finite_is_dropped_and_counted(tmp_pat
         wishes[1] = ("/wish", 52.0, make(52.0, np.nan, 0.5))
         path = written(tmp_path / source, KINDS | {"/wish": kind}, *poses, *wishes)
         mapping = BagMapping(pose_topic="/pose", action_from=source, action_topic="/wish")
-        drive = read_mapped_drive(path, mapping, 2.0)
+        drive = mapped_drive_in(BagReader(path), mapping, 2.0)
         assert drive.dropped == {NOT_FINITE: 1}
         assert drive.intent_time_s.tolist() == [50.0, 54.0]
         assert drive.intent_action.tolist() == [Action.EAST, Action.EAST]
@@ -274,11 +275,11 @@ def test_what_counts_as_a_gap_follows_how_often_poses_come(
         for topic, time_s, data in drive_east(messages, step_s=step_s)
         if topic != "/pose" or not 54.05 < time_s < 54.0 + gap_s - 0.05
     ]
-    drive = read_mapped_drive(written(tmp_path / "gap", KINDS, *rows), DRIVEN, 2.0)
+    drive = mapped_drive_in(BagReader(written(tmp_path / "gap", KINDS, *rows)), DRIVEN, 2.0)
     assert drive.longest_gap_s == pytest.approx(max(0.5, 5 * step_s))
     assert len(drive.episodes) == n_episodes
     given = DRIVEN.model_copy(update={"longest_gap_s": 0.3})
-    assert len(read_mapped_drive(tmp_path / "gap", given, 2.0).episodes) == 2
+    assert len(mapped_drive_in(BagReader(tmp_path / "gap"), given, 2.0).episodes) == 2
 
 
 def test_diagnostics_of_other_things_are_no_marks(tmp_path, messages):
@@ -292,7 +293,7 @@ def test_diagnostics_of_other_things_are_no_marks(tmp_path, messages):
     ]
     path = written(tmp_path / "marked", KINDS | {"/diagnostics": DIAGNOSTICS}, *rows)
     mapping = DRIVEN.model_copy(update={"episode_topic": "/diagnostics"})
-    drive = read_mapped_drive(path, mapping, 2.0)
+    drive = mapped_drive_in(BagReader(path), mapping, 2.0)
     assert drive.episodes == (EpisodeSpan(3, 50.0, 56.0, "arrived"),)
 
 
@@ -323,9 +324,9 @@ def test_poses_of_two_runs_of_a_clock_are_never_mixed(tmp_path, messages, back_s
         with pytest.raises(
             BagError, match=r"that of pose 36 does by 2\.9 s: the world was started"
         ):
-            read_mapped_drive(tmp_path / "two", mapping, 2.0)
+            mapped_drive_in(BagReader(tmp_path / "two"), mapping, 2.0)
     else:
-        assert len(read_mapped_drive(tmp_path / "two", mapping, 2.0).pose_time_s) > 35
+        assert len(mapped_drive_in(BagReader(tmp_path / "two"), mapping, 2.0).pose_time_s) > 35
 
 
 def test_simulated_time_and_frames_are_put_right(foreign_bag):
@@ -336,7 +337,7 @@ def test_simulated_time_and_frames_are_put_right(foreign_bag):
         action_topic="cmd_vel",
         minimum_speed_mps=0.15,  # the last command is held for 0.4 s of the third period
     )
-    drive = read_mapped_drive(foreign_bag, mapping, 2.0)
+    drive = mapped_drive_in(BagReader(foreign_bag), mapping, 2.0)
     decisions, report = decisions_from_drive(drive, grid_around(drive.position_m, 1.0), 2.0)
     assert drive.position_m[0].tolist() == [10.5, 0.5]
     assert decisions.time_s.tolist() == [50.0, 52.0, 54.0]
@@ -345,7 +346,9 @@ def test_simulated_time_and_frames_are_put_right(foreign_bag):
     assert report.n_intents == 4
     silent = mapping.model_copy(update={"silence": "wait"})
     _, report = decisions_from_drive(
-        read_mapped_drive(foreign_bag, silent, 2.0), grid_around(drive.position_m, 1.0), 2.0
+        mapped_drive_in(BagReader(foreign_bag), silent, 2.0),
+        grid_around(drive.position_m, 1.0),
+        2.0,
     )
     assert (report.n_decisions, report.dropped) == (4, {})
 
@@ -364,7 +367,7 @@ def test_simulated_time_and_frames_are_put_right(foreign_bag):
 )
 def test_a_mapping_that_does_not_fit_the_bag_gets_a_sentence(foreign_bag, text, sentence):
     with pytest.raises(BagError, match=sentence):
-        read_mapped_drive(foreign_bag, yaml_model(text, BagMapping, name="x.yaml"), 2.0)
+        mapped_drive_in(BagReader(foreign_bag), yaml_model(text, BagMapping, name="x.yaml"), 2.0)
 
 
 @pytest.mark.skipif(
@@ -374,7 +377,7 @@ def test_the_real_robot_becomes_demonstrations():
     mapping = BagMapping(
         pose_topic="/odom", action_from="velocity", action_topic="/cmd_vel", silence="wait"
     )
-    drive = read_mapped_drive(REAL_BAG, mapping, 2.0)
+    drive = mapped_drive_in(BagReader(REAL_BAG), mapping, 2.0)
     grid = grid_around(drive.position_m, 0.5)
     decisions, report = decisions_from_drive(drive, grid, 2.0)
     assert len(drive.pose_time_s) == 290
@@ -384,6 +387,8 @@ def test_the_real_robot_becomes_demonstrations():
     moved = decisions.select(decisions.state != decisions.next_state)
     assert len(moved) >= 4
     assert set(decisions.action) > {Action.WAIT}
-    unknown = read_mapped_drive(REAL_BAG, mapping.model_copy(update={"silence": "unknown"}), 2.0)
+    unknown = mapped_drive_in(
+        BagReader(REAL_BAG), mapping.model_copy(update={"silence": "unknown"}), 2.0
+    )
     assert unknown.dropped == {NO_COMMAND: 12}
     assert len(unknown.intent_time_s) + 12 == report.n_intents

@@ -5,8 +5,9 @@ import pytest
 
 from bags.errors import BagError
 from bags.messages.decoded import messages_of
+from bags.reader import BagReader
 from bags.writer import BagWriter
-from serd_app.drives.mapped_drive import read_mapped_drive
+from serd_app.drives.mapped_drive import mapped_drive_in
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
 from serd_core.grid.grid import Action
@@ -46,7 +47,7 @@ def own_bag(tmp_path, messages):
 
 def test_a_mapping_of_our_own_topics_changes_nothing(own_bag):
     direct = read_drives(own_bag)[0]
-    mapped = read_mapped_drive(own_bag, BagMapping(episode_topic="episode"), 2.0)
+    mapped = mapped_drive_in(BagReader(own_bag), BagMapping(episode_topic="episode"), 2.0)
     assert [span.outcome for span in direct.episodes] == ["arrived", "cut_off"]
     assert mapped.episodes == direct.episodes
     for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
@@ -57,13 +58,13 @@ def test_waypoints_ahead_mean_what_the_intents_say(own_bag):
     mapping = BagMapping(
         action_from="waypoint", action_topic="waypoint", episode_topic="/robot/episode"
     )
-    drive = read_mapped_drive(own_bag, mapping, 2.0)
+    drive = mapped_drive_in(BagReader(own_bag), mapping, 2.0)
     assert set(drive.intent_action) == {Action.NORTH}
     assert np.array_equal(drive.intent_time_s, read_drives(own_bag)[0].intent_time_s)
 
 
 def test_without_marks_every_stretch_without_a_gap_is_an_episode(own_bag):
-    drive = read_mapped_drive(own_bag, BagMapping(), 2.0)
+    drive = mapped_drive_in(BagReader(own_bag), BagMapping(), 2.0)
     assert [(span.start_s, span.outcome) for span in drive.episodes] == [
         (10.0, "unmarked"),
         (30.0, "unmarked"),

@@ -72,35 +72,6 @@ def test_drawn_arrivals_follow_the_law(case, seed):
     assert np.abs(measured - predicted).max() < np.sqrt(np.log(2e6) / 8000)
 
 
-@settings(deadline=None, max_examples=40)
-@given(arrivals(), st.floats(0.0, 20.0), st.floats(0.0, 20.0))
-def test_waiting_twice_is_waiting_once_for_the_sum(case, first_s, second_s):
-    law = law_in_seconds(case[0], period_s=2.0, entry_times_s=case[1])
-    if float(law.probability_by(first_s + second_s)) > 1 - 1e-6:
-        return
-    twice = law.given_not_arrived_by(first_s).given_not_arrived_by(second_s)
-    once = law.given_not_arrived_by(first_s + second_s)
-    grid_s = np.linspace(0.003, 30.003, 61)
-    np.testing.assert_allclose(twice.probability_by(grid_s), once.probability_by(grid_s), atol=1e-6)
-    assert twice.arrival_probability == pytest.approx(once.arrival_probability, abs=1e-6)
-
-
-@settings(deadline=None, max_examples=40)
-@given(arrivals(), st.floats(0.0, 20.0), st.floats(0.01, 20.0))
-def test_conditioning_is_bayes_rule_and_delaying_undoes_its_shift(case, elapsed_s, more_s):
-    law = law_in_seconds(case[0], period_s=2.0, entry_times_s=case[1])
-    before = float(law.probability_by(elapsed_s))
-    if before > 1 - 1e-6:
-        return
-    after = law.given_not_arrived_by(elapsed_s)
-    joint = float(law.probability_by(elapsed_s + more_s)) - before
-    assert float(after.probability_by(more_s)) == pytest.approx(joint / (1 - before), abs=1e-9)
-    since_start = after.delayed(elapsed_s)
-    assert float(since_start.probability_by(elapsed_s + more_s)) == pytest.approx(
-        float(after.probability_by(more_s)), abs=1e-9
-    )
-
-
 def test_the_quantile_is_the_first_time_by_which_that_share_has_arrived():
     law = ArrivalLaw(np.array([0.0, 1.0, 3.0]), np.array([0.0, 0.4, 0.8]), 0.9)
     assert law.quantile_s(0.4) == 1.0
@@ -142,8 +113,6 @@ def test_wrong_arguments_are_refused_by_name():
             entry_times_s([1.0], period_s)
     with pytest.raises(SerdError, match=r"entry_times_s\[1\] must be above 0 and at most period_s"):
         law_in_seconds(arrival, period_s=2.0, entry_times_s=(1.0, 2.5))
-    with pytest.raises(SerdError, match=r"not having arrived by 2\.0 s must be possible"):
-        law_in_seconds(arrival, period_s=2.0).given_not_arrived_by(2.0)
 
 
 @pytest.mark.parametrize("time_s", [0.0, -1.0])

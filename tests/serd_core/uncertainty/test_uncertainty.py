@@ -26,7 +26,6 @@ from serd_core.uncertainty.identifiability import gauge_free_basis, identifiabil
 from serd_core.uncertainty.information import decision_scores, fit_information
 from serd_core.uncertainty.standard_errors import (
     confidence_interval,
-    probability_interval,
     standard_errors,
 )
 
@@ -395,30 +394,3 @@ def test_an_interval_reaches_as_many_standard_errors_as_its_coverage_says():
     np.testing.assert_allclose(narrow, [-1.0], atol=1e-6)
     with pytest.raises(SerdError, match="coverage must be between 0 and 1, got 95"):
         confidence_interval(np.zeros(1), np.ones(1), coverage=95)
-
-
-def test_intervals_of_probabilities_stay_within_0_and_1():
-    lower, upper = probability_interval(np.array([0.01, 0.5]), np.array([0.01, 0.1]))
-    odds, width = np.log(0.01 / 0.99), 1.959964 * 0.01 / (0.01 * 0.99)
-    assert lower[0] == pytest.approx(1 / (1 + np.exp(-(odds - width))), rel=1e-6)
-    assert upper[0] == pytest.approx(1 / (1 + np.exp(-(odds + width))), rel=1e-6)
-    assert lower[1] + upper[1] == pytest.approx(1.0)
-    np.testing.assert_allclose(
-        probability_interval(np.array([1.0, 0.0, 0.3, 0.0]), np.array([0.0, 0.0, np.inf, 0.1])),
-        [[1, 0, 0, 0], [1, 0, 1, 1]],
-    )
-
-
-def test_intervals_of_probabilities_are_symmetric_ones_for_small_errors():
-    share, error = np.linspace(0.05, 0.95, 19), np.full(19, 1e-5)
-    for found, expected in zip(
-        probability_interval(share, error), confidence_interval(share, error), strict=True
-    ):
-        np.testing.assert_allclose(found - share, expected - share, rtol=1e-3)
-
-
-def test_an_interval_of_no_probability_is_refused():
-    with pytest.raises(SerdError, match=r"estimate\[0\] must be a probability, got 1.5"):
-        probability_interval(np.array([1.5]), np.array([0.1]))
-    with pytest.raises(SerdError, match="coverage must be between 0 and 1, got 95"):
-        probability_interval(np.array([0.5]), np.array([0.1]), coverage=95)

@@ -10,7 +10,7 @@ from visualization_msgs.msg import Marker
 
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
-from serd_ros.convert.arrival import from_arrival_message, to_arrival_message
+from serd_ros.convert.arrival import to_arrival_message
 from serd_ros.convert.command import from_intent, from_twist, to_intent, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import (
     EpisodeMark,
@@ -57,6 +57,7 @@ from sim.world.command import Command
 from sim.world.waypoint import Waypoint
 from storage.errors import FileError
 from storage.yaml_config import yaml_model
+from support.arrival_messages import from_arrival_message
 from support.observations import observation_at
 
 metres = st.floats(-1e3, 1e3, allow_nan=False)

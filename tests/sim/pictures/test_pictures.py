@@ -69,7 +69,7 @@ def test_robot_and_people_are_drawn_where_they_are():
 
 
 def test_somebody_outside_the_picture_is_left_out():
-    np.testing.assert_array_equal(VIEW.frame(None, [[100.0, 100.0], [-50.0, 3.0]]), VIEW.background)
+    np.testing.assert_array_equal(VIEW.frame(None, [[100.0, 100.0], [-50.0, 3.0]]), VIEW.frame())
 
 
 def test_a_trajectory_gives_one_frame_per_tick(trajectory):
