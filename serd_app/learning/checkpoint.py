@@ -13,6 +13,7 @@ from pydantic import Field
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations, LiveDrive
+from serd_app.learning.methods import FitProgress
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
@@ -26,8 +27,9 @@ from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
 
 
 class LearnerCheckpoint(StrictModel):
-    """reward_weights: by name, where the newest fit stood after `step` steps; none before it.
+    """reward_weights: by name, where the newest fit to all episodes stood; none before it.
 
+    step: steps of the fit under way, to all episodes or of a candidate weight; 0 between fits.
     n_learned: decisions the newest finished fit had learned from.
     goal_entry_s: see `storage.model_file.ModelFile`.
     """
@@ -123,9 +125,10 @@ class LearnerMemory:
         self._save(goal_entry_s=self.demonstrations.goal_entry_s)
         return self.demonstrations
 
-    def save_step(self, weights: FloatArray, step: int) -> None:
-        """Write where an unfinished fit stands."""
-        self._save(reward_weights=_named(weights), step=step)
+    def save_progress(self, progress: FitProgress) -> None:
+        """Write where an unfinished fit stands; the weights only of the fit to all episodes."""
+        weights = {"reward_weights": _named(progress.weights)} if progress.is_last else {}
+        self._save(step=progress.step.number, **weights)
 
     def save_learned(self, fit: FitResult) -> None:
         """Write what a finished fit found; the next starts cold where this did not converge."""

@@ -8,8 +8,7 @@ SERD starts in two stages: reward weights under the M-estimate of the dynamics f
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -48,8 +47,6 @@ ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=200)
 KINKED = KinkedAscent(smooth=ASCENT, gradient_tolerance=1e-5)
 #: Fixes the common scale of rewards and temperature, on which the likelihood does not depend.
 TEMPERATURE_PRIOR = GaussianPrior(0.1, Block.POLICY, mean=1.0)
-#: Decisions of a sampled trajectory: seven minutes, so that most arrive.
-_LONGEST_SAMPLE = 210
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +65,11 @@ class FitProgress:
     def weights(self) -> FloatArray:
         """(F,) reward weights, with which the vector of every method begins."""
         return self.step.vector[: len(FEATURE_NAMES)]
+
+    @property
+    def is_last(self) -> bool:
+        """Whether it is the fit to all episodes."""
+        return self.number == self.total
 
 
 ProgressCallback = Callable[[FitProgress], None]
@@ -94,6 +96,9 @@ class FitData:
     rng: np.random.Generator
     initial_weights: FloatArray | None = None
     on_progress: ProgressCallback = ignore_progress
+    # A fit for every candidate weight starts from the same estimate and weights.
+    _estimates: dict[Decisions, FloatArray] = field(default_factory=dict, init=False, repr=False)
+    _starts: dict[Decisions, FloatArray] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def reward_prior(self) -> Prior:
@@ -102,13 +107,20 @@ class FitData:
 
     def estimate(self, decisions: Decisions) -> FloatArray:
         """(M, K) M-estimate of the dynamics."""
-        return _estimate(self.problem, decisions, self.settings.pseudo_count)
+        if decisions not in self._estimates:
+            pseudo_count = self.settings.pseudo_count
+            self._estimates[decisions] = estimate_dynamics(self.problem, decisions, pseudo_count)
+        return self._estimates[decisions]
 
-    def start(self, decisions: Decisions) -> FloatArray:
-        """(F,) reward weights SERD starts from."""
+    def start(self, decisions: Decisions, on_step: OnStep | None) -> FloatArray:
+        """(F,) reward weights SERD starts from; on_step: called after each step of the search."""
         if self.initial_weights is not None:
             return self.initial_weights
-        return _staged_start(self.problem, decisions, self.settings.pseudo_count)
+        if decisions not in self._starts:
+            self._starts[decisions] = weights_under_initial_dynamics(
+                self.problem, decisions, dynamics=self.estimate(decisions), on_step=on_step
+            )
+        return self._starts[decisions]
 
     def reporter(
         self, number: int = 1, total: int = 1, prior_weight: float | None = None
@@ -216,7 +228,7 @@ def policy_matching(data: FitData) -> MethodResult:
         data.problem,
         data.decisions,
         inverse_temperature=data.settings.inverse_temperature,
-        initial_weights=data.start(data.decisions),
+        initial_weights=data.start(data.decisions, data.reporter()),
         dynamics=data.estimate(data.decisions),
         on_step=data.reporter(),
     )
@@ -323,7 +335,7 @@ def _fit_serd(
     return fit_mdce_serd(
         data.problem,
         decisions,
-        initial_weights=data.start(decisions),
+        initial_weights=data.start(decisions, on_step),
         dynamics=data.estimate(decisions),
         belief=belief,
         prior=prior + data.reward_prior,
@@ -339,7 +351,7 @@ def _fit_policy_matching_serd(
     return fit_pm_serd(
         data.problem,
         decisions,
-        initial_weights=data.start(decisions),
+        initial_weights=data.start(decisions, on_step),
         dynamics=data.estimate(decisions),
         prior=KldPrior(prior_weight) + uniform + data.reward_prior + TEMPERATURE_PRIOR,
         ascent=KINKED,
@@ -359,7 +371,7 @@ def _fit_relative_entropy(
         estimate,
         start_distribution(decisions, problem.mdp.n_states),
         n_episodes=data.settings.reirl_samples,
-        n_steps=_LONGEST_SAMPLE,
+        n_steps=data.settings.reirl_sample_decisions,
         rng=data.rng,
     )
     longest = int(trajectories_of(decisions).length.max())
@@ -374,20 +386,6 @@ def _fit_relative_entropy(
         rng=data.rng,
         on_step=on_step,
     )
-
-
-# A fit for every candidate weight starts from the same estimate and weights.
-@lru_cache(maxsize=8)
-def _estimate(problem: NavigationProblem, decisions: Decisions, pseudo_count: float) -> FloatArray:
-    return estimate_dynamics(problem, decisions, pseudo_count)
-
-
-@lru_cache(maxsize=8)
-def _staged_start(
-    problem: NavigationProblem, decisions: Decisions, pseudo_count: float
-) -> FloatArray:
-    estimate = _estimate(problem, decisions, pseudo_count)
-    return weights_under_initial_dynamics(problem, decisions, dynamics=estimate)
 
 
 def _normal(data: FitData) -> str:

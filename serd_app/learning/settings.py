@@ -55,6 +55,9 @@ class RecipeSettings(StrictModel):
         min_length=1,
     )
     reirl_samples: int = setting(500, "relative_entropy_irl: sampled trajectories", ge=1)
+    reirl_sample_decisions: int = setting(
+        210, "relative_entropy_irl: decisions of a sampled trajectory; most arrive in these", ge=1
+    )
 
 
 class LearningSettings(RecipeSettings):

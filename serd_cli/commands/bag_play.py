@@ -11,18 +11,20 @@ from bags.reader import BagReader
 from bags.topic import selected_topics
 from serd_cli.errors import UsageError
 from serd_cli.node_commands import node_command
+from serd_cli.options import option, validated
 from serd_cli.workspace import ros_environment
+from serd_ros.graph.configs import BagReplayConfig
 
 _NODE = "bag_replay"
 
 
 def play(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="bag folder, or .mcap or .db3 file")],
-    rate: Annotated[float, typer.Option(min=1e-3, help="bag seconds per second")] = 1.0,
-    start: Annotated[float, typer.Option(min=0, help="leave out the first seconds")] = 0.0,
-    duration: Annotated[float, typer.Option(min=0, help="bag seconds to play; 0: all")] = 0.0,
-    loop: Annotated[bool, typer.Option("--loop", help="start again at the end")] = False,
-    paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
+    rate: float = option(BagReplayConfig, "rate"),
+    start: float = option(BagReplayConfig, "start_s"),
+    duration: float = option(BagReplayConfig, "duration_s"),
+    loop: bool = option(BagReplayConfig, "loop", "--loop"),
+    paused: bool = option(BagReplayConfig, "paused", "--paused"),
     topic: Annotated[list[str] | None, typer.Option(help="play this one; repeat for more")] = None,
     remap: Annotated[
         list[str] | None, typer.Option(metavar="FROM:=TO", help="play into another topic")
@@ -30,7 +32,7 @@ def play(
     wait_for: Annotated[
         list[str] | None, typer.Option(metavar="NODE", help="start when this node subscribes")
     ] = None,
-    wait: Annotated[float, typer.Option(min=0, help="seconds to wait for any listener")] = 10.0,
+    wait: float = option(BagReplayConfig, "wait_s"),
     clock: Annotated[bool, typer.Option(help="publish bag time on /clock")] = True,
 ) -> None:
     """Play a bag into its topics at any pace, with /clock.
@@ -40,21 +42,22 @@ def play(
     In a terminal: space pauses, right steps, up and down change the rate. Ctrl-C ends.
     """
     selected_topics(BagReader(bag).topics, topic or ())
-    parameters = {
-        "bag": str(bag.resolve()),
-        "topics": topic or [""],
-        "rate": rate,
-        "start_s": start,
-        "duration_s": duration,
-        "loop": loop,
-        "paused": paused,
-        "required_nodes": wait_for or [""],
-        "wait_s": wait,
-        "keys": sys.stdin.isatty() and sys.stderr.isatty(),
-    }
-    if not clock:
-        parameters["clock_hz"] = 0.0
+    settings = validated(
+        BagReplayConfig,
+        bag=str(bag.resolve()),
+        topics=topic or ("",),
+        rate=rate,
+        start_s=start,
+        duration_s=duration,
+        loop=loop,
+        paused=paused,
+        required_nodes=wait_for or ("",),
+        wait_s=wait,
+        keys=sys.stdin.isatty() and sys.stderr.isatty(),
+        **({} if clock else {"clock_hz": 0.0}),
+    )
     environment = ros_environment(os.environ)
+    parameters = settings.model_dump(exclude_unset=True)
     command = node_command(_NODE, parameters, _remappings(remap or ()), environment)
     os.execve(command[0], command, environment)
 

@@ -1,17 +1,16 @@
 """`serd demo`: the whole loop, with a report at the end."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from serd_app.navigation.settings import PolicyKind
 from serd_cli.demo.folder import DemoFolder, new_folder, open_folder
 from serd_cli.demo.phases import demonstrate, learn, navigate
 from serd_cli.demo.report import report_demo
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.errors import RunError
-from serd_cli.options import option, validated
+from serd_cli.options import resolved_scenario, validated, with_settings
 from serd_cli.stack_run import stack_environment
 from serd_cli.terminal import progress_console
 from sim.scenario.scenario import load_scenario
@@ -22,34 +21,23 @@ def register(app: typer.Typer) -> None:
     app.command()(demo)
 
 
+@with_settings(DemoSettings)
 def demo(
     output: Annotated[Path, typer.Option(help="folder that gets a run-N folder")] = Path(
         "demo_output"
     ),
-    scenario: str = option(DemoSettings, "scenario"),
-    seed: int = option(DemoSettings, "seed"),
-    demonstrations: int = option(DemoSettings, "demonstrations"),
-    episodes: int = option(DemoSettings, "episodes"),
-    timeout_s: float = option(DemoSettings, "timeout_s"),
-    policy: PolicyKind = option(DemoSettings, "policy"),
     resume: Annotated[
         Path | None, typer.Option(help="continue this run-N folder; its settings count")
     ] = None,
+    **options: Any,
 ) -> None:
     """Demonstrate, record, learn, navigate and report, all through ROS 2 nodes."""
     if resume is not None:
         folder, settings = open_folder(resume)
     else:
-        load_scenario(scenario)
-        settings = validated(
-            DemoSettings,
-            scenario=str(Path(scenario).resolve()) if Path(scenario).is_file() else scenario,
-            seed=seed,
-            demonstrations=demonstrations,
-            episodes=episodes,
-            timeout_s=timeout_s,
-            policy=policy,
-        )
+        load_scenario(options["scenario"])
+        absolute = {"scenario": resolved_scenario(options["scenario"])}
+        settings = validated(DemoSettings, **(options | absolute))
         folder = new_folder(output, settings)
     _run(folder, settings)
 

@@ -10,16 +10,19 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from serd_cli.errors import UsageError
+from serd_cli.options import option
 from serd_cli.output_paths import require_file_place
 from serd_cli.terminal import WorkProgress, console, print_json
+from serd_ros.graph.configs import LocalPlannerConfig
 from sim.drivers.catalogue import driver_names, make_driver
 from sim.episodes.batch import EpisodeTask, scenario_of
 from sim.episodes.episode import EpisodeRecord, run_episode
+from sim.episodes.settings import EpisodeSettings, WorldSettings
 from sim.pictures.movie import MOVIE_WRITERS, save_png, with_caption
 from sim.pictures.scene_view import SceneView
 from sim.pictures.top_view import TopView
 from sim.pictures.trajectory import EpisodeView, Frame, Trajectory, TrajectoryRecorder
-from sim.planning.catalogue import planner_in_world, planner_names
+from sim.planning.catalogue import planner_in_world
 from sim.scenario.scenario import Scenario
 from sim.world.world import HallwayWorld
 
@@ -50,14 +53,12 @@ def render(
     policy: Annotated[
         str, typer.Option(help=f"{', '.join(driver_names())} or a learned model's file")
     ] = "expert",
-    planner: Annotated[str, typer.Option(help=" or ".join(planner_names()))] = "dwa",
-    people_from: Annotated[
-        str, typer.Option(help="given: people as they are; scan: from the lidar alone")
-    ] = "given",
-    seed: Annotated[int, typer.Option(min=0, help="seed of people, start and driver")] = 1,
+    planner: str = option(WorldSettings, "planner"),
+    people_from: str = option(LocalPlannerConfig, "people_from"),
+    seed: int = option(EpisodeSettings, "seed", default=1),
     episode: Annotated[int, typer.Option(min=0, help="number of the episode")] = 0,
-    people: Annotated[int | None, typer.Option(help="number of people, else its own")] = None,
-    start_area: Annotated[str, typer.Option(help="where the robot starts")] = "train",
+    people: int | None = option(WorldSettings, "people"),
+    start_area: str = option(WorldSettings, "start_area"),
     view: Annotated[
         View, typer.Option(help="from above, the whole in 3-D, or behind the robot in 3-D")
     ] = View.TOP,

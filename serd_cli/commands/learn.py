@@ -13,7 +13,7 @@ from serd_app.learning.learning_files import FlowSource, LearningFiles, read_lea
 from serd_app.learning.methods import FitProgress
 from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
 from serd_app.learning.recipe import learn as fit
-from serd_app.learning.settings import LearningSettings, MethodName
+from serd_app.learning.settings import LearningSettings
 from serd_cli.errors import FAILED, UsageError
 from serd_cli.fit_report import (
     certainty_values,
@@ -21,7 +21,7 @@ from serd_cli.fit_report import (
     remarks,
     weights_table,
 )
-from serd_cli.options import option, validated
+from serd_cli.options import validated, with_settings
 from serd_cli.output_paths import require_apart
 from serd_cli.terminal import WorkProgress, console, print_json
 from sim.scenario.goal import point_of
@@ -32,6 +32,11 @@ def register(app: typer.Typer) -> None:
     app.command(no_args_is_help=True)(learn)
 
 
+@with_settings(
+    LearningSettings,
+    prior_weights="--prior-weight",
+    reirl_threshold_shares="--reirl-threshold-share",
+)
 def learn(
     table: Annotated[
         Path, typer.Argument(metavar="TABLE", help="table of decisions that 'serd demos' wrote")
@@ -52,19 +57,8 @@ def learn(
             help="x,y (m) of a goal cell, repeat; by default the scenario's, else the ends"
         ),
     ] = None,
-    method: MethodName = option(LearningSettings, "method"),
-    discount: float = option(LearningSettings, "discount"),
-    prior_weights: list[float] = option(LearningSettings, "prior_weights", "--prior-weight"),
-    default_prior_weight: float = option(LearningSettings, "default_prior_weight"),
-    validation_share: float = option(LearningSettings, "validation_share"),
-    reward_deviation: float = option(LearningSettings, "reward_deviation"),
-    pseudo_count: float = option(LearningSettings, "pseudo_count"),
-    inverse_temperature: float = option(LearningSettings, "inverse_temperature"),
-    entropy_slack: float = option(LearningSettings, "entropy_slack"),
-    reirl_samples: int = option(LearningSettings, "reirl_samples"),
-    minimum_decisions: int = option(LearningSettings, "minimum_decisions"),
-    seed: int = option(LearningSettings, "seed"),
     as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
+    **options: Any,
 ) -> None:
     """Learn rewards and dynamics from a table of decisions.
 
@@ -81,29 +75,15 @@ def learn(
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise UsageError(f"--output must end in .yaml, got {output}; name a .yaml file")
     require_apart(output, outcome_files(output).values(), (*files_beside(table).values(), scenario))
-    settings = validated(
-        LearningSettings,
-        method=method,
-        discount=discount,
-        prior_weights=prior_weights,
-        default_prior_weight=default_prior_weight,
-        validation_share=validation_share,
-        reward_deviation=reward_deviation,
-        pseudo_count=pseudo_count,
-        inverse_temperature=inverse_temperature,
-        entropy_slack=entropy_slack,
-        reirl_samples=reirl_samples,
-        minimum_decisions=minimum_decisions,
-        seed=seed,
-    )
+    settings = validated(LearningSettings, **options)
     files = read_learning_files(
         table,
-        discount=discount,
+        discount=settings.discount,
         scenario=scenario,
         flow=flow,
         goals_m=tuple(point_of(each) for each in goal or ()),
     )
-    _require_left(files, minimum_decisions)
+    _require_left(files, settings.minimum_decisions)
     outcome = _fitted(files, settings)
     save_outcome(output, outcome, files.task.problem.grid)
     decisions, problem = files.demonstrations.decisions, files.task.problem

@@ -3,7 +3,7 @@
 from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
@@ -12,11 +12,11 @@ from report.style import png_bytes
 from serd_app.navigation.comparison import compare
 from serd_app.navigation.drive import DriveSettings, drive, finished_episodes
 from serd_app.navigation.drive_folder import claim_folder
-from serd_app.navigation.settings import NavigationSettings, PolicyKind
+from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_cli.arrival_output import comparison_figure, comparison_table, remarks
 from serd_cli.errors import UsageError
-from serd_cli.options import option, validated
+from serd_cli.options import resolved_scenario, validated, with_settings
 from serd_cli.output_paths import require_folder
 from serd_cli.resume_notice import results_kept_in
 from serd_cli.stack_run import run_stack, stack_environment
@@ -34,28 +34,23 @@ def register(app: typer.Typer) -> None:
     app.command(no_args_is_help=True)(navigate)
 
 
+@with_settings(
+    DriveSettings,
+    lookahead_cells="--lookahead",
+    patience_periods="--patience",
+    minimum_arrival_probability="--minimum-probability",
+)
 def navigate(
     model: Annotated[Path, typer.Argument(help="file of a learned model")],
     scenario: Annotated[
         str, typer.Option(help="built-in scenario or YAML file, the model's own when not given")
     ] = "",
-    goal: str = option(DriveSettings, "goal"),
-    start_area: str = option(DriveSettings, "start_area"),
-    people: int | None = option(DriveSettings, "people"),
-    episodes: int = option(DriveSettings, "episodes"),
-    seed: int = option(DriveSettings, "seed"),
-    timeout_s: float = option(DriveSettings, "timeout_s"),
-    policy: PolicyKind = option(DriveSettings, "policy"),
-    planner: str = option(DriveSettings, "planner"),
-    transfer: bool = option(DriveSettings, "transfer", "--transfer"),
-    lookahead: int = option(DriveSettings, "lookahead_cells"),
-    patience: int = option(DriveSettings, "patience_periods"),
-    minimum_probability: float = option(DriveSettings, "minimum_arrival_probability"),
     ros: Annotated[bool, typer.Option("--ros", help="through ROS nodes, not in process")] = False,
     output: Annotated[
         Path | None, typer.Option(help="folder for tables and arrival.png, else nothing is kept")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
+    **options: Any,
 ) -> None:
     """Drive by a learned model and compare predicted with measured times of arrival.
 
@@ -67,18 +62,7 @@ def navigate(
         DriveSettings,
         model=str(model.resolve()),
         scenario=_scenario_of(scenario, model),
-        goal=goal,
-        start_area=start_area,
-        people=people,
-        episodes=episodes,
-        seed=seed,
-        timeout_s=timeout_s,
-        policy=policy,
-        planner=planner,
-        transfer=transfer,
-        lookahead_cells=lookahead,
-        patience_periods=patience,
-        minimum_arrival_probability=minimum_probability,
+        **options,
     )
     strategy = _strategy_of(settings)
     if output is not None:
@@ -110,7 +94,7 @@ def _scenario_of(given: str, model: Path) -> str:
             f"--scenario must be given, {model} was learned on a fitted grid; with --transfer it"
             " drives where cells and decision periods are of the same size"
         )
-    return str(Path(name).resolve()) if Path(name).is_file() else name
+    return resolved_scenario(name)
 
 
 def _strategy_of(settings: DriveSettings) -> Strategy:

@@ -3,12 +3,13 @@
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any
 
 import typer
 
 from serd_app.drives.mapping import BagMapping
 from serd_cli.node_commands import stack_processes
+from serd_cli.options import resolved_scenario, validated, with_settings
 from serd_cli.output_paths import free_folder
 from serd_cli.supervisor import run_together
 from serd_cli.teleop.settings import TeleopSettings, require_a_way_to_drive
@@ -16,6 +17,7 @@ from serd_cli.teleop.summary import summarise_session
 from serd_cli.teleop.terminal_output import DriverLines, restored_terminal
 from serd_cli.terminal import progress_console
 from serd_cli.workspace import ros_environment
+from sim.scenario.grid import grid_of, start_states_of
 from sim.scenario.scenario import load_scenario
 from storage.files import atomic_write_text
 from storage.yaml_config import model_yaml
@@ -28,52 +30,22 @@ def register(app: typer.Typer) -> None:
     app.command()(teleop)
 
 
+@with_settings(TeleopSettings)
 def teleop(
     output: Annotated[Path, typer.Option(help="folder that gets a session-N folder")] = Path(
         "teleop_output"
     ),
-    scenario: Annotated[str, typer.Option(help="built-in scenario or YAML file")] = "hallway",
-    seed: Annotated[int, typer.Option(min=0, help="fixes people and starts")] = 0,
-    start_area: Annotated[
-        Literal["train", "transfer"], typer.Option(help="where episodes begin")
-    ] = "train",
-    people: Annotated[
-        int | None, typer.Option(min=0, help="how many people walk; the scenario's own number")
-    ] = None,
-    page: Annotated[bool, typer.Option(help="drive through a web page")] = True,
-    keyboard: Annotated[
-        bool, typer.Option("--keyboard", help="drive with this terminal's keys too")
-    ] = False,
-    velocity: Annotated[
-        bool, typer.Option("--velocity", help="drive by velocities, not by directions")
-    ] = False,
-    driver: Annotated[str, typer.Option(help="who drives, for the episode marks")] = "",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="of the page; 0: a free one")] = 8765,
-    address: Annotated[
-        str, typer.Option(help="the page's; another than loopback needs --token-file")
-    ] = "127.0.0.1",
-    token_file: Annotated[
-        Path | None, typer.Option(help="its first line is the token: open /?token=TOKEN")
-    ] = None,
+    **options: Any,
 ) -> None:
     """Start world, planner, mux, recorder and page; drive, save or discard episodes, Ctrl-C ends.
 
     Without --page the terminal's keys drive. A new session-N folder is made every time.
     """
-    settings = TeleopSettings(
-        scenario=str(Path(scenario).resolve()) if Path(scenario).is_file() else scenario,
-        seed=seed,
-        start_area=start_area,
-        people=people,
-        address=address,
-        port=port,
-        token_file=token_file,
-        page=page,
-        keyboard=keyboard or not page,
-        velocity=velocity,
-        driver=driver,
-    )
-    load_scenario(settings.scenario)
+    options["keyboard"] |= not options["page"]
+    options["scenario"] = resolved_scenario(options["scenario"])
+    settings = validated(TeleopSettings, **options)
+    scenario = load_scenario(settings.scenario)
+    start_states_of(scenario, grid_of(scenario), settings.start_area)
     require_a_way_to_drive(settings)
     _run(settings, free_folder(output, "session").resolve())
 

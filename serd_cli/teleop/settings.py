@@ -3,32 +3,34 @@
 import os
 import socket
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from serd_cli.errors import UsageError
+from serd_ros.graph.configs import TeleopPageConfig
 from serd_ros.graph.graph import Stack, find_stack
+from sim.episodes.settings import EpisodeSettings, WorldSettings
+from storage.settings import setting, setting_of
+from storage.yaml_config import StrictModel
 from teleop.page.access import PageAccess, read_token
 
 KEYBOARD, PAGE = "teleop_keyboard", "teleop_page"
 
 
-@dataclass(frozen=True)
-class TeleopSettings:
-    """driver: name for the episode marks, empty for the node's own; keyboard, page: the ways."""
+class TeleopSettings(StrictModel):
+    """Settings of a session."""
 
-    scenario: str
-    seed: int
-    start_area: str
-    people: int | None
-    address: str
-    port: int
-    token_file: Path | None
-    page: bool
-    keyboard: bool
-    velocity: bool
-    driver: str
+    scenario: str = setting_of(EpisodeSettings, "scenario")
+    seed: int = setting_of(EpisodeSettings, "seed")
+    start_area: str = setting_of(WorldSettings, "start_area")
+    people: int | None = setting_of(WorldSettings, "people")
+    page: bool = setting(True, "drive through a web page")
+    keyboard: bool = setting(False, "drive with this terminal's keys too")
+    velocity: bool = setting(False, "drive by velocities, not by directions")
+    driver: str = setting("", "name of the driver in the episode marks; the node's own when empty")
+    address: str = setting_of(TeleopPageConfig, "address")
+    port: int = setting_of(TeleopPageConfig, "port")
+    token_file: str = setting_of(TeleopPageConfig, "token_file")
 
     def stack(self) -> Stack:
         """The stack `teleop` with the ways to drive that are wanted."""
@@ -52,7 +54,7 @@ class TeleopSettings:
             given["people"] = self.people
         if self.page:
             given |= {"address": self.address, "port": self.port}
-            given["token_file"] = str(self.token_file.resolve()) if self.token_file else ""
+            given["token_file"] = str(Path(self.token_file).resolve()) if self.token_file else ""
         if self.keyboard:
             given["terminal"] = os.ttyname(sys.stdin.fileno())
         return given
@@ -63,7 +65,7 @@ def require_a_way_to_drive(settings: TeleopSettings) -> None:
     if settings.keyboard and not sys.stdin.isatty():
         raise UsageError("the keyboard needs a terminal as standard input; start it in a window")
     if settings.page:
-        PageAccess(settings.address, read_token(settings.token_file or ""))
+        PageAccess(settings.address, read_token(settings.token_file))
     if settings.page and settings.port:
         _require_free(settings.address, settings.port)
 

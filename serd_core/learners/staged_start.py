@@ -3,24 +3,23 @@
 From random weights, SERD may bend the dynamics to a wrong reward and stay there; with few
 demonstrations that happened to about one start in four on the gridworld. Learning the reward
 weights under the initial dynamics first (inverse reinforcement learning) gives a start from which
-it went well. To *see* the other explanations use `serd_core.selection.multi_start` instead.
+it went well. `serd_core.selection.multi_start` shows the other explanations.
 """
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent
+from serd_core.ascent.ascent import StepCallback
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.parameters import Block
 from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import Prior
 
 #: Wide, but enough to keep weights finite where every demonstration agrees.
-WIDE = GaussianPrior(100.0, Block.REWARD)
-TRUST_REGION = TrustRegion(gradient_tolerance=1e-5)
+_WIDE = GaussianPrior(100.0, Block.REWARD)
+_ASCENT = TrustRegion(gradient_tolerance=1e-5)
 
 
 def weights_under_initial_dynamics(
@@ -28,19 +27,20 @@ def weights_under_initial_dynamics(
     decisions: Decisions,
     *,
     dynamics: FloatArray | None = None,
-    prior: Prior = WIDE,
-    ascent: Ascent = TRUST_REGION,
+    on_step: StepCallback | None = None,
 ) -> FloatArray:
     """(F,) most likely weights under the given dynamics (None: the M-estimate), from zero.
 
-    Where that search does not converge its last point is returned: it is only a start.
+    Where that search does not converge its last point is returned: it is only a start. on_step:
+    called after each step.
     """
     fit = fit_mdce_irl_by_likelihood(
         problem,
         decisions,
         initial_weights=np.zeros(len(problem.feature_names)),
         dynamics=dynamics,
-        prior=prior,
-        ascent=ascent,
+        prior=_WIDE,
+        ascent=_ASCENT,
+        on_step=on_step,
     )
     return fit.reward_weights

@@ -167,7 +167,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
         step = progress.step
         if self._memory is not None and self.wall_s() >= self._checkpoint_due_s:
             self._checkpoint_due_s = self.wall_s() + _CHECKPOINT_PERIOD_S
-            self._memory.save_step(progress.weights, step.number)
+            self._memory.save_progress(progress)
         values = {
             "fit": progress.number,
             "fits": progress.total,

@@ -9,9 +9,11 @@ import pytest
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
 from serd_app.demonstrations.flow_table import save_flow
 from serd_app.learning.checkpoint import LearnerMemory
+from serd_app.learning.methods import FitProgress
 from serd_app.learning.recipe import learn, task_in
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_cli.demo.report import fit_of
+from serd_core.ascent.ascent import Step
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.solved_policy import soft_policy
 from serd_ros.graph.configs import LearnerConfig
@@ -134,3 +136,14 @@ def test_a_fit_that_found_no_end_is_no_start_for_the_next(outcome, tmp_path):
     assert memory.warm_weights.tolist() == outcome[0].fit.reward_weights.tolist()
     memory.save_learned(replace(outcome[0].fit, converged=False))
     assert memory.warm_weights is None
+
+
+def test_a_candidate_fit_leaves_the_weights_of_the_checkpoint_as_they_are(outcome, tmp_path):
+    memory = LearnerMemory(HALLWAY, tmp_path / "state")
+    memory.save_learned(outcome[0].fit)
+    before = memory.warm_weights.tolist()
+    step = Step(7, 0.0, 1.0, 9, np.array([1.0, 2.0, 3.0, 0.5]))
+    memory.save_progress(FitProgress(1, 2, 0.1, step))
+    assert memory.warm_weights.tolist() == before
+    memory.save_progress(FitProgress(2, 2, 0.1, step))
+    assert memory.warm_weights.tolist() == [1.0, 2.0, 3.0]

@@ -28,7 +28,7 @@ def test_options_become_parameters_of_the_node(serd, drive_bag, started):
     assert (node, remappings) == ("bag_replay", {"intent": "other"})
     assert parameters["bag"] == str(bag.resolve())
     assert (parameters["rate"], parameters["start_s"], parameters["clock_hz"]) == (10.0, 2.0, 0.0)
-    assert (parameters["topics"], parameters["required_nodes"]) == (["intent"], ["learner"])
+    assert (parameters["topics"], parameters["required_nodes"]) == (("intent",), ("learner",))
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ def settings(**changes):
         "people": None,
         "address": "127.0.0.1",
         "port": 0,
-        "token_file": None,
+        "token_file": "",
         "page": True,
         "keyboard": False,
         "velocity": False,
@@ -72,7 +72,7 @@ def test_any_address_but_loopback_needs_a_token_file(tmp_path):
         require_a_way_to_drive(settings(address="0.0.0.0"))
     token = tmp_path / "token"
     token.write_text("a-long-random-token\n")
-    require_a_way_to_drive(settings(address="0.0.0.0", token_file=token))
+    require_a_way_to_drive(settings(address="0.0.0.0", token_file=str(token)))
 
 
 def test_the_keyboard_needs_a_terminal(monkeypatch):
