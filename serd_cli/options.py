@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable
 from pathlib import Path
+from types import GenericAlias
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 import typer
@@ -57,8 +58,7 @@ def with_settings(model: type[BaseModel], **flags: str) -> Callable[[Command], C
         defaults = {name: each.default for name, each in own.items()}
         for name, field in model.model_fields.items():
             if name not in kinds:
-                listed = get_origin(field.annotation) is tuple
-                kinds[name] = list[get_args(field.annotation)[0]] if listed else field.annotation
+                kinds[name] = _option_type(field.annotation)
                 defaults[name] = option(model, name, *([flags[name]] if name in flags else []))
         only_by_name = inspect.Parameter.KEYWORD_ONLY
         parameters = [
@@ -70,6 +70,11 @@ def with_settings(model: type[BaseModel], **flags: str) -> Callable[[Command], C
         return command
 
     return decorate
+
+
+def _option_type(kind: Any) -> Any:
+    """list[kind] for a tuple of any length, which Typer does not have."""
+    return GenericAlias(list, get_args(kind)[0]) if get_origin(kind) is tuple else kind
 
 
 def _flag(name: str) -> str:
