@@ -40,8 +40,7 @@ def test_options_of_lists_are_repeated_and_have_the_given_flag():
 def test_a_value_beyond_an_inclusive_limit_is_refused_by_the_option():
     ended = CliRunner().invoke(app_with({}), ["--minimum-decisions", "0"])
     assert ended.exit_code == 2
-    assert "range" in ended.output
-    assert "x>=1" in ended.output
+    assert "'--minimum-decisions'" in ended.output
 
 
 def test_a_value_at_an_exclusive_limit_is_refused_by_the_model():
