@@ -6,7 +6,7 @@ import typer
 from rich.markup import escape
 
 from serd_cli.errors import BAD_INPUT, INTERRUPTED, RunError
-from serd_cli.terminal import progress_console
+from serd_cli.output.terminal import progress_console
 from serd_core.errors import SerdError
 
 COMMANDS = (

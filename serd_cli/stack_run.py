@@ -12,8 +12,8 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsed
 from rich.table import Column
 
 from serd_cli.node_commands import stack_processes
+from serd_cli.output.terminal import WorkProgress
 from serd_cli.supervisor import run_together
-from serd_cli.terminal import WorkProgress
 from serd_cli.workspace import ros_environment
 from serd_ros.graph.graph import find_stack
 from serd_ros.process.progress import VARIABLE, parse_progress

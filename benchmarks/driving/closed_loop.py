@@ -19,7 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from benchmarks.driving.closed_loop_figure import closed_loop_figure
 from benchmarks.report import RESULTS, Row, save
 from report.style import png_bytes
-from serd_cli.terminal import WorkProgress
+from serd_cli.output.terminal import WorkProgress
 from sim.drivers.catalogue import make_driver
 from sim.episodes.batch import EpisodeTask, run_batch
 from sim.episodes.batch_summary import ConditionSummary, summarise

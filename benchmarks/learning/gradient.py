@@ -21,12 +21,6 @@ from serd_core.bellman.value_iteration import ValueIteration
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.derivatives.forward import (
-    entry_jacobian,
-    immediate_gradient,
-    q_gradient_by_iteration,
-    q_gradient_by_lu,
-)
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.transition_model import transitions_at
 from serd_core.learners.fit_result import FitResult
@@ -37,6 +31,12 @@ from serd_core.learners.start import starting_parameters
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.policies.solved_policy import soft_policy
+from serd_core.posterior.derivatives.forward import (
+    entry_jacobian,
+    immediate_gradient,
+    q_gradient_by_iteration,
+    q_gradient_by_lu,
+)
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior

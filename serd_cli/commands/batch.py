@@ -13,8 +13,8 @@ from rich.table import Table
 
 from serd_cli.errors import UsageError
 from serd_cli.options import Address, Backend, Jobs
-from serd_cli.resume_notice import results_kept_in
-from serd_cli.terminal import WorkProgress, console, print_json
+from serd_cli.output.resume_notice import results_kept_in
+from serd_cli.output.terminal import WorkProgress, console, print_json
 from sim.drivers.catalogue import driver_names
 from sim.episodes.batch import EpisodeTask, run_batch
 from sim.episodes.batch_summary import ConditionSummary, summarise

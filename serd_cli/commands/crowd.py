@@ -13,8 +13,8 @@ from rich.table import Table
 from report.figures.crowd_comparison import CrowdCurve, draw_crowd_comparison
 from report.style import png_bytes
 from serd_cli.errors import UsageError
-from serd_cli.output_paths import require_file_place
-from serd_cli.terminal import console, print_json, progress_console
+from serd_cli.output.paths import require_file_place
+from serd_cli.output.terminal import console, print_json, progress_console
 from sim.crowd.comparison import ComparedSpeed, compare_one_way, compare_two_ways
 from sim.crowd.corridor_measures import CorridorMeasures, load_petrack, measure_recording
 from sim.crowd.ring_corridor import weidmann_speed_mps

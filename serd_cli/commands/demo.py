@@ -11,8 +11,8 @@ from serd_cli.demo.report import report_demo
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.errors import RunError
 from serd_cli.options import resolved_scenario, validated, with_settings
+from serd_cli.output.terminal import progress_console
 from serd_cli.stack_run import stack_environment
-from serd_cli.terminal import progress_console
 from sim.scenario.scenario import load_scenario
 
 

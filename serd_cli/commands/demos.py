@@ -18,16 +18,16 @@ from serd_app.demonstrations.recorded import (
 )
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.recording import read_recording
-from serd_cli.demonstration_report import (
+from serd_cli.errors import UsageError
+from serd_cli.output.demonstrations import (
     decisions_table,
     flow_in_words,
     flow_values,
     remarks,
     save_pictures,
 )
-from serd_cli.errors import UsageError
-from serd_cli.output_paths import require_apart
-from serd_cli.terminal import console, print_json
+from serd_cli.output.paths import require_apart
+from serd_cli.output.terminal import console, print_json
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from storage.yaml_config import load_yaml_model

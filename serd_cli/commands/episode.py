@@ -11,8 +11,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from serd_cli.errors import UsageError
 from serd_cli.options import option
-from serd_cli.output_paths import require_file_place
-from serd_cli.terminal import WorkProgress, console, print_json
+from serd_cli.output.paths import require_file_place
+from serd_cli.output.terminal import WorkProgress, console, print_json
 from serd_ros.graph.configs import LocalPlannerConfig
 from sim.drivers.catalogue import driver_names, make_driver
 from sim.episodes.batch import EpisodeTask, scenario_of

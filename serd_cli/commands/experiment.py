@@ -17,9 +17,9 @@ from experiments.catalogue import EXPERIMENTS
 from experiments.running.experiment import Experiment, Session, settings_of_file
 from experiments.running.provenance import recorded
 from serd_cli.options import Address, Backend, Jobs
-from serd_cli.output_paths import require_folder
-from serd_cli.resume_notice import remark_other_code, results_kept_in
-from serd_cli.terminal import WorkProgress, console
+from serd_cli.output.paths import require_folder
+from serd_cli.output.resume_notice import remark_other_code, results_kept_in
+from serd_cli.output.terminal import WorkProgress, console
 from sim.episodes.execution import Execution
 from storage.settings import Setting, settings_of
 

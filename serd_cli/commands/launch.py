@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from serd_cli.node_commands import parse_assignment, stack_processes
+from serd_cli.output.terminal import console
 from serd_cli.supervisor import run_together
-from serd_cli.terminal import console
 from serd_cli.workspace import ros_environment
 from serd_ros.graph.graph import find_stack, load_graph
 

@@ -15,15 +15,15 @@ from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
 from serd_app.learning.recipe import learn as fit
 from serd_app.learning.settings import LearningSettings
 from serd_cli.errors import FAILED, UsageError
-from serd_cli.fit_report import (
+from serd_cli.options import validated, with_settings
+from serd_cli.output.fit import (
     certainty_values,
     outcomes_table,
     remarks,
     weights_table,
 )
-from serd_cli.options import validated, with_settings
-from serd_cli.output_paths import require_apart
-from serd_cli.terminal import WorkProgress, console, print_json
+from serd_cli.output.paths import require_apart
+from serd_cli.output.terminal import WorkProgress, console, print_json
 from sim.scenario.goal import point_of
 
 

@@ -14,13 +14,13 @@ from serd_app.navigation.drive import DriveSettings, drive, finished_episodes
 from serd_app.navigation.drive_folder import claim_folder
 from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import Strategy, load_strategy
-from serd_cli.arrival_output import comparison_figure, comparison_table, remarks
 from serd_cli.errors import UsageError
 from serd_cli.options import resolved_scenario, validated, with_settings
-from serd_cli.output_paths import require_folder
-from serd_cli.resume_notice import results_kept_in
+from serd_cli.output.arrival import comparison_figure, comparison_table, remarks
+from serd_cli.output.paths import require_folder
+from serd_cli.output.resume_notice import results_kept_in
+from serd_cli.output.terminal import WorkProgress, console, print_json
 from serd_cli.stack_run import run_stack, stack_environment
-from serd_cli.terminal import WorkProgress, console, print_json
 from sim.planning.catalogue import make_planner
 from sim.scenario.goal import with_goal
 from sim.scenario.grid import grid_of, start_states_of

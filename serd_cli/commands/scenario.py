@@ -11,7 +11,7 @@ from rich.table import Table
 from report.figures.scenario_plan import draw_scenario_plan
 from report.style import png_bytes
 from serd_cli.errors import UsageError
-from serd_cli.terminal import console, print_json
+from serd_cli.output.terminal import console, print_json
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
 from storage.files import atomic_write_bytes, atomic_write_text

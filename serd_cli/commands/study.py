@@ -17,9 +17,9 @@ from experiments.study.settings import StudySettings, study_settings
 from experiments.study.tables.catalogue import headline
 from serd_cli.errors import UsageError
 from serd_cli.options import Address, Backend, Jobs
-from serd_cli.output_paths import require_folder
-from serd_cli.resume_notice import remark_other_code, results_kept_in
-from serd_cli.terminal import TimeLeftColumn, WorkProgress, console, print_json
+from serd_cli.output.paths import require_folder
+from serd_cli.output.resume_notice import remark_other_code, results_kept_in
+from serd_cli.output.terminal import TimeLeftColumn, WorkProgress, console, print_json
 from sim.episodes.execution import Execution
 
 _FIGURES = ", ".join(figure.name for figure in FIGURES)

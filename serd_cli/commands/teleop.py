@@ -10,12 +10,12 @@ import typer
 from serd_app.drives.mapping import BagMapping
 from serd_cli.node_commands import stack_processes
 from serd_cli.options import resolved_scenario, validated, with_settings
-from serd_cli.output_paths import free_folder
+from serd_cli.output.paths import free_folder
+from serd_cli.output.terminal import progress_console
 from serd_cli.supervisor import run_together
 from serd_cli.teleop.settings import TeleopSettings, require_a_way_to_drive
 from serd_cli.teleop.summary import summarise_session
 from serd_cli.teleop.terminal_output import DriverLines, restored_terminal
-from serd_cli.terminal import progress_console
 from serd_cli.workspace import ros_environment
 from sim.scenario.grid import grid_of, start_states_of
 from sim.scenario.scenario import load_scenario

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.errors import UsageError
-from serd_cli.output_paths import free_folder
+from serd_cli.output.paths import free_folder
 from storage.episode_table import EpisodeResult, load_episodes
 from storage.files import atomic_write_text
 from storage.yaml_config import load_yaml_model, model_yaml

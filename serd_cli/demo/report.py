@@ -18,7 +18,7 @@ from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_cli.demo.folder import DemoFolder
 from serd_cli.demo.recorded import busy_moment, read_recording
 from serd_cli.demo.settings import DemoSettings
-from serd_cli.terminal import console
+from serd_cli.output.terminal import console
 from serd_core.arrays import FloatArray
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult

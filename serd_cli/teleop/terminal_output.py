@@ -9,8 +9,8 @@ from typing import TextIO
 
 from rich.markup import escape
 
+from serd_cli.output.terminal import progress_console
 from serd_cli.teleop.settings import KEYBOARD, PAGE
-from serd_cli.terminal import progress_console
 
 _ROS_PREFIX = re.compile(r"^\[(\w+)\] \[[\d.]+\] \[[\w.]+\]: ")
 _ADDRESS = re.compile(r"the page is at (http://\S+)")

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from serd_core.arrays import FloatArray, first_index
-from serd_core.derivatives.differences import gradient_differences
 from serd_core.errors import SerdError
+from serd_core.posterior.derivatives.differences import gradient_differences
 
 #: Why an ascent ended.
 CONVERGED = "gradient within tolerance"

@@ -22,8 +22,8 @@ from serd_core.bellman.bellman_solver import (
     solution_from,
     starting_value,
 )
-from serd_core.linear.automatic import Automatic
-from serd_core.linear.linear_solver import LinearSolver, LinearSystem
+from serd_core.bellman.linear.automatic import Automatic
+from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
 
 #: Relative residual an iterative solver may leave in a correction; the next step removes it. A
 #: third fewer products with the matrix than with 1e-3 at 100,000 states.

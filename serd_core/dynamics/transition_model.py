@@ -18,9 +18,9 @@ import numpy as np
 import scipy.sparse
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
-from serd_core.derivatives.differences import gradient_differences
+from serd_core.bellman.linear.policy_pattern import with_numbers
 from serd_core.errors import SerdError
-from serd_core.linear.policy_pattern import with_numbers
+from serd_core.posterior.derivatives.differences import gradient_differences
 
 
 @dataclass(frozen=True, eq=False)

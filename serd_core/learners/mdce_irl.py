@@ -22,6 +22,7 @@ from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.equations import SoftBellman
+from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.trajectories import feature_counts
@@ -30,7 +31,6 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.learners.known_dynamics import reward_search
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.serd import UNIFORM
-from serd_core.linear.automatic import Automatic
 from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy

@@ -18,15 +18,15 @@ from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.equations import HardBellman, boltzmann
+from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.derivatives.adjoint import adjoint
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.known_dynamics import reward_search
-from serd_core.linear.automatic import Automatic
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyMatchingPolicy
+from serd_core.posterior.derivatives.adjoint import adjoint
 
 
 def squared_loss(policy: FloatArray, counts: FloatArray) -> tuple[float, FloatArray]:

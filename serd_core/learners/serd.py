@@ -13,10 +13,11 @@ from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, Objective, StepCallback
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.bellman.bellman_solver import BellmanSolver
+from serd_core.bellman.linear.automatic import Automatic
+from serd_core.bellman.linear.linear_solver import LinearSolver
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
-from serd_core.derivatives.posterior_hessian import posterior_hessian, vector_hessian
 from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
 from serd_core.learners.start import (
     TIED,
@@ -24,11 +25,10 @@ from serd_core.learners.start import (
     initial_weights_or_sample,
     starting_parameters,
 )
-from serd_core.linear.automatic import Automatic
-from serd_core.linear.linear_solver import LinearSolver
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
+from serd_core.posterior.derivatives.posterior_hessian import posterior_hessian, vector_hessian
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue, require_possible
 from serd_core.priors.prior import Prior, UniformPrior

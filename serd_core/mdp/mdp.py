@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, Shape, first_index, float_array
+from serd_core.bellman.linear.policy_pattern import PolicyPattern, policy_pattern
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
-from serd_core.linear.policy_pattern import PolicyPattern, policy_pattern
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.derivatives.transition_derivatives import transition_hessian, transition_jacobian
 from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.posterior.derivatives.transition_derivatives import (
+    transition_hessian,
+    transition_jacobian,
+)
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.dynamics_prior import (
     dynamics_gradient,

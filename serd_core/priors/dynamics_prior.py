@@ -9,9 +9,9 @@ from abc import abstractmethod
 import numpy as np
 
 from serd_core.arrays import FloatArray, first_index, float_array, floored
-from serd_core.derivatives.transition_derivatives import transition_hessian
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
+from serd_core.posterior.derivatives.transition_derivatives import transition_hessian
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.prior import LogPrior, Prior, require_weight
 

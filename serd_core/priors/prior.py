@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.derivatives.differences import gradient_differences
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
+from serd_core.posterior.derivatives.differences import gradient_differences
 from serd_core.posterior.parameters import Parameters
 
 

@@ -15,17 +15,17 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
-from serd_core.derivatives.posterior_hessian import (
-    curvature_parts,
-    posterior_hessian,
-    vector_hessian,
-)
-from serd_core.derivatives.transition_derivatives import transition_jacobian
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import Assumptions, FitResult
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
+from serd_core.posterior.derivatives.posterior_hessian import (
+    curvature_parts,
+    posterior_hessian,
+    vector_hessian,
+)
+from serd_core.posterior.derivatives.transition_derivatives import transition_jacobian
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import Prior

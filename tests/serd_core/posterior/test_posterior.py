@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from serd_core.bellman.linear.sparse_lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.linear.sparse_lu import SparseLu
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
 from serd_core.posterior.beliefs import CoupledBelief, FixedBelief, FreeBelief, TiedBelief
 from serd_core.posterior.parameters import Parameters

@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.derivatives.differences import gradient_differences
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
+from serd_core.posterior.derivatives.differences import gradient_differences
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.coupling import CouplingPrior
 from serd_core.priors.divergence import KldPrior

@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 
 from serd_core.ascent.trust_region import TrustRegion
+from serd_core.bellman.linear.sparse_lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.derivatives.posterior_hessian import curvature_parts
 from serd_core.errors import SerdError
 from serd_core.learners.mdce_serd import fit_mdce_serd
 from serd_core.learners.pm_serd import fit_pm_serd
-from serd_core.linear.sparse_lu import SparseLu
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.posterior.beliefs import FixedBelief, FreeBelief, TiedBelief
+from serd_core.posterior.derivatives.posterior_hessian import curvature_parts
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.divergence import KldPrior

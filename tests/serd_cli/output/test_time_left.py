@@ -1,7 +1,7 @@
 import pytest
 from rich.progress import Task
 
-from serd_cli.terminal import TimeLeftColumn, time_left_s
+from serd_cli.output.terminal import TimeLeftColumn, time_left_s
 
 
 def test_before_anything_is_done_the_costs_are_shared_by_all_processes():

@@ -12,9 +12,9 @@ import numpy as np
 import scipy.sparse.linalg
 
 from serd_core.arrays import FloatArray
+from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
+from serd_core.bellman.linear.policy_pattern import PolicyPattern
 from serd_core.errors import SerdError
-from serd_core.linear.linear_solver import LinearSolver, LinearSystem
-from serd_core.linear.policy_pattern import PolicyPattern
 
 #: What one run of BiCGSTAB is asked to gain before it is restarted.
 GAIN_PER_RUN = 1e-6

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 
 from serd_core.arrays import FloatArray
-from serd_core.linear.policy_pattern import PolicyPattern
+from serd_core.bellman.linear.policy_pattern import PolicyPattern
 
 
 class LinearSystem(ABC):

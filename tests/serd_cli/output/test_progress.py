@@ -2,8 +2,8 @@
 
 import pytest
 
-from serd_cli import terminal
-from serd_cli.terminal import WorkProgress
+from serd_cli.output import terminal
+from serd_cli.output.terminal import WorkProgress
 
 
 @pytest.fixture

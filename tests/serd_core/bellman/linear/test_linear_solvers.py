@@ -5,13 +5,13 @@ from hypothesis import strategies as st
 
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.equations import SoftBellman
+from serd_core.bellman.linear.automatic import Automatic, WithFallback
+from serd_core.bellman.linear.banded_lu import BandedFactor, BandedLu
+from serd_core.bellman.linear.krylov import Krylov
+from serd_core.bellman.linear.sparse_lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
-from serd_core.linear.automatic import Automatic, WithFallback
-from serd_core.linear.banded_lu import BandedFactor, BandedLu
-from serd_core.linear.krylov import Krylov
-from serd_core.linear.sparse_lu import SparseLu
 from serd_core.policies.solved_policy import soft_policy
 
 WIDE = Automatic(always_lu_states=0, widest_band=0)

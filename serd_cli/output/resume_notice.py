@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from experiments.running.provenance import other_commits
-from serd_cli.terminal import progress_console
+from serd_cli.output.terminal import progress_console
 
 
 @contextmanager

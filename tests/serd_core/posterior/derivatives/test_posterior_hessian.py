@@ -3,14 +3,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from serd_core.bellman.linear.sparse_lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
-from serd_core.derivatives.differences import gradient_differences
-from serd_core.derivatives.posterior_hessian import posterior_hessian, vector_hessian
-from serd_core.linear.sparse_lu import SparseLu
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
 from serd_core.posterior.beliefs import CoupledBelief, FixedBelief, FreeBelief, TiedBelief
+from serd_core.posterior.derivatives.differences import gradient_differences
+from serd_core.posterior.derivatives.posterior_hessian import posterior_hessian, vector_hessian
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.divergence import KldPrior

@@ -11,8 +11,8 @@ import numpy as np
 import scipy.sparse.linalg
 
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.linear.linear_solver import LinearSolver, LinearSystem
-from serd_core.linear.policy_pattern import PolicyPattern
+from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
+from serd_core.bellman.linear.policy_pattern import PolicyPattern
 
 
 @dataclass(frozen=True)

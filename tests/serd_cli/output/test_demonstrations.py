@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from serd_cli.demonstration_report import short_names
+from serd_cli.output.demonstrations import short_names
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.bellman.bellman_solver import BellmanSolution
+from serd_core.bellman.linear.linear_solver import LinearSolver
 from serd_core.dynamics.transition_model import Transitions
-from serd_core.linear.linear_solver import LinearSolver
 from serd_core.mdp.mdp import Mdp
 
 

@@ -12,9 +12,9 @@ import numpy as np
 import scipy.linalg.lapack
 
 from serd_core.arrays import FloatArray, IntArray
+from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
+from serd_core.bellman.linear.policy_pattern import Band, PolicyPattern
 from serd_core.errors import SerdError
-from serd_core.linear.linear_solver import LinearSolver, LinearSystem
-from serd_core.linear.policy_pattern import Band, PolicyPattern
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,11 @@ import scipy.sparse
 
 from serd_core.arrays import FloatArray
 from serd_core.bellman.bellman_solver import BellmanSolution
-from serd_core.derivatives.adjoint import Adjoint
-from serd_core.derivatives.transition_derivatives import log_transition_hessian
+from serd_core.bellman.linear.linear_solver import LinearSystem
 from serd_core.dynamics.transition_model import Transitions, transitions_at
-from serd_core.linear.linear_solver import LinearSystem
 from serd_core.posterior.beliefs import Belief
+from serd_core.posterior.derivatives.adjoint import Adjoint
+from serd_core.posterior.derivatives.transition_derivatives import log_transition_hessian
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
 

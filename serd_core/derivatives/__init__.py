@@ -1,1 +1,0 @@
-"""First and second derivatives of Q-functions and posteriors."""

@@ -1,1 +1,0 @@
-"""Linear systems (I - gamma P_pi) x = b: their structure and how they are solved."""

@@ -1,0 +1,1 @@
+"""Derivatives of values, policies and posteriors by rewards and dynamics."""
