@@ -1,7 +1,19 @@
-"""The package's error."""
+"""The package's errors."""
 
 from serd_core.errors import SerdError
 
 
 class NodeError(SerdError):
-    """A node cannot start or go on; the sentence says what to do."""
+    """A node cannot start or go on; the sentence states the fix."""
+
+
+class MessageError(NodeError):
+    """A received message breaks a rule and is dropped; the node goes on.
+
+    The topic is added where the message was received. rule: the part of the sentence that is the
+    same for all messages that break it.
+    """
+
+    def __init__(self, rule: str, received: object, fix: str) -> None:
+        super().__init__(f"{rule}, got {received}; {fix}")
+        self.rule = rule

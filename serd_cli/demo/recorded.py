@@ -67,5 +67,5 @@ def _people_between(bag: Path, first_s: float, last_s: float) -> dict[int, Peopl
     for _, message in messages_of(bag, [topics.PEDESTRIANS]):
         time_ns = stamp_ns(message.header.stamp)
         if first_s <= time_ns * 1e-9 <= last_s:
-            found[time_ns] = from_people_message(message)
+            _, found[time_ns] = from_people_message(message)
     return found

@@ -6,7 +6,8 @@ from geometry_msgs.msg import Twist, TwistStamped, Vector3Stamped
 from sensor_msgs.msg import Joy
 
 from serd_core.grid.grid import Action, action_of_direction, direction_of_action
-from serd_ros.convert.stamp import to_stamp
+from serd_ros.convert.checks import require_finite, require_frame
+from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import topics
 from sim.world.command import Command
 
@@ -28,8 +29,17 @@ def to_twist_stamped(command: Command, time_s: float) -> TwistStamped:
 
 
 def from_twist(message: Twist) -> Command:
-    """The command of a Twist; what a unicycle cannot do (linear.y, ...) is ignored."""
+    """The command of a Twist; what a unicycle cannot do (linear.y, ...) is ignored.
+
+    A command that is not finite is returned as it is: who follows it stops.
+    """
     return Command(linear_mps=message.linear.x, angular_radps=message.angular.z)
+
+
+def from_twist_stamped(message: TwistStamped) -> tuple[int, Command]:
+    """(stamp_ns, command); an empty frame is the robot's."""
+    require_frame(message.header, topics.BASE_FRAME, "")
+    return stamp_ns(message.header.stamp), from_twist(message.twist)
 
 
 def to_intent(action: Action, time_s: float) -> Vector3Stamped:
@@ -41,9 +51,12 @@ def to_intent(action: Action, time_s: float) -> Vector3Stamped:
     return message
 
 
-def from_intent(message: Vector3Stamped) -> Action:
-    """The action a direction means: the nearest axis."""
-    return action_of_direction(message.vector.x, message.vector.y)
+def from_intent(message: Vector3Stamped) -> tuple[int, Action]:
+    """(stamp_ns, action): the action whose axis is nearest to the direction."""
+    require_frame(message.header, topics.MAP_FRAME)
+    direction = message.vector.x, message.vector.y
+    require_finite("vector", direction)
+    return stamp_ns(message.header.stamp), action_of_direction(*direction)
 
 
 def to_joy(axes: Sequence[float], buttons: Sequence[int], time_s: float) -> Joy:

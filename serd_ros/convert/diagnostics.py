@@ -2,12 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from serd_ros.convert.stamp import stamp_s, to_stamp
+from serd_ros.convert.checks import require_one_of
+from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
+from serd_ros.errors import MessageError
+from sim.episodes.result import UNCOUNTED
 
+Number = TypeVar("Number", int, float)
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+_LARGEST_COUNT = 2**63 - 1
 
 
 def to_diagnostics(
@@ -28,10 +34,48 @@ def to_diagnostics(
 
 def values_of(message: DiagnosticArray, name: str) -> dict[str, str] | None:
     """The values of the status of that name, None when the array has none."""
-    for status in message.status:
-        if status.name == name:
-            return {item.key: item.value for item in status.values}
-    return None
+    status = _status_named(message, name)
+    return None if status is None else _values(status)
+
+
+def _status_named(message: DiagnosticArray, name: str) -> DiagnosticStatus | None:
+    return next((status for status in message.status if status.name == name), None)
+
+
+def _values(status: DiagnosticStatus) -> dict[str, str]:
+    return {item.key: item.value for item in status.values}
+
+
+def from_world_report(message: DiagnosticArray) -> tuple[int, dict[str, str]] | None:
+    """(stamp_ns, contacts and distances) of the simulator; None when the array has no such status.
+
+    MessageError where one is missing or is no number.
+    """
+    values = values_of(message, "hallway_sim")
+    if values is None:
+        return None
+    for key, example in UNCOUNTED.items():
+        _number(values, key, int if example.isdecimal() else float)
+    return stamp_ns(message.header.stamp), values
+
+
+def _text(values: Mapping[str, str], key: str) -> str:
+    if key not in values:
+        present = ", ".join(values) or "none"
+        raise MessageError(f"values must have the key {key}", present, "publish all keys")
+    return values[key]
+
+
+def _number(values: Mapping[str, str], key: str, kind: type[Number]) -> Number:
+    """A count from 0 on, or any float."""
+    text = _text(values, key)
+    try:
+        number = kind(text)
+    except ValueError:
+        raise MessageError(f"{key} must be a number", repr(text[:40]), "correct it") from None
+    if kind is int and not 0 <= number < _LARGEST_COUNT:
+        raise MessageError(f"{key} must be from 0 to {_LARGEST_COUNT}", number, "publish a count")
+    return number
 
 
 def repr_of(value: object) -> str:
@@ -40,6 +84,7 @@ def repr_of(value: object) -> str:
 
 
 START, END = "start", "end"
+_OUTCOMES = ("", "arrived", "timeout", "aborted", "discarded")
 
 
 @dataclass(frozen=True)
@@ -82,16 +127,19 @@ def to_episode_message(mark: EpisodeMark) -> DiagnosticArray:
 
 
 def from_episode_message(message: DiagnosticArray) -> EpisodeMark:
-    """The mark a message carries."""
-    status = message.status[0]
-    values = {item.key: item.value for item in status.values}
+    """The mark of a message; MessageError where a part of it is missing or is none."""
+    status = _status_named(message, "episode")
+    if status is None:
+        names = ", ".join(status.name for status in message.status) or "none"
+        raise MessageError("status must have one named 'episode'", names, "publish marks there")
+    values = _values(status)
     return EpisodeMark(
-        event=status.message,
+        event=require_one_of("message", status.message, (START, END)),
         time_s=stamp_s(message.header.stamp),
-        episode=int(values["episode"]),
-        driver=values["driver"],
-        seed=int(values["seed"]),
-        start_area=values["start_area"],
-        outcome=values["outcome"],
+        episode=_number(values, "episode", int),
+        driver=_text(values, "driver"),
+        seed=_number(values, "seed", int),
+        start_area=_text(values, "start_area"),
+        outcome=require_one_of("outcome", _text(values, "outcome"), _OUTCOMES),
         reason=values.get("reason", ""),
     )

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import shapely
 from geometry_msgs.msg import (
     Point,
     Point32,
@@ -16,14 +17,16 @@ from nav_msgs.msg import Odometry, Path
 from numpy.typing import NDArray
 
 from bags.messages.plain import yaw_of_quaternion
-from serd_ros.convert.stamp import to_stamp
+from serd_ros.convert.checks import require_finite, require_frame
+from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import topics
-from serd_ros.errors import NodeError
+from serd_ros.errors import MessageError
 from sim.scenario.goal import Area
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
 
 PlanarPose = tuple[float, float, float]
+_UNIT_TOLERANCE = 0.01
 
 
 def to_quaternion(yaw_rad: float) -> Quaternion:
@@ -41,9 +44,22 @@ def to_pose(pose: PlanarPose) -> Pose:
 
 def from_pose(message: Pose) -> PlanarPose:
     """(x_m, y_m, yaw_rad) of a geometry_msgs/Pose."""
+    x_m, y_m = _position(message)
     turn = message.orientation
     yaw_rad = yaw_of_quaternion(turn.x, turn.y, turn.z, turn.w)
-    return message.position.x, message.position.y, yaw_rad
+    if not math.isclose(math.hypot(turn.x, turn.y, turn.z, turn.w), 1.0, abs_tol=_UNIT_TOLERANCE):
+        raise MessageError(
+            "orientation must be a unit quaternion",
+            f"({turn.x}, {turn.y}, {turn.z}, {turn.w})",
+            "normalise it",
+        )
+    return x_m, y_m, yaw_rad
+
+
+def from_pose_stamped(message: PoseStamped) -> tuple[int, PlanarPose]:
+    """(stamp_ns, pose in the map)."""
+    require_frame(message.header, topics.MAP_FRAME)
+    return stamp_ns(message.header.stamp), from_pose(message.pose)
 
 
 def to_pose_stamped(pose: PlanarPose, time_s: float) -> PoseStamped:
@@ -59,9 +75,10 @@ def to_waypoint_message(waypoint: Waypoint, time_s: float) -> PoseStamped:
     return to_pose_stamped((waypoint.x_m, waypoint.y_m, 0.0), time_s)
 
 
-def from_waypoint_message(message: PoseStamped) -> Waypoint:
-    """The waypoint a message names."""
-    return Waypoint(x_m=message.pose.position.x, y_m=message.pose.position.y)
+def from_waypoint_message(message: PoseStamped) -> tuple[int, Waypoint]:
+    """(stamp_ns, waypoint in the map); its orientation is ignored."""
+    require_frame(message.header, topics.MAP_FRAME)
+    return stamp_ns(message.header.stamp), Waypoint(*_position(message.pose))
 
 
 def to_transform(parent: str, child: str, pose: PlanarPose, time_s: float) -> TransformStamped:
@@ -98,20 +115,35 @@ def to_odometry(observation: Observation, odometry_pose: PlanarPose) -> Odometry
     return message
 
 
-def speeds_of(message: Odometry) -> tuple[float, float]:
-    """(speed_mps, yaw_rate_radps) of the robot."""
-    return message.twist.twist.linear.x, message.twist.twist.angular.z
+def from_odometry(message: Odometry) -> tuple[int, PlanarPose, tuple[float, float]]:
+    """(stamp_ns, pose in the odom frame, (speed_mps, yaw_rate_radps))."""
+    require_frame(message.header, topics.ODOM_FRAME)
+    if message.child_frame_id != topics.BASE_FRAME:
+        raise MessageError(
+            f"child_frame_id must be {topics.BASE_FRAME!r}",
+            repr(message.child_frame_id),
+            "publish the motion of the robot's base",
+        )
+    speeds = message.twist.twist.linear.x, message.twist.twist.angular.z
+    require_finite("twist", speeds)
+    return stamp_ns(message.header.stamp), from_pose(message.pose.pose), speeds
 
 
 def from_goal_message(message: PoseStamped) -> tuple[float, float]:
-    """(x_m, y_m) of a goal in the map; NodeError for another frame."""
-    frame = message.header.frame_id
-    if frame != topics.MAP_FRAME:
-        raise NodeError(
-            f"goal_pose must be in the frame {topics.MAP_FRAME!r}, got {frame!r}"
-            "; set RViz's fixed frame to it or transform the goal"
+    """(x_m, y_m) of a goal in the map; MessageError for another frame."""
+    if message.header.frame_id != topics.MAP_FRAME:
+        raise MessageError(
+            f"goal_pose must be in the frame {topics.MAP_FRAME!r}",
+            repr(message.header.frame_id),
+            "set RViz's fixed frame to it or transform the goal",
         )
-    return message.pose.position.x, message.pose.position.y
+    return _position(message.pose)
+
+
+def _position(message: Pose) -> tuple[float, float]:
+    position = message.position.x, message.position.y
+    require_finite("position", position)
+    return position
 
 
 def to_goal_area_message(area_m: Area, time_s: float) -> PolygonStamped:
@@ -125,10 +157,19 @@ def to_goal_area_message(area_m: Area, time_s: float) -> PolygonStamped:
 
 def from_goal_area_message(message: PolygonStamped, own_area_m: Area) -> Area:
     """The area of a message; `own_area_m` where it is that one, whose corners may be finer."""
+    require_frame(message.header, topics.MAP_FRAME)
+    stamp_ns(message.header.stamp)
     area_m = tuple((point.x, point.y) for point in message.polygon.points)
     own = np.asarray(own_area_m, dtype=np.float32)
     if own.shape == (len(area_m), 2) and np.array_equal(own, np.asarray(area_m, np.float32)):
         return own_area_m
+    require_finite("points", area_m)
+    if len(area_m) < 3 or not shapely.Polygon(area_m).is_valid:
+        raise MessageError(
+            "points must be at least three corners of a polygon without crossing edges",
+            f"{len(area_m)} points",
+            "publish the corners in order",
+        )
     return area_m
 
 

@@ -8,10 +8,11 @@ from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
+from serd_ros.convert.checks import require_finite, require_frame
 from serd_ros.convert.pose import to_pose
-from serd_ros.convert.stamp import to_stamp
+from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import topics
-from serd_ros.errors import NodeError
+from serd_ros.errors import MessageError
 from sim.scenario.occupancy import OccupancyRaster
 from sim.scenario.settings import LidarSettings
 from sim.world.observation import Observation
@@ -64,16 +65,28 @@ def to_people_message(people: People, time_s: float) -> PointCloud2:
     return message
 
 
-def from_people_message(message: PointCloud2) -> People:
-    """The people of a cloud that has our layout; NodeError for any other."""
-    names = tuple(field.name for field in message.fields)
-    if names != (*_NAMES, "id") or message.point_step != _ROW.itemsize:
-        raise NodeError(
-            f"pedestrians must have the fields {', '.join(_NAMES)}, id in {_ROW.itemsize} bytes, "
-            f"got {', '.join(names)} in {message.point_step}; publish them as hallway_sim does"
+def from_people_message(message: PointCloud2) -> tuple[int, People]:
+    """(stamp_ns, people) of a cloud that has our layout; MessageError for any other."""
+    require_frame(message.header, topics.MAP_FRAME)
+    if message.fields != _FIELDS or message.point_step != _ROW.itemsize or message.is_bigendian:
+        names = ", ".join(field.name for field in message.fields)
+        raise MessageError(
+            f"pedestrians must have the fields {', '.join(_NAMES)}, id in {_ROW.itemsize} bytes",
+            f"{names} in {message.point_step}",
+            "publish them as hallway_sim does",
+        )
+    size = message.width * _ROW.itemsize
+    if (message.height, message.row_step, len(message.data)) != (1, size, size):
+        raise MessageError(
+            "data must be one row of width * point_step bytes",
+            f"{len(message.data)} bytes, height {message.height}, width {message.width},"
+            f" row_step {message.row_step}",
+            "publish as many points as width states",
         )
     rows = np.frombuffer(bytes(message.data), dtype=_ROW)
-    return People(
+    for name in _NAMES:
+        require_finite(name, rows[name])
+    return stamp_ns(message.header.stamp), People(
         position_m=np.stack([rows["x"], rows["y"]], axis=1).astype(np.float64),
         velocity_mps=np.stack([rows["vx"], rows["vy"]], axis=1).astype(np.float64),
         identity=rows["id"].astype(np.int64),
@@ -96,9 +109,42 @@ def to_scan(ranges_m: NDArray[np.float32], settings: LidarSettings, time_s: floa
     return message
 
 
-def ranges_of(message: LaserScan) -> NDArray[np.float32]:
-    """(n_rays,) ranges."""
-    return np.array(message.ranges, dtype=np.float32)
+def from_scan(
+    message: LaserScan, lidar: LidarSettings | None = None
+) -> tuple[int, NDArray[np.float32]]:
+    """(stamp_ns, ranges (n_rays,)); single rays may be inf or nan.
+
+    MessageError where rays and angles do not fit each other, or are not those of `lidar`.
+    """
+    require_frame(message.header, topics.BASE_FRAME)
+    angles = message.angle_min, message.angle_max, message.angle_increment
+    require_finite("angles", angles)
+    n_rays = len(message.ranges)
+    last_rad = message.angle_min + (n_rays - 1) * message.angle_increment
+    step_rad = abs(message.angle_increment)
+    if not n_rays or not step_rad or abs(last_rad - message.angle_max) > step_rad:
+        raise MessageError(
+            "ranges must have one ray per angle_increment from angle_min to angle_max",
+            f"{n_rays} rays, angles {angles}",
+            "correct the angles or the ranges",
+        )
+    if lidar is not None:
+        _require_lidar(message, lidar)
+    return stamp_ns(message.header.stamp), np.array(message.ranges, dtype=np.float32)
+
+
+def _require_lidar(message: LaserScan, lidar: LidarSettings) -> None:
+    received = len(message.ranges), message.angle_min, message.angle_increment
+    expected = lidar.n_rays, lidar.angle_min_rad, lidar.angle_increment_rad
+    if received[0] != expected[0] or not np.allclose(
+        received[1:], expected[1:], rtol=0.0, atol=0.5 * lidar.angle_increment_rad / lidar.n_rays
+    ):
+        raise MessageError(
+            f"scan must have the {lidar.n_rays} rays of the scenario's lidar, angle_min"
+            f" {expected[1]:g} and angle_increment {expected[2]:g}",
+            f"{received[0]} rays, {received[1]:g} and {received[2]:g}",
+            "set lidar in the scenario to those of the sensor",
+        )
 
 
 def to_occupancy_grid(raster: OccupancyRaster, time_s: float) -> OccupancyGrid:

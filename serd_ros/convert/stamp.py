@@ -5,6 +5,8 @@ Exact to the nanosecond for a month of simulated time; beyond, seconds as a doub
 
 from builtin_interfaces.msg import Time
 
+from serd_ros.errors import MessageError
+
 _NS = 1_000_000_000
 
 
@@ -15,7 +17,13 @@ def to_stamp(time_s: float) -> Time:
 
 
 def stamp_ns(stamp: Time) -> int:
-    """The stamp in nanoseconds."""
+    """The stamp in nanoseconds; MessageError for one that is no time."""
+    if stamp.sec < 0 or stamp.nanosec >= _NS:
+        raise MessageError(
+            "stamp must have sec >= 0 and nanosec < 1000000000",
+            f"sec {stamp.sec}, nanosec {stamp.nanosec}",
+            "publish the time of the measurement",
+        )
     return int(stamp.sec) * _NS + int(stamp.nanosec)
 
 

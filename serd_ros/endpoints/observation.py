@@ -7,7 +7,13 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
-from serd_ros.convert.pose import PlanarPose, from_pose, speeds_of, to_odometry, to_pose_stamped
+from serd_ros.convert.pose import (
+    PlanarPose,
+    from_odometry,
+    from_pose_stamped,
+    to_odometry,
+    to_pose_stamped,
+)
 from serd_ros.convert.sensors import (
     NOBODY,
     People,
@@ -15,7 +21,6 @@ from serd_ros.convert.sensors import (
     people_of,
     to_people_message,
 )
-from serd_ros.convert.stamp import stamp_ns
 from serd_ros.endpoints import qos, topics
 from sim.world.observation import Observation, make_observation
 
@@ -37,19 +42,20 @@ class ObservationInbox:
 
     def take_pose(self, message: PoseStamped) -> Observation | None:
         """Take a pose; the observation it completes, if it does."""
-        self._pose = stamp_ns(message.header.stamp), from_pose(message.pose)
+        self._pose = from_pose_stamped(message)
         return self.synchronised()
 
     def take_odometry(self, message: Odometry) -> Observation | None:
         """Take odometry; the observation it completes, if it does."""
-        self._speeds = stamp_ns(message.header.stamp), speeds_of(message)
+        time_ns, _, speeds = from_odometry(message)
+        self._speeds = time_ns, speeds
         return self.synchronised()
 
     def take_people(self, message: PointCloud2) -> Observation | None:
         """Take the people; the observation they complete, if they do."""
         if not self._needs_people:
             return None
-        self._people = stamp_ns(message.header.stamp), from_people_message(message)
+        self._people = from_people_message(message)
         return self.synchronised()
 
     def synchronised(self) -> Observation | None:

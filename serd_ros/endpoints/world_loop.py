@@ -10,13 +10,13 @@ from typing import Protocol
 
 from geometry_msgs.msg import Twist, TwistStamped
 
-from serd_ros.convert.command import from_twist
+from serd_ros.convert.command import from_twist, from_twist_stamped
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.world_publisher import WorldPublisher
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.process.serd_node import SerdNode
-from sim.world.command import CommandGuard
+from sim.world.command import Command, CommandGuard
 from sim.world.world import HallwayWorld
 
 _RESEND_AFTER_S = 0.5
@@ -61,10 +61,11 @@ class LockstepLoop:
             self._publish()
 
     def _on_command(self, message: TwistStamped) -> None:
-        if self.paused or stamp_ns(message.header.stamp) != self._awaited_ns:
+        time_ns, command = from_twist_stamped(message)
+        if self.paused or time_ns != self._awaited_ns:
             return
         self._answered_wall_s = self._node.wall_s()
-        self._world.step(from_twist(message.twist))
+        self._world.step(command)
         self._publish()
 
     def _publish(self) -> None:
@@ -101,10 +102,15 @@ class LiveLoop:
         self._running = False
         if node.config.stamped_cmd_vel:
             node.create_subscription(
-                TwistStamped, topics.CMD_VEL, lambda m: self._take(m.twist), qos.COMMAND
+                TwistStamped,
+                topics.CMD_VEL,
+                lambda m: self._take(from_twist_stamped(m)[1]),
+                qos.COMMAND,
             )
         else:
-            node.create_subscription(Twist, topics.CMD_VEL, self._take, qos.COMMAND)
+            node.create_subscription(
+                Twist, topics.CMD_VEL, lambda m: self._take(from_twist(m)), qos.COMMAND
+            )
         period_s = world.scenario.control_period_s / node.config.real_time_factor
         node.create_timer(period_s, self._step, clock=node.wall_clock)
 
@@ -116,8 +122,8 @@ class LiveLoop:
     def goal_moved(self) -> None:
         """Nothing stands still here."""
 
-    def _take(self, message: Twist) -> None:
-        self._guard.receive(from_twist(message), self._world.time_s)
+    def _take(self, command: Command) -> None:
+        self._guard.receive(command, self._world.time_s)
 
     def _step(self) -> None:
         if self.paused or not self._running:

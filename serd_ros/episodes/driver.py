@@ -10,7 +10,7 @@ from typing import TypeVar
 from diagnostic_msgs.msg import DiagnosticArray
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.diagnostics import END, START, values_of
+from serd_ros.convert.diagnostics import END, START, from_world_report
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import subscribe_observations
@@ -164,9 +164,9 @@ class EpisodeDriverNode(SerdNode[Config]):
             self.steer(observation, self._decision[1])
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        values = values_of(message, "hallway_sim")
-        if values is not None:
-            self._world_report = stamp_ns(message.header.stamp), values
+        report = from_world_report(message)
+        if report is not None:
+            self._world_report = report
             self._finish_when_reported()
 
     def _finish_when_reported(self) -> None:

@@ -2,15 +2,17 @@
 
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Vector3Stamped
+from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan
 
 from serd_core.grid.grid import Action, Grid
 from serd_ros.convert.command import from_intent
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.pose import from_waypoint_message
-from serd_ros.convert.sensors import ranges_of
+from serd_ros.convert.sensors import from_scan
 from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.person_episodes import PersonEpisodes
 from serd_ros.process.serd_node import SerdNode
@@ -32,7 +34,7 @@ class PageView:
         self._node, self._scenario = node, scenario
         self._observation: Observation | None = None
         self._seen_wall_s = node.wall_s()
-        self._ranges: LaserScan | None = None
+        self._ranges: NDArray[np.float32] | None = None
         self._action = Action.WAIT
         self._waypoint: Waypoint | None = None
         self._health: dict[str, dict[str, str]] = {}
@@ -49,8 +51,7 @@ class PageView:
         if observation is not self._observation:
             self._observation, self._seen_wall_s = observation, now_s
         ranges, self._ranges = self._ranges, None
-        scan = None if ranges is None else ranges_of(ranges)
-        world = None if observation is None else world_state(observation, self._scenario, scan)
+        world = None if observation is None else world_state(observation, self._scenario, ranges)
         return {
             "type": "state",
             "world": world,
@@ -69,17 +70,17 @@ class PageView:
                 self._health[name] = values
 
     def _on_scan(self, message: LaserScan) -> None:
-        self._ranges = message
+        _, self._ranges = from_scan(message, self._scenario.lidar)
 
     def _on_intent(self, message: Vector3Stamped) -> None:
-        self._action = from_intent(message)
+        _, self._action = from_intent(message)
         if self._observation is not None:
             waits = self._action == Action.WAIT
             target = waypoint_of_intent(self.grid, self._observation, self._action)
             self._waypoint = None if waits else target
 
     def _on_waypoint(self, message: PoseStamped) -> None:
-        self._waypoint = from_waypoint_message(message)
+        _, self._waypoint = from_waypoint_message(message)
 
 
 def _episode_values(episodes: PersonEpisodes) -> dict[str, Any]:

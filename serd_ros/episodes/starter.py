@@ -16,6 +16,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode
 from sim.episodes.result import EpisodeStart
+from storage.errors import FileError
 from storage.yaml_config import yaml_model
 
 _LOOK_AGAIN_S = 0.05
@@ -57,7 +58,9 @@ class EpisodeStarter:
 
     def reset_world(self) -> None:
         """Have the world begin an episode; while it refuses, wait."""
-        self._reset.call_async(Trigger.Request()).add_done_callback(self._on_reply)
+        self._reset.call_async(Trigger.Request()).add_done_callback(
+            self._node.callbacks.of_messages(topics.RESET, self._on_reply)
+        )
 
     def begin(self, episode: EpisodeStart) -> None:
         """An episode begins."""
@@ -93,8 +96,16 @@ class EpisodeStarter:
 
     def _on_reply(self, future: Future) -> None:
         reply = future.result()
-        if reply.success:
-            self.begin(yaml_model(reply.message, EpisodeStart, name="response of reset"))
-        else:
-            self._on_wait(reply.message)
-            self.wait()
+        if not reply.success:
+            self._wait_again(reply.message)
+            return
+        try:
+            start = yaml_model(reply.message, EpisodeStart, name="response of reset")
+        except FileError as error:
+            self._wait_again(str(error))
+            return
+        self.begin(start)
+
+    def _wait_again(self, reason: str) -> None:
+        self._on_wait(reason)
+        self.wait()

@@ -5,11 +5,13 @@ Live, it learns at the end of each episode, beginning where the last fit ended, 
 """
 
 import sys
+from functools import partial
 from pathlib import Path
 
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from bags.errors import BagError
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
 from serd_app.learning.checkpoint import LearnerMemory
@@ -21,6 +23,7 @@ from serd_core.errors import SerdError
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.topic_types import topic_type
+from serd_ros.errors import MessageError
 from serd_ros.graph.configs import LearnerConfig
 from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.run_node import run_node
@@ -70,7 +73,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
             self.create_subscription(
                 kind.message,
                 topic,
-                lambda data, topic=topic: self._take(memory, topic, data),
+                partial(self._take, memory, topic),
                 qos.LOSSLESS,
                 raw=True,
             )
@@ -81,8 +84,8 @@ class LearnerNode(SerdNode[LearnerConfig]):
         before = (drive.n_ended, drive.n_late)
         try:
             drive.take(topic, data)
-        except SerdError as error:
-            self.get_logger().warning(f"{topic} dropped: {error}", throttle_duration_sec=5.0)
+        except BagError as error:
+            raise MessageError(f"message must be one of {topic}", error, "correct it") from None
         if (drive.n_ended, drive.n_late) != before:
             self._ended_s = self.wall_s()
 

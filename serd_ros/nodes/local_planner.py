@@ -16,7 +16,7 @@ from serd_core.grid.grid import Action
 from serd_ros.convert.command import from_intent, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.pose import from_waypoint_message
-from serd_ros.convert.sensors import ranges_of
+from serd_ros.convert.sensors import from_scan
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import subscribe_observations
@@ -82,15 +82,15 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
 
     def _on_scan(self, message: LaserScan) -> None:
         assert self._scans is not None
-        self._scans.take_scan(stamp_ns(message.header.stamp), ranges_of(message))
+        self._scans.take_scan(*from_scan(message, self._scenario.lidar))
         if self.config.lockstep:
             self._answer_tick()
 
     def _on_intent(self, message: Vector3Stamped) -> None:
-        self._take_directive(stamp_ns(message.header.stamp), from_intent(message))
+        self._take_directive(*from_intent(message))
 
     def _on_waypoint(self, message: PoseStamped) -> None:
-        self._take_directive(stamp_ns(message.header.stamp), from_waypoint_message(message))
+        self._take_directive(*from_waypoint_message(message))
 
     def _take_directive(self, time_ns: int, directive: Action | Waypoint) -> None:
         self._directive = time_ns, directive

@@ -16,8 +16,15 @@ from rclpy.action import ActionClient
 
 from serd_app.navigation.nav2_goals import Nav2Goals, Target
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.pose import PlanarPose, from_pose, odom_in_map, to_pose_stamped, to_transform
-from serd_ros.convert.stamp import stamp_ns
+from serd_ros.convert.pose import (
+    PlanarPose,
+    from_odometry,
+    from_pose_stamped,
+    from_waypoint_message,
+    odom_in_map,
+    to_pose_stamped,
+    to_transform,
+)
 from serd_ros.endpoints import qos, topics
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import Nav2BridgeConfig
@@ -64,10 +71,10 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
         self._take(message.poses)
 
     def _take(self, poses: Sequence[PoseStamped]) -> None:
-        targets = [(each.pose.position.x, each.pose.position.y) for each in poses]
-        if targets:
-            time_s = stamp_ns(poses[0].header.stamp) * 1e-9
-            self._goals.take(targets, time_s, self.wall_s())
+        waypoints = [from_waypoint_message(each) for each in poses]
+        if waypoints:
+            targets = [(each.x_m, each.y_m) for _, each in waypoints]
+            self._goals.take(targets, waypoints[0][0] * 1e-9, self.wall_s())
 
     def _goal_message(self, targets: Sequence[Target], time_s: float) -> Any:
         poses = [to_pose_stamped((*target, 0.0), time_s) for target in targets]
@@ -83,13 +90,14 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
         self.report(time_s, {"goal": self._goals.state}, level=OK if well else WARN)
 
     def _on_odometry(self, message: Odometry) -> None:
-        self._odom_pose = from_pose(message.pose.pose)
+        _, self._odom_pose, _ = from_odometry(message)
 
     def _on_pose(self, message: PoseStamped) -> None:
+        time_ns, pose = from_pose_stamped(message)
         if self._odom_pose is None:
             return
-        time_s = stamp_ns(message.header.stamp) * 1e-9
-        odom = odom_in_map(from_pose(message.pose), self._odom_pose)
+        time_s = time_ns * 1e-9
+        odom = odom_in_map(pose, self._odom_pose)
         frames = [
             to_transform(topics.MAP_FRAME, topics.ODOM_FRAME, odom, time_s),
             to_transform(topics.ODOM_FRAME, topics.BASE_FRAME, self._odom_pose, time_s),

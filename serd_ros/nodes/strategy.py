@@ -110,8 +110,8 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
             super().save_results()
 
     def _on_goal(self, message: PoseStamped) -> None:
+        x_m, y_m = from_goal_message(message)
         try:
-            x_m, y_m = from_goal_message(message)
             self._replan(lambda: self._navigator.set_goal(x_m, y_m), f"goal ({x_m:g}, {y_m:g})")
             self._start_drive()
         except SerdError as error:

@@ -12,7 +12,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
-from serd_ros.convert.command import from_twist, to_twist, to_twist_stamped
+from serd_ros.convert.command import from_twist, from_twist_stamped, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
 from serd_ros.graph.configs import TeleopMuxConfig
@@ -48,8 +48,9 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
         self.create_timer(1.0 / config.rate_hz, self._step, clock=self.wall_clock)
 
     def _take(self, name: str, message: Twist | TwistStamped) -> None:
-        twist = message.twist if isinstance(message, TwistStamped) else message
-        self._mux.receive(name, from_twist(twist), self.wall_s())
+        stamped = isinstance(message, TwistStamped)
+        command = from_twist_stamped(message)[1] if stamped else from_twist(message)
+        self._mux.receive(name, command, self.wall_s())
 
     def _lock(self, name: str, message: Bool) -> None:
         self._mux.receive_lock(name, bool(message.data), self.wall_s())

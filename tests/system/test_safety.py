@@ -13,7 +13,7 @@ from visualization_msgs.msg import MarkerArray
 
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent
-from serd_ros.convert.pose import from_pose, speeds_of
+from serd_ros.convert.pose import from_odometry, from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from support.waiting import ProcessorWait
@@ -32,7 +32,7 @@ class Robot:
         probe.node.create_subscription(Odometry, "odom", self._take, qos.STATE)
 
     def _take(self, message):
-        self.speed_mps = speeds_of(message)[0]
+        self.speed_mps = from_odometry(message)[2][0]
         self.time_s = stamp_s(message.header.stamp)
 
     def command(self, linear, angular=0.0):

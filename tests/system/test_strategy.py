@@ -69,6 +69,8 @@ class Watch:
     def _take_health(self, message):
         if values_of(message, "strategy") is not None:
             self.messages.append(message.status[0].message)
+        dropped = values_of(message, "strategy: input") or {}
+        self.messages += dropped.values()
 
     def _take_mark(self, message):
         mark = from_episode_message(message)
@@ -91,8 +93,7 @@ def arrivals(tmp_path):
 
 def row_of_a_goal_during_an_episode(watch, folder):
     """Send a goal while the robot is under way; again where it came too late for this episode."""
-    rows = []
-    while not rows or rows[0].start_y_m < 6.0:
+    for _ in range(5):
         assert watch.set("goal", "") == ""
         n_rows = len(arrivals(folder))
         watch.spin_until(lambda: watch.y_m < 4.0)
@@ -103,8 +104,10 @@ def row_of_a_goal_during_an_episode(watch, folder):
             return [row for row in arrivals(folder)[n_rows:] if row.goal_y_m == 4.5]
 
         watch.spin_until(rows_of_the_goal)
-        rows = rows_of_the_goal()
-    return rows[0]
+        row = rows_of_the_goal()[0]
+        if row.start_y_m >= 6.0:
+            return row
+    pytest.fail("five goals came too late for the episode that was running")
 
 
 def test_goals_and_models_change_during_a_drive_and_invalid_ones_are_rejected(
@@ -124,7 +127,7 @@ def test_goals_and_models_change_during_a_drive_and_invalid_ones_are_rejected(
     watch.send_goal(9.0, 3.0)
     spin_until(lambda: watch.reported("refused: goal must be in a walkable cell"))
     watch.send_goal(3.5, 9.5, frame="odom")
-    spin_until(lambda: watch.reported("refused: goal_pose must be in the frame 'map', got 'odom'"))
+    spin_until(lambda: watch.reported("goal_pose must be in the frame 'map', got 'odom'"))
     turned = row_of_a_goal_during_an_episode(watch, tmp_path)
     assert turned.outcome == "arrived"
     rows = arrivals(tmp_path)

@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool
 from serd_cli.node_commands import stack_processes
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import from_intent
-from serd_ros.convert.pose import speeds_of
+from serd_ros.convert.pose import from_odometry
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import Stack, find_stack
@@ -306,11 +306,11 @@ def test_arrow_keys_drive_and_a_killed_keyboard_stops_the_robot(nodes, probe, ro
     probe.node.create_subscription(
         Odometry,
         "odom",
-        lambda m: motion.append((stamp_s(m.header.stamp), speeds_of(m)[0])),
+        lambda m: motion.append((stamp_s(m.header.stamp), from_odometry(m)[2][0])),
         qos.STATE,
     )
     probe.node.create_subscription(
-        Vector3Stamped, "intent", lambda m: actions.append(from_intent(m)), qos.STATE
+        Vector3Stamped, "intent", lambda m: actions.append(from_intent(m)[1]), qos.STATE
     )
     probe.spin_until(lambda: motion and "Ctrl-C end" in nodes.log_of("teleop_keyboard"))
 

@@ -24,7 +24,7 @@ from serd_app.drives.sessions import read_drives
 from serd_cli.node_commands import stack_processes
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import from_intent
-from serd_ros.convert.pose import from_pose, speeds_of
+from serd_ros.convert.pose import from_odometry, from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
@@ -154,11 +154,11 @@ class World:
 
     def _take_odometry(self, message):
         self.time_s = stamp_s(message.header.stamp)
-        self.speed_mps = abs(speeds_of(message)[0])
+        self.speed_mps = abs(from_odometry(message)[2][0])
         self.speeds_mps.append(self.speed_mps)
 
     def _take_intent(self, message):
-        self.actions.append(from_intent(message))
+        self.actions.append(from_intent(message)[1])
 
     def until(self, condition):
         self.probe.spin_until(lambda: self.pose is not None and condition())

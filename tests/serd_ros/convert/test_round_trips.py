@@ -11,7 +11,14 @@ from visualization_msgs.msg import Marker
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
 from serd_ros.convert.arrival import to_arrival_message
-from serd_ros.convert.command import from_intent, from_twist, to_intent, to_twist, to_twist_stamped
+from serd_ros.convert.command import (
+    from_intent,
+    from_twist,
+    from_twist_stamped,
+    to_intent,
+    to_twist,
+    to_twist_stamped,
+)
 from serd_ros.convert.diagnostics import (
     EpisodeMark,
     from_episode_message,
@@ -29,9 +36,9 @@ from serd_ros.convert.markers import (
 from serd_ros.convert.pose import (
     from_goal_area_message,
     from_goal_message,
+    from_odometry,
     from_pose,
     from_waypoint_message,
-    speeds_of,
     to_goal_area_message,
     to_odometry,
     to_path,
@@ -42,7 +49,7 @@ from serd_ros.convert.pose import (
 from serd_ros.convert.sensors import (
     People,
     from_people_message,
-    ranges_of,
+    from_scan,
     to_occupancy_grid,
     to_people_message,
     to_scan,
@@ -80,15 +87,17 @@ def test_a_pose_keeps_its_position_exactly_and_its_yaw_to_rounding(x, y, yaw):
 
 @given(x=metres, y=metres)
 def test_a_waypoint_survives_exactly(x, y):
-    assert from_waypoint_message(to_waypoint_message(Waypoint(x, y), 1.5)) == Waypoint(x, y)
+    assert from_waypoint_message(to_waypoint_message(Waypoint(x, y), 1.5)) == (
+        1_500_000_000,
+        Waypoint(x, y),
+    )
 
 
 @given(v=metres, w=metres)
 def test_a_command_survives_exactly_plain_and_stamped(v, w):
     assert from_twist(to_twist(Command(v, w))) == Command(v, w)
     stamped = to_twist_stamped(Command(v, w), 0.15)
-    assert from_twist(stamped.twist) == Command(v, w)
-    assert stamp_ns(stamped.header.stamp) == 150_000_000
+    assert from_twist_stamped(stamped) == (150_000_000, Command(v, w))
 
 
 def test_a_command_that_is_not_finite_arrives_not_finite():
@@ -97,14 +106,14 @@ def test_a_command_that_is_not_finite_arrives_not_finite():
 
 @pytest.mark.parametrize("action", list(Action))
 def test_an_intent_survives(action):
-    assert from_intent(to_intent(action, 2.0)) == action
+    assert from_intent(to_intent(action, 2.0)) == (2_000_000_000, action)
 
 
 @given(st.lists(st.tuples(metres, metres, metres, metres), max_size=30))
 def test_people_survive_in_single_precision(rows):
     values = np.array(rows, dtype=np.float32).astype(float).reshape(-1, 4)
     people = People(values[:, :2], values[:, 2:], np.arange(len(values)))
-    back = from_people_message(to_people_message(people, 0.0))
+    _, back = from_people_message(to_people_message(people, 0.0))
     assert np.array_equal(back.position_m, people.position_m)
     assert np.array_equal(back.velocity_mps, people.velocity_mps)
     assert np.array_equal(back.identity, people.identity)
@@ -133,7 +142,7 @@ def test_an_observation_survives_the_three_topics_bit_for_bit(x, y, yaw, v, w, t
     people = People(sent.people_position_m, sent.people_velocity_mps, sent.people_id)
     assert inbox.take_people(to_people_message(people, sent.time_s)) is None
     odometry = to_odometry(sent, sent.pose)
-    assert speeds_of(odometry) == (v, w)
+    assert from_odometry(odometry)[2] == (v, w)
     assert inbox.take_odometry(odometry) is None
     got = inbox.take_pose(to_waypoint_message(Waypoint(x, y), sent.time_s))
     assert got is not None
@@ -170,8 +179,9 @@ def test_who_finds_people_in_scans_needs_pose_and_odometry_only():
 def test_odometry_carries_the_pose_of_the_wheels_not_the_true_one():
     observation = observation_at(1.0, 2.0, 0.5, time_s=1.0, speed_mps=0.4, yaw_rate_radps=0.1)
     message = to_odometry(observation, (5.0, 6.0, 0.7))
-    assert from_pose(message.pose.pose) == pytest.approx((5.0, 6.0, 0.7))
-    assert speeds_of(message) == (0.4, 0.1)
+    time_ns, pose, speeds = from_odometry(message)
+    assert (time_ns, speeds) == (1_000_000_000, (0.4, 0.1))
+    assert pose == pytest.approx((5.0, 6.0, 0.7))
 
 
 def test_a_scan_keeps_its_ranges_and_its_geometry():
@@ -179,7 +189,9 @@ def test_a_scan_keeps_its_ranges_and_its_geometry():
     ranges = np.linspace(0.2, 9.0, settings.n_rays).astype(np.float32)
     ranges[3] = np.inf
     message = to_scan(ranges, settings, 0.1)
-    assert np.array_equal(ranges_of(message), ranges)
+    time_ns, received = from_scan(message, settings)
+    assert time_ns == 100_000_000
+    assert np.array_equal(received, ranges)
     assert message.angle_min + (settings.n_rays - 1) * message.angle_increment == pytest.approx(
         message.angle_max, abs=1e-5
     )

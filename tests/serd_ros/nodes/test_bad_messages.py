@@ -1,0 +1,226 @@
+"""A message that breaks a rule is dropped and counted, and the node goes on."""
+
+import json
+import math
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from sensor_msgs.msg import PointCloud2, PointField
+from std_srvs.srv import SetBool, Trigger
+
+from serd_ros.convert.diagnostics import values_of
+from support.nodes_in_process import node_in_process
+from support.valid_messages import valid_message
+
+PARAMETERS = {
+    "hallway_sim": {"people": 0},
+    "local_planner": {"people_from": "scan"},
+    "teleop_page": {"port": 0},
+    "teleop_mux": {"use_sim_time": True},
+}
+
+
+def without_keys(message):
+    for status in message.status:
+        status.values = []
+
+
+def with_number_x(message):
+    (number,) = [each for each in message.status[0].values if each.key == "episode"]
+    number.value = "x"
+
+
+def with_nan(message):
+    message.pose.position.x = math.nan
+
+
+def in_odom(message):
+    message.header.frame_id = "odom"
+
+
+def before_time(message):
+    message.header.stamp.sec = -5
+
+
+def of_25_bytes(message):
+    message.data = bytes(25)
+
+
+def with_another_number_of_rays(message):
+    message.ranges = message.ranges[:-7]
+    message.angle_max -= 7 * message.angle_increment
+
+
+def plain_xyz(message):
+    fields = [
+        PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
+        for index, name in enumerate("xyz")
+    ]
+    plain = PointCloud2(
+        header=message.header, height=1, width=1, fields=fields, point_step=12, row_step=12
+    )
+    plain.data = bytes(12)
+    return plain
+
+
+def empty(message):
+    return type(message)(header=message.header)
+
+
+def with_nan_direction(message):
+    message.vector.y = math.nan
+
+
+def with_nan_person(message):
+    message.data[0:4] = type(message.data)("B", [0, 0, 192, 127])
+
+
+def with_crossing_edges(message):
+    points = message.polygon.points
+    points[0], points[1] = points[1], points[0]
+
+
+CASES = [
+    ("teleop_page", "episode", without_keys, "values must have the key episode, got none"),
+    ("teleop_page", "episode", with_number_x, "episode must be a number, got 'x'"),
+    ("teleop_page", "episode", empty, "status must have one named 'episode', got none"),
+    ("teleop_page", "waypoint", with_nan, "position must be finite and at most 1e+06, got nan"),
+    ("teleop_page", "robot_pose", with_nan, "position must be finite and at most 1e+06, got nan"),
+    ("teleop_page", "scan", with_another_number_of_rays, "must have the 360 rays"),
+    ("teleop_page", "robot_pose", before_time, "stamp must have sec >= 0"),
+    ("local_planner", "intent", with_nan_direction, "vector must be finite"),
+    ("local_planner", "scan", with_another_number_of_rays, "must have the 360 rays"),
+    ("local_planner", "waypoint", in_odom, "frame_id must be 'map', got 'odom'; transform it"),
+    ("local_planner", "robot_pose", in_odom, "frame_id must be 'map', got 'odom'; transform it"),
+    ("scripted_expert", "pedestrians", of_25_bytes, "data must be one row of width * point_step"),
+    ("scripted_expert", "pedestrians", plain_xyz, "must have the fields x, y, z, vx, vy, id"),
+    ("scripted_expert", "pedestrians", with_nan_person, "x must be finite"),
+    ("scripted_expert", "diagnostics", without_keys, "values must have the key robot_on_person"),
+    ("hallway_sim", "goal_area", empty, "three corners of a polygon without crossing edges, got 0"),
+    ("hallway_sim", "goal_area", with_crossing_edges, "a polygon without crossing edges"),
+]
+
+
+@pytest.mark.parametrize(("kind", "topic", "break_rule", "words"), CASES)
+def test_a_bad_message_is_dropped_and_counted_and_the_next_one_is_taken(
+    kind, topic, break_rule, words
+):
+    with node_in_process(kind, **PARAMETERS.get(kind, {})) as running:
+        bad = valid_message(topic, 10.0)
+        bad = break_rule(bad) or bad
+        running.receive(topic, bad)
+        running.receive(topic, bad)
+        running.call_timers()
+        reason = running.rejected[f"rejected.{topic}"]
+        assert words in reason
+        assert reason.startswith("2 x ")
+        reported = values_of(running.sent["diagnostics"], f"{kind}: input")
+        assert reported == {"internal_errors": "0", f"rejected.{topic}": reason}
+        n_rejected = running.node.callbacks.n_rejected
+        running.receive(topic, valid_message(topic, 10.05))
+        assert running.node.callbacks.n_rejected == n_rejected
+        running.assert_alive()
+
+
+def test_people_of_25_bytes_do_not_stop_a_planner_that_is_given_people():
+    with node_in_process("local_planner", lockstep=False) as running:
+        message = valid_message("pedestrians", 10.0)
+        of_25_bytes(message)
+        running.receive("pedestrians", message)
+        assert running.node.callbacks.n_rejected == 1
+        for topic in ("pedestrians", "odom", "robot_pose", "waypoint"):
+            running.receive(topic, valid_message(topic, 10.05))
+        running.call_timers()
+        assert running.published["cmd_vel"] == 1
+        running.assert_alive()
+
+
+def test_the_page_shows_a_mux_whose_status_lacks_the_emergency_stop():
+    with node_in_process("teleop_page", port=0) as running:
+        status = DiagnosticStatus(name="teleop_mux")
+        running.receive("diagnostics", DiagnosticArray(status=[status]))
+        running.call_timers()
+        running.assert_alive()
+
+
+def test_the_state_of_the_page_is_json_after_messages_with_nan():
+    with node_in_process("teleop_page", port=0) as running:
+        for topic in ("pedestrians", "odom", "robot_pose", "waypoint", "scan"):
+            running.receive(topic, valid_message(topic, 10.0))
+        scan = valid_message("scan", 10.05)
+        scan.ranges[5] = math.nan
+        running.receive("scan", scan)
+        for topic in ("robot_pose", "waypoint"):
+            bad = valid_message(topic, 10.05)
+            with_nan(bad)
+            running.receive(topic, bad)
+        node = running.node
+        state = node._view.state(node.observation, node.episodes)
+        assert json.loads(json.dumps(state, allow_nan=False))["waypoint"] == [3.5, 7.5]
+        running.call_timers()
+        running.assert_alive()
+
+
+def test_an_error_in_a_callback_is_counted_logged_and_ends_nothing():
+    with node_in_process("teleop_mux") as running:
+        running.node._mux = None
+        running.receive("e_stop", valid_message("e_stop", 0.0))
+        running.receive("e_stop", valid_message("e_stop", 0.0))
+        assert running.node.callbacks.n_internal_errors == 2
+        running.node._report_input()
+        status = running.sent["diagnostics"].status[0]
+        assert (status.level, status.name) == (DiagnosticStatus.ERROR, "teleop_mux: input")
+        assert not running.node.finished.done()
+        response = running.call("set_e_stop", SetBool.Request(data=True))
+        assert not response.success
+        assert "'NoneType' object has no attribute" in response.message
+
+
+def test_a_timer_that_fails_ten_times_in_a_row_ends_the_node(capsys):
+    with node_in_process("teleop_mux") as running:
+        mux = running.node._mux
+        for failures in (9, 9, 10):
+            running.node._mux = None
+            for _ in range(failures):
+                assert not running.node.finished.done()
+                running.call_timers()
+            running.node._mux = mux
+            if failures < 10:
+                running.call_timers()
+        assert running.node.finished.result() == 2
+    assert "step failed 10 times in a row" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("kind", "service", "request_"),
+    [
+        ("hallway_sim", "reset", Trigger.Request()),
+        ("hallway_sim", "pause", SetBool.Request(data=True)),
+        ("teleop_mux", "set_e_stop", SetBool.Request(data=True)),
+        ("learner", "learn", Trigger.Request()),
+        ("demo_recorder", "stop_recording", Trigger.Request()),
+    ],
+)
+def test_a_service_answers_every_call_before_anything_else_has_come(
+    kind, service, request_, tmp_path
+):
+    parameters = {
+        "learner": {"output": str(tmp_path / "model.yaml")},
+        "demo_recorder": {"output": str(tmp_path / "bag"), "record_at_start": False},
+        "hallway_sim": {"people": 0},
+    }
+    with node_in_process(kind, **parameters.get(kind, {})) as running:
+        for _ in range(3):
+            assert running.call(service, request_).message
+        running.assert_alive()
+
+
+def test_a_parameter_of_an_unknown_type_is_refused():
+    with node_in_process("teleop_mux") as running:
+        unknown = Parameter(name="rate_hz", value=ParameterValue(type=200))
+        response = running.call("set_parameters", SetParameters.Request(parameters=[unknown]))
+        assert not any(each.successful for each in response.results)
+        assert running.node.config.rate_hz == 50.0
+        running.assert_alive()

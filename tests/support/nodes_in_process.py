@@ -1,0 +1,99 @@
+"""Nodes that are constructed in the test's process, without an executor.
+
+Callbacks of subscriptions and timers are called by hand, so that a test of thousands of messages
+waits for nothing.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
+
+import rclpy
+import yaml
+from domain_coordinator import domain_id
+
+from serd_ros.process.serd_node import SerdNode
+
+
+def node_class(kind: str) -> type[SerdNode[Any]]:
+    """The node of a module of serd_ros.nodes."""
+    module = import_module(f"serd_ros.nodes.{kind}")
+    (found,) = [
+        each
+        for each in vars(module).values()
+        if isinstance(each, type)
+        and issubclass(each, SerdNode)
+        and each.__module__ == module.__name__
+    ]
+    return found
+
+
+class NodeInProcess:
+    """published: how many messages went out by topic; sent: the last message of each."""
+
+    def __init__(self, node: SerdNode[Any]) -> None:
+        self.node = node
+        self.published: Counter[str] = Counter()
+        self.sent: dict[str, Any] = {}
+        for publisher in node.publishers:
+            self._watch(publisher)
+
+    def _watch(self, publisher: Any) -> None:
+        topic, publish = publisher.topic_name.strip("/"), publisher.publish
+
+        def counted(message: Any) -> None:
+            publish(message)
+            self.published[topic] += 1
+            self.sent[topic] = message
+
+        publisher.publish = counted
+
+    def receive(self, topic: str, message: Any) -> None:
+        """Call every subscription of the topic with the message."""
+        found = [each for each in self.node.subscriptions if each.topic_name.strip("/") == topic]
+        assert found, f"{self.node.get_name()} does not subscribe to {topic}"
+        for subscription in found:
+            subscription.callback(message)
+
+    def call_timers(self) -> None:
+        """Call every timer that runs once."""
+        for timer in self.node.timers:
+            if not timer.is_canceled():
+                timer.callback()
+
+    def call(self, service: str, request: Any) -> Any:
+        """The response of a service of the node."""
+        (found,) = [each for each in self.node.services if each.srv_name.split("/")[-1] == service]
+        return found.callback(request, found.srv_type.Response())
+
+    @property
+    def rejected(self) -> Mapping[str, object]:
+        """The values `rejected.TOPIC` of `diagnostics`."""
+        return self.node.callbacks.values()
+
+    def assert_alive(self) -> None:
+        """No callback failed and nothing ended the node."""
+        assert self.node.callbacks.n_internal_errors == 0
+        assert not self.node.finished.done()
+
+
+@contextmanager
+def node_in_process(kind: str, **parameters: object) -> Iterator[NodeInProcess]:
+    """The node with these parameters, in a ROS domain of its own."""
+    arguments = ["--ros-args", "--log-level", "fatal"]
+    for name, value in parameters.items():
+        text = yaml.safe_dump(value, default_flow_style=True).removesuffix("\n...\n").strip()
+        arguments += ["-p", f"{name}:={text}"]
+    with domain_id() as domain:
+        rclpy.init(args=arguments, domain_id=int(domain))
+        try:
+            node = node_class(kind)()
+            try:
+                yield NodeInProcess(node)
+            finally:
+                node.close()
+                node.destroy_node()
+        finally:
+            rclpy.try_shutdown()

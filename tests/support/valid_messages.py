@@ -1,0 +1,69 @@
+"""One sound message of every topic that a node subscribes to, at a time of the simulated world."""
+
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import OccupancyGrid
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Bool, String
+
+from serd_core.grid.grid import Action
+from serd_ros.convert.command import to_intent, to_joy, to_twist, to_twist_stamped
+from serd_ros.convert.diagnostics import EpisodeMark, to_diagnostics, to_episode_message
+from serd_ros.convert.pose import (
+    to_goal_area_message,
+    to_odometry,
+    to_path,
+    to_pose_stamped,
+    to_waypoint_message,
+)
+from serd_ros.convert.sensors import people_of, to_people_message, to_scan
+from serd_ros.convert.stamp import to_stamp
+from sim.episodes.result import UNCOUNTED
+from sim.scenario.goal import goal_at
+from sim.scenario.scenario import load_scenario
+from sim.world.command import Command
+from sim.world.waypoint import Waypoint
+from support.observations import observation_at
+
+HALLWAY = load_scenario("hallway")
+PLACE_M = 3.5, 6.5
+GOAL_M = 3.5, 18.5
+
+
+def valid_message(topic: str, time_s: float, message_type: type | None = None) -> Any:
+    """The message; message_type tells Twist from TwistStamped."""
+    x_m, y_m = PLACE_M
+    observation = observation_at(
+        x_m, y_m, 1.5, time_s=time_s, speed_mps=0.4, people=[[4.5, 12.0], [2.5, 9.0]]
+    )
+    if topic.startswith("cmd_vel"):
+        command = Command(0.4, 0.1)
+        return to_twist(command) if message_type is Twist else to_twist_stamped(command, time_s)
+    mark = EpisodeMark("start", time_s, 1, "scripted_expert", 0, "train")
+    ranges_m = np.full(HALLWAY.lidar.n_rays, 3.0, dtype=np.float32)
+    counts = {key: float(value) if key.endswith("_m") else 0 for key, value in UNCOUNTED.items()}
+    diagnostics = to_diagnostics("hallway_sim", time_s, counts)
+    diagnostics.status += to_diagnostics("teleop_mux", time_s, {"e_stop": False}).status
+    diagnostics.status += to_diagnostics("demo_recorder", time_s, {"messages": 7}).status
+    messages = {
+        "clock": Clock(clock=to_stamp(time_s)),
+        "robot_pose": to_pose_stamped(observation.pose, time_s),
+        "odom": to_odometry(observation, (1.0, 2.0, 0.5)),
+        "pedestrians": to_people_message(people_of(observation), time_s),
+        "scan": to_scan(ranges_m, HALLWAY.lidar, time_s),
+        "intent": to_intent(Action.NORTH, time_s),
+        "waypoint": to_waypoint_message(Waypoint(x_m, y_m + 1.0), time_s),
+        "plan": to_path(np.array([[x_m, y_m], [x_m, y_m + 1.0]]), time_s),
+        "goal_pose": to_pose_stamped((*GOAL_M, 0.0), time_s),
+        "goal_area": to_goal_area_message(goal_at(HALLWAY, *GOAL_M).goal_area_m, time_s),
+        "joy": to_joy([0.0, 0.5], [1, 0], time_s),
+        "driver_gone": Bool(data=False),
+        "e_stop": Bool(data=False),
+        "episode": to_episode_message(mark),
+        "diagnostics": diagnostics,
+        "map": OccupancyGrid(),
+        "model": String(data="scenario: hallway"),
+    }
+    return messages[topic]
