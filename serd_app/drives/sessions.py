@@ -14,7 +14,8 @@ from bags.topic import RawMessage, topic_named
 from serd_app.drives.episode_spans import END, EPISODE, marks_of
 from serd_app.drives.recorded_drive import INTENT, POSE, DriveBuilder, RecordedDrive, source_of
 
-_RESTART_NS = 1_000_000_000
+#: A stamp that falls back by more belongs to another session.
+RESTART_NS = 1_000_000_000
 
 
 @dataclass(eq=False)
@@ -65,7 +66,7 @@ class DriveSessions:
         stamp_ns, x_m, y_m = pose_position(data)
         stamp_ns = stamp_ns or log_time_ns
         session = self._session_of_poses
-        if stamp_ns < session.newest_pose_ns - _RESTART_NS:
+        if stamp_ns < session.newest_pose_ns - RESTART_NS:
             session = self._session_of_poses = self._session(POSE, stamp_ns)
         session.builder.add_position(stamp_ns, x_m, y_m)
         if stamp_ns > session.newest_pose_ns:
@@ -79,7 +80,7 @@ class DriveSessions:
 
     def _session(self, topic: str, stamp_ns: int) -> Session:
         """That of the topic, or the next one where its clock has fallen back."""
-        if stamp_ns < self._newest_ns[topic] - _RESTART_NS:
+        if stamp_ns < self._newest_ns[topic] - RESTART_NS:
             self._session_of[topic] += 1
             self._newest_ns[topic] = 0
             if self._session_of[topic] == len(self.sessions):

@@ -1,10 +1,13 @@
-"""Simulated time in seconds to and from builtin_interfaces/Time.
+"""Simulated time in seconds to and from builtin_interfaces/Time, and jumps of its clock.
 
 Exact to the nanosecond for a month of simulated time; beyond, seconds as a double are not.
 """
 
+from enum import Enum
+
 from builtin_interfaces.msg import Time
 
+from serd_app.drives.sessions import RESTART_NS
 from serd_ros.errors import MessageError
 
 _NS = 1_000_000_000
@@ -30,3 +33,30 @@ def stamp_ns(stamp: Time) -> int:
 def stamp_s(stamp: Time) -> float:
     """The stamp in seconds."""
     return stamp_ns(stamp) / _NS
+
+
+class Jump(Enum):
+    """FORWARD: by more than a second, what was received before is stale; BACKWARD: by more than a
+    second, a new session begins; LATE: an older message of the same session."""
+
+    NONE = "none"
+    FORWARD = "forward"
+    BACKWARD = "backward"
+    LATE = "late"
+
+
+class StampClock:
+    """The clock that the stamps of one topic show."""
+
+    def __init__(self) -> None:
+        self._newest_ns: int | None = None
+
+    def advance(self, time_ns: int) -> Jump:
+        """Take the next stamp; how the clock moved to it."""
+        step_ns = 0 if self._newest_ns is None else time_ns - self._newest_ns
+        if -RESTART_NS <= step_ns < 0:
+            return Jump.LATE
+        self._newest_ns = time_ns
+        if step_ns < 0:
+            return Jump.BACKWARD
+        return Jump.FORWARD if step_ns > RESTART_NS else Jump.NONE

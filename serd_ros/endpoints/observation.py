@@ -1,6 +1,7 @@
 """The three topics of an observation: published together, and put together again by stamp."""
 
 from collections.abc import Callable
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
@@ -21,7 +22,9 @@ from serd_ros.convert.sensors import (
     people_of,
     to_people_message,
 )
+from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
+from serd_ros.process.serd_node import SerdNode
 from sim.world.observation import Observation, make_observation
 
 
@@ -102,7 +105,7 @@ class ObservationPublisher:
 
 
 def subscribe_observations(
-    node: Node,
+    node: SerdNode[Any],
     control_period_s: float,
     callback: Callable[[Observation], None],
     *,
@@ -110,13 +113,21 @@ def subscribe_observations(
 ) -> ObservationInbox:
     """Call back with every observation whose parts have arrived; the inbox is returned.
 
-    needs_people: False for who finds people without `pedestrians`, which nobody need publish then.
+    `node.clock_jumped` is called before an observation after a jump; late ones are left out.
+    needs_people: False for who finds people without `pedestrians`, which need not exist then.
     """
     inbox = ObservationInbox(control_period_s, needs_people=needs_people)
+    clock = StampClock()
 
     def pass_on(observation: Observation | None) -> None:
-        if observation is not None:
-            callback(observation)
+        if observation is None:
+            return
+        jump = clock.advance(round(observation.time_s * 1e9))
+        if jump is Jump.LATE:
+            return
+        if jump is not Jump.NONE:
+            node.clock_jumped(jump)
+        callback(observation)
 
     node.create_subscription(
         PoseStamped, topics.ROBOT_POSE, lambda m: pass_on(inbox.take_pose(m)), qos.STATE

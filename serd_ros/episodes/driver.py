@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import END, START, from_world_report
-from serd_ros.convert.stamp import stamp_ns, to_stamp
+from serd_ros.convert.stamp import Jump, stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import subscribe_observations
 from serd_ros.episodes.starter import EpisodeStarter
@@ -82,6 +82,14 @@ class EpisodeDriverNode(SerdNode[Config]):
         if self._progress is not None:
             self._progress.set_goal(scenario.goal_area_m)
 
+    def clock_jumped(self, jump: Jump) -> None:
+        """A new session ends the drive without a result and begins another episode."""
+        if jump is Jump.BACKWARD:
+            self.get_logger().warning("the clock fell back: the drive begins anew")
+            self._clear()
+            self._waiting = self._world_report = None
+            self._starter.wait()
+
     def _log_waiting(self, missing: str) -> None:
         if missing != self._waited_for:
             self._waited_for = missing
@@ -109,9 +117,12 @@ class EpisodeDriverNode(SerdNode[Config]):
         return True
 
     def _next_episode(self) -> None:
+        self._clear()
+        self.request_episode()
+
+    def _clear(self) -> None:
         self._running, self._progress, self._decision, self._ending = None, None, None, None
         self._reason = ""
-        self.request_episode()
 
     def request_episode(self) -> None:
         """Request the next episode; a node that does not reset the world calls `begin_episode`."""

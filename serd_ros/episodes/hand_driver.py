@@ -21,6 +21,7 @@ from std_msgs.msg import Bool
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent, to_twist
 from serd_ros.convert.diagnostics import values_of
+from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import subscribe_observations
 from serd_ros.episodes.person_episodes import PersonEpisodes
@@ -80,6 +81,13 @@ class HandDriverNode(SerdNode[Config]):
     def discard_input(self) -> None:
         """Let what is pressed now count only after it has been released and pressed again."""
         self.choice.clear()
+
+    def clock_jumped(self, jump: Jump) -> None:
+        """End every motion; a new session discards the episode and its counts."""
+        self.stop_moving()
+        if jump is Jump.BACKWARD:
+            self.notify("the clock fell back: a new session begins")
+            self.episodes.begin_session()
 
     def set_e_stop(self, engaged: bool) -> None:
         """Engage the emergency stop, or release it."""

@@ -63,6 +63,10 @@ class PageView:
             "recorder": self._health.get("demo_recorder"),
         }
 
+    def clear(self) -> None:
+        """Discard what was received before a jump of the clock."""
+        self._ranges, self._waypoint, self._action = None, None, Action.WAIT
+
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for name in _SHOWN:
             values = values_of(message, name)

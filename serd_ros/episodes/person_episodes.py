@@ -33,9 +33,8 @@ class PersonEpisodes:
         notify: Callable[[str], None],
         on_end: Callable[[], None],
     ) -> None:
-        self.session = Session(scenario, timeout_s)
-        self.tally = EpisodeTally()
-        self.n_decisions = 0
+        self._scenario, self._timeout_s = scenario, timeout_s
+        self.begin_session()
         self._driver, self._notify, self._on_end = driver, notify, on_end
         self._waited_for = ""
         self._starter = EpisodeStarter(
@@ -70,6 +69,12 @@ class PersonEpisodes:
         self.session.start()
         self._waited_for = ""
         self._starter.wait()
+
+    def begin_session(self) -> None:
+        """Discard the episode and the counts; nothing is published."""
+        self.session = Session(self._scenario, self._timeout_s)
+        self.tally = EpisodeTally()
+        self.n_decisions = 0
 
     def save(self) -> None:
         """End the running episode and keep it."""

@@ -17,7 +17,7 @@ from serd_ros.convert.command import from_intent, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.pose import from_waypoint_message
 from serd_ros.convert.sensors import from_scan
-from serd_ros.convert.stamp import stamp_ns, to_stamp
+from serd_ros.convert.stamp import Jump, stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import subscribe_observations
 from serd_ros.graph.configs import LocalPlannerConfig
@@ -80,6 +80,19 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         self.create_subscription(LaserScan, topics.SCAN, self._on_scan, profile)
         return ScanMatcher(self._scenario)
 
+    def clock_jumped(self, jump: Jump) -> None:
+        """Stand until the next waypoint or intent; a new session discards the scans, too."""
+        self._begin_anew()
+        if jump is Jump.BACKWARD:
+            self._answer = None
+            if self._scans:
+                self._scans.reset()
+
+    def _begin_anew(self) -> None:
+        self._planner.reset()
+        self._followed.stand()
+        self._waypoint = None
+
     def _on_scan(self, message: LaserScan) -> None:
         assert self._scans is not None
         self._scans.take_scan(*from_scan(message, self._scenario.lidar))
@@ -110,9 +123,7 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         last, self._observation = self._observation, observation
         self._heard_wall_s = self.wall_s()
         if last is None or self._is_another_episode(last, observation):
-            self._planner.reset()
-            self._followed.stand()
-            self._waypoint = None
+            self._begin_anew()
         if self._scans:
             self._scans.take_observation(observation)
         if self.config.lockstep:

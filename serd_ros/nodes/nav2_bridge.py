@@ -25,6 +25,7 @@ from serd_ros.convert.pose import (
     to_pose_stamped,
     to_transform,
 )
+from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import Nav2BridgeConfig
@@ -42,7 +43,7 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
         through = self.config.mode == "through_poses"
         kind = ros_type("nav2_msgs.action", "NavigateThroughPoses" if through else "NavigateToPose")
         name = "navigate_through_poses" if through else "navigate_to_pose"
-        self._kind, self._odom_pose = kind, None
+        self._kind, self._odom_pose, self._clock = kind, None, StampClock()
         self._client = ActionClient(self, kind, name)
         self._goals = Nav2Goals(
             self._client, self._goal_message, timeout_s=self.config.waypoint_timeout_s
@@ -94,6 +95,9 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
 
     def _on_pose(self, message: PoseStamped) -> None:
         time_ns, pose = from_pose_stamped(message)
+        if self._clock.advance(time_ns) in (Jump.FORWARD, Jump.BACKWARD):
+            self._goals.cancel()  # until the next waypoint
+            self._odom_pose = None
         if self._odom_pose is None:
             return
         time_s = time_ns * 1e-9

@@ -18,6 +18,7 @@ from serd_app.navigation.navigator import Navigator
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
 from serd_ros.convert.pose import from_goal_message, to_waypoint_message
+from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.strategy_reporter import StrategyReporter
 from serd_ros.episodes.driver import EpisodeDriverNode
@@ -60,6 +61,13 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         self._navigator = Navigator(self.scenario, self.config)
         self.scenario = self._navigator.strategy.scenario
         return self._navigator
+
+    def clock_jumped(self, jump: Jump) -> None:
+        """A new session discards the prediction and a waiting goal."""
+        if jump is Jump.BACKWARD:
+            self._records.discard_prediction()
+            self._reporter.time_s, self._goal_waits = 0.0, False
+        super().clock_jumped(jump)
 
     def steer(self, observation: Observation, action: Action) -> None:
         """Publish the waypoint and the forecast it is based on."""

@@ -11,6 +11,7 @@ from sensor_msgs.msg import Joy
 
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_joy
+from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.hand_driver import HandDriverNode
 from serd_ros.episodes.page_view import PageView
@@ -55,6 +56,11 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
         """End the server."""
         if self._server is not None:
             self._server.close()
+
+    def clock_jumped(self, jump: Jump) -> None:
+        """Show nothing that is stale."""
+        self._view.clear()
+        super().clock_jumped(jump)
 
     def notify(self, sentence: str) -> None:
         """Show it on the page and in the log."""

@@ -13,6 +13,7 @@ from rclpy.task import Future
 from rclpy.timer import Timer
 
 from serd_ros.convert.diagnostics import ERROR, OK, WARN, to_diagnostics
+from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
 from serd_ros.graph.configs import NodeConfig
 from serd_ros.graph.parameters import read_config
@@ -62,6 +63,12 @@ class SerdNode(Node, Generic[Config]):
         """As rclpy's, with a guarded callback."""
         guarded = self.callbacks.of_timer(callback)
         return super().create_timer(timer_period_sec, guarded, *args, **options)
+
+    def clock_jumped(self, jump: Jump) -> None:
+        """The clock of the observations jumped; called before the observation that shows it.
+
+        FORWARD: what was received before is stale. BACKWARD: a new session begins.
+        """
 
     def finish(self, exit_code: int = 0) -> None:
         """Let the process end with this code once the running callback has returned."""

@@ -24,6 +24,10 @@ class ScanMatcher:
         """The planner with the people that these scans show."""
         return ScanningPlanner(planner, self._perception, no_scans)
 
+    def reset(self) -> None:
+        """Take scans of any stamp again, at the start of a session; one that waits is kept."""
+        self._taken_ns = None
+
     def take_scan(self, time_ns: int, ranges_m: NDArray[np.float32]) -> None:
         """Take the ranges (n_rays,) of a scan; SimError where their number is not the lidar's."""
         self._scan = time_ns, ranges_m

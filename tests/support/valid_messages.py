@@ -58,7 +58,7 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
         "plan": to_path(np.array([[x_m, y_m], [x_m, y_m + 1.0]]), time_s),
         "goal_pose": to_pose_stamped((*GOAL_M, 0.0), time_s),
         "goal_area": to_goal_area_message(goal_at(HALLWAY, *GOAL_M).goal_area_m, time_s),
-        "joy": to_joy([0.0, 0.5], [1, 0], time_s),
+        "joy": to_joy([0.5] * 8, [1] * 12, time_s),
         "driver_gone": Bool(data=False),
         "e_stop": Bool(data=False),
         "episode": to_episode_message(mark),

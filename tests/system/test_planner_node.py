@@ -11,6 +11,7 @@ from rclpy.parameter_client import AsyncParameterClient
 
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent
+from serd_ros.convert.diagnostics import values_of
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.observation import ObservationPublisher
 from support.observations import observation_at
@@ -20,14 +21,14 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
 def test_a_robot_without_a_valid_pose_stands_and_the_planner_reports_the_reason(nodes, probe):
-    """A localisation that fails gives poses that are not numbers; the node continues."""
+    """A localisation that fails gives poses that are not numbers; each of them is dropped."""
     nodes.start_stack("live", seed=2)["hallway_sim"].terminate()
-    statuses, commands = [], []
+    stale, dropped, commands = [], [], []
 
     def take(message):
-        """Each status; "stale" is no status but reported where messages come late."""
-        new = [each.message for each in message.status if each.name == "local_planner"]
-        statuses.extend(each for each in new if each != "stale")
+        stale.extend(each for each in message.status if each.message == "stale")
+        values = values_of(message, "local_planner: input") or {}
+        dropped.extend(values.get("rejected.robot_pose", "").splitlines())
 
     probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
     probe.node.create_subscription(
@@ -48,8 +49,9 @@ def test_a_robot_without_a_valid_pose_stands_and_the_planner_reports_the_reason(
         probe.spin_until(publish)
 
     seen_at(3.0, lambda: commands and commands[-1] > 0.0)
-    seen_at(math.nan, lambda: "NO_VALID_CONTROL" in statuses and commands[-1] == 0.0)
-    seen_at(3.0, lambda: statuses[-1] == "NONE" and commands[-1] > 0.0)
+    seen_at(math.nan, lambda: stale and dropped and commands[-1] == 0.0)
+    assert "position must be finite and at most 1e+06, got nan" in dropped[-1]
+    seen_at(3.0, lambda: commands[-1] > 0.0)
 
 
 @pytest.mark.parametrize(

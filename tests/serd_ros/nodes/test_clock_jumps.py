@@ -1,0 +1,261 @@
+"""What each node does when the clock of its messages jumps forward, jumps backward or stands."""
+
+import os
+import pty
+from contextlib import contextmanager
+
+import pytest
+from rclpy.serialization import serialize_message
+
+from serd_core.grid.grid import Action
+from serd_ros.convert.command import to_twist_stamped
+from serd_ros.convert.stamp import Jump, StampClock, stamp_s
+from serd_ros.episodes.hand_driver import HandDriverNode
+from sim.episodes.result import EpisodeStart
+from sim.world.command import Command
+from support.nodes_in_process import node_in_process
+from support.valid_messages import GOAL_M, valid_message
+
+SECOND_NS = 1_000_000_000
+OBSERVATION = ("pedestrians", "odom", "robot_pose")
+START = 100.0
+
+
+def feed(running, time_s, *topics):
+    """The messages of these topics, then an observation, all at one time."""
+    for topic in (*topics, *OBSERVATION):
+        running.receive(topic, valid_message(topic, time_s))
+
+
+def speed(running):
+    running.call_timers()
+    return running.sent["cmd_vel"].linear.x
+
+
+@pytest.mark.parametrize(
+    ("steps_ns", "jump"),
+    [
+        ((0, 0), Jump.NONE),
+        ((5, 5 + SECOND_NS), Jump.NONE),
+        ((5, 6 + SECOND_NS), Jump.FORWARD),
+        ((2 * SECOND_NS, SECOND_NS), Jump.LATE),
+        ((2 * SECOND_NS, SECOND_NS - 1), Jump.BACKWARD),
+    ],
+)
+def test_a_jump_is_a_step_of_more_than_a_second(steps_ns, jump):
+    clock = StampClock()
+    assert clock.advance(steps_ns[0]) is Jump.NONE
+    assert clock.advance(steps_ns[1]) is jump
+
+
+def test_a_late_stamp_does_not_move_the_clock_back():
+    clock = StampClock()
+    for time_ns, jump in ((10, Jump.NONE), (4, Jump.LATE), (9, Jump.LATE), (10, Jump.NONE)):
+        assert clock.advance(time_ns) is jump
+
+
+@pytest.mark.parametrize("later_s", [START + 1.5, START + 1000.0, START - 1.5, 0.0])
+@pytest.mark.parametrize("people_from", ["given", "scan"])
+def test_the_planner_stands_after_a_jump_until_the_next_waypoint(later_s, people_from):
+    with node_in_process("local_planner", lockstep=False, people_from=people_from) as running:
+        scan = ("scan",) if people_from == "scan" else ()
+        feed(running, START, *scan, "waypoint")
+        assert speed(running) > 0.0
+        feed(running, later_s, *scan)
+        assert speed(running) == 0.0
+        feed(running, later_s + 0.05, *scan)
+        assert speed(running) == 0.0
+        feed(running, later_s + 0.1, *scan, "waypoint")
+        assert speed(running) > 0.0
+        running.assert_alive()
+
+
+def test_people_in_scans_are_tracked_anew_in_a_new_session():
+    with node_in_process("local_planner", lockstep=False, people_from="scan") as running:
+        for time_s in (START, 0.0):
+            feed(running, time_s, "scan")
+            tracker = running.node._planner.perception.tracker
+            assert len(tracker.identity) > 0
+            assert tracker.identity.min() == 0
+            assert tracker._time_s == time_s
+
+
+def test_the_planner_stands_while_the_clock_does_and_goes_on_with_it(monkeypatch):
+    with node_in_process("local_planner", lockstep=False) as running:
+        feed(running, START, "waypoint")
+        assert speed(running) > 0.0
+        now_s = running.node.wall_s()
+        monkeypatch.setattr(running.node, "wall_s", lambda: now_s + 10.0)
+        assert speed(running) == 0.0
+        feed(running, START + 0.05)
+        assert speed(running) > 0.0
+
+
+def episode(start_s):
+    return EpisodeStart(episode=0, seed=0, start_area="train", start_s=start_s)
+
+
+@contextmanager
+def driving(kind, **parameters):
+    """A node in its first episode."""
+    with node_in_process(kind, **parameters) as running:
+        running.node.begin_episode(episode(START))
+        feed(running, START)
+        assert running.node.driving
+        yield running
+
+
+@pytest.mark.parametrize("kind", ["scripted_expert", "strategy"])
+def test_a_driver_decides_on_what_it_sees_after_a_jump_forward_and_after_a_pause(
+    kind, save_model_of
+):
+    parameters = {"model": str(save_model_of())} if kind == "strategy" else {}
+    topic = "waypoint" if kind == "strategy" else "intent"
+    with driving(kind, **parameters) as running:
+        assert stamp_s(running.sent[topic].header.stamp) == START
+        feed(running, START + 20.0)
+        assert stamp_s(running.sent[topic].header.stamp) == START + 20.0
+        running.call_timers()
+        assert running.published[topic] == 2
+        answer = running.sent[topic]
+        feed(running, START + 20.0)  # after a pause: the same tick again, and the same answer
+        assert running.published[topic] > 2
+        assert running.sent[topic] == answer
+        assert running.node.driving
+        running.assert_alive()
+
+
+@pytest.mark.parametrize("kind", ["scripted_expert", "strategy"])
+def test_a_driver_begins_anew_after_a_jump_backward(kind, save_model_of):
+    parameters = {"model": str(save_model_of())} if kind == "strategy" else {}
+    topic = "waypoint" if kind == "strategy" else "intent"
+    with driving(kind, **parameters) as running:
+        feed(running, 10.0)
+        assert not running.node.driving
+        assert not running.node.ready
+        assert running.node.n_finished == 0
+        running.node.begin_episode(episode(12.0))
+        feed(running, 12.0)
+        assert stamp_s(running.sent[topic].header.stamp) == 12.0
+        running.assert_alive()
+
+
+def test_a_strategy_without_resets_waits_for_a_goal_in_a_new_session(save_model_of):
+    with node_in_process("strategy", model=str(save_model_of()), reset=False) as running:
+        running.call_timers()
+        running.node._starter._look.cancel()  # its graph is there
+        feed(running, START)
+        running.receive("goal_pose", valid_message("goal_pose", START))
+        assert running.node.driving
+        feed(running, START + 2.0)
+        feed(running, 10.0)
+        assert not running.node.driving
+        running.node._starter._look.cancel()
+        running.receive("goal_pose", valid_message("goal_pose", 10.0))
+        feed(running, 12.0)
+        assert running.node.driving
+        assert stamp_s(running.sent["waypoint"].header.stamp) == 12.0
+        assert running.node.scenario.goal_area_m[0][1] <= GOAL_M[1]
+        running.assert_alive()
+
+
+@contextmanager
+def hand_driver(kind):
+    """A front end with a person who drives north, in an episode."""
+    master, terminal = pty.openpty()
+    parameters = {"port": 0} if kind == "teleop_page" else {"terminal": os.ttyname(terminal)}
+    try:
+        with node_in_process(kind, **parameters) as running:
+            node: HandDriverNode = running.node
+            node.attend = lambda: True
+            running.call_timers()
+            node.episodes.session.start()
+            node.episodes._starter.begin(episode(START))
+            node.choice.hold(Action.NORTH)
+            feed(running, START)
+            assert running.sent["intent"].vector.y == 1.0
+            yield running
+    finally:
+        os.close(master)
+        os.close(terminal)
+
+
+@pytest.mark.parametrize("kind", ["teleop_page", "teleop_keyboard"])
+def test_a_front_end_stops_after_a_jump_forward_and_keeps_its_episode(kind):
+    with hand_driver(kind) as running:
+        feed(running, START + 5.0)
+        assert running.sent["intent"].vector.y == 0.0
+        assert running.node.choice.upcoming is Action.WAIT
+        assert running.node.episodes.is_running
+        running.node.choice.hold(Action.EAST)
+        feed(running, START + 6.0)
+        assert running.sent["intent"].vector.x == 1.0
+        running.assert_alive()
+
+
+@pytest.mark.parametrize("kind", ["teleop_page", "teleop_keyboard"])
+def test_a_front_end_begins_a_new_session_after_a_jump_backward(kind):
+    with hand_driver(kind) as running:
+        running.receive("episode", valid_message("episode", START))
+        assert running.node.episodes.other_driver
+        feed(running, 10.0)
+        assert running.sent["intent"].vector.y == 0.0
+        assert running.node.episodes.session.phase == "idle"
+        assert running.node.episodes.tally.running is None
+        assert running.node.episodes.n_decisions == 0
+        running.node.episodes.session.start()
+        running.assert_alive()
+
+
+@pytest.mark.parametrize("later_s", [START + 1e6, 0.0])
+def test_the_mux_publishes_commands_whatever_the_clock_does(later_s):
+    with node_in_process("teleop_mux", use_sim_time=True, stamped_cmd_vel=True) as running:
+        for time_s in (START, later_s, later_s + 0.1):
+            running.receive("clock", valid_message("clock", time_s))
+            running.receive("cmd_vel_teleop", to_command())
+            running.call_timers()
+            assert running.sent["cmd_vel"].twist.linear.x > 0.0
+            assert stamp_s(running.sent["cmd_vel"].header.stamp) == pytest.approx(time_s)
+        running.assert_alive()
+
+
+def to_command():
+    return to_twist_stamped(Command(0.4, 0.0), 0.0).twist
+
+
+def test_a_world_in_lock_step_answers_the_stamp_it_waits_for_and_no_other():
+    with node_in_process("hallway_sim", lockstep=True, people=0) as running:
+        running.node._begin_episode()
+        (now_s,) = [stamp_s(running.sent["clock"].clock)]
+        for time_s in (now_s + 5.0, now_s - 5.0 if now_s >= 5.0 else now_s + 9.0):
+            running.receive("cmd_vel", to_twist_stamped(Command(0.4, 0.0), time_s))
+            assert stamp_s(running.sent["clock"].clock) == now_s
+        running.receive("cmd_vel", to_twist_stamped(Command(0.4, 0.0), now_s))
+        assert stamp_s(running.sent["clock"].clock) == pytest.approx(now_s + 0.05)
+        running.assert_alive()
+
+
+def test_a_joystick_drives_whatever_the_stamps_of_its_messages():
+    with node_in_process("teleop_joy") as running:
+        for number, time_s in enumerate((START, START + 1e6, 0.0), start=1):
+            running.receive("joy", valid_message("joy", time_s))
+            assert running.published["cmd_vel_joy"] == number
+
+
+def test_the_learner_divides_messages_into_sessions_where_the_clock_falls_back(tmp_path):
+    with node_in_process("learner", output=str(tmp_path / "model.yaml")) as running:
+        sessions = running.node._memory.drive.sessions
+        for time_s, n_sessions in ((START, 1), (START + 1e4, 1), (START - 0.5 + 1e4, 1), (0.0, 2)):
+            for topic in ("robot_pose", "intent"):
+                running.receive(topic, serialize_message(valid_message(topic, time_s)))
+            assert len(sessions) == n_sessions
+        running.assert_alive()
+
+
+def test_the_recorder_keeps_the_stamps_of_both_sessions(tmp_path):
+    with node_in_process("demo_recorder", output=str(tmp_path / "bag")) as running:
+        for time_s in (START, START + 1e4, 0.5):
+            for topic in ("clock", "robot_pose"):
+                running.receive(topic, serialize_message(valid_message(topic, time_s)))
+            assert running.node._now_ns == time_s * 1e9
+        running.assert_alive()
