@@ -11,6 +11,8 @@ from serd_app.drives.sessions import RESTART_NS
 from serd_ros.errors import MessageError
 
 _NS = 1_000_000_000
+#: The end of 2037; the next second does not fit into a stamp.
+_LATEST_S = 2**31 - 2
 
 
 def to_stamp(time_s: float) -> Time:
@@ -21,9 +23,9 @@ def to_stamp(time_s: float) -> Time:
 
 def stamp_ns(stamp: Time) -> int:
     """The stamp in nanoseconds; MessageError for one that is no time."""
-    if stamp.sec < 0 or stamp.nanosec >= _NS:
+    if not 0 <= stamp.sec < _LATEST_S or stamp.nanosec >= _NS:
         raise MessageError(
-            "stamp must have sec >= 0 and nanosec < 1000000000",
+            f"stamp must have sec from 0 to {_LATEST_S} and nanosec below {_NS}",
             f"sec {stamp.sec}, nanosec {stamp.nanosec}",
             "publish the time of the measurement",
         )

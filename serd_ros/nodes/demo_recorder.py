@@ -13,6 +13,7 @@ from pathlib import Path
 
 from std_srvs.srv import Trigger
 
+from bags.errors import BagError
 from bags.messages.plain import message_stamp_ns
 from bags.recorder import BagRecorder, RecorderSettings
 from serd_core.errors import SerdError
@@ -21,7 +22,7 @@ from serd_ros.endpoints import topics
 from serd_ros.endpoints.followed_topic import FollowedTopic
 from serd_ros.endpoints.qos import bag_qos
 from serd_ros.endpoints.topic_types import named_topic
-from serd_ros.errors import NodeError
+from serd_ros.errors import MessageError, NodeError
 from serd_ros.graph.configs import DemoRecorderConfig
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
@@ -97,7 +98,10 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
 
     def _log_time_ns(self, name: str, data: bytes) -> int:
         """Follows /clock also where it falls back, because the world was started again."""
-        stamp_ns = message_stamp_ns(data) if self._topics[name].stamped else 0
+        try:
+            stamp_ns = message_stamp_ns(data) if self._topics[name].stamped else 0
+        except BagError as error:
+            raise MessageError("message must begin with a stamp", error, "correct it") from None
         if stamp_ns <= 0:
             return self._now_ns or self._ros_time_ns()
         self._now_ns = stamp_ns if name == topics.CLOCK else max(self._now_ns, stamp_ns)

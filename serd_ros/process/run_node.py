@@ -15,6 +15,7 @@ from serd_core.errors import SerdError
 from serd_ros.process.parent_watch import Starter
 from serd_ros.process.serd_node import BAD_INPUT, SerdNode
 
+INTERNAL_ERROR = 1
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
 #: A signal ends the node after this time (s) at most, between two callbacks.
 _TURN_S = 0.2
@@ -22,7 +23,7 @@ _QUOTES = "put a value that holds : into quotes, as topics:=[odom, '/imu:sensor_
 
 
 def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
-    """Exit code: the node's own, 0 after a signal, 2 when it cannot start or go on."""
+    """Exit code: the node's own, 0 after a signal, 1 after internal errors, 2 for bad input."""
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
@@ -32,7 +33,7 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
     node: SerdNode[Any] | None = None
     try:
         node = make_node()
-        return _spin(node, stop)
+        return _spin(node, stop) or _internal_errors(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except SerdError as error:
@@ -51,6 +52,15 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
                 node.destroy_node()
         finally:
             rclpy.try_shutdown()
+
+
+def _internal_errors(node: SerdNode[Any]) -> int:
+    """Exit code 1 after internal errors, which were logged when they occurred."""
+    n_errors = node.callbacks.n_internal_errors
+    if not n_errors:
+        return 0
+    print(f"{node.get_name()}: {n_errors} internal errors, logged above", file=sys.stderr)
+    return INTERNAL_ERROR
 
 
 def _refusal(error: RuntimeError) -> str:

@@ -11,9 +11,10 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.timer import Timer
+from rosgraph_msgs.msg import Clock as ClockMessage
 
 from serd_ros.convert.diagnostics import ERROR, OK, WARN, to_diagnostics
-from serd_ros.convert.stamp import Jump
+from serd_ros.convert.stamp import Jump, stamp_ns
 from serd_ros.endpoints import qos, topics
 from serd_ros.graph.configs import NodeConfig
 from serd_ros.graph.parameters import read_config
@@ -41,7 +42,9 @@ class SerdNode(Node, Generic[Config]):
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Callable[[Any], None], *args: Any, **options: Any
     ) -> Subscription:
-        """As rclpy's, with a guarded callback."""
+        """As rclpy's, with a guarded callback; that of /clock gets sound stamps only."""
+        if msg_type is ClockMessage and not options.get("raw"):
+            callback = _of_times(callback)
         guarded = self.callbacks.of_messages(topic, callback)
         return super().create_subscription(msg_type, topic, guarded, *args, **options)
 
@@ -115,3 +118,13 @@ class SerdNode(Node, Generic[Config]):
     def wall_s(self) -> float:
         """Steady wall time, whatever /clock says."""
         return self.wall_clock.now().nanoseconds * 1e-9
+
+
+def _of_times(callback: Callable[[ClockMessage], None]) -> Callable[[ClockMessage], None]:
+    """The callback of /clock for stamps that are times, since rclpy checks none."""
+
+    def checked(message: ClockMessage) -> None:
+        stamp_ns(message.clock)
+        callback(message)
+
+    return checked

@@ -1,19 +1,29 @@
-"""A node ends between two callbacks after a signal, whenever the signal arrives."""
+"""A node ends between two callbacks after a signal, whenever the signal arrives; exit codes."""
 
 import os
 import signal
 
 import pytest
+import rclpy
+from domain_coordinator import domain_id
 
-from serd_ros.process.run_node import _StopSignal
+from serd_ros.nodes.teleop_joy import TeleopJoyNode
+from serd_ros.process.run_node import _StopSignal, run_node
 
 
-@pytest.fixture(params=[signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@pytest.fixture(params=SIGNALS)
 def number(request):
-    before = {
-        each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    }
-    yield request.param
+    return request.param
+
+
+@pytest.fixture(autouse=True)
+def handlers():
+    """The handlers of the test's process come back."""
+    before = {each: signal.getsignal(each) for each in SIGNALS}
+    yield
     for each, handler in before.items():
         signal.signal(each, handler)
 
@@ -25,3 +35,68 @@ def test_the_first_signal_is_noted_and_the_second_interrupts(number):
     assert stop.received
     with pytest.raises(KeyboardInterrupt):
         os.kill(os.getpid(), number)
+
+
+@pytest.fixture
+def own_domain(monkeypatch, tmp_path):
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    with domain_id() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        yield
+
+
+def interrupted_node(before, after, ended):
+    """A node whose construction calls `before` first and `after` last."""
+
+    class Interrupted(TeleopJoyNode):
+        def __init__(self):
+            before()
+            super().__init__()
+            after()
+
+        def close(self):
+            ended.append(self.get_name())
+
+    return Interrupted
+
+
+@pytest.mark.ros
+@pytest.mark.usefixtures("own_domain")
+@pytest.mark.parametrize("place", [0, 1])
+def test_a_signal_during_construction_ends_the_node_once_it_is_constructed(number, place):
+    ended = []
+    calls = [lambda: None, lambda: None]
+    calls[place] = lambda: os.kill(os.getpid(), number)
+    assert run_node(interrupted_node(*calls, ended)) == 0
+    assert ended == ["teleop_joy"]
+    assert not rclpy.ok()
+
+
+@pytest.mark.ros
+@pytest.mark.usefixtures("own_domain")
+def test_a_second_signal_during_construction_ends_the_process_at_once(number):
+    ended = []
+
+    def signal_self():
+        os.kill(os.getpid(), number)
+
+    assert run_node(interrupted_node(signal_self, signal_self, ended)) == 0
+    assert not ended
+    assert not rclpy.ok()
+
+
+@pytest.mark.ros
+@pytest.mark.usefixtures("own_domain")
+def test_a_node_with_an_internal_error_ends_with_exit_code_1(capfd):
+    def make_node():
+        node = TeleopJoyNode()
+
+        def fail_once():
+            node.finish(0)
+            raise RuntimeError("fault of a test")
+
+        node.create_timer(0.01, fail_once)
+        return node
+
+    assert run_node(make_node) == 1
+    assert "teleop_joy: 1 internal errors, logged above" in capfd.readouterr().err

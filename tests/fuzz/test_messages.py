@@ -1,0 +1,212 @@
+"""Mutated messages on every subscription of every node: nothing ends it and no callback fails.
+
+The subscriptions are those of the running nodes. Each node gets valid messages between the mutated
+ones, and publishes on the same topics afterwards as before. SERD_FUZZ_CASES sets the number of
+mutations per subscription (200), SERD_FUZZ_SEED the seed (0).
+"""
+
+import os
+import pty
+import random
+import resource
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from rclpy.serialization import serialize_message
+
+from serd_core.grid.grid import Action
+from serd_ros.convert.diagnostics import EpisodeMark, to_episode_message
+from serd_ros.convert.stamp import stamp_s
+from serd_ros.episodes.driver import EpisodeDriverNode
+from serd_ros.episodes.hand_driver import HandDriverNode
+from serd_ros.graph.graph import load_graph
+from serd_ros.nodes.demo_recorder import DemoRecorderNode
+from serd_ros.nodes.hallway_sim import HallwaySim
+from serd_ros.nodes.teleop_page import TeleopPageNode
+from sim.episodes.result import EpisodeStart
+from support.message_mutations import mutated, mutated_cdr
+from support.nodes_in_process import NodeInProcess, node_in_process
+from support.valid_messages import valid_message
+
+N_MUTATIONS = int(os.environ.get("SERD_FUZZ_CASES", "200"))
+SEED = int(os.environ.get("SERD_FUZZ_SEED", "0"))
+MUTATED_BETWEEN_VALID = 20
+TICK_S, TICKS_PER_DECISION = 0.05, 40
+START_S = 100.0
+MOST_GROWTH_MB = 300.0
+
+#: Parameters with which nodes run; other nodes run once, with their defaults.
+VARIANTS: dict[str, list[dict[str, object]]] = {
+    "hallway_sim": [
+        {"people": 3, "lockstep": False},
+        {"people": 3, "lockstep": True, "lockstep_timeout_s": 1e6},
+    ],
+    "local_planner": [
+        {"lockstep": False, "required_nodes": [""]},
+        {"lockstep": False, "required_nodes": [""], "people_from": "scan"},
+        {"lockstep": True, "required_nodes": [""]},
+    ],
+    "scripted_expert": [{"episodes": 1_000_000}],
+    "strategy": [{"episodes": 1_000_000}, {"episodes": 1_000_000, "reset": False}],
+    "teleop_mux": [{"use_sim_time": True}, {"stamped_cmd_vel": True}],
+    "teleop_page": [{"port": 0}],
+    "demo_recorder": [{"compression": "zstd"}],
+    "learner": [{"learn_on": "call"}],
+}
+CASES = [
+    pytest.param(
+        kind, parameters, id="-".join([kind, *(f"{k}={v}" for k, v in parameters.items())])
+    )
+    for kind in load_graph().nodes
+    for parameters in VARIANTS.get(kind, [{}])
+    if load_graph().nodes[kind].subscribes and kind != "nav2_bridge"
+]
+
+
+class Session:
+    """A node that is fed; the time of its messages goes on."""
+
+    def __init__(self, running: NodeInProcess, model: str) -> None:
+        self.running, self.node = running, running.node
+        self._model = model
+        self._time_s = START_S
+        self._n_recorded = 0
+
+    def messages(self, subscription) -> Iterator[object]:
+        """Valid messages for a subscription, as objects."""
+        topic = subscription.topic_name.strip("/")
+        time_s = self._time_s
+        if isinstance(self.node, HallwaySim) and topic == "cmd_vel":
+            time_s = stamp_s(self.running.sent["clock"].clock)
+        if topic == "model":
+            yield subscription.msg_type(data=self._model)
+            return
+        yield valid_message(
+            topic.replace("cmd_vel_planner", "cmd_vel"), time_s, subscription.msg_type
+        )
+        if topic == "episode":
+            mark = EpisodeMark("end", time_s, 1, "scripted_expert", 0, "train", "arrived")
+            yield to_episode_message(mark)
+
+    def prepare(self) -> None:
+        """Have an episode run and a person drive."""
+        node = self.node
+        if isinstance(node, EpisodeDriverNode):
+            node._starter._look.cancel()
+            if not node.driving:
+                start = EpisodeStart(
+                    episode=0, seed=0, start_area="train", start_s=self._time_s - TICK_S
+                )
+                node.begin_episode(start)
+        if isinstance(node, HandDriverNode):
+            node.choice.hold(Action.NORTH)
+        if isinstance(node, TeleopPageNode):
+            node._heard_s = node.wall_s()
+        if isinstance(node, HallwaySim):
+            assert self.running.call("reset", None).success
+        self.feed(1)
+
+    def feed(self, n_ticks: int) -> set[str]:
+        """Send what a sound world sends; the topics that the node published on meanwhile."""
+        before = self.running.published.copy()
+        for _ in range(n_ticks):
+            self._time_s = round((self._time_s + TICK_S) / TICK_S) * TICK_S
+            for subscription in list(self.node.subscriptions):
+                for message in self.messages(subscription):
+                    self.send(subscription, message)
+            self.running.call_timers()
+        return set(self.running.published - before)
+
+    def work(self) -> set[str]:
+        """Topics of two decision periods of work."""
+        self.prepare()
+        return self.feed(2 * TICKS_PER_DECISION)
+
+    def send(self, subscription, message: object) -> None:
+        """Call the subscription; raw ones take bytes."""
+        raw = subscription.raw and not isinstance(message, bytes)
+        subscription.callback(serialize_message(message) if raw else message)
+        self._n_recorded += 1
+
+    def send_mutated(self, subscription, rng: random.Random) -> None:
+        """One mutated message; an error states it."""
+        valid = rng.choice(list(self.messages(subscription)))
+        as_bytes = subscription.raw and rng.random() < 0.5
+        message = mutated_cdr(valid, rng) if as_bytes else mutated(valid, rng)
+        try:
+            self.send(subscription, message)
+            if rng.random() < 0.25:
+                self.running.call_timers()
+        except Exception as error:
+            error.add_note(f"{subscription.topic_name}: {str(message)[:3000]}")
+            raise
+
+    def assert_recorded(self) -> None:
+        """A recorder has every message but those without a stamp."""
+        if isinstance(self.node, DemoRecorderNode):
+            n_kept = self._n_recorded - self.node.callbacks.n_rejected
+            assert self.node._recorder.status.n_messages == n_kept
+
+
+def memory_mb() -> float:
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize() / 1e6
+
+
+def raising(guard) -> None:
+    """Let unexpected exceptions out, with their traceback, but those of rclpy's own callbacks."""
+    note = guard._note
+
+    def out(name, callback, error):
+        if not getattr(callback, "__module__", "").startswith("rclpy."):
+            raise error
+        note(name, callback, error)
+
+    guard._note = out
+
+
+@pytest.fixture
+def terminal() -> Iterator[str]:
+    master, slave = pty.openpty()
+    yield os.ttyname(slave)
+    os.close(master)
+    os.close(slave)
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "parameters"), CASES)
+def test_no_message_ends_a_node_or_fails_in_it(
+    kind, parameters, tmp_path, save_model_of, terminal, capsys
+):
+    model = save_model_of()
+    given = {
+        "strategy": {"model": str(model)},
+        "learner": {"output": str(tmp_path / "learned.yaml")},
+        "demo_recorder": {"output": str(tmp_path / "bag")},
+        "teleop_keyboard": {"terminal": terminal},
+    }
+    with node_in_process(kind, **parameters, **given.get(kind, {})) as running:
+        raising(running.node.callbacks)
+        session = Session(running, model.read_text())
+        published = session.work()
+        before_mb = memory_mb()
+        for subscription in list(running.node.subscriptions):
+            rng = random.Random(f"{SEED} {subscription.topic_name}")
+            dropped = running.node.callbacks.n_rejected
+            for number in range(N_MUTATIONS):
+                if number % MUTATED_BETWEEN_VALID == 0:
+                    session.feed(1)
+                session.send_mutated(subscription, rng)
+            with capsys.disabled():
+                print(
+                    f"\n{kind} {subscription.topic_name}: {N_MUTATIONS} mutated messages, seed"
+                    f" {SEED}, {running.node.callbacks.n_rejected - dropped} dropped, "
+                    f"{memory_mb() - before_mb:+.0f} MB",
+                    end="",
+                )
+        assert session.work() >= published
+        session.assert_recorded()
+        running.assert_alive()
+        assert memory_mb() - before_mb < MOST_GROWTH_MB
