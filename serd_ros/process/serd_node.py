@@ -31,7 +31,7 @@ class SerdNode(Node, Generic[Config]):
     def __init__(self, kind: str, config_class: type[Config]) -> None:
         # Before rclpy makes its own endpoints, which are guarded too.
         self.callbacks = CallbackGuard(self, self.fail)
-        self._reported = (0, 0)
+        self._reported_counts = (0, 0)
         super().__init__(kind, automatically_declare_parameters_from_overrides=True)
         self.config: Config = read_config(self, kind, config_class)
         self.finished = Future()
@@ -103,8 +103,8 @@ class SerdNode(Node, Generic[Config]):
     def _report_input(self) -> None:
         """Publish what was dropped when it has changed, as a status of its own."""
         counts = self.callbacks.n_rejected, self.callbacks.n_internal_errors
-        if counts != self._reported:
-            self._reported = counts
+        if counts != self._reported_counts:
+            self._reported_counts = counts
             self._diagnostics.publish(
                 to_diagnostics(
                     f"{self.get_name()}: input",

@@ -100,6 +100,7 @@ class Session:
                 )
                 node.begin_episode(start)
         if isinstance(node, HandDriverNode):
+            node.choice.hold(None)
             node.choice.hold(Action.NORTH)
         if isinstance(node, TeleopPageNode):
             node._heard_s = node.wall_s()

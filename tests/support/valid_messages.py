@@ -61,6 +61,7 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
         "joy": to_joy([0.5] * 8, [1] * 12, time_s),
         "driver_gone": Bool(data=False),
         "e_stop": Bool(data=False),
+        "e_stop_engaged": Bool(data=False),
         "episode": to_episode_message(mark),
         "diagnostics": diagnostics,
         "map": OccupancyGrid(),

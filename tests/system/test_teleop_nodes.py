@@ -198,7 +198,10 @@ class Drive:
         probe.node.create_subscription(Odometry, "odom", self._take, qos.STATE)
 
     def _take(self, message):
-        self.time_s, self.speed_mps = stamp_s(message.header.stamp), abs(speeds_of(message)[0])
+        self.time_s, self.speed_mps = (
+            stamp_s(message.header.stamp),
+            abs(from_odometry(message)[2][0]),
+        )
         self.speeds_mps.append(self.speed_mps)
 
     def until(self, condition, key=b""):

@@ -171,6 +171,7 @@ def hand_driver(kind):
             running.call_timers()
             node.episodes.session.start()
             node.episodes._starter.begin(episode(START))
+            node.choice.hold(None)
             node.choice.hold(Action.NORTH)
             feed(running, START)
             assert running.sent["intent"].vector.y == 1.0
@@ -187,6 +188,7 @@ def test_a_front_end_stops_after_a_jump_forward_and_keeps_its_episode(kind):
         assert running.sent["intent"].vector.y == 0.0
         assert running.node.choice.upcoming is Action.WAIT
         assert running.node.episodes.is_running
+        running.node.choice.hold(None)
         running.node.choice.hold(Action.EAST)
         feed(running, START + 6.0)
         assert running.sent["intent"].vector.x == 1.0

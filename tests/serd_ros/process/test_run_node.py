@@ -10,7 +10,6 @@ from domain_coordinator import domain_id
 from serd_ros.nodes.teleop_joy import TeleopJoyNode
 from serd_ros.process.run_node import _StopSignal, run_node
 
-
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
