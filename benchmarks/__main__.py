@@ -11,6 +11,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # The libraries read the variable when they load.
 from benchmarks import bags_throughput, speed_figure
 from benchmarks.driving import closed_loop, crowd_peers, lockstep
+from benchmarks.faults import kill_matrix
 from benchmarks.learning import gradient, growth, peers
 
 BENCHMARKS = {
@@ -19,6 +20,7 @@ BENCHMARKS = {
     "crowd_peers": crowd_peers.run,
     "gradient": gradient.run,
     "growth": growth.run,
+    "kill_matrix": kill_matrix.run,
     "learning_peers": peers.run,
     "lockstep": lockstep.run,
     "speed_figure": speed_figure.run,

@@ -10,6 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from honcho.manager import SIGNALS, SYSTEM_PRINTER_NAME, Manager
 from honcho.printer import Message
@@ -21,6 +22,7 @@ from serd_ros.process.progress import parse_progress
 Line = Callable[[str, str], None]
 _KEPT_LINES = 15
 _ENDING_S = 25.0
+_LOOK_PERIOD_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -49,10 +51,23 @@ class _Tap:
         for line in data.splitlines():
             if message.name == SYSTEM_PRINTER_NAME:
                 continue
-            # Progress would displace the lines that name what failed.
             if parse_progress(line) is None:
-                self.tails.setdefault(message.name, deque(maxlen=_KEPT_LINES)).append(line)
-            self._on_line(message.name, line)
+                self.take(message.name, line)
+            else:  # it would displace the lines that name what failed
+                self._on_line(message.name, line)
+
+    def take(self, name: str, line: str) -> None:
+        """Keep and pass on a line about a process."""
+        self.tails.setdefault(name, deque(maxlen=_KEPT_LINES)).append(line)
+        self._on_line(name, line)
+
+
+def _is_stopped(pid: int) -> bool:
+    """Whether a process is in the state T of /proc."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "T"
+    except OSError:
+        return False
 
 
 class _Manager(Manager):
@@ -62,6 +77,7 @@ class _Manager(Manager):
     """
 
     _stop_when_started = False
+    _looked_s = 0.0
     _ending_since_s: float | None = None
 
     def terminate(self) -> None:
@@ -83,7 +99,23 @@ class _Manager(Manager):
         started = bool(super()._all_started())
         if started and self._stop_when_started:
             super().terminate()
+        if started and time.monotonic() - self._looked_s > _LOOK_PERIOD_S:
+            self._looked_s = time.monotonic()
+            self._name_stopped()
         return started
+
+    def _name_stopped(self) -> None:
+        """Print which processes were stopped by a signal, as SIGSTOP, and which were continued."""
+        for name, process in self._processes.items():
+            is_stopped = "returncode" not in process and _is_stopped(process["pid"])
+            if is_stopped != process.get("is_stopped", False):
+                process["is_stopped"] = is_stopped
+                sentence = (
+                    f"was stopped by a signal; continue it with: kill -CONT {process['pid']}"
+                    if is_stopped
+                    else "was continued"
+                )
+                self._printer.take(name, f"{name} {sentence}")
 
     def exit_codes(self) -> dict[str, int]:
         """Exit code of each process, in the order they ended."""

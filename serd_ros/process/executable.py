@@ -12,8 +12,13 @@ from importlib import import_module
 from pathlib import Path
 from types import FrameType
 
+from serd_ros.errors import NodeError
+from serd_ros.process.parent_watch import Starter
+
 #: Exit code of a program that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
+#: Exit code of a node whose starter has ended or is no process.
+BAD_STARTER = 2
 
 
 @contextmanager
@@ -37,6 +42,11 @@ def main() -> int:
 
 def run(node: str) -> int:
     """Import the node and run it; its exit code."""
+    try:
+        Starter().end_process_when_gone()
+    except NodeError as error:
+        print(f"{node}: {error}", file=sys.stderr, flush=True)
+        return BAD_STARTER
     with starting():
         module = import_module(f"serd_ros.nodes.{node}")
     return int(module.main())

@@ -1,20 +1,25 @@
-"""Whether the command that started this node's stack still lives.
+"""Whether the command that started this node's stack is still running.
 
-A command that was killed with SIGKILL cannot end its nodes. They are told its process by an
-environment variable and end when it is gone. Without the variable a node stands alone.
+A command that was killed with SIGKILL cannot end its nodes. An environment variable holds its
+process id, and the nodes end when it is gone. Without the variable a node runs by itself.
 """
 
 import os
 import select
+import threading
+import time
 from collections.abc import Mapping
 
 from serd_ros.errors import NodeError
 
 VARIABLE = "SERD_STARTED_BY"
+#: How long (s) a node may take to end by itself after its starter is gone.
+_GRACE_S = 1.5
+_EXIT_CODE = 2
 
 
 class Starter:
-    """The process of the environment variable, held by a descriptor that no reused pid deceives."""
+    """The process of the environment variable, by a descriptor, since a pid may be reused."""
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
         self._descriptor: int | None = None
@@ -36,8 +41,20 @@ class Starter:
         readable, _, _ = select.select([self._descriptor], [], [], 0)
         return bool(readable)
 
+    def end_process_when_gone(self) -> None:
+        """End this process soon after its starter, even while it imports, starts or computes."""
+        if self._descriptor is not None:
+            watch = threading.Thread(target=_end_after, args=(self._descriptor,), daemon=True)
+            watch.start()
+
     def close(self) -> None:
-        """Give the descriptor back."""
+        """Close the descriptor."""
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
+
+
+def _end_after(descriptor: int) -> None:
+    select.select([descriptor], [], [])
+    time.sleep(_GRACE_S)
+    os._exit(_EXIT_CODE)

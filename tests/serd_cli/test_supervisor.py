@@ -52,6 +52,28 @@ def test_a_killed_process_is_named_with_its_signal():
         run_together([killed, Process("sleeper", SLEEP)], os.environ, lambda *_: None)
 
 
+def test_a_stopped_process_is_named_until_it_is_continued():
+    lines = []
+
+    def on_line(_, line):
+        lines.append(line)
+        pid = int(lines[0])
+        if line == lines[0]:
+            os.kill(pid, signal.SIGSTOP)
+        elif line.endswith(f"was stopped by a signal; continue it with: kill -CONT {pid}"):
+            os.kill(pid, signal.SIGCONT)
+        elif line == "sleeper was continued":
+            os.kill(pid, signal.SIGTERM)
+
+    code = "import os, time; print(os.getpid(), flush=True); time.sleep(3600)"
+    with pytest.raises(RunError, match="sleeper was killed by signal 15"):
+        run_together([python("sleeper", code)], os.environ, on_line)
+    assert [line.split(";")[0] for line in lines[1:]] == [
+        "sleeper was stopped by a signal",
+        "sleeper was continued",
+    ]
+
+
 def interrupt_myself():
     os.kill(os.getpid(), signal.SIGINT)
 

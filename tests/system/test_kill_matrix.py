@@ -1,0 +1,98 @@
+"""Nodes that are killed or stopped while the robot drives; `python -m benchmarks kill_matrix` has
+every node of every stack.
+
+Time is that of the stamps. The time that threads waited for a processor is added to each limit.
+"""
+
+import signal
+
+import pytest
+
+from benchmarks.faults.driven_stack import SOURCE, DrivenStack
+from benchmarks.faults.launched_stack import LaunchedStack
+from serd_ros.graph.graph import find_stack
+from support.waiting import ProcessorWait, wait_until
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+KILL, STOP = signal.SIGKILL, signal.SIGSTOP
+#: The dead-man's switches take 0.5 s, braking from 1.2 m/s takes 0.48 s; a tick and the transport.
+CHAIN_S = 0.5 + 1.2 / 2.5 + 0.2
+#: A directive is recent for 1.5 periods of 2 s; then a cell of 1 m, diagonally, at walking pace.
+SOURCE_S = 3.0 + 4.0
+
+
+def run(stack, node, number, ros_env, tmp_path, **given):
+    """How the motion ends, and whether a stopped node drives on when it continues."""
+    with DrivenStack(stack, {"people": 0, **given}, ros_env, tmp_path) as driven:
+        driven.drive()
+        waited = ProcessorWait()
+        standing = driven.inject(node, number)
+        late_s = waited.total_s
+        resumes = number == STOP and driven.resume(node)
+    return standing, late_s, resumes
+
+
+@pytest.mark.parametrize(
+    ("node", "number"),
+    [
+        ("local_planner", KILL),
+        ("teleop_mux", KILL),
+        ("teleop_page", KILL),
+        ("local_planner", STOP),
+        ("teleop_page", STOP),
+    ],
+)
+def test_the_robot_stands_after_a_node_of_teleoperation_died(node, number, ros_env, tmp_path):
+    given = {"demo_recorder.output": str(tmp_path / "bag"), "port": 0}
+    standing, late_s, resumes = run("teleop", node, number, ros_env, tmp_path, **given)
+    assert standing.after_s <= CHAIN_S + late_s
+    assert standing.distance_m <= 1.2 * (0.6 + late_s)
+    assert not resumes  # the key that is still held counts after it was pressed anew
+
+
+@pytest.mark.parametrize(
+    ("node", "number", "limit_s"),
+    [("local_planner", KILL, CHAIN_S), ("strategy", KILL, SOURCE_S), ("strategy", STOP, SOURCE_S)],
+)
+def test_the_robot_stands_after_a_node_of_goto_died(
+    node, number, limit_s, ros_env, tmp_path, save_model_of
+):
+    standing, late_s, _ = run("goto", node, number, ros_env, tmp_path, model=str(save_model_of()))
+    assert standing.after_s <= limit_s + late_s
+    if node == "strategy":
+        assert "local_planner: no recent waypoint" in standing.reports
+
+
+def test_a_silent_source_of_intents_ends_the_motion_in_its_cell(ros_env, tmp_path):
+    standing, late_s, _ = run("live", SOURCE, KILL, ros_env, tmp_path)
+    assert standing.after_s <= SOURCE_S + late_s
+    assert standing.distance_m <= 1.5 + 1.2 * late_s
+
+
+def test_the_loss_of_the_world_stops_the_planner(ros_env, tmp_path):
+    standing, _, _ = run("live", "hallway_sim", STOP, ros_env, tmp_path)
+    assert any(each.startswith("local_planner: stale") for each in standing.reports)
+
+
+@pytest.fixture
+def launched(ros_env, tmp_path):
+    stack = LaunchedStack("live", [], ros_env, tmp_path)
+    stack.wait_until_running(find_stack("live").nodes, tmp_path)
+    yield stack
+    if stack.process.poll() is None:
+        stack.end()
+
+
+def test_serd_launch_ends_all_nodes_when_one_is_killed(launched):
+    ending = launched.kill_node("local_planner")
+    assert (ending.named, ending.n_left) == (True, 0)
+
+
+def test_serd_launch_names_a_node_that_is_stopped(launched):
+    ending = launched.stop_node("hallway_sim")
+    assert (ending.named, ending.n_left) == (True, 0)
+
+
+def test_a_killed_serd_launch_leaves_no_node_behind(launched):
+    launched.kill()
+    wait_until(lambda: not launched.nodes(), seen=launched.nodes)
