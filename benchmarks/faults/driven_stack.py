@@ -30,8 +30,7 @@ from serd_cli.node_commands import stack_processes
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent
 from serd_ros.convert.diagnostics import OK
-from serd_ros.convert.pose import from_pose, speeds_of, to_pose_stamped
-from serd_ros.convert.stamp import stamp_s
+from serd_ros.convert.pose import from_odometry, from_pose_stamped, to_pose_stamped
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
 
@@ -39,6 +38,7 @@ from serd_ros.graph.graph import find_stack
 SOURCE = "source of intents"
 _STANDS_MPS = 1e-3
 _PATIENCE_S = 120.0
+_TRIES = 8
 _SILENCE_S = 2.0
 _INTENT_PERIOD_S = 0.5
 _GOAL_M = (12.0, 18.0)
@@ -89,11 +89,12 @@ class Motion:
         self._context.try_shutdown()
 
     def _on_odometry(self, message: Odometry) -> None:
-        self.time_s, self.speed_mps = stamp_s(message.header.stamp), abs(speeds_of(message)[0])
+        stamp_ns, _, (speed_mps, _) = from_odometry(message)
+        self.time_s, self.speed_mps = stamp_ns * 1e-9, abs(speed_mps)
         self.heard_s = time.monotonic()
 
     def _on_pose(self, message: PoseStamped) -> None:
-        x_m, y_m, _ = from_pose(message.pose)
+        _, (x_m, y_m, _) = from_pose_stamped(message)
         if self._place is not None:
             self.way_m += math.hypot(x_m - self._place[0], y_m - self._place[1])
         self._place = x_m, y_m
@@ -110,8 +111,13 @@ class HeldKey:
 
     def __init__(self, url: str) -> None:
         self._url, self._ended = url, threading.Event()
+        self._n_neutral = 0
         self._thread = threading.Thread(target=lambda: asyncio.run(self._run()), daemon=True)
         self._thread.start()
+
+    def press_anew(self) -> None:
+        """Release the key and press it again."""
+        self._n_neutral = 0
 
     def close(self) -> None:
         """Close the page."""
@@ -124,11 +130,10 @@ class HeldKey:
                 ClientSession() as session,
                 session.ws_connect(f"{self._url}socket", origin=self._url.rstrip("/")) as socket,
             ):
-                n_sent = 0
                 while not self._ended.is_set() and not socket.closed:
-                    direction = "north" if n_sent > 5 else None
+                    direction = "north" if self._n_neutral > 3 else None
+                    self._n_neutral += direction is None
                     await socket.send_json({"type": "hold", "direction": direction})
-                    n_sent += 1
                     await asyncio.sleep(0.1)
 
 
@@ -165,8 +170,12 @@ class DrivenStack:
     def drive(self, speed_mps: float = 0.4) -> None:
         """Drive until this speed is reached."""
         self._begin()
-        if not self._spin(lambda: self.motion.speed_mps > speed_mps):
-            raise RuntimeError(f"the robot must drive in stack {self._stack}; see {self._folder}")
+        for _ in range(_TRIES):
+            if self._spin(lambda: self.motion.speed_mps > speed_mps, _PATIENCE_S / _TRIES):
+                return
+            if self._page is not None:
+                self._page.press_anew()  # a late page has stopped the robot
+        raise RuntimeError(f"the robot must drive in stack {self._stack}; see {self._folder}")
 
     def inject(self, node: str, number: signal.Signals) -> Standing:
         """Send a signal to a node, or end the source of intents; how the motion ends."""

@@ -163,8 +163,22 @@ class World:
     def until(self, condition):
         self.probe.spin_until(lambda: self.pose is not None and condition())
 
-    def until_it_drives(self):
-        self.until(lambda: self.speed_mps > 0.25)
+    def drive_until(self, condition, *, press, release):
+        """Press until the condition holds; anew while the robot stands, as a late page stops it."""
+        press()
+        pressed_s = self.time_s
+
+        def reached():
+            nonlocal pressed_s
+            if condition():
+                return True
+            if self.speed_mps < STOPPED_MPS and self.time_s > pressed_s + 4.0:
+                release()
+                press()
+                pressed_s = self.time_s
+            return False
+
+        self.until(reached)
 
     @contextmanager
     def stops_within(self, limit_s):
@@ -233,20 +247,12 @@ def drive_to_the_goal(page, world):
 
 
 def hold_until(page, world, key, condition):
-    """Hold a key; press it again while the robot stands, as a late page releases it."""
-    page.keys().key_down(key).perform()
-    pressed_s = world.time_s
-
-    def reached():
-        nonlocal pressed_s
-        if condition():
-            return True
-        if world.speed_mps < STOPPED_MPS and world.time_s > pressed_s + 3.0:
-            page.keys().key_up(key).key_down(key).perform()
-            pressed_s = world.time_s
-        return False
-
-    world.until(reached)
+    """Hold a key until a condition holds, then release it."""
+    world.drive_until(
+        condition,
+        press=page.keys().key_down(key).perform,
+        release=page.keys().key_up(key).perform,
+    )
     page.keys().key_up(key).perform()
 
 
@@ -292,16 +298,18 @@ def driving(nodes, page, scenario, ros_env):
 def test_touch_drives_and_leaving_the_page_or_the_e_stop_stops_the_robot(driving, world):
     page = driving
     north = page.browser.find_element(By.CSS_SELECTOR, "[data-direction=north]")
-    page.keys().click_and_hold(north).perform()
-    world.until_it_drives()
+    world.drive_until(
+        lambda: world.speed_mps > 0.25,
+        press=page.keys().click_and_hold(north).perform,
+        release=page.keys().release().perform,
+    )
     with world.stops_within(1.5):
         page.run("window.dispatchEvent(new Event('blur'))")
     page.wait(lambda: page.text("veil-title") == "The robot stands")
     page.keys().release().perform()
 
     page.part("veil").click()
-    page.keys().key_down(Keys.ARROW_UP).perform()
-    world.until_it_drives()
+    press_anew(page, world, Keys.ARROW_UP)
     with world.stops_within(1.5):
         page.press(Keys.SPACE)
     page.wait(lambda: page.text("veil-title") == "Emergency stop")
@@ -333,9 +341,11 @@ def release(page):
 def press_anew(page, world, key):
     """Press a key again that may be held, and hold it until the robot drives."""
     page.keys().key_up(key).perform()
-    world.until_later(0.5)  # the page has sent that nothing is held
-    page.keys().key_down(key).perform()
-    world.until(lambda: world.speed_mps > 0.1)
+    world.drive_until(
+        lambda: world.speed_mps > 0.1,
+        press=page.keys().key_down(key).perform,
+        release=page.keys().key_up(key).perform,
+    )
 
 
 def test_a_held_key_drives_on_only_when_it_is_pressed_anew(driving, world, nodes):
@@ -410,10 +420,16 @@ def push_anew(page, world, *, forward):
 
     forward: the axis as browsers count it, -1 for forward.
     """
-    page.run("window.fake.axes = [0, 0, 0, 0]")
-    world.until_later(0.5)
-    page.run(f"window.fake.axes = [0, {forward}, 0, 0]")
-    world.until(lambda: world.speed_mps > 0.1)
+
+    def release_stick():
+        page.run("window.fake.axes = [0, 0, 0, 0]")
+        world.until_later(0.5)
+
+    def push_stick():
+        page.run(f"window.fake.axes = [0, {forward}, 0, 0]")
+
+    release_stick()
+    world.drive_until(lambda: world.speed_mps > 0.1, press=push_stick, release=release_stick)
 
 
 def test_buttons_start_save_and_discard_episodes(driving, world):
