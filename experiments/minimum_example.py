@@ -21,7 +21,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief

@@ -16,7 +16,7 @@ from experiments.running.experiment import Count, Findings, Session, Sizes
 from experiments.running.tables import Row
 from report.style import BLUE, CYAN, HAIRLINE, YELLOW, new_figure, report_style
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.posterior.parameters import Block
 from serd_core.priors.norm import NormPrior
 from serd_core.selection.multi_start import MultiStart, describe, multi_start

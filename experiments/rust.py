@@ -30,7 +30,7 @@ from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.uncertainty.information import fit_information

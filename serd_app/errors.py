@@ -4,4 +4,4 @@ from serd_core.errors import SerdError
 
 
 class AppError(SerdError):
-    """What was asked for is not possible; the message says what to do."""
+    """The request is not possible; the message names the fix."""

@@ -17,6 +17,7 @@ from storage.yaml_config import sentence_of
 Model = TypeVar("Model", bound=BaseModel)
 Command = TypeVar("Command", bound=Callable[..., None])
 
+AsJson = Annotated[bool, typer.Option("--json", help="print JSON instead of text")]
 # Where many tasks run.
 Jobs = Annotated[int, typer.Option(help="processes at a time, -1 for all cores")]
 Backend = Annotated[str, typer.Option(help=", ".join(BACKENDS))]

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 #: A float that is NaN where it does not apply.
 OptionalFloat = Annotated[float, "NaN allowed"]
 RowClass = TypeVar("RowClass")
+#: Characters that CSV does not keep.
+_LOST_IN_CSV = frozenset("\r\0")
 _INT64 = range(-(2**63), 2**63)
 
 
@@ -74,20 +76,25 @@ def csv_text(header: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
 def write_table(
     path: str | Path, columns: Sequence[Column], rows: Iterable[Sequence[object]]
 ) -> None:
-    """Replace the file, CSV or Parquet by its suffix; values in the order of the columns."""
+    """Replace the file, CSV or Parquet by its suffix; values in the order of the columns.
+
+    FileError for a row that `read_table` would reject.
+    """
+    lines = [_writable(path, line, columns, row) for line, row in enumerate(rows, start=2)]
     if is_parquet(path):
-        content = _frame(columns, list(rows)).to_parquet(None, index=False)
-        atomic_write_bytes(path, content)
+        atomic_write_bytes(path, _frame(columns, lines).to_parquet(None, index=False))
     else:
-        atomic_write_text(path, csv_text([column.name for column in columns], rows))
+        atomic_write_text(path, csv_text(_names(columns), lines))
 
 
 def append_row(path: str | Path, columns: Sequence[Column], row: Sequence[object]) -> None:
     """Append one synced line to a CSV file, below the header in a new file.
 
-    A last line that a crash cut short is removed first.
+    A last line that a crash cut short is removed first. FileError for a row that `read_table` would
+    reject.
     """
     path = Path(path)
+    row = _writable(path, "to append", columns, row)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("a+b") as stream:
@@ -223,8 +230,22 @@ def _parquet_lines(path: str | Path) -> Iterator[tuple[int, list[str]]]:
         yield line, ["" if value is pd.NA else str(value) for value in row]
 
 
+def _writable(
+    path: Path | str, line: int | str, columns: Sequence[Column], row: Sequence[object]
+) -> list[Any]:
+    """The row as it is read back."""
+    cells = [cell_text(value) for value in row]
+    for column, cell in zip(columns, cells, strict=False):
+        if column.kind is str and not _LOST_IN_CSV.isdisjoint(cell):
+            raise FileError(
+                f"{path}: line {line}, {column.name} must hold no carriage return and no NUL, got"
+                f" {shortened(repr(cell))}; correct the value"
+            )
+    return _checked_row(path, line, columns, cells)
+
+
 def _checked_row(
-    path: str | Path, line: int, columns: Sequence[Column], cells: Sequence[str]
+    path: str | Path, line: int | str, columns: Sequence[Column], cells: Sequence[str]
 ) -> list[Any]:
     if len(cells) != len(columns):
         raise FileError(

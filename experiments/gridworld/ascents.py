@@ -19,7 +19,7 @@ from serd_core.ascent.ascent import Ascent
 from serd_core.ascent.gradient_ascent import GradientAscent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior

@@ -1,8 +1,8 @@
-"""Episodes out of their marks: a start and an end, each with the number of its episode.
+"""Episodes from their marks: a start and an end, each with the number of its episode.
 
 An episode whose own end is not recorded is cut off at the first gap in the poses after its start:
-whatever was lost in the gap, nobody can tell to which episode that what follows belongs. Without a
-gap it is cut off at the mark that cannot be its own, or at the last pose.
+after it, the poses may belong to another episode. Without a gap it is cut off at the mark that
+cannot be its own, or at the last pose.
 """
 
 from collections.abc import Iterable

@@ -1,8 +1,8 @@
-"""Actions out of the action topic of a mapping: intents, or directions of commands or waypoints.
+"""Actions from the action topic of a mapping: intents, or directions of commands or waypoints.
 
 Velocity: a command holds until the next, at most `hold_s`; turned by the robot's heading and
-averaged over a decision period it is the direction asked for, WAIT below `minimum_speed_mps`.
-In a period in which no command holds nothing was asked for, which need not mean to wait.
+averaged over a decision period it is the direction of the action, WAIT below `minimum_speed_mps`.
+A period in which no command holds has no action, which need not mean to wait.
 Waypoint: the direction from the robot to it, WAIT where it is nearer than `reached_m`.
 """
 
@@ -83,9 +83,9 @@ class MappedActions:
         if self._mapping.action_from == "velocity":
             return self._driven(at_s, vectors, n_unclear, track, _ticks(spans, period_s), period_s)
         dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
-        return MappedIntents(at_s, self._said(at_s, vectors, track), dropped)
+        return MappedIntents(at_s, self._stated(at_s, vectors, track), dropped)
 
-    def _said(self, at_s: FloatArray, vectors: FloatArray, track: PoseTrack) -> IntArray:
+    def _stated(self, at_s: FloatArray, vectors: FloatArray, track: PoseTrack) -> IntArray:
         if self._mapping.action_from == "intent":
             return actions_of_directions(vectors)
         return actions_of_waypoints(
@@ -103,7 +103,7 @@ class MappedActions:
         decided_s: FloatArray,
         period_s: float,
     ) -> MappedIntents:
-        actions, heard = actions_of_velocities(
+        actions, commanded = actions_of_velocities(
             decision_time_s=decided_s,
             period_s=period_s,
             command_time_s=at_s,
@@ -114,10 +114,10 @@ class MappedActions:
             minimum_speed_mps=self._mapping.minimum_speed_mps,
         )
         if self._mapping.silence == "wait":
-            heard = np.ones_like(heard)
-        n_unheard = int((~heard).sum())
-        dropped = {NO_COMMAND: n_unheard} if n_unheard else {}
-        return MappedIntents(decided_s[heard], actions[heard], dropped, n_bad_commands)
+            commanded = np.ones_like(commanded)
+        n_silent = int((~commanded).sum())
+        dropped = {NO_COMMAND: n_silent} if n_silent else {}
+        return MappedIntents(decided_s[commanded], actions[commanded], dropped, n_bad_commands)
 
     def _row(self, message: RawMessage) -> tuple[float, float, float]:
         """(stamp in s or NaN, x, y)."""
@@ -168,13 +168,13 @@ def actions_of_velocities(
     east = cos * command_mps[:, 0] - sin * command_mps[:, 1]
     north = sin * command_mps[:, 0] + cos * command_mps[:, 1]
     until_s = np.minimum(np.append(command_time_s[1:], np.inf), command_time_s + hold_s)
-    actions, heard = [], []
+    actions, commanded = [], []
     for start_s in decision_time_s:
         held_s = np.minimum(until_s, start_s + period_s) - np.maximum(command_time_s, start_s)
-        heard.append(bool((held_s > 0.0).any()))
+        commanded.append(bool((held_s > 0.0).any()))
         share = np.maximum(held_s, 0.0) / period_s
         actions.append(_action(float(share @ east), float(share @ north), minimum_speed_mps))
-    return np.array(actions, dtype=np.int64), np.array(heard, dtype=bool)
+    return np.array(actions, dtype=np.int64), np.array(commanded, dtype=bool)
 
 
 def actions_of_waypoints(

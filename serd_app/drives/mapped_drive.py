@@ -1,7 +1,7 @@
-"""A drive out of anybody's bag, by a mapping file: poses into the grid's frame, actions inferred.
+"""A drive from any bag, by a mapping file: poses in the grid's frame, actions inferred.
 
 The clock is that of the pose stamps (wall or simulated). Messages without a stamp are put on it by
-their log time, through the log times and stamps of the poses, whatever the rate between the two.
+their log time, through the log times and stamps of the poses, at any rate between the two.
 """
 
 from array import array
@@ -41,7 +41,7 @@ _GAP_STEPS = 5.0
 def mapped_drive_in(
     reader: BagReader, mapping: BagMapping, decision_period_s: float
 ) -> RecordedDrive:
-    """The drive in an opened bag, whose `damage` then says what could not be read."""
+    """The drive in an opened bag; the reader's `damage` then lists what could not be read."""
     return _Collector(reader, mapping).drive(decision_period_s)
 
 
@@ -66,7 +66,7 @@ class _Collector:
             self._take(message)
 
     def drive(self, period_s: float) -> RecordedDrive:
-        """Everything together."""
+        """The drive, with the intents of decision periods of that length."""
         found = np.array(self._poses).reshape(-1, 6)
         rows = finite_poses(found, self._source)
         n_bad_poses = len(found) - len(rows)
@@ -111,7 +111,7 @@ class _Collector:
             frames = " and ".join(map(repr, self._frames))
             raise BagError(
                 f"{self._source}: /tf must join {frames} with {target!r} at the times of"
-                f" the poses, {time_s[0]:.1f} s to {time_s[-1]:.1f} s, it never does; record /tf"
+                f" the poses, {time_s[0]:.1f} s to {time_s[-1]:.1f} s at least once; record /tf"
                 " all the time, and on one clock with the poses"
             )
         return into
@@ -125,7 +125,7 @@ class _Collector:
             )
 
     def _require_one_clock(self, stamp_s: FloatArray) -> None:
-        """Poses of two runs of a clock, put in order, would be a drive that never was."""
+        """Poses of two runs of a clock, put in order, would be a drive that never took place."""
         back_s = np.maximum.accumulate(stamp_s) - stamp_s
         if len(stamp_s) and back_s.max() > _LONGEST_STEP_BACK_S:
             row = int(np.argmax(back_s > _LONGEST_STEP_BACK_S))

@@ -1,4 +1,4 @@
-"""The small file that says where in somebody's bag the poses, actions and episodes are."""
+"""The mapping file: which topics of a bag hold the poses, actions and episodes."""
 
 from typing import Literal
 

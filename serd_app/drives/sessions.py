@@ -1,4 +1,4 @@
-"""Runs of the clock in what is heard or read: each is a drive of its own.
+"""Runs of the clock in live topics or recordings; each is one drive.
 
 A stamp that falls back within its topic begins another session: the world was restarted, or a bag
 is played once more. Topics may run ahead of each other by any time, so each has its own session.
@@ -108,7 +108,7 @@ def read_drives(directory: str | Path, *, tolerant: bool = False) -> tuple[Recor
 
 
 def drives_in(reader: BagReader) -> tuple[RecordedDrive, ...]:
-    """The drives of an opened bag, whose `damage` then says what could not be read."""
+    """The drives of an opened bag, whose `damage` then lists what could not be read."""
     found = DriveSessions(source_of(reader.path))
     kinds = {topic_named(reader.topics, kind): kind for kind in (POSE, INTENT, EPISODE)}
     for message in reader.messages(kinds):

@@ -1,4 +1,4 @@
-"""Poses from one frame into another, by recorded /tf and /tf_static, in the plane.
+"""Transforms poses between frames, by recorded /tf and /tf_static, in the plane.
 
 A pose is (x, y, yaw). Frames form a tree; each moving edge is interpolated at the time asked for,
 and unknown more than a second before its first transform or after its last.
@@ -18,7 +18,7 @@ _LONGEST_REACH_S = 1.0
 
 
 class TransformTree:
-    """Collects transforms; answers for arrays of times."""
+    """Collects transforms and evaluates them at arrays of times."""
 
     def __init__(self) -> None:
         self._parents: dict[str, str] = {}
@@ -27,11 +27,11 @@ class TransformTree:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """All frames heard of."""
+        """All frames that occur."""
         return tuple(sorted({*self._parents, *self._parents.values()}))
 
     def add(self, transform: PlanarTransform, *, static: bool) -> None:
-        """One transform; a frame has one parent at a time, the last one said."""
+        """One transform; a frame has one parent at a time, that of the latest transform."""
         child, pose = _bare(transform.child), transform.pose
         parent = _bare(pose.header.frame)
         if self._parents.get(child, parent) != parent:

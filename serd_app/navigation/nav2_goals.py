@@ -45,11 +45,11 @@ class Nav2Goals:
         self._waiting: tuple[tuple[Target, ...], float] | None = None
         self._sending = False
         self._handle: Any = None
-        self._heard_wall_s = -math.inf
+        self._waypoint_wall_s = -math.inf
 
     def take(self, targets: Sequence[Target], time_s: float, wall_s: float) -> None:
         """Drive to the targets in turn (m, map); what Nav2 does already is not sent again."""
-        self._heard_wall_s = wall_s
+        self._waypoint_wall_s = wall_s
         wanted = tuple(targets)
         if not wanted:
             return
@@ -65,8 +65,8 @@ class Nav2Goals:
         self._send(wanted, time_s)
 
     def expire(self, wall_s: float) -> bool:
-        """Stop Nav2 when nobody has said for too long where to go; whether that was so."""
-        if not self._targets or wall_s - self._heard_wall_s <= self._timeout_s:
+        """Stop Nav2 when no waypoint has come for too long; whether that was so."""
+        if not self._targets or wall_s - self._waypoint_wall_s <= self._timeout_s:
             return False
         self.cancel()
         return True

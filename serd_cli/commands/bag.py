@@ -20,12 +20,12 @@ from bags.rosbag2.layout import storage_name
 from report.style import counted, seconds_in_words
 from serd_cli.commands.bag_play import play
 from serd_cli.errors import FAILED, UsageError
+from serd_cli.options import AsJson
 from serd_cli.output.terminal import console, print_json, progress_console
 
 Bags = Annotated[
     list[Path], typer.Argument(metavar="BAG", help="bag folders, or .mcap or .db3 files")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="print JSON instead of tables")]
 Output = Annotated[
     Path | None, typer.Option(help="folder of the new bag, which must be empty or not exist")
 ]

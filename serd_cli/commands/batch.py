@@ -8,13 +8,12 @@ from typing import Annotated
 
 import typer
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from serd_cli.errors import UsageError
-from serd_cli.options import Address, Backend, Jobs
+from serd_cli.options import Address, AsJson, Backend, Jobs
 from serd_cli.output.resume_notice import results_kept_in
-from serd_cli.output.terminal import WorkProgress, console, print_json
+from serd_cli.output.terminal import console, counting_bar, print_json
 from sim.drivers.catalogue import driver_names
 from sim.episodes.batch import EpisodeTask, run_batch
 from sim.episodes.batch_summary import ConditionSummary, summarise
@@ -52,7 +51,7 @@ def batch(
     jobs: Jobs = -1,
     backend: Backend = "loky",
     address: Address = "",
-    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run every combination of scenarios, policies, planners and seeds, one row per episode.
 
@@ -125,13 +124,7 @@ def _condition(summary: ConditionSummary) -> str:
 
 
 def _run(tasks: list[EpisodeTask], output: Path, execution: Execution) -> list[dict[str, object]]:
-    bar = WorkProgress(
-        TextColumn("episodes"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with results_kept_in(output), bar:
+    with results_kept_in(output), counting_bar("episodes") as bar:
         line = bar.add_task("", total=len(tasks), visible=False)
         return run_batch(
             tasks,

@@ -12,8 +12,8 @@ from rich.table import Table
 
 from report.figures.crowd_comparison import CrowdCurve, draw_crowd_comparison
 from report.style import png_bytes
-from serd_cli.errors import UsageError
-from serd_cli.output.paths import require_file_place
+from serd_cli.options import AsJson
+from serd_cli.output.paths import require_file_place, require_suffix
 from serd_cli.output.terminal import console, print_json, progress_console
 from sim.crowd.comparison import ComparedSpeed, compare_one_way, compare_two_ways
 from sim.crowd.corridor_measures import CorridorMeasures, load_petrack, measure_recording
@@ -38,14 +38,13 @@ def compare(
         typer.Option(help="people recorded in a corridor of 4 m, in PeTrack's text format"),
     ] = None,
     output: Annotated[Path, typer.Option(help="picture to write, .png")] = Path("crowd.png"),
-    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compare both crowd models with Weidmann's speeds, and with a recording.
 
     serd crowd compare --recording bi_corr_400_b_03.txt --output crowd.png
     """
-    if output.suffix.lower() != ".png":
-        raise UsageError(f"--output must end in .png, got {output}; name a .png file")
+    require_suffix(output, ".png")
     require_file_place(output)
     recorded = measure_recording(load_petrack(recording)) if recording is not None else None
     rows = []

@@ -19,6 +19,7 @@ from serd_app.demonstrations.recorded import (
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.recording import read_recording
 from serd_cli.errors import UsageError
+from serd_cli.options import AsJson
 from serd_cli.output.demonstrations import (
     decisions_table,
     flow_in_words,
@@ -26,7 +27,7 @@ from serd_cli.output.demonstrations import (
     remarks,
     save_pictures,
 )
-from serd_cli.output.paths import require_apart
+from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import console, print_json
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
@@ -64,7 +65,7 @@ def demos(
     tolerant: Annotated[
         bool, typer.Option("--tolerant", help="use what damaged bags still hold")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Turn recordings into the table of decisions that learning starts from.
 
@@ -80,8 +81,7 @@ def demos(
 
     A place without a scenario: --cell-size-m 0.5 in place of --scenario.
     """
-    if output.suffix.lower() != ".csv":
-        raise UsageError(f"--output must end in .csv, got {output}; name a .csv file")
+    require_suffix(output, ".csv")
     require_apart(output, files_beside(output).values(), (scenario, mapping or ""))
     _require_place(scenario, cell_size_m, period_s)
     known = load_scenario(scenario) if scenario else None

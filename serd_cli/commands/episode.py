@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from serd_cli.errors import UsageError
-from serd_cli.options import option
-from serd_cli.output.paths import require_file_place
-from serd_cli.output.terminal import WorkProgress, console, print_json
+from serd_cli.options import AsJson, option
+from serd_cli.output.paths import require_file_place, require_suffix
+from serd_cli.output.terminal import console, counting_bar, print_json
 from serd_ros.graph.configs import LocalPlannerConfig
 from sim.drivers.catalogue import driver_names, make_driver
 from sim.episodes.batch import EpisodeTask, scenario_of
@@ -65,7 +64,7 @@ def render(
     speed: Annotated[float, typer.Option(help="times real time")] = 4.0,
     frames_per_s: Annotated[float, typer.Option(help="frames per second of the movie")] = 10.0,
     pixels_per_m: Annotated[float, typer.Option(help="size of the view from above")] = 24.0,
-    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of text")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Drive an episode and write it as a movie, or its end as a picture.
 
@@ -137,21 +136,12 @@ def _write(
 
 def _followed(ticks: list[int]) -> Iterator[int]:
     """The ticks, with a progress bar of the frames drawn."""
-    bar = WorkProgress(
-        TextColumn("frames"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with bar:
+    with counting_bar("frames") as bar:
         yield from bar.track(ticks)
 
 
 def _require_usable(output: Path, speed: float, frames_per_s: float, pixels_per_m: float) -> None:
-    if output.suffix.lower() not in _SUFFIXES:
-        raise UsageError(
-            f"--output must end in {', '.join(_SUFFIXES)}, got {output}; name an .mp4 file"
-        )
+    require_suffix(output, *_SUFFIXES)
     require_file_place(output)
     for name, value, most in (
         ("--speed", speed, 1000.0),

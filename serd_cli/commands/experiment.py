@@ -10,7 +10,6 @@ import pandas as pd
 import typer
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from experiments.catalogue import EXPERIMENTS
@@ -19,7 +18,7 @@ from experiments.running.provenance import recorded
 from serd_cli.options import Address, Backend, Jobs
 from serd_cli.output.paths import require_folder
 from serd_cli.output.resume_notice import remark_other_code, results_kept_in
-from serd_cli.output.terminal import WorkProgress, console
+from serd_cli.output.terminal import console, counting_bar
 from sim.episodes.execution import Execution
 from storage.settings import Setting, settings_of
 
@@ -114,13 +113,7 @@ def _run(
     experiment: Experiment, config: BaseModel, output: Path, execution: Execution
 ) -> pd.DataFrame:
     """Run with a progress bar."""
-    bar = WorkProgress(
-        TextColumn(experiment.name),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with results_kept_in(output), bar:
+    with results_kept_in(output), counting_bar(experiment.name) as bar:
         task = bar.add_task("", total=None)
 
         def show(done: int, total: int) -> None:

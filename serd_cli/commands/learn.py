@@ -15,14 +15,14 @@ from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
 from serd_app.learning.recipe import learn as fit
 from serd_app.learning.settings import LearningSettings
 from serd_cli.errors import FAILED, UsageError
-from serd_cli.options import validated, with_settings
+from serd_cli.options import AsJson, validated, with_settings
 from serd_cli.output.fit import (
     certainty_values,
     outcomes_table,
     remarks,
     weights_table,
 )
-from serd_cli.output.paths import require_apart
+from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import WorkProgress, console, print_json
 from sim.scenario.goal import point_of
 
@@ -57,7 +57,7 @@ def learn(
             help="x,y (m) of a goal cell, repeat; by default the scenario's, else the ends"
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
+    as_json: AsJson = False,
     **options: Any,
 ) -> None:
     """Learn rewards and dynamics from a table of decisions.
@@ -72,8 +72,7 @@ def learn(
     (Boltzmann policy). Rewards under counted dynamics: mdce_irl,
     mdce_irl_entropy, maxent_irl, policy_matching, relative_entropy_irl.
     """
-    if output.suffix.lower() not in (".yaml", ".yml"):
-        raise UsageError(f"--output must end in .yaml, got {output}; name a .yaml file")
+    require_suffix(output, ".yaml", ".yml")
     require_apart(output, outcome_files(output).values(), (*files_beside(table).values(), scenario))
     settings = validated(LearningSettings, **options)
     files = read_learning_files(

@@ -6,7 +6,6 @@ from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from report.style import png_bytes
 from serd_app.navigation.comparison import compare
@@ -15,11 +14,11 @@ from serd_app.navigation.drive_folder import claim_folder
 from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_cli.errors import UsageError
-from serd_cli.options import resolved_scenario, validated, with_settings
+from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.arrival import comparison_figure, comparison_table, remarks
 from serd_cli.output.paths import require_folder
 from serd_cli.output.resume_notice import results_kept_in
-from serd_cli.output.terminal import WorkProgress, console, print_json
+from serd_cli.output.terminal import console, counting_bar, print_json
 from serd_cli.stack_run import run_stack, stack_environment
 from sim.planning.catalogue import make_planner
 from sim.scenario.goal import with_goal
@@ -49,7 +48,7 @@ def navigate(
     output: Annotated[
         Path | None, typer.Option(help="folder for tables and arrival.png, else nothing is kept")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
+    as_json: AsJson = False,
     **options: Any,
 ) -> None:
     """Drive by a learned model and compare predicted with measured times of arrival.
@@ -128,14 +127,8 @@ def _drive_through_ros(settings: DriveSettings, output: Path) -> list[EpisodeRes
 
 
 def _drive_in_process(settings: DriveSettings, output: Path | None) -> list[EpisodeResult]:
-    bar = WorkProgress(
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=20),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        TextColumn("[dim]{task.fields[text]}"),
-    )
     n_finished = len(finished_episodes(settings, output))
+    bar = counting_bar("{task.description}", "[dim]{task.fields[text]}", bar_width=20)
     with results_kept_in(output), bar:
         task = bar.add_task("navigate", total=settings.episodes, completed=n_finished, text="")
 

@@ -10,13 +10,12 @@ from rich.table import Table
 
 from report.figures.scenario_plan import draw_scenario_plan
 from report.style import png_bytes
-from serd_cli.errors import UsageError
+from serd_cli.options import AsJson
+from serd_cli.output.paths import require_suffix
 from serd_cli.output.terminal import console, print_json
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
 from storage.files import atomic_write_bytes, atomic_write_text
-
-AsJson = Annotated[bool, typer.Option("--json", help="print JSON instead of a table")]
 
 
 def register(app: typer.Typer) -> None:
@@ -93,16 +92,14 @@ def schema(
     if output is None:
         print(text, end="")
         return
-    if output.suffix.lower() != ".json":
-        raise UsageError(f"--output must end in .json, got {output}; name a .json file")
+    require_suffix(output, ".json")
     atomic_write_text(output, text)
     print(f"schema: {output.resolve()}")
 
 
 def save_plan(scenario: Scenario, path: Path) -> None:
     """Write the plan as PNG and make its folder; UsageError for another suffix."""
-    if path.suffix.lower() != ".png":
-        raise UsageError(f"--output must end in .png, got {path}; name a .png file")
+    require_suffix(path, ".png")
     atomic_write_bytes(path, png_bytes(draw_scenario_plan(scenario)))
 
 

@@ -16,7 +16,7 @@ from experiments.study.run import KEPT, SETTINGS_YAML, redraw, run_study
 from experiments.study.settings import StudySettings, study_settings
 from experiments.study.tables.catalogue import headline
 from serd_cli.errors import UsageError
-from serd_cli.options import Address, Backend, Jobs
+from serd_cli.options import Address, AsJson, Backend, Jobs
 from serd_cli.output.paths import require_folder
 from serd_cli.output.resume_notice import remark_other_code, results_kept_in
 from serd_cli.output.terminal import TimeLeftColumn, WorkProgress, console, print_json
@@ -55,7 +55,7 @@ def hallway(
     jobs: Jobs = -1,
     backend: Backend = "loky",
     address: Address = "",
-    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Navigation in a populated hallway: who learns what, and what arrives when (chapter 5).
 

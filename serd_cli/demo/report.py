@@ -43,7 +43,7 @@ _FILES = (
 
 
 def report_demo(folder: DemoFolder, settings: DemoSettings, phases: Sequence[PhaseTiming]) -> None:
-    """Write the report beside the run's files and print what it says in short."""
+    """Write the report beside the run's files and print its summary."""
     inputs = report_inputs(folder, settings, phases)
     page = write_report(inputs, folder.root)
     summary = summary_of(inputs)

@@ -9,6 +9,14 @@ from serd_cli.errors import UsageError
 from storage.errors import disk_error
 
 
+def require_suffix(output: Path, *suffixes: str) -> None:
+    """UsageError where --output has none of the suffixes, in letters of either case."""
+    if output.suffix.lower() not in suffixes:
+        raise UsageError(
+            f"--output must end in {', '.join(suffixes)}, got {output}; name a {suffixes[0]} file"
+        )
+
+
 def require_folder(folder: Path) -> None:
     """FileError where a file stands in the place of the folder, or of one above it."""
     for place in (folder, *folder.parents):

@@ -6,7 +6,16 @@ from datetime import timedelta
 from typing import Any
 
 from rich.console import Console
-from rich.progress import Progress, ProgressColumn, Task, TaskID
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.text import Text
 
 console = Console(highlight=False)
@@ -35,6 +44,12 @@ class WorkProgress(Progress):
             return
         self._printed_at_s = time.monotonic()
         self.console.print(self.get_renderable())
+
+
+def counting_bar(text: str, *more: str, bar_width: int | None = 40) -> WorkProgress:
+    """A bar of tasks that are counted, with the number done and the time left; more: columns."""
+    counts = BarColumn(bar_width), MofNCompleteColumn(), TimeRemainingColumn()
+    return WorkProgress(TextColumn(text), *counts, *map(TextColumn, more))
 
 
 def time_left_s(done_s: float, total_s: float, spent_s: float, n_processes: int) -> float:

@@ -56,14 +56,15 @@ class BellmanSolver(ABC):
         """Solve from `initial_value` (S,), or from zero."""
 
 
-def residual_target(discount: float, accuracy: float, last: Backup) -> float:
-    """Residual at which a solver may stop, for an error of accuracy * max(1, max |V|).
+def is_accurate(problem: BellmanProblem, accuracy: float, last: Backup) -> bool:
+    """Whether a solver may stop, for an error of accuracy * max(1, max |V|).
 
-    Never less than rounding lets residuals fall to. Near a discount of 1 that is more than the
-    accuracy asks for, and the rounding of the backup comes on top: how near V* the solution is
-    certified to be is in its error bound, not in the accuracy.
+    The residual wanted is never less than rounding lets residuals fall to. Near a discount of 1
+    that is more than the accuracy asks for, and the rounding of the backup comes on top: how near
+    V* the solution is certified to be is in its error bound, not in the accuracy.
     """
-    return last.scale * max(accuracy * (1.0 - discount), SMALLEST_SHARE)
+    share = max(accuracy * (1.0 - problem.discount), SMALLEST_SHARE)
+    return last.residual <= last.scale * share
 
 
 def require_limits(accuracy: float, max_steps: int) -> None:

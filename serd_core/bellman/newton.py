@@ -17,8 +17,8 @@ from serd_core.bellman.backup import Backup, BellmanProblem, backup
 from serd_core.bellman.bellman_solver import (
     BellmanSolution,
     BellmanSolver,
+    is_accurate,
     require_limits,
-    residual_target,
     solution_from,
     starting_value,
 )
@@ -60,7 +60,7 @@ class Newton(BellmanSolver):
         solver = self.linear_solver.for_cold_start() if cold else self.linear_solver
         steps, linear_solves = 1, 0
         system: LinearSystem | None = None
-        while not (done := self._done(problem, latest)) and steps < self.max_steps:
+        while not (done := is_accurate(problem, self.accuracy, latest)) and steps < self.max_steps:
             steps += 1
             if sweeps_due > 0:
                 latest, sweeps_due = backup(problem, latest.target), sweeps_due - 1
@@ -78,9 +78,6 @@ class Newton(BellmanSolver):
         return solution_from(
             problem, latest, steps=steps, linear_solves=linear_solves, converged=done
         )
-
-    def _done(self, problem: BellmanProblem, latest: Backup) -> bool:
-        return latest.residual <= residual_target(problem.discount, self.accuracy, latest)
 
 
 def _prepared(solver: LinearSolver, problem: BellmanProblem, latest: Backup) -> LinearSystem:

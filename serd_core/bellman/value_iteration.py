@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 from serd_core.arrays import FloatArray
-from serd_core.bellman.backup import Backup, BellmanProblem, backup
+from serd_core.bellman.backup import BellmanProblem, backup
 from serd_core.bellman.bellman_solver import (
     BellmanSolution,
     BellmanSolver,
+    is_accurate,
     require_limits,
-    residual_target,
     solution_from,
     starting_value,
 )
@@ -33,12 +33,9 @@ class ValueIteration(BellmanSolver):
         """Sweep until certified or out of sweeps."""
         latest = backup(problem, starting_value(problem.mdp, initial_value))
         sweeps = 1
-        while not (done := self._done(problem, latest)):
+        while not (done := is_accurate(problem, self.accuracy, latest)):
             if sweeps >= self.max_sweeps:
                 break
             latest = backup(problem, latest.target)
             sweeps += 1
         return solution_from(problem, latest, steps=sweeps, linear_solves=0, converged=done)
-
-    def _done(self, problem: BellmanProblem, latest: Backup) -> bool:
-        return latest.residual <= residual_target(problem.discount, self.accuracy, latest)

@@ -29,8 +29,7 @@ from serd_core.demonstrations.trajectories import feature_counts
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.known_dynamics import reward_search
-from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.learners.serd import UNIFORM
+from serd_core.learners.serd import UNIFORM, fit_mdce_serd
 from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy

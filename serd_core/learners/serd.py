@@ -3,6 +3,15 @@
 The policy model defines how experts choose (maximum causal entropy or policy matching), the belief
 how what they believed relates to what is true, the prior what else is known, and the ascent how
 parameters move. The gradient is that of the thesis, by adjoint instead of Q-gradient recursion.
+
+MDCE SERD (section 4.4.1) has the maximum discounted causal entropy policy. PM SERD (section 4.4.2)
+has a Boltzmann policy over optimal Q-values, whose temperature theta_P is learned as well. Scaling
+all rewards and theta_P by one factor changes nothing, so demonstrations determine their ratio only.
+A prior that holds theta_P near a value fixes the scale and does not change the likelihood; one that
+only shrinks rewards and temperature has no maximum, as both then go to zero together.
+
+    fit = fit_mdce_serd(problem, decisions, rng=rng, prior=KldPrior(weight=1.0))
+    fit = fit_pm_serd(problem, decisions, rng=rng, prior=GaussianPrior(0.1, Block.POLICY, 1.0))
 """
 
 from dataclasses import dataclass, field
@@ -11,6 +20,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, Objective, StepCallback
+from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.bellman.bellman_solver import BellmanSolver
 from serd_core.bellman.linear.automatic import Automatic
@@ -26,14 +36,14 @@ from serd_core.learners.start import (
     starting_parameters,
 )
 from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import PolicyModel
+from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy, PolicyModel
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.derivatives.posterior_hessian import posterior_hessian, vector_hessian
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue, require_possible
 from serd_core.priors.prior import Prior, UniformPrior
 
-UNIFORM, LBFGS = UniformPrior(), Lbfgs()
+UNIFORM, LBFGS, KINKED = UniformPrior(), Lbfgs(), KinkedAscent()
 
 
 @dataclass(frozen=True)
@@ -96,6 +106,65 @@ def fit_serd(
         n_decisions=observations.n_decisions,
         objective=final.objective,
         objective_trace=ascended.objective_trace * observations.n_decisions,
+    )
+
+
+def fit_mdce_serd(
+    problem: Problem,
+    decisions: Decisions,
+    *,
+    initial_weights: FloatArray | None = None,
+    rng: np.random.Generator | None = None,
+    dynamics: FloatArray | None = None,
+    belief: Belief = TIED,
+    prior: Prior = UNIFORM,
+    ascent: Ascent = LBFGS,
+    on_step: StepCallback | None = None,
+) -> FitResult:
+    """Learn reward weights and dynamics at once from the decisions of a soft expert.
+
+    Arguments as in `fit_serd`, which also takes the solvers by object.
+    """
+    return fit_serd(
+        problem,
+        decisions,
+        MdcePolicy(),
+        SerdSettings(belief=belief, prior=prior, ascent=ascent),
+        initial_weights=initial_weights,
+        rng=rng,
+        dynamics=dynamics,
+        on_step=on_step,
+    )
+
+
+def fit_pm_serd(
+    problem: Problem,
+    decisions: Decisions,
+    *,
+    initial_weights: FloatArray | None = None,
+    rng: np.random.Generator | None = None,
+    dynamics: FloatArray | None = None,
+    initial_temperature: float = 1.0,
+    belief: Belief = TIED,
+    prior: Prior = UNIFORM,
+    ascent: Ascent = KINKED,
+    on_step: StepCallback | None = None,
+) -> FitResult:
+    """Learn rewards, dynamics and temperature of an expert who knows the optimal Q-values.
+
+    Arguments as in `fit_serd`; initial_temperature: theta_P to start from. The objective has kinks
+    where the greedy policy changes, and most maxima lie on one: `KinkedAscent` finds and certifies
+    them, smooth ascents stop there and report that they did not converge.
+    """
+    return fit_serd(
+        problem,
+        decisions,
+        PolicyMatchingPolicy(start_temperature=initial_temperature),
+        SerdSettings(belief=belief, prior=prior, ascent=ascent),
+        initial_weights=initial_weights,
+        rng=rng,
+        dynamics=dynamics,
+        on_step=on_step,
     )
 
 

@@ -13,7 +13,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import Policy, optimal_policy
 from serd_core.priors.divergence import KldPrior
 from sim.scenario.grid import navigation_problem_of, start_states_of

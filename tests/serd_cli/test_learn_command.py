@@ -202,7 +202,7 @@ def test_what_nobody_did_is_said_to_be_open(serd, demonstrations):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("--output", "model.txt"), "--output must end in .yaml, got model.txt"),
+        (("--output", "model.txt"), "--output must end in .yaml, .yml, got model.txt"),
         (("--goal", "0.5"), "goal must be two numbers 'x, y' (m), got '0.5'"),
         (("--goal", "99,0"), "--goal must lie in a walkable cell of the grid, got 99,0"),
         (("--goal", "nan,0"), "--goal must lie in a walkable cell of the grid, got nan,0"),

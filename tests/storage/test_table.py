@@ -1,7 +1,7 @@
 """Typed tables: exact round trips, and one message per fault with its place and the fix."""
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 import pytest
@@ -170,3 +170,29 @@ def test_a_growing_table_may_end_within_a_row(tmp_path):
     assert read_rows(path, Drive, COLUMNS, growing=True) == (Drive(1, 2, 0.5, 7.0, "a"),)
     with pytest.raises(FileError, match="line 3 must have 5 columns, got 3"):
         read_rows(path, Drive, COLUMNS)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "sentence"),
+    [
+        ("episode", None, "episode must be a whole number, got ''"),
+        ("episode", 2**63, "episode must be a whole number, got"),
+        ("episode", 1.5, "episode must be a whole number, got '1.5'"),
+        ("time_s", math.nan, "time_s must be a number, got 'nan'"),
+        ("name", "a\rb", "name must hold no carriage return and no NUL"),
+        ("name", "\0", "name must hold no carriage return and no NUL"),
+    ],
+)
+@pytest.mark.parametrize("name", ["drives.csv", "drives.parquet"])
+def test_a_row_that_could_not_be_read_is_not_written(tmp_path, name, column, value, sentence):
+    row = list(astuple(replace(Drive(1, None, 0.5, math.nan, "a"), **{column: value})))
+    with pytest.raises(FileError, match=sentence):
+        write_table(tmp_path / name, COLUMNS, [row])
+    with pytest.raises(FileError, match=sentence):
+        append_row(tmp_path / "growing.csv", COLUMNS, row)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_row_of_too_few_values_is_not_written(tmp_path):
+    with pytest.raises(FileError, match="line 2 must have 5 columns, got 1"):
+        write_table(tmp_path / "drives.csv", COLUMNS, [[1]])

@@ -8,7 +8,7 @@ from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.value_iteration import ValueIteration
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.transition_model import transitions_at
-from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.posterior.derivatives.forward import (
     entry_jacobian,
     immediate_gradient,

@@ -13,7 +13,7 @@ from serd_core.learners.mdce_irl import (
     fit_mdce_irl_by_entropy,
     fit_mdce_irl_by_likelihood,
 )
-from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import soft_policy
 
 

@@ -9,7 +9,7 @@ from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.errors import SerdError
-from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import soft_policy

@@ -4,7 +4,7 @@ import pytest
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
-from serd_core.learners.pm_serd import fit_pm_serd
+from serd_core.learners.serd import fit_pm_serd
 from serd_core.policies.solved_policy import boltzmann_policy
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior

@@ -1,7 +1,7 @@
 import numpy as np
 
 from serd_core.ascent.trust_region import TrustRegion
-from serd_core.learners.mdce_serd import fit_mdce_serd
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.learners.staged_start import weights_under_initial_dynamics
 
 

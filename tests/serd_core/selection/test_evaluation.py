@@ -4,9 +4,8 @@ import pytest
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.errors import SerdError
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy
-from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.learners.pm_serd import fit_pm_serd
 from serd_core.learners.policy_matching import fit_policy_matching
+from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.selection.evaluation import (
     dynamics_divergence,

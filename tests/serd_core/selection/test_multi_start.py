@@ -6,8 +6,7 @@ import pytest
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
-from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.learners.pm_serd import fit_pm_serd
+from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior

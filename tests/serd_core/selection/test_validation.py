@@ -6,8 +6,7 @@ from serd_core.ascent.gradient_ascent import GradientAscent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.errors import SerdError
-from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.learners.serd import SerdSettings
+from serd_core.learners.serd import SerdSettings, fit_mdce_serd
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief, TiedBelief
 from serd_core.priors.divergence import KldPrior

@@ -10,8 +10,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
-from serd_core.learners.mdce_serd import fit_mdce_serd
-from serd_core.learners.pm_serd import fit_pm_serd
+from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
