@@ -1,24 +1,64 @@
 """What is wrong with the files of a bag, and how many messages are missing."""
 
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from bags.limits import MOST_FAULTS_OF_A_FILE
 from bags.rosbag2.layout import BagLayout, storage_name
 
 
 @dataclass(frozen=True)
 class Damage:
-    """offset: byte at which the reader found it, None where it concerns the whole file."""
+    """offset: byte of the first such fault, None where it concerns the whole file; count: of them.
+
+    In a summary of several kinds of faults, `what` says so.
+    """
 
     path: Path
     offset: int | None
     what: str
+    count: int = 1
 
     def sentence(self) -> str:
-        """File, place and fault in one sentence."""
+        """File, place, fault and how often it was found, in one sentence."""
         where = "" if self.offset is None else f"at byte {self.offset}: "
-        return f"{self.path}: {where}{self.what}"
+        often = "" if self.count == 1 else f" (the first of {self.count} such faults)"
+        return f"{self.path}: {where}{self.what}{often}"
+
+
+class DamageLog:
+    """The damage of one file: one entry for each kind of fault, with the number of faults."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._found: dict[str, Damage] = {}
+
+    def note(self, offset: int | None, what: str) -> None:
+        """Add a fault; faults that differ in numbers only are of one kind."""
+        kind = re.sub(r"[0-9a-f]{2} [0-9a-f ]+|\d+", "", what)
+        if kind not in self._found and len(self._found) >= MOST_FAULTS_OF_A_FILE - 1:
+            kind, what = "", "it has further faults of other kinds"
+        known = self._found.get(kind)
+        self._found[kind] = (
+            replace(known, count=known.count + 1) if known else Damage(self._path, offset, what)
+        )
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    @property
+    def damage(self) -> list[Damage]:
+        """All kinds of faults, in the order in which they were found."""
+        return list(self._found.values())
+
+
+def at_most(lines: Sequence[str], most: int) -> list[str]:
+    """The first lines; the last one states how many are left out."""
+    if len(lines) <= most:
+        return list(lines)
+    return [*lines[: most - 1], f"{len(lines) - most + 1} more are not listed"]
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ class BagReader:
     when it is found, which for missing messages is at the end.
     thorough: compare the index of messages with the messages too.
     losses: what is missing, once all messages were read.
+    copied: then (file, (offset, length) of each of its sound attachments and metadata records).
     """
 
     def __init__(self, path: str | Path, *, tolerant: bool = False, thorough: bool = False) -> None:
@@ -33,6 +34,7 @@ class BagReader:
         self.tolerant = tolerant
         self.damage: list[Damage] = []
         self.losses = Losses()
+        self.copied: list[tuple[Path, list[tuple[int, int]]]] = []
         self.layout: BagLayout = bag_layout(path)
         self._thorough = thorough
         self._files = DecompressedFiles(self.layout.files)
@@ -47,6 +49,7 @@ class BagReader:
         wanted = None if topics is None else frozenset(topics)
         counts: Counter[str] = Counter()
         files: list[FileCount] = []
+        self.copied = []
         for file, scan in self._scans():
             n_broken = 0
             for message in scan.messages(wanted):
@@ -60,6 +63,8 @@ class BagReader:
             counts.update(scan.counts)
             files.append(FileCount(file, scan.counts.total() - n_broken, scan.expected))
             self._report(scan.damage, file)
+            if isinstance(scan, McapScan):
+                self.copied.append((scan.path, scan.copied))
             if n_broken:
                 what = f"{n_broken} compressed messages cannot be unpacked"
                 self._report([Damage(file, None, what)])
@@ -77,7 +82,7 @@ class BagReader:
         """Each file of the bag and what reads it."""
         for file, path in zip(self.layout.files, self._files.paths, strict=True):
             if path.suffix == ".mcap":
-                yield file, McapScan(path, thorough=self._thorough)
+                yield file, McapScan(path, thorough=self._thorough, size=file.stat().st_size)
             else:
                 yield file, SqliteScan(path)
 

@@ -81,6 +81,8 @@ def _rewrite(reader: BagReader, target: Path, compression: Compression) -> Rewri
                 left_out[name] += 1
             else:
                 writer.write(name, data, log_time_ns, publish_time_ns)
+        for path, spans in reader.copied:
+            writer.copy_records(path, spans)
     lost = reader.losses
     counted = lost.n_messages or lost.all_known or not reader.damage
     return RewriteReport(

@@ -4,10 +4,11 @@ Directory `name` holds name_0.mcap, name_1.mcap, ... and, once closed, metadata.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from bags.errors import BagError
+from bags.mcap.window import FileWindow
 from bags.mcap.writer import Compression, McapWriter
 from bags.rosbag2.message_types import MessageType, message_type
 from bags.rosbag2.metadata_file import FILE_NAME, ROOT_KEY, FileSpan, bag_metadata, metadata_text
@@ -89,6 +90,16 @@ class BagWriter:
             self._failed = True
             raise
         self.flush_if_due()
+
+    def copy_records(self, source: Path, spans: Sequence[tuple[int, int]]) -> None:
+        """Append attachments and metadata records of another file: (offset, length) of each."""
+        try:
+            with source.open("rb", buffering=0) as stream:
+                window = FileWindow(stream)
+                for offset, length in spans:
+                    self._file.copy_record(window, offset, length)
+        except OSError as error:
+            raise BagError(str(disk_error("read", source, error))) from None
 
     @property
     def failed(self) -> bool:

@@ -1,283 +1,465 @@
 """All messages of one MCAP file, sound or damaged, in the order they were written.
 
 Reads record by record, unpacking messages itself, for which the reader of `mcap` takes more than
-twice as long: a chunk whose checksum does not match is left out; where the chain of
-records is broken, reading continues at the next chunk in the summary; the number of messages is
-compared with that in the summary. Each fault becomes a Damage.
+twice as long. Every checksum of the file is compared with what it covers. Where the chain of
+records is broken, reading continues at the next chunk in the summary, or without one at the next
+bytes that begin like a chunk. Each kind of fault becomes a Damage.
 """
 
-import os
+import struct
 from bisect import bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import NamedTuple
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, Schema
 from mcap.stream_reader import MAGIC_SIZE
-from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 
-from bags.damage import Damage
+from bags.damage import Damage, DamageLog
 from bags.errors import BagError
-from bags.mcap.records import (
-    MESSAGE_HEAD,
-    RECORD_HEAD,
-    chunk_records,
-    index_matches,
-    read_record,
-    read_summary,
-    torn_chunk_records,
-)
-from bags.rosbag2.message_types import MessageType
-from bags.rosbag2.qos import qos_of_text
+from bags.limits import LARGEST_CONTENT, most_records, most_unpacked
+from bags.mcap.attachments import check_record
+from bags.mcap.chunks import CHUNK_PATTERN, LONGEST_HEAD, ChunkHead, chunk_head, unpack_chunk
+from bags.mcap.definitions import DEFINITIONS
+from bags.mcap.file_end import FileEnd
+from bags.mcap.message_index import ENTRY_SIZE, INDEX_HEAD_SIZE, MessageIndexes, entries_end
+from bags.mcap.records import MESSAGE_HEAD, RECORD_HEAD
+from bags.mcap.window import FileWindow
 from bags.topic import RawMessage, Topic
 from storage.errors import disk_error
 
-_FIRST_PRIVATE_OPCODE = 0x80
-_MESSAGE = int(Opcode.MESSAGE)
-_DEFINITIONS = (int(Opcode.SCHEMA), int(Opcode.CHANNEL))
+_CHUNK, _MESSAGE = int(Opcode.CHUNK), int(Opcode.MESSAGE)
+_IN_RUNS = (_MESSAGE, *DEFINITIONS)
+_MOST_COPIED = 100_000
+_COPIED = (int(Opcode.ATTACHMENT), int(Opcode.METADATA))
+_LAST_OPCODE = int(Opcode.DATA_END)
+#: More bytes than this after the fields of an empty chunk are its records, not an extension.
+_LARGEST_EXTENSION = 1024
+_CHECKSUM = struct.Struct("<I")
+_TOO_MANY = "it has more records than a file of its size can have"
+
+
+class _Area(NamedTuple):
+    """Bytes from `start` to `end` of a block that are records.
+
+    is_chunk: all of them; is_torn: the last one may be cut off.
+    """
+
+    block: bytes
+    start: int
+    end: int
+    is_chunk: bool = True
+    is_torn: bool = False
 
 
 class McapScan:
     """One pass through one file; `damage` and `counts` are complete after `messages`.
 
     expected: number of messages by the summary, None without one.
+    copied: (offset, length) of each sound attachment and metadata record.
     thorough: compare the index behind each chunk with the chunk.
+    size: of the file as it was recorded, which limits what is read; None for its size here.
     """
 
-    def __init__(self, path: Path, *, thorough: bool = False) -> None:
+    def __init__(self, path: Path, *, thorough: bool = False, size: int | None = None) -> None:
         self.path = path
-        self.damage: list[Damage] = []
-        self._summary = read_summary(path)
-        summary = self._summary or Summary()
-        self.expected = summary.statistics.message_count if summary.statistics else None
-        self._schemas, self._channels = summary.schemas, summary.channels
-        self._chunk_starts = sorted(each.chunk_start_offset for each in summary.chunk_indexes)
+        self.copied: list[tuple[int, int]] = []
+        self._log = DamageLog(path)
+        self._end = FileEnd(path)
+        self._definitions = self._end.definitions
+        self.expected = self._end.expected
         self._counts: defaultdict[int, int] = defaultdict(int)
-        self._thorough = thorough
-        self._last_chunk = b""
-        self._indexes: list[bytes] = []
-        self._offset = 0
-        self._ended = False
-        self._chunked = bool(self._chunk_starts)
+        self._indexes = MessageIndexes() if thorough else None
+        self._recorded_size = size
+        self._looks_back = True
+
+    @property
+    def damage(self) -> list[Damage]:
+        """Each kind of fault that was found."""
+        return self._log.damage
 
     @property
     def counts(self) -> Counter[str]:
         """Readable messages by topic."""
         found: Counter[str] = Counter()
         for number, count in self._counts.items():
-            found[self._channels[number].topic] += count
+            found[self._definitions.channels[number].topic] += count
         return found
 
     def topics(self) -> list[Topic]:
         """Topics by the summary; where it is brief or missing, by the whole file."""
-        if not self._summary_has_topics():
+        if not self._end.names_all_topics:
             for _ in self.messages(frozenset()):
                 pass
-        return [_topic(each, self._schemas.get(each.schema_id)) for each in self._channels.values()]
+        return self._definitions.topics()
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
         """Messages of the given topics, None for all."""
         try:
-            with self.path.open("rb") as stream:
-                size = os.fstat(stream.fileno()).st_size
-                if self._begins_well(stream, size):
-                    for records in self._parts(stream, size):
-                        yield from self._messages(records, topics)
+            with self.path.open("rb", buffering=0) as stream:
+                window = FileWindow(stream)
+                self._begin(window)
+                for area in self._areas(window):
+                    yield from self._messages(area, topics)
+                    del area  # before the next one is read
+                self._compare_with_end()
         except OSError as error:
             raise BagError(str(disk_error("read", self.path, error))) from None
-        self._compare_with_summary()
 
-    def _messages(self, records: bytes, topics: frozenset[str] | None) -> Iterator[RawMessage]:
-        """Messages in the records of a chunk, whose definitions are collected."""
+    def _begin(self, window: FileWindow) -> None:
+        size = window.size if self._recorded_size is None else self._recorded_size
+        self._n_records, self._n_unpacked = most_records(size), most_unpacked(size)
+        self._n_tried = 2 * window.size + LARGEST_CONTENT
+        self._limit = window.size if self._end.data_limit is None else self._end.data_limit
+        self._offset, self._sound_end, self._chunk_end = MAGIC_SIZE, 0, 0
+        self._ended = self._is_guess = False
+        self.copied.clear()
+        self._visited: set[int] = set()
+        self._looked_in: _Area | None = None
+        self._check_beginning(window)
+
+    def _check_beginning(self, window: FileWindow) -> None:
+        head = window.read(0, MAGIC_SIZE + 1)
+        magic, opcode = head[:MAGIC_SIZE], head[MAGIC_SIZE:]
+        if not head:
+            self._note("the file is empty")
+        elif magic != MCAP0_MAGIC:
+            expected, got = MCAP0_MAGIC.hex(" "), magic.hex(" ")
+            self._note(f"an MCAP file begins with {expected}, this with {got}")
+            if opcode != bytes([Opcode.HEADER]):
+                self._offset = self._next_chunk(window)
+        elif opcode and opcode[0] in range(Opcode.HEADER + 1, _LAST_OPCODE + 1):
+            self._note("the first record must be a header")
+
+    def _areas(self, window: FileWindow) -> Iterator[_Area]:
+        """Chunks, and blocks that begin with messages or definitions outside of chunks."""
+        while not self._ended and self._offset + RECORD_HEAD.size <= self._limit:
+            self._n_records -= 1
+            if self._n_records <= 0:
+                self._stop(_TOO_MANY)
+                return
+            block, at = window.locate(self._offset, RECORD_HEAD.size)
+            opcode, length = RECORD_HEAD.unpack_from(block, at)
+            if not self._is_chained(opcode, length):
+                yield from self._after_break(window, opcode, length)
+            elif opcode == _CHUNK:
+                yield from self._chunk(window, length)
+            elif opcode != Opcode.MESSAGE_INDEX and self._is_index(window, length):
+                self._note("the opcode of a message index is wrong")
+                self._offset = self._chunk_end = self._offset + RECORD_HEAD.size + length
+            elif opcode in _IN_RUNS:
+                yield from self._run(window, length)
+            else:
+                self._other(window, opcode, length)
+        self._check_index()
+
+    def _is_chained(self, opcode: int, length: int) -> bool:
+        """Whether a record can begin here that ends before the next chunk of the summary."""
+        starts = self._end.chunk_starts
+        following = bisect_right(starts, self._offset)
+        end = self._offset + RECORD_HEAD.size + length
+        if following and starts[following - 1] == self._offset and opcode != _CHUNK:
+            return False
+        limit = starts[following] if following < len(starts) else self._limit
+        return opcode not in (0, Opcode.FOOTER) and end <= min(limit, self._limit)
+
+    def _after_break(self, window: FileWindow, opcode: int, length: int) -> Iterator[_Area]:
+        """What is read where no record can begin."""
+        if opcode == _CHUNK:
+            yield from self._chunk(window, length)
+            return
+        offset, beyond = self._offset, self._offset + RECORD_HEAD.size + length > self._limit
+        head = window.read(offset, RECORD_HEAD.size).hex(" ")
+        following = self._next_chunk(window)
+        if beyond and opcode and following == self._limit:
+            self._note(f"the file ends within a record of {length} bytes")
+        else:
+            self._note(f"no record begins with {head}")
+        self._offset = following
+
+    def _next_chunk(self, window: FileWindow) -> int:
+        """The next chunk of the summary, or what begins like one; the end where there is none."""
+        starts = self._end.chunk_starts
+        if starts:
+            self._sound_end = max(self._sound_end, self._offset + 1)
+            index = bisect_right(starts, self._sound_end - 1)
+            return starts[index] if index < len(starts) else self._limit
+        self._is_guess = True
+        found = window.search(CHUNK_PATTERN, self._sound_end, LONGEST_HEAD)
+        return self._limit if found is None or found >= self._limit else found
+
+    def _chunk(self, window: FileWindow, length: int) -> Iterator[_Area]:
+        self._check_index()
+        offset, end = self._offset, self._offset + RECORD_HEAD.size + length
+        is_guess, self._is_guess = self._is_guess, False
+        self._visited.add(offset)
+        try:
+            head = chunk_head(window.read(offset, LONGEST_HEAD))
+            if end > self._limit and not self._end.complete and self._is_torn(head):
+                self._note(f"the file ends within a record of {length} bytes")
+                yield self._torn(window, head)
+                self._offset = self._limit
+                return
+            area = self._records_of(window, head, length, is_guess)
+        except BagError as error:
+            self._note(str(error))
+            self._sound_end = max(self._sound_end, offset + 1)
+            if self._n_tried > 0 and (is_guess or not self._begins_record(window, end)):
+                self._offset = self._next_chunk(window)
+            else:
+                self._offset = min(end, self._limit)
+            return
+        if self._indexes is not None:
+            self._indexes.begin(*area[:3])
+        yield area
+
+    def _records_of(
+        self, window: FileWindow, head: ChunkHead, length: int, is_guess: bool
+    ) -> _Area:
+        """The records of a sound chunk, after which the next record is sought; or BagError."""
+        size, record_size = head.data_start + head.data_size, RECORD_HEAD.size + length
+        fits = size <= record_size and self._offset + record_size <= self._limit
+        if self._offset + size > self._limit:
+            raise BagError("a chunk is longer than its record")
+        if head.data_size > LARGEST_CONTENT:
+            raise BagError(f"a chunk must have {LARGEST_CONTENT} bytes at most, got {size}")
+        if not fits or is_guess:
+            self._n_tried -= size
+            if self._n_tried < 0:
+                raise BagError("a chunk is longer than its record")
+        if not head.data_size and record_size - size > _LARGEST_EXTENSION:
+            raise BagError("the head of a chunk is damaged")
+        if head.compression:
+            self._n_unpacked -= head.size
+            if self._n_unpacked < 0:
+                self._stop("it unpacks to more than a file of its size can hold")
+                raise BagError("further chunks are not read")
+        records, start = unpack_chunk(head, *window.locate(self._offset, size))
+        if head.compression:
+            window.release()
+        self._sound_end = self._offset + size
+        extended = fits and size < record_size
+        if not fits or (extended and self._begins_known_record(window, self._sound_end)):
+            self._note("the length of a chunk record is wrong")
+            self._offset = self._sound_end
+        else:
+            self._offset += record_size
+        self._chunk_end = self._offset
+        return _Area(records, start, start + head.size)
+
+    def _is_torn(self, head: ChunkHead) -> bool:
+        return self._offset + head.data_start + head.data_size > self._limit
+
+    def _torn(self, window: FileWindow, head: ChunkHead) -> _Area:
+        """What is left of the records of a chunk whose end is missing; none of a compressed one."""
+        size = 0 if head.compression else min(head.size, LARGEST_CONTENT)
+        block, at = window.locate(self._offset, head.data_start + size)
+        start = at + head.data_start
+        return _Area(block, start, max(start, min(start + size, len(block))), is_torn=True)
+
+    def _run(self, window: FileWindow, length: int) -> Iterator[_Area]:
+        """The records outside of chunks from here to the end of a block."""
+        if length > LARGEST_CONTENT:
+            self._note(f"a record must have {LARGEST_CONTENT} bytes at most, got {length}")
+            self._offset += RECORD_HEAD.size + length
+            return
+        self._check_index()
+        block, at = window.locate(self._offset, RECORD_HEAD.size + length)
+        starts, index = self._end.chunk_starts, bisect_right(self._end.chunk_starts, self._offset)
+        limit = min(self._limit, starts[index]) if index < len(starts) else self._limit
+        yield _Area(block, at, min(len(block), at + limit - self._offset), False)
+        self._offset = self._sound_end = self._offset + self._consumed - at
+
+    def _other(self, window: FileWindow, opcode: int, length: int) -> None:
+        """A record that holds neither messages nor definitions; unknown ones are skipped."""
+        offset = self._offset
+        end = offset + RECORD_HEAD.size + length
+        if opcode == Opcode.MESSAGE_INDEX and length <= LARGEST_CONTENT:
+            end = self._message_index(window, end)
+        elif opcode == Opcode.DATA_END:
+            self._ended = True
+            self._check_data(window, length)
+        elif opcode in _COPIED and len(self.copied) >= _MOST_COPIED:
+            self._note(f"it has more than {_MOST_COPIED} attachments and metadata records")
+        elif opcode in _COPIED:
+            try:
+                check_record(window, offset, end - offset)
+                self.copied.append((offset, end - offset))
+            except BagError as error:
+                self._note(str(error))
+        self._offset = end
+
+    def _is_index(self, window: FileWindow, length: int) -> bool:
+        """Whether the record behind a chunk or its index is an index, by all but its opcode."""
+        if self._offset != self._chunk_end or (length - INDEX_HEAD_SIZE) % ENTRY_SIZE:
+            return False
+        start = self._offset + RECORD_HEAD.size
+        return entries_end(window.read(start, INDEX_HEAD_SIZE)) == length
+
+    def _message_index(self, window: FileWindow, end: int) -> int:
+        """Where the record ends."""
+        start = self._offset + RECORD_HEAD.size
+        content = window.read(start, end - start)
+        entries = entries_end(content)
+        if entries > len(content):
+            self._note("a message index is longer than its record")
+            return end
+        if self._indexes is not None:
+            self._indexes.add(content)
+        self._sound_end = start + entries
+        if entries < len(content) and self._begins_known_record(window, start + entries):
+            self._note("the length of a message index is wrong")
+            end = start + entries
+        self._chunk_end = end
+        return end
+
+    def _check_index(self) -> None:
+        if self._indexes is not None and not self._indexes.fit():
+            self._note("the message index before this does not fit its chunk")
+
+    def _check_data(self, window: FileWindow, length: int) -> None:
+        """Compare the checksum in the record at the end of the data with all before it."""
+        end = self._offset
+        if length < _CHECKSUM.size:
+            self._note("the record at the end of the data is shorter than its fields")
+        elif not self._log:
+            (checksum,) = _CHECKSUM.unpack(window.read(end + RECORD_HEAD.size, _CHECKSUM.size))
+            if checksum and window.checksum(0, end) != checksum:
+                self._note("the checksum of the data does not fit")
+
+    def _begins_record(self, window: FileWindow, offset: int) -> bool:
+        """Whether the data ends here, or a record can begin."""
+        head = window.read(offset, RECORD_HEAD.size) if offset <= self._limit else b""
+        if offset == self._limit or len(head) < RECORD_HEAD.size:
+            return offset == self._limit
+        opcode, length = RECORD_HEAD.unpack(head)
+        return opcode != 0 and offset + RECORD_HEAD.size + length <= self._limit
+
+    def _begins_known_record(self, window: FileWindow, offset: int) -> bool:
+        if not self._begins_record(window, offset) or offset == self._limit:
+            return False
+        opcode, length = RECORD_HEAD.unpack(window.read(offset, RECORD_HEAD.size))
+        following = offset + RECORD_HEAD.size + length
+        return bool(opcode <= _LAST_OPCODE) and self._begins_record(window, following)
+
+    def _messages(self, area: _Area, topics: frozenset[str] | None) -> Iterator[RawMessage]:
+        """Messages in an area, whose definitions are collected."""
         unpack_message, message_size = MESSAGE_HEAD.unpack_from, MESSAGE_HEAD.size
         counts, names = self._counts, dict[int, tuple[str, str] | None]()
-        n_unknown = offset = 0
-        end = len(records)
-        while offset + RECORD_HEAD.size <= end:
-            if records[offset] != _MESSAGE or offset + message_size > end:
-                offset = self._skip(records, offset)
+        block, offset, end, is_chunk, is_torn = area
+        left, n_unknown = self._n_records, 0
+        for left in range(self._n_records - 1, -1, -1):  # noqa: B007 (what is left after it)
+            if offset + message_size > end or block[offset] != _MESSAGE:
+                following = self._skip(area, offset)
+                if following is None:
+                    break
+                offset = following
                 continue
-            _, length, number, _, log_time, publish_time = unpack_message(records, offset)
-            start = offset + message_size
-            offset += RECORD_HEAD.size + length
-            if not start <= offset <= end:
-                break
+            _, length, number, _, log_time, publish_time = unpack_message(block, offset)
+            start, following = offset + message_size, offset + RECORD_HEAD.size + length
+            if not start <= following <= end:
+                if following > end:
+                    break
+                self._note("a message is shorter than its fields")
+                offset = following
+                continue
+            offset = following
             if number not in names:
-                if number not in self._channels:
+                if not self._is_defined(area, number):
                     n_unknown += 1
                     continue
-                names[number] = self._names(number, topics)
+                topic, type_name = self._definitions.names(number)
+                wanted = topics is None or topic in topics
+                names[number] = (topic, type_name) if wanted else None
             counts[number] += 1
-            wanted = names[number]
-            if wanted is not None:
-                yield RawMessage(*wanted, records[start:offset], log_time, publish_time)
+            name = names[number]
+            if name is not None:
+                yield RawMessage(*name, block[start:offset], log_time, publish_time)
+        self._n_records, self._consumed = left, offset
+        if is_chunk and offset < end:
+            if left and not is_torn:
+                self._note("a record is longer than its chunk")
+            elif not left:
+                self._stop(_TOO_MANY)
         if n_unknown:
             self._note(f"{n_unknown} messages are of topics declared in a part that is lost")
 
-    def _skip(self, records: bytes, offset: int) -> int:
-        """The end of a record that is no message; a definition is kept."""
-        opcode, length = RECORD_HEAD.unpack_from(records, offset)
-        start = offset + RECORD_HEAD.size
-        if opcode in _DEFINITIONS and start + length <= len(records):
-            self._define(opcode, records[start : start + length])
-        return start + int(length)
-
-    def _names(self, number: int, topics: frozenset[str] | None) -> tuple[str, str] | None:
-        """(topic, type name) of a channel, None where its messages are not wanted."""
-        channel = self._channels[number]
-        if topics is not None and channel.topic not in topics:
+    def _skip(self, area: _Area, offset: int) -> int | None:
+        """The end of a record that is no message; None where it is not in the area."""
+        if offset + RECORD_HEAD.size > area.end:
             return None
-        return channel.topic, _type_name(self._schemas.get(channel.schema_id))
+        opcode, length = RECORD_HEAD.unpack_from(area.block, offset)
+        start = offset + RECORD_HEAD.size
+        following = int(start + length)
+        if following > area.end or not (area.is_chunk or opcode in _IN_RUNS):
+            return None
+        if opcode == _MESSAGE and following < offset + MESSAGE_HEAD.size:
+            self._note("a message is shorter than its fields")
+        elif opcode in DEFINITIONS:
+            fault = self._definitions.add(opcode, area.block[start:following])
+            if fault:
+                self._note(fault)
+        return following
 
-    def _parts(self, stream: BinaryIO, size: int) -> Iterator[bytes]:
-        """The records of each chunk, or one message outside of chunks."""
-        self._offset = MAGIC_SIZE
-        while not self._ended:
-            stream.seek(self._offset)
-            head = stream.read(RECORD_HEAD.size)
-            if len(head) < RECORD_HEAD.size:
-                return
-            opcode, length = RECORD_HEAD.unpack(head)
-            rest = size - self._offset - RECORD_HEAD.size
-            following = self._following_chunk()
-            if not _plausible(opcode) or (length > rest and following is not None):
-                self._note(f"no record begins with {head.hex(' ')}")
-                if following is None:
-                    return
-                self._offset = following
-                continue
-            torn = length > rest
-            if torn:
-                self._note(f"the file ends within a record of {length} bytes")
-            n_faults, content = len(self.damage), stream.read(min(length, rest))
-            yield self._part(opcode, content, torn)
-            if len(self.damage) > n_faults and following is not None:
-                self._offset = following
-            else:
-                self._offset += RECORD_HEAD.size + len(content)
+    def _is_defined(self, area: _Area, number: int) -> bool:
+        """Whether a channel is known, if need be from the rest of its chunk or of the file."""
+        channels = self._definitions.channels
+        if number not in channels and area.is_chunk and area is not self._looked_in:
+            self._looked_in = area
+            offset: int | None = area.start
+            while offset is not None:
+                offset = self._skip(area, offset)
+        if number not in channels and self._looks_back:
+            self._looks_back = False
+            other = McapScan(self.path, size=self._recorded_size)
+            other._looks_back = False
+            for _ in other.messages(frozenset()):
+                pass
+            self._definitions.complete(other._definitions)
+        return number in channels
 
-    def _part(self, opcode: int, content: bytes, torn: bool) -> bytes:
-        """The records in one record of the file that may hold messages."""
-        if opcode != Opcode.MESSAGE_INDEX:
-            self._check_index()
-        if opcode == Opcode.CHUNK:
-            return self._chunk(content, torn)
-        if opcode == Opcode.MESSAGE and self._chunked:
-            self._note("a message is outside the chunks")
-        elif opcode == Opcode.MESSAGE and not torn:
-            return RECORD_HEAD.pack(opcode, len(content)) + content
-        elif opcode in _DEFINITIONS and not torn:
-            self._define(opcode, content)
-        elif opcode == Opcode.MESSAGE_INDEX and not torn:
-            if int.from_bytes(content[2:6], "little") != len(content) - 6:
-                self._note("a message index is longer than its fields")
-            self._indexes.append(content)
-        elif opcode == Opcode.DATA_END:
-            self._ended = True
-        return b""
-
-    def _chunk(self, content: bytes, torn: bool) -> bytes:
-        self._chunked = True
-        try:
-            records = torn_chunk_records(content) if torn else chunk_records(content)
-        except BagError as error:
-            self._note(str(error))
-            return b""
-        if self._thorough:
-            self._last_chunk = records
-        return records
-
-    def _begins_well(self, stream: BinaryIO, size: int) -> bool:
-        magic, opcode = stream.read(MAGIC_SIZE), stream.read(1)
-        if magic == MCAP0_MAGIC:
-            return True
-        if size == 0:
-            self._note("the file is empty")
-        else:
-            self._note(
-                f"an MCAP file begins with {MCAP0_MAGIC.hex(' ')}, this with {magic.hex(' ')}"
-            )
-        alike = magic[1:5] == MCAP0_MAGIC[1:5] or self._summary is not None
-        return opcode == bytes([Opcode.HEADER]) and alike
-
-    def _check_index(self) -> None:
-        if self._thorough and not index_matches(self._last_chunk, self._indexes):
-            self._note("the message index before this does not fit its chunk")
-        self._last_chunk = b""
-        self._indexes.clear()
-
-    def _define(self, opcode: int, content: bytes) -> None:
-        """Keep a schema or channel; one number never has two meanings."""
-        try:
-            if opcode == Opcode.SCHEMA:
-                schema = read_record(Schema, content)
-                same = self._schemas.setdefault(schema.id, schema) == schema
-                number = schema.id
-            else:
-                channel = read_record(Channel, content)
-                same = self._channels.setdefault(channel.id, channel) == channel
-                number = channel.id
-        except BagError as error:
-            self._note(str(error))
-            return
-        if not same:
-            kind = Opcode(opcode).name.lower()
-            self._note(f"{kind} {number} is defined twice, in different ways")
-
-    def _following_chunk(self) -> int | None:
-        index = bisect_right(self._chunk_starts, self._offset)
-        return self._chunk_starts[index] if index < len(self._chunk_starts) else None
-
-    def _summary_has_topics(self) -> bool:
-        """Whether the summary repeats the channels of the file; the format leaves that open."""
-        if self._summary is None:
-            return False
-        statistics = self._summary.statistics
-        counted = statistics.channel_message_counts.keys() if statistics else set()
-        return bool(self._channels or self.expected == 0) and self._channels.keys() >= counted
-
-    def _compare_with_summary(self) -> None:
-        if not self._ended and not self.damage:
-            self._note("the file has no end: the recording was cut off here")
-        if self._ended and self._summary is None:
+    def _compare_with_end(self) -> None:
+        if not self._ended and not self._log:
+            complete = "the data has no end record"
+            cut = "the file has no end: the recording was cut off here"
+            self._note(complete if self._end.complete else cut)
+        if self._ended and not self._end.complete:
             self._note("the summary at the end of the file is damaged")
-        found = sum(self._counts.values())
-        if self.expected is not None and self.expected != found:
-            self._note(f"{self.expected} messages were written, {found} are readable")
-        elif self._summary is not None and self._summary.statistics and not self.damage:
-            self._compare_topics(self._summary.statistics.channel_message_counts)
+        for each in self._end.faults.damage:
+            self._note(each.what)
+        self._compare_counts()
+
+    def _compare_counts(self) -> None:
+        statistics, found = self._end.statistics, sum(self._counts.values())
+        n_missing = len(set(self._end.chunk_starts) - self._visited)
+        if n_missing:
+            self._note(f"{n_missing} chunks of the summary are missing")
+        if statistics is None:
+            return
+        if statistics.message_count != found:
+            self._note(f"{statistics.message_count} messages were written, {found} are readable")
+        elif not self._log:
+            self._compare_topics(statistics.channel_message_counts)
+        n_copied = statistics.attachment_count + statistics.metadata_count
+        if n_copied > len(self.copied):
+            self._note(
+                f"{n_copied} attachments and metadata records were written,"
+                f" {len(self.copied)} are there"
+            )
 
     def _compare_topics(self, counts: dict[int, int]) -> None:
         """Compare each topic with the statistics, where they count topics."""
-        for number, channel in self._channels.items() if counts else ():
+        for number, channel in self._definitions.channels.items() if counts else ():
             written, found = counts.get(number, 0), self._counts[number]
             if written != found:
                 self._note(f"{written} messages were written on {channel.topic}, {found} are there")
 
+    def _stop(self, what: str) -> None:
+        """Read no further."""
+        self._note(f"{what}; the rest is not read")
+        self._offset = self._limit
+
     def _note(self, what: str) -> None:
-        self.damage.append(Damage(self.path, self._offset, what))
-
-
-def _plausible(opcode: int) -> bool:
-    """Whether it is an opcode of the data section, or one that a later version may add."""
-    in_data = Opcode.HEADER <= opcode <= Opcode.DATA_END and opcode != Opcode.FOOTER
-    return in_data or opcode >= _FIRST_PRIVATE_OPCODE
-
-
-def _type_name(schema: Schema | None) -> str:
-    return schema.name if schema else ""
-
-
-def _topic(channel: Channel, schema: Schema | None) -> Topic:
-    metadata = channel.metadata
-    recorded = MessageType(
-        name=_type_name(schema),
-        text=schema.data.decode("utf-8", errors="replace") if schema else "",
-        type_hash=metadata.get("topic_type_hash", ""),
-        encoding=schema.encoding if schema else "",
-    )
-    qos = qos_of_text(metadata.get("offered_qos_profiles", ""))
-    return Topic(channel.topic, recorded, qos, channel.message_encoding)
+        self._log.note(self._offset, what)

@@ -2,7 +2,8 @@
 
 The records are those of the `mcap` package. Its writer is not used: it encodes messages at half
 the speed and cannot append a chunk and its index as one block. Schemas and channels are in the
-chunks (under their checksums) and again in the summary.
+summary and in chunks, under their checksums: in the three chunks from the first one on, so that two
+chunks that are lost cost no more than themselves, and then each time their number has doubled.
 """
 
 import zlib
@@ -15,6 +16,7 @@ import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
+    AttachmentIndex,
     Channel,
     Chunk,
     ChunkIndex,
@@ -32,8 +34,10 @@ from mcap.records import (
 from mcap.well_known import Profile
 from mcap.writer import MCAP0_MAGIC
 
+from bags.mcap.attachments import index_of_record
 from bags.mcap.disk_file import DiskFile
 from bags.mcap.records import MESSAGE_HEAD, RECORD_HEAD
+from bags.mcap.window import FileWindow
 from bags.rosbag2.message_types import MessageType
 from bags.rosbag2.metadata_file import FileSpan
 from bags.rosbag2.qos import qos_text
@@ -44,6 +48,9 @@ LIBRARY = "serd"
 _FIELDS_SIZE = MESSAGE_HEAD.size - RECORD_HEAD.size
 _MESSAGE = int(Opcode.MESSAGE)
 _LARGEST_CHUNK = 256 * 1024
+_REPEATED_AT_ONCE = 2
+_BLOCK = 1 << 20
+_METADATA_NAME = "rosbag2"
 
 
 class McapWriter:
@@ -54,6 +61,9 @@ class McapWriter:
         self._compression = compression
         self._schemas: dict[MessageType, Schema] = {}
         self._channels: list[Channel] = []
+        #: (number of the first chunk that has it, record) of each schema and channel
+        self._definitions: list[tuple[int, bytes]] = []
+        self._copied: list[AttachmentIndex | MetadataIndex] = []
         self._chunk_indexes: list[ChunkIndex] = []
         self._chunk = bytearray()
         self._indexes: dict[int, MessageIndex] = {}
@@ -104,11 +114,13 @@ class McapWriter:
         self._channels.append(channel)
         self._statistics.channel_count += 1
         self._indexes[number] = MessageIndex(number, [])
-        self._chunk += _encoded(channel)
+        self._define(channel)
         return number
 
     def write(self, channel: int, data: bytes, log_time_ns: int, publish_time_ns: int) -> None:
         """Append one message to the chunk; a chunk of some size is flushed."""
+        if not self._chunk:
+            self._begin_chunk()
         self._indexes[channel].records.append((log_time_ns, len(self._chunk)))
         size = _FIELDS_SIZE + len(data)
         self._chunk += MESSAGE_HEAD.pack(_MESSAGE, size, channel, 0, log_time_ns, publish_time_ns)
@@ -144,13 +156,26 @@ class McapWriter:
         self._count(indexes, chunk)
         self._chunk.clear()
 
+    def copy_record(self, source: FileWindow, offset: int, length: int) -> None:
+        """Append an attachment or metadata record of another file; `rosbag2` is left out."""
+        index = index_of_record(source, offset, length)
+        if index.name == _METADATA_NAME and isinstance(index, MetadataIndex):
+            return
+        self.flush()
+        index.offset = self._file.size
+        for start in range(offset, offset + length, _BLOCK):
+            self._file.append(source.read(start, min(_BLOCK, offset + length - start)))
+        self._copied.append(index)
+        self._statistics.attachment_count += isinstance(index, AttachmentIndex)
+        self._statistics.metadata_count += isinstance(index, MetadataIndex)
+
     def finish(self, metadata: dict[str, str]) -> None:
         """Write the last chunk, the metadata record `rosbag2` and the summary; close."""
         self.flush()
-        record = _encoded(Metadata("rosbag2", metadata))
-        index = MetadataIndex(self._file.size, len(record), "rosbag2")
+        record = _encoded(Metadata(_METADATA_NAME, metadata))
+        self._copied.append(MetadataIndex(self._file.size, len(record), _METADATA_NAME))
         record += _encoded(DataEnd(0))
-        self._file.append(record + self._summary(self._file.size + len(record), index))
+        self._file.append(record + self._summary(self._file.size + len(record)))
         self.close()
 
     def close(self) -> None:
@@ -162,8 +187,23 @@ class McapWriter:
         schema = Schema(len(self._schemas) + 1, text, message_type.encoding, message_type.name)
         self._schemas[message_type] = schema
         self._statistics.schema_count += 1
-        self._chunk += _encoded(schema)
+        self._define(schema)
         return schema
+
+    def _define(self, record: Schema | Channel) -> None:
+        if not self._chunk:
+            self._begin_chunk()
+        encoded = _encoded(record)
+        self._definitions.append((len(self._chunk_indexes), encoded))
+        self._chunk += encoded
+
+    def _begin_chunk(self) -> None:
+        """Repeat the definitions that are due."""
+        number = len(self._chunk_indexes)
+        for first, record in self._definitions:
+            age = number - first
+            if age <= _REPEATED_AT_ONCE or age & (age - 1) == 0:
+                self._chunk += record
 
     def _sealed_chunk(self, first_ns: int, last_ns: int) -> Chunk:
         content = bytes(self._chunk)
@@ -190,14 +230,19 @@ class McapWriter:
             index.records.clear()
         found.chunk_count += 1
 
-    def _summary(self, start: int, metadata: MetadataIndex) -> bytes:
+    def _summary(self, start: int) -> bytes:
         """All records from `start` to the end of the file."""
         groups: dict[int, Sequence[McapRecord]] = {
             Opcode.SCHEMA: list(self._schemas.values()),
             Opcode.CHANNEL: self._channels,
             Opcode.STATISTICS: [self._statistics],
             Opcode.CHUNK_INDEX: self._chunk_indexes,
-            Opcode.METADATA_INDEX: [metadata],
+            Opcode.ATTACHMENT_INDEX: [
+                each for each in self._copied if isinstance(each, AttachmentIndex)
+            ],
+            Opcode.METADATA_INDEX: [
+                each for each in self._copied if isinstance(each, MetadataIndex)
+            ],
         }
         summary, offsets = bytearray(), []
         for opcode, records in groups.items():

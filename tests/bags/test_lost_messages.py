@@ -6,6 +6,7 @@ import pytest
 
 from bags.errors import BagError
 from bags.health.check import check_bag
+from bags.mcap.chunks import CHUNK_PATTERN
 from bags.mcap.writer import McapWriter
 from bags.reader import BagReader
 from bags.rewrite import recover
@@ -17,7 +18,7 @@ POSE = "geometry_msgs/msg/PoseStamped"
 @pytest.fixture
 def split_bag(tmp_path, messages):
     """A bag of 600 messages in several files."""
-    with BagWriter(tmp_path / "split", max_file_bytes=20_000, flush_period_s=0.0) as writer:
+    with BagWriter(tmp_path / "split", max_file_bytes=30_000, flush_period_s=0.0) as writer:
         writer.add_topic("/robot_pose", POSE)
         for number in range(600):
             writer.write("/robot_pose", messages.pose(0.1 * number, number, 0.0), number)
@@ -28,7 +29,7 @@ def split_bag(tmp_path, messages):
 
 def break_a_chunk(path):
     content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 1
+    content[CHUNK_PATTERN.search(content, len(content) // 2).end()] ^= 1
     path.write_bytes(content)
 
 

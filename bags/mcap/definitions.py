@@ -1,0 +1,109 @@
+"""Schemas and channels of one MCAP file, wherever they stand: data section, chunks or summary."""
+
+from typing import NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+
+from bags.errors import BagError
+from bags.limits import MOST_DEFINITIONS
+from bags.mcap.records import read_record
+from bags.rosbag2.message_types import MessageType
+from bags.rosbag2.qos import qos_of_text
+from bags.topic import Topic
+
+DEFINITIONS = (int(Opcode.SCHEMA), int(Opcode.CHANNEL))
+QOS, TYPE_HASH = "offered_qos_profiles", "topic_type_hash"
+_MOST_CONFLICTS = 1000
+
+
+class _Schema(NamedTuple):
+    name: str
+    encoding: str
+    text: str
+
+
+class _Channel(NamedTuple):
+    topic: str
+    schema: int
+    encoding: str
+    qos: str
+    type_hash: str
+
+
+class Definitions:
+    """Numbers of channels and what they mean; one number never has two meanings."""
+
+    def __init__(self) -> None:
+        self.schemas: dict[int, _Schema] = {}
+        self.channels: dict[int, _Channel] = {}
+        self._seen: dict[tuple[int, bytes], int] = {}
+        self._size = self._n_conflicts = 0
+
+    def add(self, opcode: int, content: bytes) -> str:
+        """Keep a schema or channel record; returns its fault, empty where it is sound.
+
+        Writers repeat definitions; one that was read before is not parsed again.
+        """
+        key, digest = (opcode, content[:2]), hash(content)
+        if self._seen.get(key) == digest or self._n_conflicts > _MOST_CONFLICTS:
+            return ""
+        try:
+            self._check_size(len(content))
+            same, what = self._add(opcode, content)
+        except BagError as error:
+            return str(error)
+        if same:
+            self._seen[key] = digest
+            return ""
+        self._n_conflicts += 1
+        return f"{what} is defined twice, in different ways"
+
+    def complete(self, other: "Definitions") -> None:
+        """Add what only `other` has."""
+        self.schemas = other.schemas | self.schemas
+        self.channels.update({**other.channels, **self.channels})
+
+    def topics(self) -> list[Topic]:
+        """Topics of all channels, each once."""
+        found: dict[str, Topic] = {}
+        for channel in self.channels.values():
+            if channel.topic not in found:
+                found[channel.topic] = self._topic(channel)
+        return list(found.values())
+
+    def names(self, number: int) -> tuple[str, str]:
+        """(topic, type name) of a channel."""
+        channel = self.channels[number]
+        return channel.topic, self._schema(channel).name
+
+    def _add(self, opcode: int, content: bytes) -> tuple[bool, str]:
+        """(whether it is new or the same as before, kind and number)."""
+        if opcode == Opcode.SCHEMA:
+            schema = read_record(Schema, content)
+            text = schema.data.decode("utf-8", errors="replace")
+            kept = _Schema(schema.name, schema.encoding, text)
+            return self.schemas.setdefault(schema.id, kept) == kept, f"schema {schema.id}"
+        channel = read_record(Channel, content)
+        described = _Channel(
+            channel.topic,
+            channel.schema_id,
+            channel.message_encoding,
+            channel.metadata.get(QOS, ""),
+            channel.metadata.get(TYPE_HASH, ""),
+        )
+        same = self.channels.setdefault(channel.id, described) == described
+        return same, f"channel {channel.id}"
+
+    def _check_size(self, size: int) -> None:
+        self._size += size
+        if self._size > MOST_DEFINITIONS:
+            raise BagError(f"schemas and channels have more than {MOST_DEFINITIONS} bytes")
+
+    def _schema(self, channel: _Channel) -> _Schema:
+        return self.schemas.get(channel.schema, _Schema("", "", ""))
+
+    def _topic(self, channel: _Channel) -> Topic:
+        name, encoding, text = self._schema(channel)
+        recorded = MessageType(name, text, channel.type_hash, encoding)
+        return Topic(channel.topic, recorded, qos_of_text(channel.qos), channel.encoding)

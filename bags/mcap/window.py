@@ -1,0 +1,65 @@
+"""Bytes of a file at any place, through one block that is read ahead."""
+
+import os
+import re
+import zlib
+from collections.abc import Iterator
+from typing import BinaryIO
+
+_BLOCK = 256 << 10
+_AHEAD = 32 << 10
+
+
+class FileWindow:
+    """size: of the file; a block from `locate` stays as it is, a later call may return another."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self.size = os.fstat(stream.fileno()).st_size
+        self._stream = stream
+        self._start = 0
+        self._block = b""
+
+    def locate(self, offset: int, length: int) -> tuple[bytes, int]:
+        """(block, where in it the bytes from `offset` are); shorter at the end of the file."""
+        first = offset - self._start
+        if first < 0 or first + length > len(self._block):
+            self._block = b""
+            self._stream.seek(offset)
+            self._block = self._stream.read(max(_BLOCK, length + _AHEAD))
+            self._start, first = offset, 0
+        return self._block, first
+
+    def release(self) -> None:
+        """Free the block."""
+        self._block = b""
+
+    def read(self, offset: int, length: int) -> bytes:
+        """A copy of these bytes."""
+        block, first = self.locate(offset, length)
+        return block[first : first + length]
+
+    def checksum(self, start: int, end: int) -> int:
+        """CRC-32 of the bytes from `start` to `end`."""
+        found = 0
+        for part in self._parts(start, end):
+            found = zlib.crc32(part, found)
+        return found
+
+    def search(self, pattern: re.Pattern[bytes], start: int, longest: int) -> int | None:
+        """First match from `start` on; longest: bytes of a match."""
+        while start < self.size:
+            block, first = self.locate(start, min(longest, self.size - start))
+            found = pattern.search(block, first)
+            if found:
+                return start + found.start() - first
+            start += max(1, len(block) - first - longest + 1)
+        return None
+
+    def _parts(self, start: int, end: int) -> Iterator[memoryview]:
+        while start < end:
+            block, first = self.locate(start, 1)
+            part = memoryview(block)[first : first + end - start]
+            if not part:
+                return
+            yield part
+            start += len(part)
