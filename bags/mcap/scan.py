@@ -342,7 +342,7 @@ class McapScan:
             return False
         opcode, length = RECORD_HEAD.unpack(window.read(offset, RECORD_HEAD.size))
         following = offset + RECORD_HEAD.size + length
-        return bool(opcode <= _LAST_OPCODE) and self._begins_record(window, following)
+        return bool(opcode <= _LAST_OPCODE and self._begins_record(window, following))
 
     def _messages(self, area: _Area, topics: frozenset[str] | None) -> Iterator[RawMessage]:
         """Messages in an area, whose definitions are collected."""

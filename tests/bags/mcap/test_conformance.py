@@ -53,9 +53,9 @@ def test_there_are_as_many_forms_as_the_features_allow():
     [
         ("OneMessage", Feature.NONE),
         ("OneMessage", Feature.CHUNKS),
-        ("OneMessage", ~Feature.SUMMARY_OFFSET),
+        ("OneMessage", ~Feature.EXTRA_DATA),
         ("OneAttachment", Feature.ATTACHMENT_INDEX),
-        ("OneMetadata", Feature.EXTRA_DATA),
+        ("OneMetadata", Feature.METADATA_INDEX),
     ],
 )
 def test_every_flipped_bit_is_reported_where_checksums_cover_the_file(tmp_path, content, features):
