@@ -335,7 +335,8 @@ class McapScan:
         if offset == self._limit or len(head) < RECORD_HEAD.size:
             return offset == self._limit
         opcode, length = RECORD_HEAD.unpack(head)
-        return opcode != 0 and offset + RECORD_HEAD.size + length <= self._limit
+        end: int = offset + RECORD_HEAD.size + length
+        return opcode != 0 and end <= self._limit
 
     def _begins_known_record(self, window: FileWindow, offset: int) -> bool:
         if not self._begins_record(window, offset) or offset == self._limit:
