@@ -57,9 +57,11 @@ _TYPES = {
     topics.PEDESTRIANS: TopicType("sensor_msgs/msg/PointCloud2", qos.STATE),
     topics.JOY: TopicType("sensor_msgs/msg/Joy", qos.COMMAND),
     topics.CMD_VEL: TopicType(_TWIST, qos.STATE),
+    topics.CMD_VEL_RAW: TopicType(_TWIST, qos.STATE),
     topics.CMD_VEL_TELEOP: TopicType(_TWIST, qos.COMMAND),
     topics.CMD_VEL_JOY: TopicType(_TWIST, qos.COMMAND),
     topics.DRIVER_GONE: TopicType(_BOOL, qos.COMMAND),
+    topics.GUARD_OVERRIDE: TopicType(_BOOL, qos.COMMAND),
     topics.E_STOP: TopicType(_BOOL, qos.COMMAND),
     topics.E_STOP_ENGAGED: TopicType(_BOOL, qos.LATCHED),
     topics.MAP: TopicType("nav_msgs/msg/OccupancyGrid", qos.LATCHED),
@@ -82,7 +84,7 @@ _TYPES = {
 
 def topic_type(topic: str, *, stamped_cmd_vel: bool) -> TopicType:
     """What travels on a topic of ours; NodeError with the nearest name for any other."""
-    if topic == topics.CMD_VEL and stamped_cmd_vel:
+    if topic in (topics.CMD_VEL, topics.CMD_VEL_RAW) and stamped_cmd_vel:
         return TopicType(_TWIST_STAMPED, qos.STATE)
     if topic not in _TYPES:
         raise NodeError(

@@ -9,6 +9,7 @@ from serd_app.navigation.settings import NavigationSettings
 from sim.drivers.catalogue import driver_names
 from sim.episodes.settings import EpisodeSettings, WorldSettings
 from sim.planning.settings import PlannerSettings
+from sim.safety.settings import GuardSettings
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.scenario.settings import RobotSettings
 from storage.settings import setting, setting_of
@@ -91,11 +92,46 @@ class LocalPlannerConfig(PlannerSettings, NodeConfig):
         return load_scenario(self.scenario).with_local_planner(planner)
 
 
+class GuardConfig(GuardSettings, NodeConfig):
+    """Parameters of guard; those of `GuardSettings` default to the scenario's robot."""
+
+    scenario: str = setting(
+        "", "built-in scenario or file whose robot is guarded; any other robot when empty"
+    )
+    people_from: Literal["given", "scan"] = setting_of(LocalPlannerConfig, "people_from")
+    lockstep: bool = setting_of(
+        HallwaySimConfig, "lockstep", description="answer every command of that stamp with one"
+    )
+    stamped_cmd_vel: bool = setting(False, "cmd_vel_raw and cmd_vel are TwistStamped")
+    stop_pub_timeout: float = setting(
+        1.0, "publish nothing after this time of stops without a command", unit="s", ge=0
+    )
+    clock_timeout: float = setting(
+        1.0, "live: stop after this wall time without an advance of the clock", unit="s", gt=0
+    )
+    required_nodes: tuple[str, ...] = setting_of(LocalPlannerConfig, "required_nodes")
+
+    @classmethod
+    def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:
+        """The defaults, with the robot of the scenario that is given."""
+        defaults = super().defaults(given)
+        name = given.get("scenario", "")
+        if not isinstance(name, str) or not name:
+            return defaults
+        people_from = given.get("people_from", defaults["people_from"])
+        guard = GuardSettings.of_scenario(load_scenario(name), str(people_from))
+        return defaults | guard.model_dump()
+
+    def guard(self) -> GuardSettings:
+        """The settings of the guard itself."""
+        return GuardSettings(**{name: getattr(self, name) for name in GuardSettings.model_fields})
+
+
 class DriverConfig(EpisodeSettings, NodeConfig):
     """Parameters of the nodes that drive a series of episodes."""
 
     required_nodes: tuple[str, ...] = setting(
-        ("hallway_sim", "local_planner"), "the first episode waits until these nodes subscribe"
+        ("hallway_sim", "local_planner", "guard"), "the first episode waits until these nodes subscribe"
     )
     output: str = setting("", "folder for the tables of episodes; no tables when empty")
 
@@ -284,6 +320,7 @@ class TeleopPageConfig(HandDriverConfig):
 CONFIGS: dict[str, type[NodeConfig]] = {
     "hallway_sim": HallwaySimConfig,
     "local_planner": LocalPlannerConfig,
+    "guard": GuardConfig,
     "scripted_expert": ScriptedExpertConfig,
     "demo_recorder": DemoRecorderConfig,
     "bag_replay": BagReplayConfig,

@@ -36,7 +36,7 @@ from sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
 
 
 class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
-    """Converts, calls `LocalPlanner.step`, publishes `cmd_vel`."""
+    """Converts, calls `LocalPlanner.step`, publishes `cmd_vel_raw`."""
 
     def __init__(self) -> None:
         super().__init__("local_planner", LocalPlannerConfig)
@@ -58,7 +58,7 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         self._ready = False
         self._stamped = self.config.stamped_cmd_vel or self.config.lockstep
         kind = TwistStamped if self._stamped else Twist
-        self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.STATE)
+        self._commands = self.create_publisher(kind, topics.CMD_VEL_RAW, qos.STATE)
         subscribe_observations(
             self,
             self._scenario.control_period_s,

@@ -25,7 +25,7 @@ _REPORT_PERIOD_S = 0.2
 
 
 class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
-    """Converts, calls `TwistMux.step`, publishes `cmd_vel`."""
+    """Converts, calls `TwistMux.step`, publishes `cmd_vel_raw`."""
 
     def __init__(self) -> None:
         super().__init__("teleop_mux", TeleopMuxConfig)
@@ -43,7 +43,7 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
         self.create_subscription(Bool, topics.E_STOP, self._on_e_stop, qos.COMMAND)
         self.create_service(SetBool, topics.SET_E_STOP, self._on_set_e_stop)
         kind = TwistStamped if config.stamped_cmd_vel else Twist
-        self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.STATE)
+        self._commands = self.create_publisher(kind, topics.CMD_VEL_RAW, qos.STATE)
         self._engaged = self.create_publisher(Bool, topics.E_STOP_ENGAGED, qos.LATCHED)
         self.create_timer(1.0 / config.rate_hz, self._step, clock=self.wall_clock)
 

@@ -1,7 +1,7 @@
 """One episode: a driver decides, the planner drives, the world answers, until the goal or timeout.
 
 The order within a control period is that of the ROS graph: observe, decide when a decision period
-begins, plan towards the waypoint, step the world.
+begins, plan towards the waypoint, guard the command, step the world.
 """
 
 from collections.abc import Callable
@@ -13,8 +13,10 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Action, Grid
 from sim.drivers.catalogue import Driver
 from sim.episodes.progress import Ending, EpisodeProgress
+from sim.perception.scanning_planner import ScanningPlanner
 from sim.planning.local_planner import LocalPlanner
 from sim.robot.contacts import ContactCounts
+from sim.safety.world_guard import CommandFilter, WorldGuard
 from sim.world.command import Command
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
@@ -87,13 +89,18 @@ def run_episode(
     timeout_s: float | None = None,
     observer: Observer | None = None,
     waypoint_of: WaypointRule | None = None,
+    guard: CommandFilter | None = None,
 ) -> EpisodeRecord:
     """Run one episode to its end; an observer that returns False aborts it.
 
     timeout_s: simulated seconds, the scenario's when None. waypoint_of: from an action to the
-    waypoint, the centre of the next cell when None.
+    waypoint, the centre of the next cell when None. guard: from the planner's command to the one
+    that reaches the robot and the observer; a guard of the world that relies on the people that the
+    planner relies on when None.
     """
     limit_s = world.scenario.episode_timeout_s if timeout_s is None else timeout_s
+    if guard is None:
+        guard = WorldGuard(world, "scan" if isinstance(planner, ScanningPlanner) else "given")
     observation = world.reset(episode, start_area)
     planner.reset()
     driver.begin(episode)
@@ -111,7 +118,7 @@ def run_episode(
                 if waypoint_of is None
                 else waypoint_of(observation, action)
             )
-        command = planner.step(observation, waypoint)
+        command = guard(observation, planner.step(observation, waypoint))
         if observer is not None and observer(observation, command, action) is False:
             outcome = "aborted"
         else:

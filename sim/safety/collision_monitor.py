@@ -1,0 +1,173 @@
+"""Stop, slowdown and approach zones round a robot with a round footprint, after Nav2's monitor.
+
+Approach zone: a command is followed for one period and the reaction time, then the robot brakes.
+With p(t) the robot's centre on that path, v its speed, and q_j(t) = q_j + u_j t the place of an
+obstacle of radius r_j, the command is forbidden where for some t before the robot stands
+
+    |p(t) - q_j(t)| - r - r_j < min(margin, gap_j(t) of a robot that stands)
+
+Scan points stand (u = 0, r_j = 0), people walk straight on. The second argument of the minimum
+lets the robot leave an obstacle that it touches. A robot that brakes from an allowed command stays
+on the path that was checked, so braking is always allowed.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from sim.safety.reasons import Fault, GuardAction, Reason, Source
+from sim.safety.settings import GuardSettings
+from sim.world.command import STOP, Command
+
+#: Shares of a command that are tried in turn.
+_SHARES = (1.0, 0.75, 0.5, 0.25)
+#: How much nearer (m) an obstacle within the margin may come on one path: rounding of its place.
+_ROUNDING_M = 1e-4
+_NO_REASON: tuple[Reason, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacles:
+    """In the robot's frame: scan points (N, 2), people (M, 2) and their velocities (M, 2)."""
+
+    points_m: FloatArray
+    people_m: FloatArray
+    people_mps: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """(n, 2) places of the robot's centre, its frame being that at time 0; (n,) times; length."""
+
+    places_m: FloatArray
+    time_s: FloatArray
+    length_m: float
+
+
+class CollisionMonitor:
+    """Returns the largest share of a command that is allowed."""
+
+    def __init__(self, settings: GuardSettings) -> None:
+        self._settings = settings
+        self._step_s = 1.0 / settings.controller_frequency
+        self._n_follow = 1 + math.ceil(settings.reaction_time / self._step_s - 1e-9)
+
+    def step(
+        self, command: Command, speeds: tuple[float, float], obstacles: Obstacles
+    ) -> tuple[Command, GuardAction, tuple[Reason, ...]]:
+        """The allowed command. speeds: (m/s, rad/s) of the robot now."""
+        zone = self._slowdown_zone(obstacles)
+        if zone:
+            command = _scaled(command, self._settings.slowdown_ratio)
+        found = _NO_REASON
+        for share in _SHARES:
+            tried = _scaled(command, share)
+            reasons = self._collisions(tried, speeds, obstacles)
+            if not reasons:
+                action = GuardAction.APPROACH if found else GuardAction.DO_NOTHING
+                return tried, GuardAction.SLOWDOWN if zone and not found else action, zone + found
+            found = found or reasons
+            if tried.linear_mps == 0.0:
+                break
+        turn = Command(0.0, command.angular_radps)
+        allowed = not self._collisions(turn, speeds, obstacles)
+        return turn if allowed else STOP, GuardAction.STOP, zone + found
+
+    def _slowdown_zone(self, obstacles: Obstacles) -> tuple[Reason, ...]:
+        settings = self._settings
+        if settings.slowdown_radius == 0.0:
+            return _NO_REASON
+        near = np.hypot(*obstacles.points_m.T) < settings.slowdown_radius
+        reach_m = settings.slowdown_radius + settings.person_radius
+        near_people = np.hypot(*obstacles.people_m.T) < reach_m
+        return _reasons(near_people.any(), near.sum() >= settings.min_points, Fault.NEAR)
+
+    def _collisions(
+        self, command: Command, speeds: tuple[float, float], obstacles: Obstacles
+    ) -> tuple[Reason, ...]:
+        """Which obstacles forbid a command; none do where the robot only turns."""
+        path = self._path(command, speeds)
+        if path.length_m == 0.0:
+            return _NO_REASON
+        settings = self._settings
+        hit = self._comes_near_points(path, obstacles, settings.radius, settings.collision_margin)
+        if settings.stop_radius > 0.0 and not hit:
+            start = _Path(path.places_m[:1], path.time_s[:1], path.length_m)
+            hit = self._comes_near_points(start, obstacles, settings.stop_radius, 0.0)
+        return _reasons(self._comes_near_people(path, obstacles), hit, Fault.COLLISION)
+
+    def _path(self, command: Command, speeds: tuple[float, float]) -> _Path:
+        """The path of a robot that follows the command for a while and then brakes."""
+        settings, step_s = self._settings, self._step_s
+        speed, turn = speeds
+        wanted_v = min(max(command.linear_mps, -settings.max_vel_x), settings.max_vel_x)
+        wanted_w = min(max(command.angular_radps, -settings.max_vel_theta), settings.max_vel_theta)
+        x_m = y_m = yaw_rad = length_m = 0.0
+        places: list[tuple[float, float]] = []
+        while len(places) < self._n_follow or speed != 0.0:
+            follows = len(places) < self._n_follow
+            speed = _towards(speed, wanted_v if follows else 0.0, settings.acc_lim_x * step_s)
+            turn = _towards(turn, wanted_w if follows else 0.0, settings.acc_lim_theta * step_s)
+            middle = yaw_rad + 0.5 * turn * step_s
+            x_m += speed * step_s * math.cos(middle)
+            y_m += speed * step_s * math.sin(middle)
+            yaw_rad += turn * step_s
+            length_m += abs(speed) * step_s
+            places.append((x_m, y_m))
+        time_s: FloatArray = step_s * np.arange(1, len(places) + 1, dtype=np.float64)
+        return _Path(np.array(places), time_s, length_m)
+
+    def _comes_near_points(
+        self, path: _Path, obstacles: Obstacles, radius_m: float, margin_m: float
+    ) -> bool:
+        """Whether enough scan points come within the margin, or nearer than they are."""
+        away_m = np.hypot(obstacles.points_m[:, 0], obstacles.points_m[:, 1])
+        near = away_m < radius_m + margin_m + path.length_m
+        standing_m = away_m[near] - radius_m
+        if len(standing_m) < self._settings.min_points:
+            return False
+        points_m, places_m = obstacles.points_m[near], path.places_m
+        gap_m = np.hypot(
+            points_m[:, 0] - places_m[:, :1], points_m[:, 1] - places_m[:, 1:]
+        ).min(axis=0) - radius_m  # fmt: skip
+        # Along a wall that is nearer than the margin, the robot may keep its distance to it.
+        kept_m = min(max(float(standing_m.min()), 0.0), margin_m)
+        limit_m = np.minimum(standing_m, kept_m) - _ROUNDING_M
+        return int((gap_m < limit_m).sum()) >= self._settings.min_points
+
+    def _comes_near_people(self, path: _Path, obstacles: Obstacles) -> bool:
+        """Whether a person comes within the margin, and nearer than to a robot that stands."""
+        if not len(obstacles.people_m):
+            return False
+        settings = self._settings
+        reach_m = settings.radius + settings.person_radius
+        speed_mps = np.hypot(obstacles.people_mps[:, 0], obstacles.people_mps[:, 1])
+        away_m = np.hypot(obstacles.people_m[:, 0], obstacles.people_m[:, 1])
+        range_m = reach_m + settings.collision_margin + path.length_m
+        near = away_m < range_m + speed_mps * path.time_s[-1]
+        if not near.any():
+            return False
+        moved_m = obstacles.people_mps[near, None] * path.time_s[:, None]
+        later_m = obstacles.people_m[near, None] + moved_m  # (people, times, 2)
+        standing_m = np.hypot(later_m[..., 0], later_m[..., 1]) - reach_m
+        away = later_m - path.places_m
+        gap_m = np.hypot(away[..., 0], away[..., 1]) - reach_m
+        limit_m = np.minimum(settings.collision_margin, standing_m - _ROUNDING_M)
+        return bool((gap_m < limit_m).any())
+
+
+def _scaled(command: Command, share: float) -> Command:
+    if share == 1.0:
+        return command
+    return Command(share * command.linear_mps, share * command.angular_radps)
+
+
+def _towards(value: float, wanted: float, largest_change: float) -> float:
+    return value + min(max(wanted - value, -largest_change), largest_change)
+
+
+def _reasons(people: object, points: object, fault: Fault) -> tuple[Reason, ...]:
+    found = (Source.PEOPLE, people), (Source.SCAN, points)
+    return tuple(Reason(source, fault) for source, is_so in found if is_so)

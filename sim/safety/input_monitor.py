@@ -1,0 +1,239 @@
+"""Age, rate and plausibility of the inputs; times are stamps on the clock of the robot.
+
+An input that is old, slow or partly lost lowers the allowed share of the speed, from 1 to 0; a
+fault that means that an input is wrong sets it to 0. A fault ends with evidence: another scan,
+another pose that follows odometry. It does not end with time.
+"""
+
+import math
+from collections import deque
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from sim.safety.motion import OdometryTrack, Pose, motion_between
+from sim.safety.reasons import Fault
+from sim.safety.scan import Scan
+from sim.safety.settings import GuardSettings
+
+#: Share of the speed that an input allows, and the fault where it is below 1.
+Check = tuple[float, Fault | None]
+_SOUND: Check = 1.0, None
+_PERIOD_WEIGHT = 0.25
+_EARLY_S = 1e-9
+_WALKS_MPS = 0.05
+#: Factor on the largest speed beyond which a motion of odometry is a jump.
+_JUMP_RATIO = 1.5
+
+
+class StampMonitor:
+    """Age and rate of one input."""
+
+    def __init__(self, settings: GuardSettings) -> None:
+        self._settings = settings
+        self._period_s = 0.0
+        self._previous_s: float | None = None
+        self.stamp_s: float | None = None
+
+    def is_new(self, stamp_s: float) -> bool:
+        """Whether a stamp is newer than the last one; others are no message."""
+        return self.stamp_s is None or stamp_s > self.stamp_s
+
+    def receive(self, stamp_s: float) -> None:
+        """Take a new stamp."""
+        if self._previous_s is not None:
+            gap_s = stamp_s - self._previous_s
+            weight = _PERIOD_WEIGHT if self._period_s else 1.0
+            self._period_s += weight * (gap_s - self._period_s)
+        self.stamp_s = self._previous_s = stamp_s
+
+    def begin_session(self) -> None:
+        """Discard the rate, after a gap in the clock."""
+        self._period_s, self._previous_s = 0.0, None
+
+    def check(self, now_s: float) -> Check:
+        """What age and rate allow."""
+        if self.stamp_s is None:
+            return 0.0, Fault.MISSING
+        settings, age_s = self._settings, now_s - self.stamp_s
+        if age_s < -settings.transform_tolerance:
+            return 0.0, Fault.FUTURE
+        if age_s >= settings.source_timeout - _EARLY_S:
+            return 0.0, Fault.STALE
+        age_s = max(age_s, min(self._period_s, settings.source_timeout))
+        span_s = settings.source_timeout - settings.slowdown_timeout
+        share = min((settings.source_timeout - age_s) / span_s, 1.0)
+        return share, Fault.SLOW if share < 1.0 - _EARLY_S else None
+
+
+class FrozenMonitor:
+    """Whether a value has stayed the same, bit for bit, while odometry moved."""
+
+    def __init__(self, limit_m: float, radius_m: float) -> None:
+        self._limit_m, self._radius_m = limit_m, radius_m
+        self._value: bytes | None = None
+        self._since: Pose = (0.0, 0.0, 0.0)
+        self.is_frozen = False
+
+    def take(self, value: bytes, odometry: Pose) -> None:
+        """Take a value, and the pose by odometry at its stamp."""
+        if value != self._value:
+            self._value, self._since, self.is_frozen = value, odometry, False
+            return
+        x_m, y_m, turn = motion_between(self._since, odometry)
+        if math.hypot(x_m, y_m) + self._radius_m * abs(turn) > self._limit_m:
+            self.is_frozen = True
+
+
+class PoseMonitor:
+    """Compares the motion of the pose with that of odometry."""
+
+    def __init__(self, settings: GuardSettings) -> None:
+        self._settings = settings
+        self._frozen = FrozenMonitor(settings.frozen_motion, settings.radius)
+        self._window: deque[tuple[float, Pose, Pose]] = deque()
+        self._fault: Fault | None = None
+        self._faulty_since_s = 0.0
+
+    def begin_session(self) -> None:
+        """Discard what the pose was, after a gap in the clock."""
+        self._window.clear()
+
+    def take(self, stamp_s: float, pose: Pose, odometry: Pose) -> None:
+        """Take a pose, and the pose by odometry at its stamp."""
+        self._frozen.take(np.array(pose).tobytes(), odometry)
+        fault = self._contradiction(pose, odometry)
+        if fault is not None:
+            self._window.clear()
+            self._fault, self._faulty_since_s = fault, stamp_s
+        elif stamp_s - self._faulty_since_s >= self._settings.second_look - _EARLY_S:
+            self._fault = None
+        self._window.append((stamp_s, pose, odometry))
+        while self._window[0][0] < stamp_s - self._settings.consistency_window:
+            self._window.popleft()
+
+    def check(self) -> Check:
+        """What the pose allows; a contradiction lasts until the pose was consistent for a while."""
+        return _stand_at(Fault.FROZEN if self._frozen.is_frozen else self._fault)
+
+    def _contradiction(self, pose: Pose, odometry: Pose) -> Fault | None:
+        if not self._window:
+            return None
+        if not self._agree(self._window[-1], pose, odometry):
+            return Fault.JUMP
+        return None if self._agree(self._window[0], pose, odometry) else Fault.INCONSISTENT
+
+    def _agree(self, start: tuple[float, Pose, Pose], pose: Pose, odometry: Pose) -> bool:
+        settings = self._settings
+        x_m, y_m, turn = motion_between(start[1], pose)
+        wheels_x_m, wheels_y_m, wheels_turn = motion_between(start[2], odometry)
+        moved_m = math.hypot(wheels_x_m, wheels_y_m)
+        error_m = math.hypot(x_m - wheels_x_m, y_m - wheels_y_m)
+        error_rad = abs(math.remainder(turn - wheels_turn, math.tau))
+        return (
+            error_m <= settings.pose_tolerance + settings.drift_ratio * moved_m
+            and error_rad <= settings.yaw_tolerance + settings.drift_ratio * abs(wheels_turn)
+        )
+
+
+class OdometryMonitor:
+    """A jump that speed cannot explain, and wheels that report a speed without a motion."""
+
+    def __init__(self, settings: GuardSettings) -> None:
+        self._settings = settings
+        self.track = OdometryTrack(2.0 * settings.consistency_window)
+        self.speeds = (0.0, 0.0)
+        self._stamp_s: float | None = None
+        self._n_same = 0
+        self._jumped_s: float | None = None
+
+    def begin_session(self) -> None:
+        """Discard the stamp of the last pose, after a gap in the clock."""
+        self._stamp_s = None
+
+    def take(self, stamp_s: float, pose: Pose, speeds: tuple[float, float]) -> None:
+        """Take a pose by the wheels and the speeds (m/s, rad/s)."""
+        settings = self._settings
+        if len(self.track) and self._stamp_s is not None:
+            x_m, y_m, _ = motion_between(self.track.pose, pose)
+            reach_m = _JUMP_RATIO * settings.max_vel_x * (stamp_s - self._stamp_s)
+            if math.hypot(x_m, y_m) > reach_m + settings.pose_tolerance:
+                self._jumped_s = stamp_s
+            same = pose == self.track.pose and abs(speeds[0]) > _WALKS_MPS
+            self._n_same = self._n_same + 1 if same else 0
+        if self._jumped_s is not None and stamp_s - self._jumped_s >= settings.second_look:
+            self._jumped_s = None
+        self._stamp_s, self.speeds = stamp_s, speeds
+        self.track.append(stamp_s, pose)
+
+    def check(self) -> Check:
+        """What odometry allows."""
+        if self._n_same >= self._settings.frozen_messages - 1:
+            return _stand_at(Fault.FROZEN)
+        return _stand_at(None if self._jumped_s is None else Fault.JUMP)
+
+
+class PeopleMonitor:
+    """People whose positions stay the same, bit for bit, although some of them walk."""
+
+    def __init__(self, settings: GuardSettings) -> None:
+        self._settings = settings
+        self._position_m: FloatArray = np.zeros((0, 2))
+        self._n_same = 1
+        self._is_finite = True
+
+    def take(self, position_m: FloatArray, velocity_mps: FloatArray) -> None:
+        """Take positions and velocities (N, 2)."""
+        walks = bool((np.abs(velocity_mps) > _WALKS_MPS).any())
+        same = walks and np.array_equal(position_m, self._position_m)
+        self._n_same = self._n_same + 1 if same else 1
+        self._position_m = position_m
+        self._is_finite = bool(np.isfinite(position_m).all() and np.isfinite(velocity_mps).all())
+
+    def check(self) -> Check:
+        """What the people allow."""
+        if not self._is_finite:
+            return _stand_at(Fault.INVALID)
+        frozen = self._n_same >= self._settings.frozen_messages
+        return _stand_at(Fault.FROZEN if frozen else None)
+
+
+class ScanMonitor:
+    """The share of lost rays, and scans that stay the same while the robot moves."""
+
+    def __init__(self, settings: GuardSettings) -> None:
+        self._settings = settings
+        self._frozen = FrozenMonitor(settings.frozen_motion, settings.radius)
+        self.lost_share, self._is_blind = 0.0, False
+
+    def take(self, scan: Scan, odometry: Pose) -> None:
+        """Take a scan, and the pose by odometry at its stamp."""
+        self._frozen.take(scan.ranges_m.tobytes(), odometry)
+        self.lost_share = lost_share(scan)
+        self._is_blind = 1.0 - float(scan.valid.mean()) >= self._settings.blind_rays
+
+    def check(self) -> Check:
+        """What the newest scan allows."""
+        settings = self._settings
+        if self._is_blind:
+            return 0.0, Fault.BLIND
+        if self._frozen.is_frozen:
+            return 0.0, Fault.FROZEN
+        span = settings.blind_rays - settings.lost_rays
+        share = min(max(settings.blind_rays - self.lost_share, 0.0) / span, 1.0)
+        return share, Fault.LOST_RAYS if share < 1.0 else None
+
+
+def _stand_at(fault: Fault | None) -> Check:
+    return _SOUND if fault is None else (0.0, fault)
+
+
+def lost_share(scan: Scan) -> float:
+    """Share of the rays that are not a number, or lack a range while a ray next to them has one.
+
+    Three or more rays without a return side by side look along a free corridor.
+    """
+    without = ~scan.valid
+    inside = without & np.roll(without, 1) & np.roll(without, -1)
+    corridor = inside | np.roll(inside, 1) | np.roll(inside, -1)
+    return float((without & ~corridor | np.isnan(scan.ranges_m)).mean())

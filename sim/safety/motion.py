@@ -1,0 +1,62 @@
+"""Rigid motions in the plane, and the odometry of the last seconds."""
+
+import math
+from bisect import bisect_left
+
+Pose = tuple[float, float, float]
+STANDING: Pose = (0.0, 0.0, 0.0)
+
+
+def motion_between(start: Pose, end: Pose) -> Pose:
+    """(x_m, y_m, yaw_rad) of `end` in the frame of `start`."""
+    x_m, y_m = end[0] - start[0], end[1] - start[1]
+    cos, sin = math.cos(start[2]), math.sin(start[2])
+    turn = math.remainder(end[2] - start[2], math.tau)
+    return cos * x_m + sin * y_m, cos * y_m - sin * x_m, turn
+
+
+def is_finite(pose: Pose) -> bool:
+    """Whether all three are numbers."""
+    return all(map(math.isfinite, pose))
+
+
+class OdometryTrack:
+    """Poses by the wheels of the last seconds, by stamp."""
+
+    def __init__(self, memory_s: float) -> None:
+        self._memory_s = memory_s
+        self._stamps_s: list[float] = []
+        self._poses: list[Pose] = []
+
+    def __len__(self) -> int:
+        return len(self._poses)
+
+    @property
+    def pose(self) -> Pose:
+        """The newest pose."""
+        return self._poses[-1]
+
+    def append(self, stamp_s: float, pose: Pose) -> None:
+        """Take a pose, newer than the last."""
+        self._stamps_s.append(stamp_s)
+        self._poses.append(pose)
+        old = bisect_left(self._stamps_s, stamp_s - self._memory_s)
+        if old > len(self._poses) // 2:
+            del self._stamps_s[:old], self._poses[:old]
+
+    def at(self, stamp_s: float) -> Pose:
+        """The pose at a time, on the line between its neighbours; the nearest outside them."""
+        after = bisect_left(self._stamps_s, stamp_s)
+        if after == len(self._poses):
+            return self._poses[-1]
+        if after == 0 or self._stamps_s[after] == stamp_s:
+            return self._poses[after]
+        start_s, end_s = self._stamps_s[after - 1 : after + 1]
+        start, end = self._poses[after - 1 : after + 1]
+        share = (stamp_s - start_s) / (end_s - start_s)
+        turn = math.remainder(end[2] - start[2], math.tau)
+        return (
+            start[0] + share * (end[0] - start[0]),
+            start[1] + share * (end[1] - start[1]),
+            start[2] + share * turn,
+        )

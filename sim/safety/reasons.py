@@ -1,0 +1,52 @@
+"""The inputs of the guard, what can be wrong with them, and what it does to a command."""
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+
+class Source(str, Enum):
+    """An input of the guard, by the name of its topic."""
+
+    COMMAND = "cmd_vel_raw"
+    ODOMETRY = "odom"
+    POSE = "robot_pose"
+    PEOPLE = "pedestrians"
+    SCAN = "scan"
+
+
+class Fault(str, Enum):
+    """Why the guard changes a command."""
+
+    MISSING = "no message yet"
+    STALE = "stamp too old"
+    FUTURE = "stamp in the future"
+    SLOW = "stamp old or rate low"
+    INVALID = "not finite"
+    FROZEN = "does not change"
+    JUMP = "jump"
+    INCONSISTENT = "contradicts odometry"
+    BLIND = "too few valid rays"
+    LOST_RAYS = "lost rays"
+    COLLISION = "collision ahead"
+    NEAR = "in the slowdown zone"
+
+
+class GuardAction(IntEnum):
+    """Numbers and names of nav2_msgs/CollisionMonitorState."""
+
+    DO_NOTHING = 0
+    STOP = 1
+    SLOWDOWN = 2
+    APPROACH = 3
+    LIMIT = 4
+
+
+@dataclass(frozen=True)
+class Reason:
+    """One fault of one input."""
+
+    source: Source
+    fault: Fault
+
+    def __str__(self) -> str:
+        return f"{self.source.value}: {self.fault.value}"

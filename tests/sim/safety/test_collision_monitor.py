@@ -1,0 +1,152 @@
+"""The collision monitor: a robot that obeys it never touches what it could avoid."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim.robot.unicycle import limited_velocity
+from sim.safety.collision_monitor import CollisionMonitor, Obstacles
+from sim.safety.guard import in_frame
+from sim.safety.reasons import Fault, GuardAction, Reason, Source
+from sim.safety.settings import GuardSettings
+from sim.scenario.settings import RobotSettings
+from sim.world.command import Command
+
+ROBOT, STEP_S = RobotSettings(), 0.05
+SETTINGS = GuardSettings()
+NOTHING = np.zeros((0, 2))
+FORWARD = Command(1.2, 0.0)
+
+
+def obstacles(points=(), people=(), velocities=None):
+    people = np.array(people, dtype=float).reshape(-1, 2)
+    velocities = np.zeros_like(people) if velocities is None else np.array(velocities, dtype=float)
+    return Obstacles(np.array(points, dtype=float).reshape(-1, 2), people, velocities)
+
+
+def wall_ahead(distance_m, half_width_m=1.0):
+    across = np.arange(-half_width_m, half_width_m, 0.02)
+    return np.stack([np.full_like(across, distance_m), across], axis=1)
+
+
+class Robot:
+    """A unicycle with the limits of the robot, as the world drives it."""
+
+    def __init__(self, speed_mps=0.0, yaw_rate_radps=0.0):
+        self.pose = (0.0, 0.0, 0.0)
+        self.speeds = (speed_mps, yaw_rate_radps)
+
+    def drive(self, command):
+        self.speeds = speed, turn = limited_velocity(command, *self.speeds, ROBOT, STEP_S)
+        x_m, y_m, yaw_rad = self.pose
+        middle = yaw_rad + 0.5 * turn * STEP_S
+        self.pose = (
+            x_m + speed * STEP_S * math.cos(middle),
+            y_m + speed * STEP_S * math.sin(middle),
+            yaw_rad + turn * STEP_S,
+        )
+
+
+commands = st.builds(Command, st.floats(-0.3, 1.2), st.floats(-3.5, 3.5))
+places = st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
+
+
+@given(
+    points=st.lists(places.filter(lambda p: math.hypot(*p) > 0.28), min_size=1, max_size=6),
+    wanted=st.lists(commands, min_size=1, max_size=8),
+)
+def test_a_robot_from_rest_touches_no_static_obstacle_whatever_is_commanded(points, wanted):
+    monitor = CollisionMonitor(SETTINGS.model_copy(update={"min_points": 1}))
+    world_m, robot = np.array(points), Robot()
+    for command in wanted:
+        for _ in range(12):
+            seen = obstacles(in_frame(world_m, robot.pose))
+            robot.drive(monitor.step(command, robot.speeds, seen)[0])
+            gap_m = np.hypot(*(world_m - np.array(robot.pose[:2])).T).min() - ROBOT.radius_m
+            assert gap_m > 0.0
+
+
+@given(distance_m=st.floats(0.25, 1.5), command=commands)
+def test_it_intervenes_only_where_braking_one_period_later_would_be_too_late(distance_m, command):
+    """The least restrictive monitor: what it allows and forbids is decided by the braking path."""
+    robot = Robot(speed_mps=0.8)
+    done = CollisionMonitor(SETTINGS).step(command, robot.speeds, obstacles(wall_ahead(distance_m)))
+    for _ in range(2):  # one period and the reaction time
+        robot.drive(command)
+    while robot.speeds[0] != 0.0:
+        robot.drive(Command(0.0, 0.0))
+    if robot.pose[0] + SETTINGS.radius + SETTINGS.collision_margin < distance_m - 1e-3:
+        assert done == (command, GuardAction.DO_NOTHING, ())
+
+
+def test_a_wall_ahead_slows_down_and_then_stops():
+    monitor, robot = CollisionMonitor(SETTINGS), Robot()
+    world_m, actions = wall_ahead(1.5), []
+    for _ in range(100):
+        seen = obstacles(in_frame(world_m, robot.pose))
+        command, action, reasons = monitor.step(FORWARD, robot.speeds, seen)
+        actions.append(action)
+        if action:
+            assert reasons == (Reason(Source.SCAN, Fault.COLLISION),)
+        robot.drive(command)
+    assert actions[0] is GuardAction.DO_NOTHING
+    assert GuardAction.APPROACH in actions
+    assert actions[-1] is GuardAction.STOP
+    gap_m = 1.5 - robot.pose[0] - ROBOT.radius_m
+    assert 0.0 < gap_m < 0.06
+
+
+@pytest.mark.parametrize("command", [Command(-0.3, 0.0), Command(0.0, 2.0), Command(-0.2, 1.0)])
+def test_a_robot_that_touches_something_ahead_may_turn_and_drive_away(command):
+    for gap_m in (-0.05, 0.0, 0.01):
+        seen = obstacles(wall_ahead(0.25 + gap_m), people=[(0.5 + gap_m, 0.0)])
+        assert CollisionMonitor(SETTINGS).step(command, (0.0, 0.0), seen)[0] == command
+
+
+def test_a_robot_that_touches_something_may_not_drive_into_it_but_still_turn():
+    seen = obstacles(wall_ahead(0.25))
+    command, action, _ = CollisionMonitor(SETTINGS).step(Command(0.5, 1.0), (0.0, 0.0), seen)
+    assert (command, action) == (Command(0.0, 1.0), GuardAction.STOP)
+
+
+def test_a_robot_may_follow_a_wall_that_is_nearer_than_the_margin():
+    along = np.arange(-2.0, 2.0, 0.02)
+    wall_m = np.stack([along, np.full_like(along, 0.26)], axis=1)
+    assert CollisionMonitor(SETTINGS).step(FORWARD, (1.0, 0.0), obstacles(wall_m))[0] == FORWARD
+
+
+def test_a_person_who_walks_away_is_followed_and_one_who_comes_is_not():
+    monitor = CollisionMonitor(SETTINGS)
+    ahead = [(0.9, 0.0)]
+    away = obstacles(people=ahead, velocities=[(1.2, 0.0)])
+    towards = obstacles(people=ahead, velocities=[(-1.2, 0.0)])
+    assert monitor.step(FORWARD, (1.0, 0.0), away)[0] == FORWARD
+    command, _, reasons = monitor.step(FORWARD, (1.0, 0.0), towards)
+    assert command.linear_mps < 1.2
+    assert reasons == (Reason(Source.PEOPLE, Fault.COLLISION),)
+
+
+def test_a_person_who_runs_into_a_standing_robot_does_not_keep_it_from_leaving():
+    seen = obstacles(people=[(-0.45, 0.0)], velocities=[(1.5, 0.0)])
+    assert CollisionMonitor(SETTINGS).step(FORWARD, (0.0, 0.0), seen)[0] == FORWARD
+
+
+def test_single_points_are_no_obstacle_where_more_are_wanted():
+    seen = obstacles([(0.4, 0.0)])
+    assert CollisionMonitor(SETTINGS).step(FORWARD, (0.5, 0.0), seen)[0] == FORWARD
+    strict = SETTINGS.model_copy(update={"min_points": 1})
+    assert CollisionMonitor(strict).step(FORWARD, (0.5, 0.0), seen)[0] != FORWARD
+
+
+def test_the_slowdown_zone_halves_a_command_and_the_stop_zone_forbids_to_come_nearer():
+    seen = obstacles([(0.7, 0.0), (0.7, 0.01)])
+    slow = CollisionMonitor(SETTINGS.model_copy(update={"slowdown_radius": 0.8}))
+    assert slow.step(Command(0.2, 0.4), (0.1, 0.0), seen) == (
+        Command(0.1, 0.2), GuardAction.SLOWDOWN, (Reason(Source.SCAN, Fault.NEAR),)
+    )  # fmt: skip
+    stop = CollisionMonitor(SETTINGS.model_copy(update={"stop_radius": 0.8}))
+    assert stop.step(Command(0.2, 0.4), (0.0, 0.0), seen)[0] == Command(0.0, 0.4)
+    assert stop.step(Command(-0.2, 0.0), (0.0, 0.0), seen)[0] == Command(-0.2, 0.0)

@@ -1,0 +1,368 @@
+"""The rules of the guard for each input, with a robot that drives straight on in free space."""
+
+import math
+
+import numpy as np
+import pytest
+
+from serd_core.errors import SerdError
+from sim.safety.guard import Guard
+from sim.safety.reasons import Fault, GuardAction, Source
+from sim.safety.scan import Scan, ScanGeometry
+from sim.safety.settings import GuardSettings
+from sim.world.command import STOP, Command
+from storage.yaml_config import yaml_model
+
+PERIOD_S = 0.05
+GEOMETRY = ScanGeometry(-math.pi, math.tau / 360, 0.1, 10.0)
+ODOMETRY, POSE, PEOPLE, SCAN = Source.ODOMETRY, Source.POSE, Source.PEOPLE, Source.SCAN
+
+
+class Drive:
+    """Feeds a guard with sound inputs, changed by `faults`, while the robot obeys it.
+
+    faults: by source, a function from (stamp_s, value) to the same, or to None for no message.
+    """
+
+    def __init__(self, settings=None, **faults):
+        self.guard = Guard(settings)
+        self.time_s, self.x_m, self.speed_mps = 0.0, 0.0, 0.0
+        self.command = Command(1.2, 0.0)
+        self.faults = faults
+        self.rng = np.random.default_rng(0)
+        self.output = None
+
+    def tick(self):
+        guard, now_s = self.guard, self.time_s
+        guard.advance(now_s)
+        pose = (self.x_m, 0.0, 0.0)
+        self._send("odometry", guard.receive_odometry, (pose, (self.speed_mps, 0.0)))
+        self._send("pose", guard.receive_pose, (pose,))
+        walker = np.array([[now_s, 5.0]])
+        self._send("people", guard.receive_people, (walker, np.array([[1.0, 0.0]])))
+        if round(now_s / PERIOD_S) % 2 == 0:
+            ranges_m = self.rng.uniform(3.0, 9.0, 360).astype(np.float32)
+            self._send("scan", lambda t, r: guard.receive_scan(Scan(t, r, GEOMETRY)), (ranges_m,))
+        self._send("command", guard.receive_command, (self.command,))
+        self.output = guard.step(now_s)
+        change = self.output.command.linear_mps - self.speed_mps
+        self.speed_mps += min(max(change, -2.5 * PERIOD_S), 2.5 * PERIOD_S)
+        self.x_m += self.speed_mps * PERIOD_S
+        self.time_s = round((self.time_s + PERIOD_S) / PERIOD_S) * PERIOD_S
+        return self.output
+
+    def _send(self, name, receive, value):
+        message = self.time_s, *value
+        if name in self.faults:
+            message = self.faults[name](*message)
+        if message is not None:
+            receive(*message)
+
+    def run(self, duration_s):
+        for _ in range(round(duration_s / PERIOD_S)):
+            self.tick()
+        return self.output
+
+    def until_zero_s(self):
+        """Time until the command is zero."""
+        start_s = self.time_s
+        while self.tick().command != STOP:
+            assert self.time_s - start_s < 5.0
+        return round(self.time_s - PERIOD_S - start_s, 6)
+
+    def reasons(self):
+        return {(each.source, each.fault) for each in self.output.reasons}
+
+
+def driving(settings=None, **faults):
+    drive = Drive(settings)
+    assert drive.run(3.0).reasons == ()
+    assert drive.speed_mps == 1.2
+    drive.faults = faults
+    return drive
+
+
+def never(*_):
+    return None
+
+
+def held():
+    """A value that stays what it was, under fresh stamps."""
+    first = []
+
+    def freeze(stamp_s, *value):
+        first.append(value)
+        return stamp_s, *first[0]
+
+    return freeze
+
+
+def late_by(delay_s):
+    return lambda stamp_s, *value: (stamp_s - delay_s, *value)
+
+
+@pytest.mark.parametrize("name", ["odometry", "pose", "people", "scan"])
+def test_an_input_that_stops_stands_the_robot_by_the_age_of_its_stamp(name):
+    drive = driving(**{name: never})
+    last_s = drive.guard.ages_s(drive.time_s)[
+        {"odometry": ODOMETRY, "pose": POSE, "people": PEOPLE, "scan": SCAN}[name]
+    ]
+    assert last_s + drive.until_zero_s() <= 0.25 + 1e-9
+    assert Fault.STALE in {fault for _, fault in drive.reasons()}
+    drive.faults = {}
+    drive.run(3.0)
+    assert drive.output.reasons == ()
+    assert drive.speed_mps == 1.2
+
+
+@pytest.mark.parametrize("name", ["odometry", "pose", "people", "scan"])
+def test_a_robot_stands_until_each_input_has_come(name):
+    drive = Drive(**{name: never})
+    assert drive.run(1.0).command == STOP
+    assert Fault.MISSING in {fault for _, fault in drive.reasons()}
+
+
+@pytest.mark.parametrize("delay_s", [1.0, 3.0])
+def test_inputs_that_arrive_with_old_stamps_stand_the_robot(delay_s):
+    late = late_by(delay_s)
+    drive = driving(odometry=late, pose=late, people=late, scan=late)
+    assert drive.until_zero_s() <= 0.25
+    assert drive.run(5.0).command == STOP
+
+
+@pytest.mark.parametrize("name", ["odometry", "pose", "people", "scan"])
+def test_stamps_in_the_future_stand_the_robot(name):
+    drive = driving(**{name: late_by(-1.0)})
+    assert drive.until_zero_s() <= 0.1
+    assert Fault.FUTURE in {fault for _, fault in drive.reasons()}
+
+
+def test_a_slow_lidar_makes_the_robot_slower_without_stopping_it():
+    every_second = [0]
+
+    def half(stamp_s, ranges_m):
+        every_second[0] += 1
+        return (stamp_s, ranges_m) if every_second[0] % 2 else None
+
+    drive = driving(scan=half)
+    drive.run(2.0)
+    speeds = [drive.tick().command.linear_mps for _ in range(40)]
+    assert 0.3 < min(speeds) <= max(speeds) < 0.8
+    assert drive.output.action is GuardAction.SLOWDOWN
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 0.0])
+def test_a_blind_lidar_stands_the_robot_at_once(value):
+    drive = driving(scan=lambda t, r: (t, np.full_like(r, value)))
+    assert drive.until_zero_s() <= 0.1
+    assert (SCAN, Fault.BLIND) in drive.reasons()
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_the_speed_falls_with_the_share_of_lost_rays(value):
+    speeds = []
+    for share in (0.0, 0.1, 0.2, 0.3):
+        rng = np.random.default_rng(1)
+
+        def lose(stamp_s, ranges_m, rng=rng, share=share):
+            return stamp_s, np.where(rng.random(360) < share, np.float32(value), ranges_m)
+
+        drive = driving(scan=lose)
+        drive.run(2.0)
+        speeds.append(np.mean([drive.tick().command.linear_mps for _ in range(40)]))
+    assert speeds[0] == 1.2
+    assert np.all(np.diff(speeds) < 0.0)
+    assert speeds[-1] > 0.2
+
+
+def test_a_free_corridor_without_returns_is_no_loss():
+    def open_ahead(stamp_s, ranges_m):
+        ranges_m[160:200] = math.inf
+        return stamp_s, ranges_m
+
+    drive = driving(scan=open_ahead)
+    assert drive.run(2.0).reasons == ()
+
+
+def test_a_frozen_scan_stands_the_robot_until_another_one_comes():
+    drive = driving(scan=held())
+    assert drive.until_zero_s() <= 0.25
+    assert (SCAN, Fault.FROZEN) in drive.reasons()
+    assert drive.run(10.0).command == STOP
+    drive.faults = {}
+    drive.run(0.2)
+    assert drive.output.command.linear_mps == 1.2
+
+
+def test_the_same_scan_of_a_standing_robot_is_no_fault():
+    drive = driving()
+    drive.command = STOP
+    drive.run(2.0)
+    drive.faults = {"scan": held()}
+    assert drive.run(3.0).reasons == ()
+
+
+def test_frozen_people_are_ignored_and_the_robot_drives_slowly_on_the_scan():
+    drive = driving(people=held())
+    drive.run(1.0)
+    assert drive.reasons() == {(PEOPLE, Fault.FROZEN)}
+    assert drive.output.action is GuardAction.LIMIT
+    assert drive.output.command.linear_mps == 0.5
+    drive.faults["scan"] = never
+    drive.until_zero_s()
+    assert drive.run(2.0).command == STOP
+
+
+def test_frozen_people_without_a_scan_stand_the_robot():
+    drive = driving(GuardSettings(observation_sources=("robot_pose", "pedestrians")), people=held())
+    assert drive.until_zero_s() <= 0.2
+
+
+def test_people_who_are_not_numbers_count_as_unknown():
+    drive = driving(people=lambda t, place, velocity: (t, place * math.nan, velocity))
+    drive.run(0.2)
+    assert drive.reasons() == {(PEOPLE, Fault.INVALID)}
+    assert drive.output.action is GuardAction.LIMIT
+
+
+def test_a_frozen_pose_stands_the_robot_until_it_has_changed_and_follows_odometry():
+    drive = driving(pose=held())
+    assert drive.until_zero_s() <= 0.15
+    assert (POSE, Fault.FROZEN) in drive.reasons()
+    assert drive.run(30.0).command == STOP
+    drive.faults = {}
+    back_s = drive.time_s
+    while drive.tick().command == STOP:
+        pass
+    assert 1.0 <= drive.time_s - PERIOD_S - back_s < 1.1
+
+
+def test_a_pose_that_jumps_needs_a_second_look():
+    drive = driving(pose=lambda t, pose: (t, (pose[0] + 2.0, *pose[1:])))
+    assert drive.until_zero_s() == 0.0
+    assert (POSE, Fault.JUMP) in drive.reasons()
+    stopped_s = drive.time_s
+    while drive.tick().command == STOP:
+        pass
+    assert drive.time_s - stopped_s == pytest.approx(1.0, abs=0.06)
+
+
+def test_a_pose_that_drifts_away_from_odometry_stands_the_robot():
+    start = []
+
+    def half_as_fast(stamp_s, pose):
+        start.append(pose[0])
+        return stamp_s, (start[0] + 0.5 * (pose[0] - start[0]), 0.0, 0.0)
+
+    drive = driving(pose=half_as_fast)
+    assert drive.until_zero_s() <= 0.8
+    assert (POSE, Fault.INCONSISTENT) in drive.reasons()
+
+
+def test_drift_of_odometry_as_scenarios_have_it_is_no_fault():
+    drive = driving(odometry=lambda t, pose, v: (t, (1.08 * pose[0], 0.0, 0.0), v))
+    drive.run(3.0)
+    assert drive.output.command.linear_mps == 1.2
+
+
+def test_wheels_that_report_a_speed_without_a_motion_stand_the_robot():
+    drive = driving(odometry=held())
+    assert drive.until_zero_s() <= 0.15
+    assert (ODOMETRY, Fault.FROZEN) in drive.reasons()
+
+
+def test_a_jump_of_odometry_stands_a_robot_without_a_pose():
+    settings = GuardSettings(observation_sources=("scan",))
+    drive = driving(settings, odometry=lambda t, pose, v: (t, (pose[0] + 2.0, 0.0, 0.0), v))
+    assert drive.until_zero_s() == 0.0
+    assert (ODOMETRY, Fault.JUMP) in drive.reasons()
+    drive.run(2.5)
+    assert drive.output.command.linear_mps == 1.2
+
+
+@pytest.mark.parametrize("command", [Command(math.nan, 0.0), Command(0.5, math.inf)])
+def test_a_command_that_is_not_finite_is_a_stop(command):
+    drive = driving()
+    drive.command = command
+    assert drive.tick().command == STOP
+    assert drive.reasons() == {(Source.COMMAND, Fault.INVALID)}
+
+
+def test_a_command_is_followed_for_its_timeout_only():
+    drive = driving(command=never)
+    assert drive.until_zero_s() == pytest.approx(0.5, abs=0.051)
+    assert drive.reasons() == {(Source.COMMAND, Fault.STALE)}
+
+
+def test_messages_that_are_no_values_are_rejected_and_counted():
+    drive = driving(
+        pose=lambda t, _: (t, (math.nan, 0.0, 0.0)),
+        odometry=lambda t, pose, _: (t, pose, (math.inf, 0.0)),
+        scan=lambda t, r: (t, r[:0]),
+    )
+    drive.until_zero_s()
+    assert set(drive.guard.n_rejected) == {POSE, ODOMETRY, SCAN}
+
+
+def test_a_clock_that_goes_back_begins_a_new_session():
+    drive = driving()
+    drive.time_s = 1.0
+    drive.faults = {"scan": never}
+    assert drive.tick().command == STOP
+    assert drive.reasons() == {(SCAN, Fault.MISSING)}
+    drive.faults = {}
+    drive.run(0.2)
+    assert drive.output.reasons == ()
+
+
+def test_a_clock_that_leaps_ahead_makes_all_inputs_stale_until_fresh_ones_come():
+    drive = driving()
+    drive.time_s += 4.0
+    assert drive.guard.step(drive.time_s).command == STOP
+    drive.x_m += 10.0  # another episode begins elsewhere
+    drive.time_s = round(drive.time_s / 0.1) * 0.1
+    assert drive.tick().command == Command(1.2, 0.0)
+    assert drive.output.reasons == ()
+
+
+def test_a_held_override_passes_every_command_until_it_times_out():
+    drive = driving(scan=never)
+    drive.run(1.0)
+    drive.guard.receive_override(drive.time_s, True)
+    for _ in range(6):
+        drive.tick()
+        assert drive.output.overridden
+        assert drive.output.command == drive.command
+        assert drive.output.reasons
+    drive.run(0.1)
+    assert not drive.output.overridden
+    assert drive.output.command == STOP
+
+
+def test_releasing_the_override_ends_it_at_once():
+    drive = driving(scan=never)
+    drive.run(1.0)
+    drive.guard.receive_override(drive.time_s, True)
+    drive.guard.receive_override(drive.time_s, False)
+    assert drive.tick().command == STOP
+
+
+def test_an_override_does_not_pass_a_command_that_is_not_finite():
+    drive = driving()
+    drive.guard.receive_override(drive.time_s, True)
+    drive.command = Command(math.nan, 0.0)
+    assert drive.tick().command == STOP
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("observation_sources: [pedestrians]", "must have 'robot_pose'"),
+        ("observation_sources: [robot_pose]", "must have 'scan' or 'pedestrians'"),
+        ("slowdown_timeout: 0.3", r"slowdown_timeout must be less than source_timeout \(0.25\)"),
+        ("lost_rays: 0.6", "lost_rays must be less than blind_rays"),
+    ],
+)
+def test_settings_that_contradict_each_other_are_rejected(text, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        yaml_model(text, GuardSettings, name="guard")
