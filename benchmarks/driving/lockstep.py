@@ -24,9 +24,10 @@ from storage.yaml_config import model_yaml
 
 PEOPLE, SEED, EPISODES = 30, 3, 5
 _WITHOUT_RECORDER = {
-    "hallway_sim.required_nodes": ["local_planner", "scripted_expert"],
-    "local_planner.required_nodes": ["hallway_sim"],
-    "scripted_expert.required_nodes": ["hallway_sim", "local_planner"],
+    "hallway_sim.required_nodes": ["local_planner", "guard", "scripted_expert"],
+    "local_planner.required_nodes": ["guard"],
+    "guard.required_nodes": ["hallway_sim"],
+    "scripted_expert.required_nodes": ["hallway_sim", "local_planner", "guard"],
 }
 
 

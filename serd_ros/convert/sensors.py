@@ -13,6 +13,7 @@ from serd_ros.convert.pose import to_pose
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
+from sim.safety.scan import ScanGeometry
 from sim.scenario.occupancy import OccupancyRaster
 from sim.scenario.settings import LidarSettings
 from sim.world.observation import Observation
@@ -110,13 +111,14 @@ def to_scan(ranges_m: NDArray[np.float32], settings: LidarSettings, time_s: floa
 
 
 def from_scan(
-    message: LaserScan, lidar: LidarSettings | None = None
+    message: LaserScan, lidar: LidarSettings | None = None, *, frame: str = topics.BASE_FRAME
 ) -> tuple[int, NDArray[np.float32]]:
     """(stamp_ns, ranges (n_rays,)); single rays may be inf or nan.
 
     MessageError where rays and angles do not fit each other, or are not those of `lidar`.
+    frame: that of the scan; any when empty.
     """
-    require_frame(message.header, topics.BASE_FRAME)
+    require_frame(message.header, frame or message.header.frame_id)
     angles = message.angle_min, message.angle_max, message.angle_increment
     require_finite("angles", angles)
     n_rays = len(message.ranges)
@@ -131,6 +133,13 @@ def from_scan(
     if lidar is not None:
         _require_lidar(message, lidar)
     return stamp_ns(message.header.stamp), np.array(message.ranges, dtype=np.float32)
+
+
+def scan_geometry_of(message: LaserScan) -> ScanGeometry:
+    """Angles and valid ranges of a scan."""
+    return ScanGeometry(
+        message.angle_min, message.angle_increment, message.range_min, message.range_max
+    )
 
 
 def _require_lidar(message: LaserScan, lidar: LidarSettings) -> None:

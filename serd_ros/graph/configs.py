@@ -131,7 +131,8 @@ class DriverConfig(EpisodeSettings, NodeConfig):
     """Parameters of the nodes that drive a series of episodes."""
 
     required_nodes: tuple[str, ...] = setting(
-        ("hallway_sim", "local_planner", "guard"), "the first episode waits until these nodes subscribe"
+        ("hallway_sim", "local_planner", "guard"),
+        "the first episode waits until these nodes subscribe",
     )
     output: str = setting("", "folder for the tables of episodes; no tables when empty")
 

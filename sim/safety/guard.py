@@ -67,7 +67,7 @@ class Guard:
         self.n_rejected: Counter[Source] = Counter()
         self._monitor = CollisionMonitor(self.settings)
         observed = map(Source, self.settings.observation_sources)
-        self._sources = (Source.ODOMETRY, *observed)
+        self.sources = (Source.ODOMETRY, *observed)
         self._reach_m = _reach_m(self.settings)
         self._now_s: float | None = None
         self._override_s: float | None = None
@@ -76,7 +76,7 @@ class Guard:
     def reset(self) -> None:
         """Discard all inputs, at the start of a session."""
         settings = self.settings
-        self._stamps = {source: StampMonitor(settings) for source in self._sources}
+        self._stamps = {source: StampMonitor(settings) for source in self.sources}
         self._odometry, self._poses = OdometryMonitor(settings), PoseMonitor(settings)
         self._crowd, self._scans = PeopleMonitor(settings), ScanMonitor(settings)
         self._rules: dict[Source, _Rule] = {
@@ -130,11 +130,6 @@ class Guard:
     def receive_override(self, now_s: float, held: bool) -> None:
         """Take whether a driver holds the override now."""
         self._override_s = now_s if held else None
-
-    @property
-    def has_command(self) -> bool:
-        """Whether a command has come since the last reset."""
-        return self._command is not None
 
     def command_age_s(self, now_s: float) -> float:
         """Age of the newest command; inf without one."""
@@ -225,10 +220,10 @@ class Guard:
         return 0.0 <= now_s - self._override_s <= self.settings.override_timeout
 
     def _guarded(self, now_s: float, command: Command) -> GuardOutput:
-        checks = {source: self._check(source, now_s) for source in self._sources}
+        checks = {source: self._check(source, now_s) for source in self.sources}
         reasons = tuple(Reason(source, fault) for source, (_, fault) in checks.items() if fault)
         ignored = self._ignored_people(checks)
-        relied = [each for each in self._sources if each is not Source.PEOPLE or not ignored]
+        relied = [each for each in self.sources if each is not Source.PEOPLE or not ignored]
         share = min(checks[source][0] for source in relied)
         if share <= 0.0:
             return GuardOutput(STOP, GuardAction.STOP, reasons)

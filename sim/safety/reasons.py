@@ -12,6 +12,7 @@ class Source(str, Enum):
     POSE = "robot_pose"
     PEOPLE = "pedestrians"
     SCAN = "scan"
+    CLOCK = "/clock"
 
 
 class Fault(str, Enum):

@@ -47,6 +47,7 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
         {"lockstep": False, "required_nodes": [""], "people_from": "scan"},
         {"lockstep": True, "required_nodes": [""]},
     ],
+    "guard": [{"lockstep": False}, {"lockstep": True, "required_nodes": [""]}],
     "scripted_expert": [{"episodes": 1_000_000}],
     "strategy": [{"episodes": 1_000_000}, {"episodes": 1_000_000, "reset": False}],
     "teleop_mux": [{"use_sim_time": True}, {"stamped_cmd_vel": True}],

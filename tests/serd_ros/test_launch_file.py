@@ -66,7 +66,7 @@ def test_a_topic_that_has_another_name_in_a_stack_is_remapped(launch_file):
     context = dict.fromkeys(launch_file["parameter_names"](), "") | {"stack": "teleop"}
     nodes = launch_file["nodes_of_stack"](context)
     remapped = {node.named["executable"]: node.named["remappings"] for node in nodes}
-    assert remapped.pop("local_planner") == [("cmd_vel", "cmd_vel_planner")]
+    assert remapped.pop("local_planner") == [("cmd_vel_raw", "cmd_vel_planner")]
     assert not any(remapped.values())
 
 

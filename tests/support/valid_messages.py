@@ -60,6 +60,7 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
         "goal_area": to_goal_area_message(goal_at(HALLWAY, *GOAL_M).goal_area_m, time_s),
         "joy": to_joy([0.5] * 8, [1] * 12, time_s),
         "driver_gone": Bool(data=False),
+        "guard_override": Bool(data=False),
         "e_stop": Bool(data=False),
         "e_stop_engaged": Bool(data=False),
         "episode": to_episode_message(mark),

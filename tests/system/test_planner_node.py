@@ -32,7 +32,7 @@ def test_a_robot_without_a_valid_pose_stands_and_the_planner_reports_the_reason(
 
     probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
     probe.node.create_subscription(
-        Twist, "cmd_vel", lambda m: commands.append(m.linear.x), qos.COMMAND
+        Twist, "cmd_vel_raw", lambda m: commands.append(m.linear.x), qos.COMMAND
     )
     observations = ObservationPublisher(probe.node)
     intents = probe.node.create_publisher(Vector3Stamped, "intent", qos.COMMAND)

@@ -73,7 +73,7 @@ def test_a_plain_twist_drives_and_silence_stops_within_half_a_second(robot, prob
 
 @pytest.mark.parametrize("people_from", ["given", "scan"])
 def test_an_intent_drives_the_robot_into_the_next_cell_in_real_time(nodes, probe, people_from):
-    nodes.start_stack("live", seed=2, local_planner__people_from=people_from)
+    nodes.start_stack("live", seed=2, people_from=people_from)
     poses = []
     probe.node.create_subscription(
         PoseStamped, "robot_pose", lambda m: poses.append(from_pose(m.pose)), qos.STATE

@@ -86,7 +86,7 @@ def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(nodes, tmp_pa
         scenario=str(path),
         seed=SEED,
         episodes=1,
-        local_planner__people_from="scan",
+        people_from="scan",
         demo_recorder__output=str(bag),
     )
     scenario = load_scenario(path)

@@ -39,7 +39,7 @@ class Commander:
     def __init__(self, probe):
         self.probe = probe
         self.linear = math.nan
-        probe.node.create_subscription(Twist, "cmd_vel", self._take, qos.COMMAND)
+        probe.node.create_subscription(Twist, "cmd_vel_raw", self._take, qos.COMMAND)
         self.inputs = {
             name: probe.node.create_publisher(Twist, f"cmd_vel_{name}", qos.COMMAND)
             for name in ("planner", "teleop", "joy")
@@ -127,7 +127,7 @@ def test_commands_have_stamps_where_the_file_sets_it(nodes, probe, ros_env, tmp_
     start_mux(nodes, ros_env, mux=str(file), stamped_cmd_vel=True)
     speeds = []
     probe.node.create_subscription(
-        TwistStamped, "cmd_vel", lambda m: speeds.append(m.twist.linear.x), qos.COMMAND
+        TwistStamped, "cmd_vel_raw", lambda m: speeds.append(m.twist.linear.x), qos.COMMAND
     )
     publisher = probe.node.create_publisher(TwistStamped, "nav_vel", qos.COMMAND)
 
@@ -236,7 +236,7 @@ class Drive:
 def test_after_the_release_of_the_e_stop_keys_of_a_terminal_must_be_pressed_anew(
     nodes, probe, ros_env, terminal, mode, key
 ):
-    names = ("hallway_sim", "local_planner", "teleop_mux", "teleop_keyboard")
+    names = ("hallway_sim", "local_planner", "teleop_mux", "guard", "teleop_keyboard")
     start(nodes, ros_env, names, terminal=terminal.name, people=0, seed=2, mode=mode)
     drive = Drive(probe, terminal)
 
@@ -307,7 +307,7 @@ def test_without_a_terminal_the_keyboard_ends_with_an_error_message(nodes, ros_e
 
 @pytest.mark.slow
 def test_arrow_keys_drive_and_a_killed_keyboard_stops_the_robot(nodes, probe, ros_env, terminal):
-    names = ("hallway_sim", "local_planner", "teleop_mux", "teleop_keyboard")
+    names = ("hallway_sim", "local_planner", "teleop_mux", "guard", "teleop_keyboard")
     running = start(nodes, ros_env, names, terminal=terminal.name, people=0, seed=2)
     motion, actions, sent = [], [], {}
     for topic in ("cmd_vel", "cmd_vel_planner"):

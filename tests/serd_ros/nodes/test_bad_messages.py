@@ -133,7 +133,7 @@ def test_people_of_25_bytes_do_not_stop_a_planner_that_is_given_people():
         for topic in ("pedestrians", "odom", "robot_pose", "waypoint"):
             running.receive(topic, valid_message(topic, 10.05))
         running.call_timers()
-        assert running.published["cmd_vel"] == 1
+        assert running.published["cmd_vel_raw"] == 1
         running.assert_alive()
 
 

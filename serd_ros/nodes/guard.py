@@ -1,0 +1,198 @@
+"""guard: passes commands on to the robot as far as its inputs and obstacles allow, as a ROS 2 node.
+
+See sim.safety for the rules. In lock-step each command is answered by one command with its stamp,
+once the inputs of that stamp have arrived. Live, a command is answered at once, and a timer stops
+the robot when inputs or commands stop coming; without a command the node publishes nothing.
+"""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan, PointCloud2
+from std_msgs.msg import Bool
+
+from serd_ros.convert.command import from_twist, from_twist_stamped, to_twist, to_twist_stamped
+from serd_ros.convert.diagnostics import OK, WARN
+from serd_ros.convert.pose import from_odometry, from_pose_stamped
+from serd_ros.convert.sensors import from_people_message, from_scan, scan_geometry_of
+from serd_ros.endpoints import qos, topics
+from serd_ros.graph.configs import GuardConfig
+from serd_ros.graph.parameters import accept_changes
+from serd_ros.graph.readiness import Readiness
+from serd_ros.process.run_node import run_node
+from serd_ros.process.serd_node import SerdNode
+from sim.safety.guard import Guard, GuardOutput
+from sim.safety.reasons import Fault, GuardAction, Reason, Source
+from sim.safety.scan import Scan
+from sim.scenario.scenario import Scenario, load_scenario
+from sim.world.command import STOP, Command
+
+_REPORT_PERIOD_S = 0.5
+_CLOCK_STANDS = GuardOutput(STOP, GuardAction.STOP, (Reason(Source.CLOCK, Fault.STALE),))
+
+
+class GuardNode(SerdNode[GuardConfig]):
+    """Converts, calls `Guard.step`, publishes `cmd_vel`."""
+
+    def __init__(self) -> None:
+        super().__init__("guard", GuardConfig)
+        accept_changes(self, {})
+        config = self.config
+        self._guard = Guard(config.guard())
+        self._scenario = self._scenario_in_lockstep()
+        self._waiting: dict[Source, tuple[int, Callable[[], None]]] = {}
+        self._answer: tuple[int, Command] | None = None
+        self._readiness = Readiness(self, config.required_nodes, self.wall_s())
+        self._ready = False
+        self._clock_s, self._clock_wall_s = -1.0, self.wall_s()
+        self._stepped_wall_s = self._reported_wall_s = 0.0
+        self._reported: GuardOutput | None = None
+        self._stamped = config.stamped_cmd_vel or config.lockstep
+        kind = TwistStamped if self._stamped else Twist
+        self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.STATE)
+        self.create_subscription(kind, topics.CMD_VEL_RAW, self._on_command, qos.COMMAND)
+        self.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
+        self.create_subscription(PoseStamped, topics.ROBOT_POSE, self._on_pose, qos.STATE)
+        self.create_subscription(PointCloud2, topics.PEDESTRIANS, self._on_people, qos.STATE)
+        profile = qos.STATE if config.lockstep else qos.SENSOR
+        self.create_subscription(LaserScan, topics.SCAN, self._on_scan, profile)
+        if not config.lockstep:
+            self.create_subscription(Bool, topics.GUARD_OVERRIDE, self._on_override, qos.COMMAND)
+            period_s = 1.0 / config.controller_frequency
+            self.create_timer(period_s, self._watch, clock=self.wall_clock)
+
+    def _scenario_in_lockstep(self) -> Scenario | None:
+        """The scenario, whose ticks have scans or not; needed in lock-step only."""
+        if not self.config.lockstep:
+            return None
+        return load_scenario(self.config.scenario or "hallway")
+
+    def _on_odometry(self, message: Odometry) -> None:
+        time_ns, pose, speeds = from_odometry(message)
+        receive = self._guard.receive_odometry
+        self._take(Source.ODOMETRY, time_ns, lambda: receive(time_ns * 1e-9, pose, speeds))
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        time_ns, pose = from_pose_stamped(message)
+        self._take(Source.POSE, time_ns, lambda: self._guard.receive_pose(time_ns * 1e-9, pose))
+
+    def _on_people(self, message: PointCloud2) -> None:
+        time_ns, people = from_people_message(message)
+        values = people.position_m, people.velocity_mps
+        receive = self._guard.receive_people
+        self._take(Source.PEOPLE, time_ns, lambda: receive(time_ns * 1e-9, *values))
+
+    def _on_scan(self, message: LaserScan) -> None:
+        time_ns, ranges_m = from_scan(message, frame="")
+        scan = Scan(time_ns * 1e-9, ranges_m, scan_geometry_of(message))
+        self._take(Source.SCAN, time_ns, lambda: self._guard.receive_scan(scan))
+
+    def _on_command(self, message: Twist | TwistStamped) -> None:
+        if isinstance(message, TwistStamped):
+            time_ns, command = from_twist_stamped(message)
+        else:
+            time_ns, command = self.get_clock().now().nanoseconds, from_twist(message)
+        receive = self._guard.receive_command
+        self._take(Source.COMMAND, time_ns, lambda: receive(time_ns * 1e-9, command))
+        if not self.config.lockstep:
+            self._step()
+
+    def _on_override(self, message: Bool) -> None:
+        self._guard.receive_override(self._now_s(), bool(message.data))
+
+    def _now_s(self) -> float:
+        return float(self.get_clock().now().nanoseconds * 1e-9)
+
+    def _take(self, source: Source, time_ns: int, receive: Callable[[], None]) -> None:
+        """Live, pass an input on; in lock-step, keep it until all of its stamp are here."""
+        if not self.config.lockstep:
+            self._guard.advance(self._now_s())
+            receive()
+            return
+        self._waiting[source] = time_ns, receive
+        self._answer_tick()
+
+    def _answer_tick(self) -> None:
+        """Answer the present stamp once; a repeated command gets the same answer."""
+        if Source.COMMAND not in self._waiting or not self._listened_to():
+            return
+        time_ns = self._waiting[Source.COMMAND][0]
+        if self._answer is None or self._answer[0] != time_ns:
+            if not all(self._is_here(source, time_ns) for source in self._guard.sources):
+                return
+            self._guard.advance(time_ns * 1e-9)
+            for stamp_ns, receive in self._waiting.values():
+                if stamp_ns == time_ns:
+                    receive()
+            output = self._guard.step(time_ns * 1e-9)
+            self._answer = time_ns, output.command
+            self._report_change(output, time_ns * 1e-9)
+        del self._waiting[Source.COMMAND]
+        self._publish(self._answer[1], time_ns * 1e-9)
+
+    def _is_here(self, source: Source, time_ns: int) -> bool:
+        """Whether the input of a stamp has arrived, or there is none."""
+        assert self._scenario is not None
+        tick = round(time_ns * 1e-9 / self._scenario.control_period_s)
+        if source is Source.SCAN and tick % self._scenario.ticks_per_scan:
+            return True
+        return source in self._waiting and self._waiting[source][0] == time_ns
+
+    def _listened_to(self) -> bool:
+        """Whether all required nodes subscribe; until then the world repeats its tick."""
+        self._ready = self._ready or not self._readiness.missing(self.wall_s())
+        return self._ready
+
+    def _watch(self) -> None:
+        """Step when no command has come for a period."""
+        if self.wall_s() - self._stepped_wall_s >= 1.0 / self.config.controller_frequency:
+            self._step()
+
+    def _step(self) -> None:
+        now_s, self._stepped_wall_s = self._now_s(), self.wall_s()
+        if now_s != self._clock_s:
+            self._clock_s, self._clock_wall_s = now_s, self._stepped_wall_s
+        output = self._guard.step(now_s)
+        if self._stepped_wall_s - self._clock_wall_s > self.config.clock_timeout:
+            output = _CLOCK_STANDS
+        silent_s = self._guard.command_age_s(now_s) - self.config.command_timeout
+        if silent_s <= self.config.stop_pub_timeout:
+            self._publish(output.command, now_s)
+        self._report_change(output, now_s)
+
+    def _publish(self, command: Command, time_s: float) -> None:
+        message = to_twist_stamped(command, time_s) if self._stamped else to_twist(command)
+        self._commands.publish(message)
+
+    def _report_change(self, output: GuardOutput, now_s: float) -> None:
+        """Report at once when action, reasons or override change, else now and then."""
+        last = self._reported
+        state = output.action, output.reasons, output.overridden
+        changed = last is None or state != (last.action, last.reasons, last.overridden)
+        wall_s = self.wall_s()
+        if not changed and wall_s - self._reported_wall_s < _REPORT_PERIOD_S:
+            return
+        self._reported, self._reported_wall_s = output, wall_s
+        ages = self._guard.ages_s(now_s)
+        values: dict[str, Any] = {
+            "action": output.action.name,
+            "overridden": output.overridden,
+            "reasons": ", ".join(map(str, output.reasons)),
+            **{f"age_s.{source.value}": age_s for source, age_s in ages.items()},
+            "rejected": sum(self._guard.n_rejected.values()),
+        }
+        state_name = "overridden" if output.overridden else output.action.name
+        level = WARN if output.overridden or output.action is GuardAction.STOP else OK
+        self.report(now_s, values, level=level, message=state_name)
+
+
+def main() -> int:
+    """Entry point of `ros2 run serd_ros guard`."""
+    return run_node(GuardNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
