@@ -49,7 +49,10 @@ class AngularScale(StrictModel):
 
 
 class JoyMapping(StrictModel):
-    """The parameters of teleop_twist_joy that apply to a unicycle; a button of -1 is none."""
+    """The parameters of teleop_twist_joy that apply to a unicycle; a button of -1 is none.
+
+    guard_override_button is an extension.
+    """
 
     axis_linear: LinearAxis
     scale_linear: LinearScale
@@ -61,6 +64,7 @@ class JoyMapping(StrictModel):
     enable_button: int = Field(default=0, ge=0)
     enable_turbo_button: int = Field(default=_NO_BUTTON, ge=_NO_BUTTON)
     inverted_reverse: bool = False
+    guard_override_button: int = Field(default=_NO_BUTTON, ge=_NO_BUTTON)
 
 
 class JoyDriver:
@@ -85,6 +89,10 @@ class JoyDriver:
         if self._driving:
             return self._scaled(axes, turbo=turbo) if self._was_neutral else STOP
         return STOP if was_driving else None
+
+    def overrides(self, buttons: Sequence[int]) -> bool:
+        """Whether the button that overrides the guard is held."""
+        return _held(buttons, self._mapping.guard_override_button)
 
     def _follow_axes(self, axes: Sequence[float]) -> None:
         mapped = self._mapping.axis_linear.x, self._mapping.axis_angular.yaw

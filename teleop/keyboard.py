@@ -40,6 +40,8 @@ KEY_COMMANDS = {
     "tab": KeyCommand.SWITCH_MODE,
 }
 
+#: Held, it overrides the guard; so does a letter that drives while Shift is held.
+OVERRIDE_KEY = "g"
 KEY_DIRECTIONS = {
     "up": Action.NORTH,
     "right": Action.EAST,
@@ -51,6 +53,7 @@ KEY_DIRECTIONS = {
 HELP = """\
   arrow keys   next move: up is north; w takes it back
   u i o  j k l  m , .   drive by velocities (Tab switches), q/z w/x e/c change the speeds
+  g, or Shift with a letter that drives: override the guard while held
   Enter start   s save   d discard   SPACE e-stop   r release   Ctrl-C end"""
 
 
@@ -127,6 +130,7 @@ _MOVES = {
     "i": (1, 0), "o": (1, -1), "j": (0, 1), "l": (0, -1), "u": (1, 1),
     ",": (-1, 0), ".": (-1, 1), "m": (-1, -1),
 }  # fmt: skip
+SHIFTED_MOVES = frozenset("IOJLUM")
 _FACTORS = {
     "q": (1.1, 1.1), "z": (0.9, 0.9), "w": (1.1, 1.0), "x": (0.9, 1.0), "e": (1.0, 1.1),
     "c": (1.0, 0.9),

@@ -12,6 +12,7 @@ the robot stands until a key is pressed anew.
 """
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -63,6 +64,8 @@ class HandDriverNode(SerdNode[Config]):
         self._velocities = self.create_publisher(Twist, topics.CMD_VEL_TELEOP, qos.COMMAND)
         self._gone = self.create_publisher(Bool, topics.DRIVER_GONE, qos.COMMAND)
         self._e_stop = self.create_publisher(Bool, topics.E_STOP, qos.COMMAND)
+        self._override = self.create_publisher(Bool, topics.GUARD_OVERRIDE, qos.COMMAND)
+        self._is_guarded = True
         subscribe_observations(self, self.scenario.control_period_s, self._on_observation)
         self.create_subscription(
             DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
@@ -105,6 +108,10 @@ class HandDriverNode(SerdNode[Config]):
         """Send a velocity."""
         self._velocities.publish(to_twist(command))
 
+    def override_guard(self) -> None:
+        """Override the guard; it must be repeated within its `override_timeout`."""
+        self._override.publish(Bool(data=True))
+
     def _beat(self) -> None:
         late_s, self._beat_s = self.wall_s() - self._beat_s, self.wall_s()
         if late_s > _ABSENCE_S:
@@ -128,12 +135,20 @@ class HandDriverNode(SerdNode[Config]):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         """Discard the input when the mux has no input left: the planner has fallen silent."""
+        self._show_guard(values_of(message, "guard"))
         values = values_of(message, "teleop_mux")
         if values is None:
             return
         was_driven, self._is_driven = self._is_driven, bool(values.get("active"))
         if was_driven and not self._is_driven and self.mode == "directions":
             self.stop_moving()
+
+    def _show_guard(self, values: Mapping[str, str] | None) -> None:
+        was_guarded = self._is_guarded
+        if values is not None:
+            self._is_guarded = values.get("overridden") != str(True)
+        if was_guarded != self._is_guarded:
+            self.notify("the guard is on" if self._is_guarded else "the guard is OVERRIDDEN")
 
     def _on_e_stop(self, message: Bool) -> None:
         was_stopped, self._is_e_stopped = self._is_e_stopped, bool(message.data)

@@ -22,7 +22,7 @@ from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint, waypoint_of_intent
 from teleop.page.view import point, word, world_state
 
-_SHOWN = ("teleop_mux", "demo_recorder")
+_SHOWN = ("teleop_mux", "guard", "demo_recorder")
 _STALE_S = 1.0
 
 
@@ -60,6 +60,7 @@ class PageView:
             "waypoint": point(self._waypoint),
             "episode": _episode_values(episodes),
             "mux": self._health.get("teleop_mux"),
+            "guard": self._health.get("guard"),
             "recorder": self._health.get("demo_recorder"),
         }
 

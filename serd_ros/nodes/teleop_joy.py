@@ -21,6 +21,7 @@ class TeleopJoyNode(SerdNode[TeleopJoyConfig]):
         super().__init__("teleop_joy", TeleopJoyConfig)
         self._driver = JoyDriver(load_joy_mapping(self.config.mapping))
         self._commands = self.create_publisher(Twist, topics.CMD_VEL_JOY, qos.COMMAND)
+        self._override = self.create_publisher(Bool, topics.GUARD_OVERRIDE, qos.COMMAND)
         self.create_subscription(Joy, topics.JOY, self._on_joy, qos.COMMAND)
         self.create_subscription(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
 
@@ -32,6 +33,8 @@ class TeleopJoyNode(SerdNode[TeleopJoyConfig]):
         command = self._driver.command(list(message.axes), list(message.buttons))
         if command is not None:
             self._commands.publish(to_twist(command))
+        if self._driver.overrides(message.buttons):
+            self._override.publish(Bool(data=True))
 
 
 def main() -> int:

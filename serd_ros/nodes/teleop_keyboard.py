@@ -1,12 +1,22 @@
 """teleop_keyboard: a person drives with the keys of a terminal, as a ROS 2 node."""
 
+import math
 import sys
 
 from serd_ros.episodes.hand_driver import HandDriverNode
 from serd_ros.graph.configs import TeleopKeyboardConfig
 from serd_ros.process.run_node import run_node
 from teleop.errors import TeleopError
-from teleop.keyboard import HELP, KEY_COMMANDS, KEY_DIRECTIONS, KeyCommand, KeyPresses, VelocityKeys
+from teleop.keyboard import (
+    HELP,
+    KEY_COMMANDS,
+    KEY_DIRECTIONS,
+    OVERRIDE_KEY,
+    SHIFTED_MOVES,
+    KeyCommand,
+    KeyPresses,
+    VelocityKeys,
+)
 from teleop.terminal import KeyNames, RawTerminal
 
 
@@ -18,6 +28,7 @@ class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):
         super().__init__("teleop_keyboard", TeleopKeyboardConfig)
         config = self.config
         self._keys, self._presses = KeyNames(), KeyPresses()
+        self._overridden_s = -math.inf
         self._velocity = VelocityKeys(config.speed_mps, config.turn_radps, config.key_timeout_s)
         self._terminal = RawTerminal(config.terminal)
         self.notify(f"driving by {self.mode}\n{HELP}")
@@ -41,6 +52,8 @@ class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):
             return False
         for key in self._keys.feed(typed):
             self._press(key)
+        if self.wall_s() - self._overridden_s <= self.config.key_timeout_s:
+            self.override_guard()
         command = self._velocity.command(self.wall_s())
         if command is not None and self.mode == "velocity":
             self.drive(command)
@@ -51,12 +64,17 @@ class TeleopKeyboardNode(HandDriverNode[TeleopKeyboardConfig]):
         super().discard_input()
         self._presses.require_release()
         self._velocity.release()
+        self._overridden_s = -math.inf
 
     def _press(self, key: str) -> None:
+        overrides = key == OVERRIDE_KEY or (self.mode == "velocity" and key in SHIFTED_MOVES)
+        if overrides:
+            self._overridden_s = self.wall_s()
+            key = key.lower()
         wanted = KEY_COMMANDS.get(key)
         if wanted is not None:
             self._obey(wanted)
-        elif not self._presses.admit(self.wall_s()):
+        elif key == OVERRIDE_KEY or not self._presses.admit(self.wall_s()):
             return
         elif self.mode == "velocity":
             self._velocity.press(key, self.wall_s())

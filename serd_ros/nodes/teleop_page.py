@@ -27,6 +27,7 @@ from teleop.page.requests import (
     Hold,
     Joystick,
     Move,
+    Override,
     PageRequest,
     SetMode,
 )
@@ -109,6 +110,8 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
             time_s = self.observation.time_s if self.observation is not None else 0.0
             self._joy.publish(to_joy(request.axes, request.buttons, time_s))
             self._has_gamepad = True
+        elif isinstance(request, Override):
+            self.override_guard()
         elif isinstance(request, SetMode):
             self.set_mode(request.mode)
         elif isinstance(request, EmergencyStop):

@@ -36,6 +36,12 @@ class Joystick(StrictModel):
     buttons: Annotated[tuple[Annotated[int, Field(ge=0, le=1)], ...], Field(max_length=32)]
 
 
+class Override(StrictModel):
+    """The key that overrides the guard is held; repeated while it is."""
+
+    type: Literal["override"]
+
+
 class Away(StrictModel):
     """The page is no longer in front, or has gone."""
 
@@ -63,7 +69,7 @@ class SetMode(StrictModel):
     mode: Mode
 
 
-PageRequest = Hold | Move | Joystick | Away | Episode | EmergencyStop | SetMode
+PageRequest = Hold | Move | Joystick | Override | Away | Episode | EmergencyStop | SetMode
 _REQUEST: TypeAdapter[PageRequest] = TypeAdapter(
     Annotated[PageRequest, Field(discriminator="type")]
 )

@@ -95,3 +95,11 @@ def test_a_wrong_name_in_the_file_is_refused_by_name(tmp_path):
     file.write_text("axis_linear: {x: 1}\nscale_linear: {x: 1.0}\naxis_angluar: {yaw: 0}\n")
     with pytest.raises(FileError, match="axis_ang"):
         load_joy_mapping(file)
+
+
+def test_the_override_of_the_guard_is_a_button_of_its_own():
+    assert load_joy_mapping().guard_override_button == 6
+    driver = JoyDriver(MAPPING.model_copy(update={"guard_override_button": 3}))
+    assert driver.overrides([0, 0, 0, 1])
+    assert not driver.overrides([1, 1, 1, 0])
+    assert not JoyDriver(MAPPING).overrides([1, 1, 1, 1])

@@ -5,8 +5,10 @@ const HEARTBEAT_MS = 100;
 const STICK = 0.5;
 const KEY_DIRECTIONS = { ArrowUp: "north", ArrowRight: "east", ArrowDown: "south", ArrowLeft: "west" };
 const STEPS = { north: [1, 0], south: [-1, 0], west: [0, 1], east: [0, -1] };
-// The standard gamepad: B stops, Y saves, back discards, start starts, 12 to 15 are the cross.
+// The standard gamepad: B stops, Y saves, back discards, start starts, the left trigger overrides the
+// guard, 12 to 15 are the cross.
 const PAD_BUTTONS = { 1: "stop", 3: "save", 8: "discard", 9: "start" };
+const PAD_OVERRIDE = 6;
 const PAD_DIRECTIONS = { 12: "north", 13: "south", 14: "west", 15: "east" };
 
 export class Controls {
@@ -15,6 +17,7 @@ export class Controls {
     this.actions = actions;
     this.mode = "directions";
     this.held = [];
+    this.overrides = false;
     this.padButtons = [];
     this.gamepadName = "";
     this.isInFront = document.hasFocus();
@@ -33,12 +36,16 @@ export class Controls {
       const command = commands[event.key.length === 1 ? event.key.toLowerCase() : event.key];
       if (KEY_DIRECTIONS[event.key]) {
         if (!event.repeat) this.hold(KEY_DIRECTIONS[event.key]);
+      } else if (event.key.toLowerCase() === "g") {
+        this.overrides = true;
+        if (!event.repeat) this.send();
       } else if (command && !event.repeat) this.actions[command]();
       else if (!command) return;
       event.preventDefault();
     });
     addEventListener("keyup", (event) => {
       if (KEY_DIRECTIONS[event.key]) this.release(KEY_DIRECTIONS[event.key]);
+      if (event.key.toLowerCase() === "g") this.overrides = false;
       if (event.key === " " || event.key === "Enter") event.preventDefault();
     });
   }
@@ -61,6 +68,7 @@ export class Controls {
   listenToFocus() {
     const leave = () => {
       this.held = [];
+      this.overrides = false;
       this.isInFront = false;
       this.link.send({ type: "away" });
     };
@@ -99,6 +107,7 @@ export class Controls {
     const gamepad = [...(navigator.getGamepads?.() ?? [])].find((each) => each?.connected);
     this.gamepadName = gamepad ? gamepad.id : "";
     if (gamepad) this.pressGamepad(gamepad);
+    if (this.overrides || gamepad?.buttons[PAD_OVERRIDE]?.pressed) this.link.send({ type: "override" });
     if (this.mode === "directions") {
       const direction = this.held.at(-1) ?? (gamepad ? gamepadDirection(gamepad) : null);
       this.link.send({ type: "hold", direction });

@@ -18,7 +18,7 @@ export class Panel {
 
   show(state, { drives, held }) {
     const { parts } = this;
-    const { episode, mux, recorder, world } = state;
+    const { episode, guard, mux, recorder, world } = state;
     const number = episode.number === null ? "" : ` ${episode.number}`;
     const what = episode.phase === "ended" ? episode.outcome : PHASES[episode.phase];
     const running = episode.phase === "running";
@@ -36,6 +36,7 @@ export class Panel {
     parts.discard.disabled = !free || !(running || (episode.phase === "ended" && episode.outcome !== "discarded"));
     this.showDriving(state, drives, held);
     this.showHealth(mux, recorder);
+    this.showGuard(guard);
   }
 
   showDriving(state, drives, held) {
@@ -67,6 +68,14 @@ export class Panel {
     parts.recorder.textContent = isRecording
       ? `${Number(recorder.messages).toLocaleString("en")} messages · ${gigabytes(recorder.free_mb)} free`
       : recorder ? "NOT RECORDING" : "no recorder";
+  }
+
+  showGuard(guard) {
+    const line = this.parts.guard;
+    const overridden = guard?.overridden === "True";
+    line.classList.toggle("alarm", !guard || overridden);
+    line.textContent = !guard ? "no guard" : overridden ? "guard OVERRIDDEN"
+      : guard.action === "DO_NOTHING" ? "guard (hold G to override)" : `guard ${guard.action}: ${guard.reasons}`;
   }
 
   showLink({ isAlive, isStale }) {
