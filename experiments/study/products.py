@@ -4,12 +4,18 @@ A stage's folder is claimed by the settings its files depend on, so files of oth
 rejected.
 """
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from experiments.running.repetitions import claim_folder
+from experiments.study.recordings.experts import EXPERTS
+from experiments.study.study import Study
 from sim.episodes.execution import Execution
+from storage.files import atomic_write_text
 
 #: Called with the estimated (seconds of work done, seconds of all work, name of the stage).
 OnWork = Callable[[float, float, str], None]
@@ -54,10 +60,40 @@ def make_products(stages: Sequence[Stage], execution: Execution, on_work: OnWork
     done_s = 0.0
     for stage in stages:
         on_work(done_s, total_s, stage.name)
-        for _ in execution.results(_run, stage.missing):
+        for _ in execution.results(Task.run, stage.missing):
             done_s += stage.task_s
             on_work(done_s, total_s, stage.name)
 
 
-def _run(task: Task) -> None:
-    task.run()
+def repetition_tasks(
+    study: Study, stage: str, make: Callable[[Study, str, int], dict[str, Any]]
+) -> tuple[Task, ...]:
+    """One file per expert and repetition, with what `make` returns for them."""
+    return tuple(
+        Task(
+            _file(study, stage, expert, repetition),
+            partial(_write, make, study, expert, repetition),
+        )
+        for expert in EXPERTS
+        for repetition in range(study.settings.n_repetitions(expert))
+    )
+
+
+def load_repetition(study: Study, stage: str, expert: str, repetition: int) -> dict[str, Any]:
+    """What a task of `repetition_tasks` wrote."""
+    content: dict[str, Any] = json.loads(_file(study, stage, expert, repetition).read_text())
+    return content
+
+
+def _file(study: Study, stage: str, expert: str, repetition: int) -> Path:
+    return study.folder / stage / f"{expert}_{repetition:02d}.json"
+
+
+def _write(
+    make: Callable[[Study, str, int], dict[str, Any]],
+    study: Study,
+    expert: str,
+    repetition: int,
+    file: Path,
+) -> None:
+    atomic_write_text(file, json.dumps(make(study, expert, repetition)))

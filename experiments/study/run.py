@@ -11,12 +11,14 @@ from pathlib import Path
 import pandas as pd
 
 from experiments.running.tables import read_table, write_table
+from experiments.study.arrival.stage import arrivals_of_repetition
 from experiments.study.figures.catalogue import FIGURES, StudyFigure, figure_of
-from experiments.study.figures.context import FigureContext, context_of
-from experiments.study.products import OnWork, make_products
-from experiments.study.recordings.bag_sets import check_bags
+from experiments.study.fits.fitting import fit_repetition
+from experiments.study.products import OnWork, Stage, make_products, repetition_tasks
+from experiments.study.recordings.demonstrations import check_bags, demonstration_tasks
+from experiments.study.recordings.reference import reference_tasks
 from experiments.study.settings import StudySettings
-from experiments.study.stages import stages_of
+from experiments.study.study import Study
 from experiments.study.tables.catalogue import all_tables
 from experiments.study.tables.results import Results
 from report.style import png_bytes, svg_bytes
@@ -24,29 +26,83 @@ from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 from storage.files import atomic_write_bytes, atomic_write_text
 from storage.yaml_config import load_yaml_model, model_yaml
+from storage.yaml_text import write_yaml
 
 SETTINGS_YAML = "settings.yaml"
 #: Results that come with the project.
 KEPT = Path(__file__).parents[1] / "results" / "hallway"
+#: The settings that each stage depends on, by their dotted names.
+_WORLD = ("scenario", "people", "planner", "seed")
+_REFERENCE = (*_WORLD, "demonstrations.driver", "reference")
+_DEMONSTRATIONS = (*_REFERENCE, "discount", "demonstrations", "beliefs.reward_weights")
+_FITS = (*_DEMONSTRATIONS, "learning", "beliefs.sizes", "beliefs.repetitions")
+_ARRIVAL = (*_FITS, "beliefs.episodes", "arrival")
+#: Rough seconds of one recorded episode.
+_EPISODE_S = 0.8
 
 
 def run_study(
     settings: StudySettings, output: Path, execution: Execution, on_work: OnWork
 ) -> dict[str, pd.DataFrame]:
     """Run every stage, then write all tables and figures; returns the tables by name."""
-    work = output / "work"
-    check_bags(settings)
-    make_products(stages_of(settings, work), execution, on_work)
-    results = Results(settings, work)
+    results = Results(settings, output / "work")
+    check_bags(results)
+    make_products(stages_of(Study(settings, output / "work")), execution, on_work)
     atomic_write_text(output / SETTINGS_YAML, model_yaml(settings))
     tables = all_tables(results)
     for name, rows in tables.items():
         write_table(output / f"{name}.csv", rows)
-    context = context_of(settings)
     for figure in FIGURES:
         write_table(output / f"{figure.stem}.csv", figure.rows(results))
-        draw_figure(figure, output, output, context)
+        draw_figure(figure, output, output, results)
     return tables
+
+
+def stages_of(study: Study) -> tuple[Stage, ...]:
+    """All stages that tables and figures depend on, in their order."""
+    settings = study.settings
+    sizes, repetitions = settings.learning.sizes, settings.learning.repetitions
+    return (
+        Stage(
+            "reference recordings",
+            study.folder / "reference",
+            described(settings, _REFERENCE),
+            reference_tasks(study),
+            task_s=15 * _EPISODE_S,
+        ),
+        Stage(
+            "demonstrations",
+            study.folder / "demonstrations",
+            described(settings, _DEMONSTRATIONS),
+            demonstration_tasks(study),
+            task_s=_EPISODE_S * settings.demonstrations.training * 2 / 3,
+        ),
+        Stage(
+            "learning",
+            study.folder / "fits",
+            described(settings, _FITS),
+            repetition_tasks(study, "fits", fit_repetition),
+            task_s=1.0 * len(sizes),
+        ),
+        Stage(
+            "times of arrival",
+            study.folder / "arrival",
+            described(settings, _ARRIVAL),
+            repetition_tasks(study, "arrival", arrivals_of_repetition),
+            task_s=_EPISODE_S * 4 * settings.arrival.episodes / repetitions,
+        ),
+    )
+
+
+def described(settings: StudySettings, names: Sequence[str]) -> str:
+    """Some settings, by their dotted names, as YAML."""
+    described = {}
+    for name in names:
+        value = settings.model_dump(mode="json")
+        for key in name.split("."):
+            value = value[key]
+        described[name] = value
+    return write_yaml(described)
 
 
 def redraw(names: Sequence[str], source: Path, output: Path) -> list[Path]:
@@ -57,13 +113,13 @@ def redraw(names: Sequence[str], source: Path, output: Path) -> list[Path]:
             f"{source} must hold a finished study, but has no {SETTINGS_YAML}"
             "; run 'serd study hallway' first"
         )
-    context = context_of(load_yaml_model(source / SETTINGS_YAML, StudySettings))
-    return [draw_figure(figure, source, output, context) for figure in figures]
+    study = Study(load_yaml_model(source / SETTINGS_YAML, StudySettings), source / "work")
+    return [draw_figure(figure, source, output, study) for figure in figures]
 
 
-def draw_figure(figure: StudyFigure, source: Path, output: Path, context: FigureContext) -> Path:
+def draw_figure(figure: StudyFigure, source: Path, output: Path, study: Study) -> Path:
     """Draw the rows of a table as PNG and SVG; the PNG file."""
-    drawn = figure.draw(read_table(source / f"{figure.stem}.csv"), context)
+    drawn = figure.draw(read_table(source / f"{figure.stem}.csv"), study)
     png = output / f"{figure.stem}.png"
     atomic_write_bytes(png, png_bytes(drawn))
     atomic_write_bytes(png.with_suffix(".svg"), svg_bytes(drawn))

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from experiments.running.experiment import settings_of_file
 from experiments.running.statistics import StatisticsSettings
+from experiments.study.recordings.experts import PEOPLE
 from serd_app.learning.settings import RecipeSettings
 from storage.yaml_config import StrictModel, yaml_model
 from storage.yaml_text import write_yaml
@@ -78,6 +79,10 @@ class StudySettings(StrictModel):
     beliefs: BeliefSettings
     arrival: ArrivalSettings
     statistics: StatisticsSettings
+
+    def n_repetitions(self, expert: str) -> int:
+        """How often an expert's demonstrations are recorded anew."""
+        return (self.learning if expert == PEOPLE else self.beliefs).repetitions
 
     @model_validator(mode="after")
     def _sizes_fit(self) -> "StudySettings":

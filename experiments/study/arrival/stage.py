@@ -6,67 +6,34 @@ Measured times are rounded up to whole decision periods, the resolution of the m
 the measured drives are kept beside them, for `hindsight`.
 """
 
-import json
 import math
 import time
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from experiments.running.tables import Row
-from experiments.study.fits.fitting import load_fits
-from experiments.study.products import Task
-from experiments.study.recordings.demonstrations import n_repetitions
-from experiments.study.recordings.drives import drive_episodes
+from experiments.study.products import load_repetition
+from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
 from experiments.study.recordings.experts import EXPERTS, PEOPLE
 from experiments.study.recordings.moves import Move, counted_moves
-from experiments.study.recordings.seeds import Purpose, world_seed
 from experiments.study.settings import StudySettings
-from experiments.study.world import TRAIN_AREA, problem_of, scenario_of, start_shares
+from experiments.study.study import TRAIN_AREA, Study
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.arrival.chain import arrival_time_distribution
+from serd_core.arrival.chain import ArrivalTimes, arrival_time_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import trajectories_of
 from serd_core.grid.navigation import NavigationProblem
 from sim.drivers.policy_driver import PolicyDriver
 from sim.scenario.scenario import Scenario
-from storage.files import atomic_write_text
-
-
-def arrival_tasks(settings: StudySettings, folder: Path, fits: Path) -> tuple[Task, ...]:
-    """One file per expert and repetition."""
-    return tuple(
-        Task(
-            arrival_file(folder, expert, repetition),
-            partial(arrivals_of_repetition, settings, expert, repetition, fits),
-        )
-        for expert in EXPERTS
-        for repetition in range(n_repetitions(settings, expert))
-    )
-
-
-def arrival_file(folder: Path, expert: str, repetition: int) -> Path:
-    """Where the arrivals of a repetition are kept."""
-    return folder / f"{expert}_{repetition:02d}.json"
-
-
-def load_arrivals(folder: Path, expert: str, repetition: int) -> dict[str, Any]:
-    """predicted: one record per method; measured: one row per method and episode.
-
-    moves: of each method, what happened in its measured drives, counted.
-    """
-    content: dict[str, Any] = json.loads(arrival_file(folder, expert, repetition).read_text())
-    return content
 
 
 def n_episodes(settings: StudySettings, expert: str) -> int:
     """Episodes that one repetition's model of one method drives."""
     wanted = (settings.arrival if expert == PEOPLE else settings.beliefs).episodes
-    return math.ceil(wanted / n_repetitions(settings, expert))
+    return math.ceil(wanted / settings.n_repetitions(expert))
 
 
 def n_periods(scenario: Scenario) -> int:
@@ -74,16 +41,15 @@ def n_periods(scenario: Scenario) -> int:
     return math.floor(scenario.episode_timeout_s / scenario.decision_period_s)
 
 
-def arrivals_of_repetition(
-    settings: StudySettings, expert: str, repetition: int, fits: Path, file: Path
-) -> None:
-    """Predict and measure for the models of every method."""
-    scenario, problem = scenario_of(settings), problem_of(settings)
-    models = load_fits(fits, expert, repetition)["models"]
-    rng = np.random.default_rng([settings.seed, EXPERTS.index(expert), repetition])
-    predicted = {
-        name: predict(settings, scenario, problem, model, rng) for name, model in models.items()
-    }
+def arrivals_of_repetition(study: Study, expert: str, repetition: int) -> dict[str, Any]:
+    """Predict and measure for the models of every method.
+
+    predicted: one record per method; measured: one row per method and episode; moves: of each
+    method, what happened in its measured drives, counted.
+    """
+    models = load_repetition(study, "fits", expert, repetition)["models"]
+    rng = np.random.default_rng([study.settings.seed, EXPERTS.index(expert), repetition])
+    predicted = {name: predict(study, model, rng) for name, model in models.items()}
     measured: list[Row] = []
     moves: dict[str, list[Move]] = {}
     driven: dict[tuple[int, ...], _Driven] = {}
@@ -91,28 +57,22 @@ def arrivals_of_repetition(
         greedy = tuple(model["greedy"])
         # Equal policies drive alike in equal worlds, so each drives once.
         if greedy not in driven:
-            driven[greedy] = _drive(settings, scenario, problem, expert, repetition, greedy)
+            driven[greedy] = _drive(study, expert, repetition, np.array(greedy))
         measured += [{"method": name} | row for row in driven[greedy].rows]
         moves[name] = driven[greedy].moves
-    content = {"predicted": predicted, "measured": measured, "moves": moves}
-    atomic_write_text(file, json.dumps(content))
+    return {"predicted": predicted, "measured": measured, "moves": moves}
 
 
-def predict(
-    settings: StudySettings,
-    scenario: Scenario,
-    problem: NavigationProblem,
-    model: dict[str, Any],
-    rng: np.random.Generator,
-) -> Row:
+def predict(study: Study, model: dict[str, Any], rng: np.random.Generator) -> Row:
     """CDF by whole periods from the chain and from sampled trajectories, and what each costs."""
-    policy = np.eye(problem.mdp.n_actions)[np.array(model["greedy"])]
-    truth = np.array(model["truth"])
-    starts, periods = start_shares(scenario, problem, TRAIN_AREA), n_periods(scenario)
+    greedy, truth = np.array(model["greedy"]), np.array(model["truth"])
+    periods, n_sampled = n_periods(study.scenario), study.settings.arrival.sampled
     began_s = time.perf_counter()
-    chain = arrival_time_distribution(problem, policy, truth, starts, periods)
+    chain = arrival_by_chain(study, greedy, truth)
     between_s = time.perf_counter()
-    sampled = sampled_cdf(problem, policy, truth, starts, periods, settings.arrival.sampled, rng)
+    sampled = sampled_cdf(
+        study.problem, study.policy_of(greedy), truth, study.starts, periods, n_sampled, rng
+    )
     ended_s = time.perf_counter()
     return {
         "cdf": chain.cdf.tolist(),
@@ -121,6 +81,12 @@ def predict(
         "sampled_cdf": sampled.tolist(),
         "sampled_ms": 1e3 * (ended_s - between_s),
     }
+
+
+def arrival_by_chain(study: Study, greedy: IntArray, dynamics: FloatArray) -> ArrivalTimes:
+    """Time of arrival of the actions (S,) under (M, K) dynamics, up to the time limit."""
+    policy, periods = study.policy_of(greedy), n_periods(study.scenario)
+    return arrival_time_distribution(study.problem, policy, dynamics, study.starts, periods)
 
 
 def sampled_cdf(
@@ -160,23 +126,13 @@ class _Driven:
     moves: list[Move]
 
 
-def _drive(
-    settings: StudySettings,
-    scenario: Scenario,
-    problem: NavigationProblem,
-    expert: str,
-    repetition: int,
-    greedy: tuple[int, ...],
-) -> _Driven:
-    seed = world_seed(settings.seed, expert, repetition, Purpose.MEASUREMENT)
-    policy = np.eye(problem.mdp.n_actions)[np.array(greedy)]
+def _drive(study: Study, expert: str, repetition: int, greedy: IntArray) -> _Driven:
+    seed = world_seed(study.settings.seed, expert, repetition, Purpose.MEASUREMENT)
     drives = drive_episodes(
-        scenario,
-        problem,
-        PolicyDriver(problem.grid, policy, seed=seed),
-        planner=settings.planner,
+        study,
+        PolicyDriver(study.problem.grid, study.policy_of(greedy), seed=seed),
         seed=seed,
-        episodes=range(n_episodes(settings, expert)),
+        episodes=range(n_episodes(study.settings, expert)),
         start_area=TRAIN_AREA,
     )
     rows: list[Row] = [

@@ -7,8 +7,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.study.figures.context import FigureContext
 from experiments.study.recordings.experts import PEOPLE
+from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from report import style
 from report.learners import STYLES
@@ -50,9 +50,9 @@ def rows(results: Results) -> pd.DataFrame:
     return pd.concat(curves)
 
 
-def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
+def draw(table: pd.DataFrame, study: Study) -> Figure:
     """All measured curves, then one panel per method."""
-    del context
+    del study
     curves = dict(iter(table.groupby("method", sort=False)))
     with style.report_style():
         figure = new_figure(12.0, 6.4)

@@ -7,9 +7,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.study.figures.context import FigureContext
 from experiments.study.fits.methods import ASSUMPTIONS, BASELINE
 from experiments.study.recordings.experts import EXPERT_NAMES
+from experiments.study.study import Study
 from experiments.study.tables.catalogue import beliefs
 from experiments.study.tables.results import Results
 from report import style
@@ -29,9 +29,9 @@ def rows(results: Results) -> pd.DataFrame:
     return beliefs(results)
 
 
-def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
+def draw(table: pd.DataFrame, study: Study) -> Figure:
     """A column per expert, a row per measure, a curve per assumption; zero is the baseline."""
-    del context
+    del study
     experts = table["expert"].unique()
     with style.report_style():
         figure = new_figure(11.0, 7.6)

@@ -17,7 +17,7 @@ from experiments.study.figures import (
     scenario,
     visitation,
 )
-from experiments.study.figures.context import FigureContext
+from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from serd_core.errors import SerdError
 from storage.nearest import hint
@@ -30,7 +30,7 @@ class StudyFigure:
     name: str
     shows: str
     rows: Callable[[Results], pd.DataFrame]
-    draw: Callable[[pd.DataFrame, FigureContext], Figure]
+    draw: Callable[[pd.DataFrame, Study], Figure]
 
     @property
     def stem(self) -> str:

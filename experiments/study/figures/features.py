@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from experiments.study.figures.context import FigureContext
+from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from report.figures.maps import draw_features
 from serd_core.grid.grid import Action
@@ -21,9 +21,9 @@ def rows(results: Results) -> pd.DataFrame:
     return place.join(values)
 
 
-def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
+def draw(table: pd.DataFrame, study: Study) -> Figure:
     """One panel per feature, and per action where it matters."""
-    problem = context.problem
+    problem = study.problem
     values = np.zeros_like(problem.features)
     available = np.zeros(values.shape[:2], dtype=np.bool_)
     actions = [int(Action[name.upper()]) for name in table["action"]]
@@ -32,4 +32,4 @@ def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
     # At the goal only waiting is left; what does not depend on the action is the same for all.
     for state in problem.goal_states:
         values[state] = values[state, Action.WAIT]
-    return draw_features(context.layout, problem.grid, values, problem.feature_names, available)
+    return draw_features(study.layout, problem.grid, values, problem.feature_names, available)

@@ -6,8 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.running.tables import quartiles
-from experiments.study.figures.context import FigureContext
 from experiments.study.recordings.experts import PEOPLE
+from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from report import style
 from report.learners import draw_intervals, tick_sizes
@@ -31,9 +31,9 @@ def rows(results: Results) -> pd.DataFrame:
     return pd.concat(tables, names=["measure", None]).reset_index("measure")
 
 
-def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
+def draw(table: pd.DataFrame, study: Study) -> Figure:
     """Three panels; points are drawn side by side so that their quartiles do not overlap."""
-    del context
+    del study
     methods = table["method"].unique()
     with style.report_style():
         figure = new_figure(11.5, 4.5)

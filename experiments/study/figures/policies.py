@@ -9,9 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from experiments.study.figures.context import FigureContext
-from experiments.study.recordings.demonstrations import n_repetitions
 from experiments.study.recordings.experts import PEOPLE
+from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from report import style
 from report.figures.map_axes import draw_areas, draw_cells, map_figure, outline_cells
@@ -26,8 +25,7 @@ def rows(results: Results) -> pd.DataFrame:
     grid = results.problem.grid
     tables = []
     for method in results.methods(PEOPLE):
-        for repetition in range(n_repetitions(results.settings, PEOPLE)):
-            greedy = np.array(results.model(PEOPLE, repetition, method)["greedy"])
+        for repetition, greedy in enumerate(results.models(PEOPLE, method, "greedy")):
             trapped = trap_states(grid.neighbours, greedy, results.problem.goal_states)
             columns = {
                 "method": method,
@@ -40,23 +38,23 @@ def rows(results: Results) -> pd.DataFrame:
     return pd.concat(tables)
 
 
-def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
+def draw(table: pd.DataFrame, study: Study) -> Figure:
     """Upper row: repetition 0; lower row: of the others the one with the most traps.
 
     Shades are the share of repetitions in which a state is a trap.
     """
-    grid = context.problem.grid
+    grid = study.problem.grid
     methods = list(table["method"].unique())
     found = {method: _policies(table[table["method"] == method]) for method in methods}
     with style.report_style():
-        figure, axes = map_figure(context.layout, 2 * len(methods), height_in=9.4, width_in=13.5)
+        figure, axes = map_figure(study.layout, 2 * len(methods), height_in=9.4, width_in=13.5)
         for place, panel in enumerate(axes):
             method = methods[place % len(methods)]
             greedy, trapped = found[method]
             counts = trapped.sum(axis=1)
             number = 0 if place < len(methods) else 1 + int(counts[1:].argmax())
             cells = draw_cells(panel, grid, trapped.mean(axis=0), Normalize(0, 1), style.VALUE_MAP)
-            _panel(panel, context, greedy[number], trapped[number])
+            _panel(panel, study, greedy[number], trapped[number])
             panel.set_title(
                 f"{method}\nrepetition {number}: {counted(int(counts[number]), 'trap')}", fontsize=8
             )
@@ -66,10 +64,10 @@ def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
     return figure
 
 
-def _panel(axes: Axes, context: FigureContext, greedy: IntArray, trapped: BoolArray) -> None:
-    grid = context.problem.grid
-    is_goal = np.isin(np.arange(grid.n_states), context.problem.goal_states)
-    draw_areas(axes, context.layout, filled=False)
+def _panel(axes: Axes, study: Study, greedy: IntArray, trapped: BoolArray) -> None:
+    grid = study.problem.grid
+    is_goal = np.isin(np.arange(grid.n_states), study.problem.goal_states)
+    draw_areas(axes, study.layout, filled=False)
     draw_arrows(axes, grid, greedy, is_goal, trapped, width_in=0.008)
     outline_cells(axes, grid, np.flatnonzero(trapped).tolist(), style.RED, "trap")
 

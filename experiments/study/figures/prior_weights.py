@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from experiments.running.tables import quantile
-from experiments.study.figures.context import FigureContext
+from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from report import style
 from report.style import new_figure
@@ -29,9 +29,9 @@ def rows(results: Results) -> pd.DataFrame:
     return medians.reset_index()
 
 
-def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
+def draw(table: pd.DataFrame, study: Study) -> Figure:
     """Four heat maps with their numbers; the best lambda of each size is framed."""
-    del context
+    del study
     with style.report_style():
         figure = new_figure(11.0, 6.6)
         for axes, (name, title) in zip(figure.subplots(2, 2).ravel(), PANELS.items(), strict=True):

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.running.tables import Row
-from experiments.study.figures.context import FigureContext
 from experiments.study.recordings.demonstrations import load_sets
 from experiments.study.recordings.experts import PEOPLE
+from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from report import style
 from report.figures.map_axes import draw_areas, map_figure
@@ -33,7 +33,7 @@ _STEP_M = 0.05
 def rows(results: Results) -> pd.DataFrame:
     """Corners of both ways in order; people with their velocities at the start of episode 0."""
     grid = results.problem.grid
-    training = load_sets(results.folder / "demonstrations", PEOPLE, 0).training
+    training = load_sets(results, PEOPLE, 0).training
     typical = typical_way(grid, training)
     goal_m = _nearest_goal(results, typical[0])
     radius_m = results.scenario.robot.radius_m
@@ -69,11 +69,11 @@ def typical_way(grid: Grid, decisions: Decisions) -> FloatArray:
     return np.asarray(grid.centers_m[np.concatenate([tracks[episode], last])])
 
 
-def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
+def draw(table: pd.DataFrame, study: Study) -> Figure:
     """The map with areas, people and both ways."""
     with style.report_style():
-        figure, (axes,) = map_figure(context.layout, height_in=7.6, width_in=6.6)
-        draw_areas(axes, context.layout, filled=True)
+        figure, (axes,) = map_figure(study.layout, height_in=7.6, width_in=6.6)
+        draw_areas(axes, study.layout, filled=True)
         _draw_people(axes, _points(table, PERSON))
         for kind, colour, line in ((TYPICAL, style.PURPLE, "-"), (SHORTEST, _ORANGE, "--")):
             way = _points(table, kind)[:, :2]
@@ -86,7 +86,7 @@ def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
                 zorder=9,
             )
         count = len(_points(table, PERSON))
-        axes.set_title(f"{context.scenario.name} with {count} people")
+        axes.set_title(f"{study.scenario.name} with {count} people")
         figure.legend(handles=_legend(), loc="outside lower center", ncols=2)
     return figure
 

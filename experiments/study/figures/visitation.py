@@ -5,10 +5,10 @@ import pandas as pd
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from experiments.study.figures.context import FigureContext
 from experiments.study.fits.fitting import trials
 from experiments.study.recordings.demonstrations import load_sets
 from experiments.study.recordings.experts import PEOPLE
+from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from report import style
 from report.figures.map_axes import colour_bar, draw_areas, draw_cells, map_figure
@@ -19,11 +19,10 @@ SETS = ("training", "validation", "test", "transfer")
 
 def rows(results: Results) -> pd.DataFrame:
     """Decisions per state of each set; the largest size is split."""
-    problem, settings = results.problem, results.settings
-    sets = load_sets(results.folder / "demonstrations", PEOPLE, 0)
+    problem, sizes = results.problem, results.settings.learning.sizes
+    sets = load_sets(results, PEOPLE, 0)
     no_matter = np.full((problem.outcome_models.n_models, problem.outcome_models.n_outcomes), 0.2)
-    sizes = settings.learning.sizes
-    *_, last = trials(settings, problem, sets, sizes, no_matter, 0)
+    *_, last = trials(results, sets, sizes, no_matter, 0)
     chosen = (last.training, last.validation, sets.test, sets.transfer)
     tables = []
     for name, decisions in zip(SETS, chosen, strict=True):
@@ -41,9 +40,9 @@ def rows(results: Results) -> pd.DataFrame:
     return pd.concat(tables)
 
 
-def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
+def draw(table: pd.DataFrame, study: Study) -> Figure:
     """Four maps; shades are decisions per episode, so that sets of any size compare."""
-    grid = context.problem.grid
+    grid = study.problem.grid
     shares, episodes = {}, {}
     for name, chosen in table.groupby("set", sort=False):
         shares[name] = np.zeros(grid.n_states)
@@ -51,10 +50,10 @@ def draw(table: pd.DataFrame, context: FigureContext) -> Figure:
         episodes[name] = chosen["episodes"].iloc[0]
     norm = Normalize(0, max(float(np.quantile(each, 0.995)) for each in shares.values()))
     with style.report_style():
-        figure, axes = map_figure(context.layout, len(SETS), height_in=5.4, width_in=12.5)
+        figure, axes = map_figure(study.layout, len(SETS), height_in=5.4, width_in=12.5)
         for panel, (name, values) in zip(axes, shares.items(), strict=True):
             cells = draw_cells(panel, grid, values, norm, style.VISITS_MAP)
-            draw_areas(panel, context.layout, filled=False)
+            draw_areas(panel, study.layout, filled=False)
             panel.set_title(f"{name} ({episodes[name]})")
         colour_bar(figure, axes, cells, "decisions taken in the cell, per episode", extend="max")
     return figure

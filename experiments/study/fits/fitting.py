@@ -1,101 +1,68 @@
 """One repetition of an expert: all learners on nested random subsets of growing size."""
 
-import json
 from collections.abc import Iterator
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from experiments.running.tables import Row
-from experiments.study.fits.learned import Learned, learned_from_fit
-from experiments.study.fits.methods import ASSUMPTIONS, METHODS, Trial
-from experiments.study.products import Task
-from experiments.study.recordings.demonstration_sets import DemonstrationSets
-from experiments.study.recordings.demonstrations import load_sets, n_repetitions
-from experiments.study.recordings.experts import EXPERTS, PEOPLE
+from experiments.study.fits.methods import ASSUMPTIONS, METHODS, Learned, Trial, learned_from_fit
+from experiments.study.recordings.demonstrations import DemonstrationSets, load_sets
+from experiments.study.recordings.experts import PEOPLE
 from experiments.study.recordings.reference import reference_dynamics
-from experiments.study.settings import StudySettings
-from experiments.study.world import problem_of
+from experiments.study.study import Study
 from serd_app.learning.methods import fit_tied
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions, state_action_counts
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.selection.evaluation import dynamics_divergence, policy_log_likelihood
 from serd_core.selection.prior_weight import split_episodes
-from storage.files import atomic_write_text
 
 
-def fitting_tasks(settings: StudySettings, folder: Path, work: Path) -> tuple[Task, ...]:
-    """One file per expert and repetition."""
-    return tuple(
-        Task(
-            fits_file(folder, expert, repetition),
-            partial(fit_repetition, settings, expert, repetition, work),
-        )
-        for expert in EXPERTS
-        for repetition in range(n_repetitions(settings, expert))
-    )
+def fit_repetition(study: Study, expert: str, repetition: int) -> dict[str, Any]:
+    """Learn from every size with every method, and measure.
 
-
-def fits_file(folder: Path, expert: str, repetition: int) -> Path:
-    """Where the fits of a repetition are kept."""
-    return folder / f"{expert}_{repetition:02d}.json"
-
-
-def load_fits(folder: Path, expert: str, repetition: int) -> dict[str, Any]:
-    """measures, candidates and visits: rows; models: by method, of the largest size."""
-    content: dict[str, Any] = json.loads(fits_file(folder, expert, repetition).read_text())
-    return content
-
-
-def fit_repetition(
-    settings: StudySettings, expert: str, repetition: int, work: Path, file: Path
-) -> None:
-    """Learn from every size with every method, measure, and write what came out."""
-    problem = problem_of(settings)
-    sets = load_sets(work / "demonstrations", expert, repetition)
-    reference = reference_dynamics(problem, work / "reference")
-    chosen = settings.learning if expert == PEOPLE else settings.beliefs
+    measures, candidates: rows; models: by method, of the largest size.
+    """
+    sets = load_sets(study, expert, repetition)
+    reference = reference_dynamics(study)
+    chosen = study.settings.learning if expert == PEOPLE else study.settings.beliefs
     methods = METHODS if expert == PEOPLE else ASSUMPTIONS
     measures: list[Row] = []
     candidates: list[Row] = []
     models: dict[str, Any] = {}
-    for trial in trials(settings, problem, sets, chosen.sizes, reference, repetition):
+    for trial in trials(study, sets, chosen.sizes, reference, repetition):
         size = len(trial.decisions.episodes)
         place: Row = {"expert": expert, "repetition": repetition, "size": size}
         for name, method in methods.items():
             learned = method(trial)
             row = place | {"method": name, "prior_weight": learned.prior_weight}
-            measures.append(row | measured(problem, sets, reference, learned))
+            measures.append(row | measured(study.problem, sets, reference, learned))
             if size == max(chosen.sizes):
                 models[name] = learned.values()
         if expert == PEOPLE:
             candidates += [place | row for row in candidate_rows(trial, sets)]
-    content = {"measures": measures, "candidates": candidates, "models": models}
-    atomic_write_text(file, json.dumps(content))
+    return {"measures": measures, "candidates": candidates, "models": models}
 
 
 def trials(
-    settings: StudySettings,
-    problem: NavigationProblem,
+    study: Study,
     sets: DemonstrationSets,
     sizes: tuple[int, ...],
     reference: FloatArray,
     repetition: int,
 ) -> Iterator[Trial]:
     """Each size as a subset of the next, in a random order of the demonstrations."""
-    order = np.random.default_rng([settings.seed, repetition])
-    shuffled = order.permutation(sets.training.episodes)
+    seed, learning = study.settings.seed, study.settings.learning
+    shuffled = np.random.default_rng([seed, repetition]).permutation(sets.training.episodes)
     for size in sizes:
         # A generator of its own, so that what learners draw changes no later subset or split.
-        rng = np.random.default_rng([settings.seed, repetition, size])
+        rng = np.random.default_rng([seed, repetition, size])
         subset = sets.training.select_episodes(shuffled[:size])
-        training, validation = split_episodes(subset, settings.learning.validation_share, rng)
+        training, validation = split_episodes(subset, learning.validation_share, rng)
         yield Trial(
-            problem=problem,
-            settings=settings.learning,
+            problem=study.problem,
+            settings=learning,
             decisions=subset,
             training=training,
             validation=validation,

@@ -3,55 +3,67 @@
 The scripted people ("people") drive in several styles; planned experts know or err about the crowd.
 Every repetition is recorded anew in worlds of its own. Repetition 0 of the scripted people is what
 the bags under bags/data hold.
+
+Bags, where people drove, may take the place of the scripted people. Their episodes are split at
+random, anew in every repetition; those that begin in the transfer area are the transfer set.
+Repetitions then share the same episodes, so intervals over them show how much the split matters,
+not how much other people would differ.
 """
 
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from experiments.study.products import Task
-from experiments.study.recordings.bag_sets import sets_from_bags
-from experiments.study.recordings.demonstration_sets import ROLES, DemonstrationSets
-from experiments.study.recordings.drives import drive_episodes
-from experiments.study.recordings.experts import PEOPLE, planned_policy
+from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
+from experiments.study.recordings.experts import EXPERTS, PEOPLE, planned_policy
 from experiments.study.recordings.reference import reference_dynamics
-from experiments.study.recordings.seeds import world_seed
-from experiments.study.settings import StudySettings
-from experiments.study.world import TRAIN_AREA, TRANSFER_AREA, problem_of, scenario_of
+from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, Study
+from serd_app.demonstrations.concatenate import concatenate_renumbered
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_core.grid.navigation import NavigationProblem
+from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.demonstrations.discretise import OFF_GRID, DiscretisationReport
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import explained
+from serd_core.demonstrations.trajectories import trajectories_of
+from serd_core.errors import SerdError
 from sim.drivers.catalogue import Driver, make_driver
 from sim.drivers.policy_driver import PolicyDriver
-from sim.scenario.scenario import Scenario
+from sim.scenario.grid import start_states_of
+
+ROLES = {"training": Purpose.TRAINING, "test": Purpose.TEST, "transfer": Purpose.TRANSFER}
+#: Share of decisions outside the cells above which a bag is taken for that of another place.
+_MOST_OUTSIDE = 0.5
 
 
-def n_repetitions(settings: StudySettings, expert: str) -> int:
-    """How often an expert's demonstrations are recorded anew."""
-    return (settings.learning if expert == PEOPLE else settings.beliefs).repetitions
+@dataclass(frozen=True, eq=False)
+class DemonstrationSets:
+    """Decisions of each set."""
+
+    training: Decisions
+    test: Decisions
+    transfer: Decisions
 
 
-def demonstration_tasks(
-    settings: StudySettings, expert: str, folder: Path, reference: Path
-) -> tuple[Task, ...]:
-    """One table per repetition and set."""
+def demonstration_tasks(study: Study) -> tuple[Task, ...]:
+    """One table per expert, repetition and set."""
     return tuple(
         Task(
-            set_file(folder, expert, repetition, role),
-            partial(record_set, settings, expert, repetition, role, reference),
+            _file(study, expert, repetition, role),
+            partial(record_set, study, expert, repetition, role),
         )
-        for repetition in range(n_repetitions(settings, expert))
+        for expert in EXPERTS
+        for repetition in range(study.settings.n_repetitions(expert))
         for role in ROLES
     )
 
 
-def set_file(folder: Path, expert: str, repetition: int, role: str) -> Path:
-    """Where a set is kept."""
-    return folder / expert / f"{role}_{repetition:02d}.csv"
-
-
-def load_sets(folder: Path, expert: str, repetition: int) -> DemonstrationSets:
+def load_sets(study: Study, expert: str, repetition: int) -> DemonstrationSets:
     """The recorded sets of one repetition."""
     return DemonstrationSets(
-        **{role: load_decisions(set_file(folder, expert, repetition, role)) for role in ROLES}
+        **{role: load_decisions(_file(study, expert, repetition, role)) for role in ROLES}
     )
 
 
@@ -60,21 +72,16 @@ def start_area_of(role: str) -> str:
     return TRANSFER_AREA if role == "transfer" else TRAIN_AREA
 
 
-def record_set(
-    settings: StudySettings, expert: str, repetition: int, role: str, reference: Path, file: Path
-) -> None:
+def record_set(study: Study, expert: str, repetition: int, role: str, file: Path) -> None:
     """Drive one set and write its table; or take it from bags, where people drove."""
-    scenario, problem = scenario_of(settings), problem_of(settings)
+    settings = study.settings
     if expert == PEOPLE and settings.demonstrations.bags:
-        recorded = sets_from_bags(settings, scenario, problem, repetition)
-        save_decisions(file, getattr(recorded, role))
+        save_decisions(file, getattr(sets_from_bags(study, repetition), role))
         return
     seed = world_seed(settings.seed, expert, repetition, ROLES[role])
     drives = drive_episodes(
-        scenario,
-        problem,
-        _driver(settings, scenario, problem, expert, seed, reference),
-        planner=settings.planner,
+        study,
+        _driver(study, expert, seed),
         seed=seed,
         episodes=range(getattr(settings.demonstrations, role)),
         start_area=start_area_of(role),
@@ -82,16 +89,70 @@ def record_set(
     save_decisions(file, drives.decisions)
 
 
-def _driver(
-    settings: StudySettings,
-    scenario: Scenario,
-    problem: NavigationProblem,
-    expert: str,
-    seed: int,
-    reference: Path,
-) -> Driver:
+def sets_from_bags(study: Study, repetition: int) -> DemonstrationSets:
+    """The sets of one repetition; SerdError where the bags hold too few episodes."""
+    decisions, wanted = _decisions_of_bags(study), study.settings.demonstrations
+    pieces = trajectories_of(decisions)
+    begins = pieces.start[np.unique(pieces.episode, return_index=True)[1]]
+    transfer_states = start_states_of(study.scenario, study.problem.grid, TRANSFER_AREA)
+    elsewhere = np.isin(begins, transfer_states)
+    rng = np.random.default_rng([study.settings.seed, repetition])
+    usual = rng.permutation(decisions.episodes[~elsewhere])
+    transfer = rng.permutation(decisions.episodes[elsewhere])
+    _require("training and test", len(usual), wanted.training + wanted.test)
+    _require("transfer", len(transfer), wanted.transfer)
+    return DemonstrationSets(
+        training=decisions.select_episodes(usual[: wanted.training]),
+        test=decisions.select_episodes(usual[wanted.training :][: wanted.test]),
+        transfer=decisions.select_episodes(transfer[: wanted.transfer]),
+    )
+
+
+def check_bags(study: Study) -> None:
+    """Read the bags, if any, before hours are spent; SerdError where they cannot make the sets."""
+    if study.settings.demonstrations.bags:
+        sets_from_bags(study, 0)
+
+
+def _file(study: Study, expert: str, repetition: int, role: str) -> Path:
+    return study.folder / "demonstrations" / expert / f"{role}_{repetition:02d}.csv"
+
+
+def _driver(study: Study, expert: str, seed: int) -> Driver:
+    settings, problem = study.settings, study.problem
     if expert == PEOPLE:
-        return make_driver(settings.demonstrations.driver, scenario, seed)
-    truth = reference_dynamics(problem, reference)
+        return make_driver(settings.demonstrations.driver, study.scenario, seed)
+    truth = reference_dynamics(study)
     policy = planned_policy(problem, expert, settings.beliefs.reward_weights, truth)
     return PolicyDriver(problem.grid, policy, seed=seed, greedy=False, name=expert)
+
+
+def _decisions_of_bags(study: Study) -> Decisions:
+    tables = []
+    seen: set[bytes] = set()  # an episode of two bags would be learned from and tested on
+    for bag in study.settings.demonstrations.bags:
+        found, report = demonstrations_of_bag(
+            Path(bag), study.problem.grid, study.scenario.decision_period_s, seen=seen
+        )
+        _require_same_place(bag, report, study.scenario.name)
+        tables.append(found.decisions)
+    every = concatenate_renumbered(tables)
+    return every.select(explained(study.problem.mdp, every))
+
+
+def _require_same_place(bag: str, report: DiscretisationReport, scenario: str) -> None:
+    outside = report.dropped.get(OFF_GRID, 0)
+    if outside > _MOST_OUTSIDE * report.n_intents:
+        raise SerdError(
+            f"bag {bag} must be recorded in the scenario {scenario!r}, but {outside} of"
+            f" {report.n_intents} decisions lie outside its cells; name the place it was recorded"
+            " in as scenario in a --config file"
+        )
+
+
+def _require(name: str, found: int, wanted: int) -> None:
+    if found < wanted:
+        raise SerdError(
+            f"the bags must hold {wanted} episodes for {name}, got {found}"
+            "; record more, or lower demonstrations in a --config file"
+        )

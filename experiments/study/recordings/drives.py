@@ -1,14 +1,19 @@
 """Episodes in process, turned into decisions by the same rule as recordings in bags.
 
 The world is bit for bit the one that runs through ROS, and the poses and intents collected here go
-through `serd_app.demonstrations.discretise`, so a seed gives the same decisions either way.
+through `serd_app.demonstrations.discretise`, so a seed gives the same decisions either way. Every
+recording has a world of its own, given by one number, which makes the same recording through ROS:
+`serd launch demonstrate seed:=NUMBER ...`.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from enum import IntEnum
 
 import numpy as np
 
+from experiments.study.recordings.experts import EXPERTS
+from experiments.study.study import Study
 from serd_app.demonstrations.concatenate import concatenate
 from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.drives.episode_spans import EpisodeSpan
@@ -16,7 +21,6 @@ from serd_app.drives.recorded_drive import RecordedDrive
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import explained
 from serd_core.grid.grid import Action
-from serd_core.grid.navigation import NavigationProblem
 from sim.drivers.catalogue import Driver
 from sim.episodes.episode import EpisodeRecord, run_episode
 from sim.planning.catalogue import make_planner
@@ -25,6 +29,25 @@ from sim.world.command import Command
 from sim.world.observation import Observation
 from sim.world.waypoint import is_decision_tick
 from sim.world.world import HallwayWorld
+
+_PER_EXPERT, _PER_REPETITION = 10_000, 10
+
+
+class Purpose(IntEnum):
+    """What a recording is for."""
+
+    TRAINING = 0
+    TEST = 1
+    TRANSFER = 2
+    MEASUREMENT = 3
+    REFERENCE_EXPERTS = 5
+    REFERENCE_AGAINST_FLOW = 6
+    REFERENCE_EXPLORING = 7
+
+
+def world_seed(seed: int, expert: str, repetition: int, purpose: Purpose) -> int:
+    """Seed of the world (and of the driver) of one recording."""
+    return seed + _PER_EXPERT * EXPERTS.index(expert) + _PER_REPETITION * repetition + int(purpose)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,18 +59,17 @@ class Drives:
 
 
 def drive_episodes(
-    scenario: Scenario,
-    problem: NavigationProblem,
+    study: Study,
     driver: Driver,
     *,
-    planner: str,
     seed: int,
     episodes: Iterable[int],
     start_area: str,
     timeout_s: float | None = None,
 ) -> Drives:
     """Run the episodes one after the other in a world of that seed."""
-    local_planner = make_planner(planner, scenario)
+    scenario, problem = study.scenario, study.problem
+    local_planner = make_planner(study.settings.planner, scenario)
     tables, records = [], []
     with HallwayWorld(scenario, seed=seed) as world:
         for episode in episodes:

@@ -10,20 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from experiments.study.products import Task
-from experiments.study.recordings.drives import drive_episodes
+from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
 from experiments.study.recordings.experts import PEOPLE
-from experiments.study.recordings.seeds import Purpose, world_seed
-from experiments.study.settings import StudySettings
-from experiments.study.world import TRAIN_AREA, TRANSFER_AREA, problem_of, scenario_of
+from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, Study
 from serd_app.demonstrations.concatenate import concatenate
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Action, Grid
-from serd_core.grid.navigation import NavigationProblem
 from sim.drivers.catalogue import Driver, make_driver
-from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
 from sim.world.seeds import POLICY, episode_rng
 
@@ -64,30 +60,26 @@ class ExploringDriver:
         return self._action
 
 
-def reference_tasks(settings: StudySettings, folder: Path) -> tuple[Task, ...]:
+def reference_tasks(study: Study) -> tuple[Task, ...]:
     """One table per kind and ten episodes; every second ten start where the transfer task does."""
     tasks = []
     for kind in _PURPOSES:
-        count = getattr(settings.reference, kind)
+        count = getattr(study.settings.reference, kind)
         for first in range(0, count, _CHUNK):
-            last = min(first + _CHUNK, count)
-            make = partial(record_reference, settings, kind, first, last)
-            tasks.append(Task(folder / f"{kind}_{first:03d}.csv", make))
+            make = partial(record_reference, study, kind, first, min(first + _CHUNK, count))
+            tasks.append(Task(study.folder / "reference" / f"{kind}_{first:03d}.csv", make))
     return tuple(tasks)
 
 
-def record_reference(settings: StudySettings, kind: str, first: int, last: int, file: Path) -> None:
+def record_reference(study: Study, kind: str, first: int, last: int, file: Path) -> None:
     """Write the table of some episodes of one kind."""
-    scenario, problem = scenario_of(settings), problem_of(settings)
-    seed = world_seed(settings.seed, PEOPLE, 0, _PURPOSES[kind])
-    driver = _driver(settings, scenario, problem, kind, seed)
-    timeout_s = settings.reference.exploring_s if kind == "exploring" else None
+    seed = world_seed(study.settings.seed, PEOPLE, 0, _PURPOSES[kind])
+    driver = _driver(study, kind, seed)
+    timeout_s = study.settings.reference.exploring_s if kind == "exploring" else None
     drives = [
         drive_episodes(
-            scenario,
-            problem,
+            study,
             driver,
-            planner=settings.planner,
             seed=seed,
             episodes=[episode],
             start_area=(TRAIN_AREA, TRANSFER_AREA)[episode % 2],
@@ -98,24 +90,20 @@ def record_reference(settings: StudySettings, kind: str, first: int, last: int, 
     save_decisions(file, concatenate(tuple(each.decisions for each in drives)))
 
 
-def reference_decisions(folder: Path) -> Decisions:
+def reference_decisions(study: Study) -> Decisions:
     """All reference recordings."""
-    return concatenate(tuple(load_decisions(file) for file in sorted(folder.glob("*.csv"))))
+    files = sorted((study.folder / "reference").glob("*.csv"))
+    return concatenate(tuple(load_decisions(file) for file in files))
 
 
-def reference_dynamics(problem: NavigationProblem, folder: Path) -> FloatArray:
+def reference_dynamics(study: Study) -> FloatArray:
     """(M, K) outcome probabilities that the study takes as true."""
-    return estimate_dynamics(problem, reference_decisions(folder))
+    return estimate_dynamics(study.problem, reference_decisions(study))
 
 
-def _driver(
-    settings: StudySettings,
-    scenario: Scenario,
-    problem: NavigationProblem,
-    kind: str,
-    seed: int,
-) -> Driver:
+def _driver(study: Study, kind: str, seed: int) -> Driver:
     if kind == "exploring":
-        return ExploringDriver(problem.grid, seed)
-    name = "expert_against_flow" if kind == "against_flow" else settings.demonstrations.driver
-    return make_driver(name, scenario, seed)
+        return ExploringDriver(study.problem.grid, seed)
+    driver = study.settings.demonstrations.driver
+    name = "expert_against_flow" if kind == "against_flow" else driver
+    return make_driver(name, study.scenario, seed)

@@ -8,21 +8,18 @@ import pandas as pd
 from experiments.running.statistics import mean_interval, paired_family
 from experiments.running.tables import Row, quantile
 from experiments.study.fits.methods import BASELINE, OURS
-from experiments.study.recordings.demonstration_sets import ROLES
-from experiments.study.recordings.demonstrations import load_sets, n_repetitions
+from experiments.study.recordings.demonstrations import ROLES, load_sets
 from experiments.study.recordings.experts import BELIEFS, EXPERTS, PEOPLE
 from experiments.study.recordings.reference import reference_decisions
 from experiments.study.tables.arrival import arrival_distances, arrival_scores
 from experiments.study.tables.hindsight import hindsight_table
 from experiments.study.tables.results import Results
-from experiments.study.world import TRAIN_AREA
 from serd_core.arrays import IntArray
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import NavigationProblem
-from sim.scenario.grid import start_states_of
 
 MEASURES = ("test_log_likelihood", "transfer_log_likelihood", "dynamics_divergence")
 
@@ -114,17 +111,12 @@ def traps(results: Results) -> pd.DataFrame:
     start_traps: share of the repetitions in which a start cell of the training task is one.
     """
     problem = results.problem
-    starts = start_states_of(results.scenario, problem.grid, TRAIN_AREA)
     table: list[Row] = []
     for method in results.methods(PEOPLE):
         masks = np.array(
             [
-                trap_states(
-                    problem.grid.neighbours,
-                    np.array(results.model(PEOPLE, number, method)["greedy"]),
-                    problem.goal_states,
-                )
-                for number in range(results.settings.learning.repetitions)
+                trap_states(problem.grid.neighbours, greedy, problem.goal_states)
+                for greedy in results.models(PEOPLE, method, "greedy")
             ]
         )
         counts = masks.sum(axis=1)
@@ -137,7 +129,7 @@ def traps(results: Results) -> pd.DataFrame:
                 "fewest_traps": int(counts.min()),
                 "most_traps": int(counts.max()),
                 "without_traps": float((counts == 0).mean()),
-                "start_traps": float(masks[:, starts].any(axis=1).mean()),
+                "start_traps": float(masks[:, results.starts > 0].any(axis=1).mean()),
             }
         )
     return pd.DataFrame(table)
@@ -145,7 +137,7 @@ def traps(results: Results) -> pd.DataFrame:
 
 def reference_table(results: Results) -> pd.DataFrame:
     """The reference dynamics: probability of every outcome, and the number of decisions."""
-    decisions = reference_decisions(results.folder / "reference")
+    decisions = reference_decisions(results)
     probabilities = estimate_dynamics(results.problem, decisions)
     table = pd.DataFrame(probabilities, columns=[outcome.name.lower() for outcome in Outcome])
     table.insert(0, "model", results.problem.model_names)
@@ -159,8 +151,8 @@ def demonstrations_table(results: Results) -> pd.DataFrame:
     table: list[Row] = []
     for expert in EXPERTS:
         every = [
-            load_sets(results.folder / "demonstrations", expert, number)
-            for number in range(n_repetitions(results.settings, expert))
+            load_sets(results, expert, number)
+            for number in range(results.settings.n_repetitions(expert))
         ]
         for role in ROLES:
             sets = [getattr(each, role) for each in every]

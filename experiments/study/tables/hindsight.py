@@ -17,13 +17,11 @@ import pandas as pd
 
 from experiments.running.tables import Row
 from experiments.study.arrival.distances import ArrivalTables, distances, ks_p_value
-from experiments.study.recordings.demonstrations import n_repetitions
+from experiments.study.arrival.stage import arrival_by_chain
 from experiments.study.recordings.experts import EXPERTS
 from experiments.study.recordings.moves import decisions_of_moves
 from experiments.study.tables.results import Results
-from experiments.study.world import TRAIN_AREA, start_shares
 from serd_core.arrays import FloatArray
-from serd_core.arrival.chain import arrival_time_distribution
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import ACROSS_FLOW, WITH_FLOW
@@ -45,7 +43,9 @@ def hindsight_table(results: Results) -> pd.DataFrame:
             learned = results.arrival_tables(expert, method)
             arrived = bool((learned.measured[:, -1] >= 1.0).all())
             row: Row = {"expert": expert, "method": method, "always_arrived": arrived}
-            row |= _columns("learned", learned, _mean_truth(results, expert, method))
+            row |= _columns(
+                "learned", learned, results.models(expert, method, "truth").mean(axis=0)
+            )
             moves = results.moves(expert, method)
             hindsight = _Estimate.of(results, moves, "measured drives") if moves else None
             for kind, estimate in (("pooled", pooled), ("hindsight", hindsight)):
@@ -90,28 +90,11 @@ def _predicted(
 
 def tables_under(results: Results, expert: str, method: str, dynamics: FloatArray) -> ArrivalTables:
     """As `Results.arrival_tables`, with every policy's arrival predicted under other dynamics."""
-    learned, problem = results.arrival_tables(expert, method), results.problem
-    starts = start_shares(results.scenario, problem, TRAIN_AREA)
     predicted = [
-        arrival_time_distribution(
-            problem,
-            np.eye(problem.mdp.n_actions)[
-                np.array(results.model(expert, number, method)["greedy"])
-            ],
-            dynamics,
-            starts,
-            learned.predicted.shape[1] - 1,
-        ).cdf
-        for number in range(n_repetitions(results.settings, expert))
+        arrival_by_chain(results, greedy, dynamics).cdf
+        for greedy in results.models(expert, method, "greedy")
     ]
-    return replace(learned, predicted=np.array(predicted))
-
-
-def _mean_truth(results: Results, expert: str, method: str) -> FloatArray:
-    """(M, K) mean of the dynamics learned in each repetition."""
-    every = range(n_repetitions(results.settings, expert))
-    learned = np.array([results.model(expert, number, method)["truth"] for number in every])
-    return np.asarray(learned.mean(axis=0))
+    return replace(results.arrival_tables(expert, method), predicted=np.array(predicted))
 
 
 def _columns(kind: str, tables: ArrivalTables | None, dynamics: FloatArray | None) -> Row:

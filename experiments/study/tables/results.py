@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,38 +10,17 @@ import pandas as pd
 
 from experiments.running.tables import Row
 from experiments.study.arrival.distances import ArrivalTables
-from experiments.study.arrival.stage import (
-    load_arrivals,
-    measured_cdf,
-    n_episodes,
-    n_periods,
-)
-from experiments.study.fits.fitting import load_fits
-from experiments.study.recordings.demonstrations import load_sets, n_repetitions
+from experiments.study.arrival.stage import measured_cdf, n_episodes, n_periods
+from experiments.study.products import load_repetition
+from experiments.study.recordings.demonstrations import load_sets
 from experiments.study.recordings.experts import EXPERTS
 from experiments.study.recordings.moves import Move, counted_moves
-from experiments.study.settings import StudySettings
-from experiments.study.world import problem_of, scenario_of
-from serd_core.grid.navigation import NavigationProblem
-from sim.scenario.scenario import Scenario
+from experiments.study.study import Study
 
 
 @dataclass(frozen=True)
-class Results:
-    """The finished stages of a folder."""
-
-    settings: StudySettings
-    folder: Path
-
-    @cached_property
-    def scenario(self) -> Scenario:
-        """The scenario of the study."""
-        return scenario_of(self.settings)
-
-    @cached_property
-    def problem(self) -> NavigationProblem:
-        """The decision problem of the study."""
-        return problem_of(self.settings)
+class Results(Study):
+    """The finished stages of a study."""
 
     @cached_property
     def measures(self) -> pd.DataFrame:
@@ -63,30 +41,25 @@ class Results:
         """Names of what was compared on an expert, in their order."""
         return list(self._fits[expert, 0]["models"])
 
-    def model(self, expert: str, repetition: int, method: str) -> dict[str, Any]:
-        """A learned model of the largest size: greedy, truth, reward_weights."""
-        found: dict[str, Any] = self._fits[expert, repetition]["models"][method]
-        return found
-
     def predictions(self, expert: str, method: str) -> list[Row]:
         """The prediction of each repetition's model."""
-        every = range(n_repetitions(self.settings, expert))
-        return [self._arrivals[expert, number]["predicted"][method] for number in every]
+        return [each["predicted"][method] for each in self._of(self._arrivals, expert)]
 
     def moves(self, expert: str, method: str) -> list[Sequence[int]]:
-        """What happened in measured drives, as rows of `Move`, of all repetitions that kept it."""
-        every = range(n_repetitions(self.settings, expert))
-        kept = [self._arrivals[expert, number].get("moves", {}) for number in every]
-        return [row for moves in kept for row in moves.get(method, [])]
+        """What happened in measured drives of all repetitions, as rows of `Move`."""
+        return [row for each in self._of(self._arrivals, expert) for row in each["moves"][method]]
+
+    def models(self, expert: str, method: str, name: str) -> np.ndarray:
+        """(R, ...) one part of the model of each repetition: greedy or truth."""
+        return np.array([each["models"][method][name] for each in self._of(self._fits, expert)])
 
     def demonstrated(self, expert: str) -> list[Move]:
         """What happened in the training demonstrations of all repetitions, counted."""
-        every = range(n_repetitions(self.settings, expert))
-        folder = self.folder / "demonstrations"
+        every = range(self.settings.n_repetitions(expert))
         return [
             move
             for number in every
-            for move in counted_moves(load_sets(folder, expert, number).training)
+            for move in counted_moves(load_sets(self, expert, number).training)
         ]
 
     def arrival_tables(self, expert: str, method: str) -> ArrivalTables:
@@ -105,16 +78,21 @@ class Results:
 
     @cached_property
     def _fits(self) -> dict[tuple[str, int], dict[str, Any]]:
-        return {key: load_fits(self.folder / "fits", *key) for key in self._keys}
+        return {key: load_repetition(self, "fits", *key) for key in self._keys}
 
     @cached_property
     def _arrivals(self) -> dict[tuple[str, int], dict[str, Any]]:
-        return {key: load_arrivals(self.folder / "arrival", *key) for key in self._keys}
+        return {key: load_repetition(self, "arrival", *key) for key in self._keys}
 
     @cached_property
     def _keys(self) -> list[tuple[str, int]]:
         return [
             (expert, number)
             for expert in EXPERTS
-            for number in range(n_repetitions(self.settings, expert))
+            for number in range(self.settings.n_repetitions(expert))
         ]
+
+    @staticmethod
+    def _of(stage: dict[tuple[str, int], dict[str, Any]], expert: str) -> list[dict[str, Any]]:
+        """What a stage made of each repetition of an expert."""
+        return [content for (name, _), content in stage.items() if name == expert]

@@ -2,10 +2,9 @@ from pathlib import Path
 
 import pytest
 
-from experiments.study.recordings.bag_sets import sets_from_bags
-from experiments.study.recordings.demonstration_sets import ROLES
+from experiments.study.recordings.demonstrations import ROLES, sets_from_bags
 from experiments.study.settings import study_settings
-from experiments.study.world import problem_of, scenario_of
+from experiments.study.study import Study
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 
 SETTINGS = study_settings()
@@ -18,13 +17,18 @@ def settings():
 
 
 @pytest.fixture(scope="session")
-def scenario():
-    return scenario_of(SETTINGS)
+def study():
+    return Study(SETTINGS, Path())
 
 
 @pytest.fixture(scope="session")
-def problem():
-    return problem_of(SETTINGS)
+def scenario(study):
+    return study.scenario
+
+
+@pytest.fixture(scope="session")
+def problem(study):
+    return study.problem
 
 
 @pytest.fixture(scope="session")
@@ -35,9 +39,9 @@ def shipped_training(scenario, problem):
 
 
 @pytest.fixture(scope="session")
-def shipped_sets(scenario, problem):
+def shipped_sets():
     with_bags = study_settings(bags=[BAGS / role for role in ROLES])
-    return sets_from_bags(with_bags, scenario, problem, repetition=0)
+    return sets_from_bags(Study(with_bags, Path()), repetition=0)
 
 
 @pytest.fixture(scope="session")

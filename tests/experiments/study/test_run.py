@@ -9,12 +9,11 @@ import sim
 from experiments.running.tables import plain_rows
 from experiments.study.figures.catalogue import FIGURES
 from experiments.study.fits.methods import METHODS
-from experiments.study.recordings.bag_sets import check_bags
-from experiments.study.recordings.demonstrations import load_sets, n_repetitions
+from experiments.study.recordings.demonstrations import check_bags, load_sets
 from experiments.study.recordings.experts import EXPERTS, PEOPLE
-from experiments.study.run import redraw, run_study
+from experiments.study.run import redraw, run_study, stages_of
 from experiments.study.settings import study_settings
-from experiments.study.stages import stages_of
+from experiments.study.study import Study
 from experiments.study.tables.catalogue import headline
 from experiments.study.tables.hindsight import tables_under
 from experiments.study.tables.results import Results
@@ -66,7 +65,7 @@ def test_every_stage_leaves_its_products_from_which_tables_and_figures_are_made(
         "learning",
         "times of arrival",
     ]
-    assert not any(stage.missing for stage in stages_of(settings, folder / "work"))
+    assert not any(stage.missing for stage in stages_of(Study(settings, folder / "work")))
     assert list(headline(tables)["method"]) == list(METHODS)
     assert set(tables["measures"]["expert"]) == set(EXPERTS)
     assert_every_method_drove_the_same_episodes(tables["measured_episodes"])
@@ -91,8 +90,8 @@ def assert_every_method_drove_the_same_episodes(rows):
 
 
 def assert_predictions_differ_by_their_dynamics_alone(results):
-    learned = results.model(PEOPLE, 1, "cloning")["truth"]
-    same = tables_under(results, PEOPLE, "cloning", np.array(learned))
+    learned = results.models(PEOPLE, "cloning", "truth")[1]
+    same = tables_under(results, PEOPLE, "cloning", learned)
     predicted = results.arrival_tables(PEOPLE, "cloning").predicted
     np.testing.assert_allclose(same.predicted[1], predicted[1], atol=1e-12)
 
@@ -107,8 +106,8 @@ def assert_estimates_are_made_of_all_decisions(results, rows):
         expected = {
             "hindsight_decisions": sum(count for *_, count in moves),
             "pooled_decisions": sum(
-                len(load_sets(results.folder / "demonstrations", row["expert"], number).training)
-                for number in range(n_repetitions(results.settings, row["expert"]))
+                len(load_sets(results, row["expert"], number).training)
+                for number in range(results.settings.n_repetitions(row["expert"]))
             ),
         }
         for name, count in expected.items():
@@ -143,7 +142,7 @@ def test_bags_of_another_place_are_refused(bags_folder, tmp_path):
     settings = study_settings(quick=True, config=config, bags=[bags_folder / "training"])
     sentence = r"must be recorded in the scenario 'corridor', but 428 of 584 decisions lie outside"
     with pytest.raises(SerdError, match=sentence):
-        check_bags(settings)
+        check_bags(Study(settings, tmp_path))
 
 
 def test_a_folder_without_a_study_is_refused(tmp_path):

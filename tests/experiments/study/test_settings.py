@@ -1,7 +1,7 @@
 import pytest
 
+from experiments.study.recordings.drives import Purpose, world_seed
 from experiments.study.recordings.experts import EXPERTS
-from experiments.study.recordings.seeds import Purpose, world_seed
 from experiments.study.settings import study_settings
 from storage.errors import FileError
 

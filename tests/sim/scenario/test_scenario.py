@@ -8,7 +8,6 @@ import pytest
 import yaml
 
 import sim.scenario.scenario
-from experiments.study.world import start_shares
 from serd_app.navigation.strategy import start_distribution
 from serd_core.errors import SerdError
 from sim.scenario.grid import grid_of, navigation_problem_of
@@ -304,5 +303,4 @@ def test_a_prediction_begins_where_the_robot_does(tmp_path):
             begun.add(world.grid.state_at(start.x_m, start.y_m))
     (states,) = np.nonzero(start_distribution(scenario, "train"))
     problem = navigation_problem_of(scenario, 0.99)
-    (of_study,) = np.nonzero(start_shares(scenario, problem, "train"))
-    assert begun == set(states) == set(of_study) == {problem.grid.state_at(1.5, 1.5)}
+    assert begun == set(states) == {problem.grid.state_at(1.5, 1.5)}

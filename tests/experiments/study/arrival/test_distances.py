@@ -4,7 +4,6 @@ import pytest
 
 from experiments.study.arrival.distances import ArrivalTables, distance_row, ks_p_value
 from experiments.study.arrival.stage import measured_cdf, sampled_cdf
-from experiments.study.world import TRAIN_AREA, start_shares
 from serd_core.arrival.chain import arrival_time_distribution
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.policies.solved_policy import optimal_policy
@@ -103,11 +102,11 @@ def test_measured_times_are_rounded_up_to_whole_periods_and_what_never_arrived_s
     np.testing.assert_allclose(measured_cdf(rows, 2.0, 5), [0, 0, 0.5, 0.5, 0.5, 0.75])
 
 
-def test_sampled_trajectories_arrive_as_the_chain_says(scenario, problem, shipped_training):
+def test_sampled_trajectories_arrive_as_the_chain_says(study, problem, shipped_training):
     truth = estimate_dynamics(problem, shipped_training)
     greedy = optimal_policy(problem, np.array([5.0, 1.0, 0.0]), truth).greedy
     policy = np.eye(5)[greedy]
-    starts = start_shares(scenario, problem, TRAIN_AREA)
+    starts = study.starts
     chain = arrival_time_distribution(problem, policy, truth, starts, 60).cdf
     sampled = sampled_cdf(problem, policy, truth, starts, 60, 4000, np.random.default_rng(1))
     # Dvoretzky-Kiefer-Wolfowitz: beyond this in one of 10^6 samples.

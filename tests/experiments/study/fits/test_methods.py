@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from experiments.study.fits.fitting import candidate_rows, trials
-from experiments.study.fits.learned import learned_from_fit
 from experiments.study.fits.methods import (
     METHODS,
     behavioural_cloning,
     by,
     irl_with_true_dynamics,
+    learned_from_fit,
 )
 from serd_app.learning import methods
 from serd_app.learning.methods import fit_tied
@@ -43,8 +43,8 @@ REFERENCE = np.array(
 
 
 @pytest.fixture(scope="module")
-def trial(settings, problem, shipped_sets):
-    (found,) = trials(settings, problem, shipped_sets, (8,), REFERENCE, repetition=0)
+def trial(study, shipped_sets):
+    (found,) = trials(study, shipped_sets, (8,), REFERENCE, repetition=0)
     return found
 
 
@@ -148,8 +148,8 @@ def test_every_method_explains_what_it_has_seen_better_than_chance(problem, tria
     assert log_likelihood(problem, trial, learned) > chance + 1.0
 
 
-def test_subsets_are_nested_and_split_without_overlap(settings, problem, shipped_sets):
-    found = list(trials(settings, problem, shipped_sets, (2, 8, 20), REFERENCE, repetition=1))
+def test_subsets_are_nested_and_split_without_overlap(study, shipped_sets):
+    found = list(trials(study, shipped_sets, (2, 8, 20), REFERENCE, repetition=1))
     assert [len(each.decisions.episodes) for each in found] == [2, 8, 20]
     for smaller, larger in pairwise(found):
         assert set(smaller.decisions.episodes) < set(larger.decisions.episodes)

@@ -1,9 +1,12 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from experiments.study.figures.scenario import shortest_way, typical_way
-from experiments.study.recordings.bag_sets import sets_from_bags
+from experiments.study.recordings.demonstrations import sets_from_bags
 from experiments.study.recordings.reference import ExploringDriver
+from experiments.study.study import Study
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
@@ -52,8 +55,8 @@ class TestSetsFromBags:
             update={"demonstrations": settings.demonstrations.model_copy(update={"bags": bags})}
         )
 
-    def test_episodes_are_split_anew_and_none_is_in_two_sets(self, with_bags, scenario, problem):
-        first, second = (sets_from_bags(with_bags, scenario, problem, r) for r in (0, 1))
+    def test_episodes_are_split_anew_and_none_is_in_two_sets(self, with_bags, problem):
+        first, second = (sets_from_bags(Study(with_bags, Path()), r) for r in (0, 1))
         for sets in (first, second):
             assert len(sets.training.episodes) == 20
             assert len(sets.test.episodes) == len(sets.transfer.episodes) == 10
@@ -61,17 +64,13 @@ class TestSetsFromBags:
             assert (problem.grid.centers_m[sets.transfer.state[0]] > [4.0, 0.0]).all()
         assert first.training.episodes.tolist() != second.training.episodes.tolist()
 
-    def test_a_bag_given_twice_is_refused(self, with_bags, scenario, problem):
+    def test_a_bag_given_twice_is_refused(self, with_bags):
         bags = with_bags.demonstrations.bags
         twice = with_bags.demonstrations.model_copy(update={"bags": (*bags, bags[0])})
         with pytest.raises(SerdError, match="584 of an episode that was there before"):
-            sets_from_bags(
-                with_bags.model_copy(update={"demonstrations": twice}), scenario, problem, 0
-            )
+            sets_from_bags(Study(with_bags.model_copy(update={"demonstrations": twice}), Path()), 0)
 
-    def test_too_few_episodes_are_refused(self, with_bags, scenario, problem):
+    def test_too_few_episodes_are_refused(self, with_bags):
         short = with_bags.demonstrations.model_copy(update={"training": 21})
         with pytest.raises(SerdError, match="must hold 31 episodes for training and test, got 30"):
-            sets_from_bags(
-                with_bags.model_copy(update={"demonstrations": short}), scenario, problem, 0
-            )
+            sets_from_bags(Study(with_bags.model_copy(update={"demonstrations": short}), Path()), 0)

@@ -1,7 +1,6 @@
 """Tables over repetitions, on results whose every number is made up here."""
 
-from dataclasses import dataclass, field
-from types import SimpleNamespace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -27,9 +26,9 @@ class MadeUp:
     """
 
     settings: object
-    scenario: object = None
     problem: object = None
-    greedy: dict[int, list[int]] = field(default_factory=dict)
+    starts: object = None
+    greedy: object = None
 
     def methods(self, expert):
         return [OURS, OTHER] if expert == PEOPLE else [BASELINE, ASSUMED]
@@ -53,9 +52,9 @@ class MadeUp:
         predicted = (np.arange(21) >= 11).astype(float)
         return ArrivalTables(np.array([predicted] * N), np.array([arrived] * N), 5, 2.0)
 
-    def model(self, expert, repetition, method):
+    def models(self, expert, method, name):
         del expert, method
-        return {"greedy": self.greedy[repetition]}
+        return {"greedy": self.greedy}[name]
 
 
 @pytest.fixture
@@ -98,13 +97,12 @@ def test_arrivals_are_compared_by_score_and_by_mean_time(results):
         assert found[expert, "measured_mean_s"]["p_holm"] == pytest.approx(2 / 2**N)
 
 
-def test_traps_are_counted_by_repetition_and_at_the_start(results, scenario, problem):
+def test_traps_are_counted_by_repetition_and_at_the_start(results, study, problem):
     to_goal = shortest_moves(problem)
     stuck = to_goal.copy()
     stuck[0] = 0
-    results.settings = SimpleNamespace(learning=SimpleNamespace(repetitions=2))
-    results.scenario, results.problem = scenario, problem
-    results.greedy = {0: to_goal.tolist(), 1: stuck.tolist()}
+    results.problem, results.starts = problem, study.starts
+    results.greedy = np.array([to_goal, stuck])
     ours = traps(results).iloc[0]
     assert ours["fewest_traps"] == 0
     assert ours["most_traps"] >= 1
