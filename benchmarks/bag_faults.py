@@ -5,9 +5,10 @@ cut and damaged at many places. Lost are messages that had been handed to the re
 fault, and the time they span. A fault is undetected where messages are missing or differ from those
 recorded and the reader reports no damage.
 
-python -m benchmarks.bag_faults        # measures for a minute, writes docs/bags.md
+python -m benchmarks.bag_faults        # measures for a minute, writes the rows of the table
 """
 
+import re
 import signal
 import subprocess
 import sys
@@ -24,9 +25,11 @@ from mcap.stream_reader import MAGIC_SIZE
 from bags.mcap.records import RECORD_HEAD
 from bags.mcap.scan import McapScan
 from bags.writer import BagWriter
-from storage.files import atomic_write_text
+from storage.files import atomic_write_text, read_text
 
 _DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "bags.md"
+#: The rows below the head of the table.
+_ROWS = re.compile(r"(\| fault \|.*\n\|.*\n)(?:\|.*\n)*")
 _TYPE = "geometry_msgs/msg/PoseStamped"
 _N_TOPICS, _RATE_HZ, _DURATION_S = 20, 50, 6.0
 _FLUSH_PERIOD_S = 0.25
@@ -84,7 +87,9 @@ def main() -> None:
             ("file emptied (0 bytes)", [_of(folder, whole, b"")]),
             ("file overwritten with zeros", [_of(folder, whole, bytes(len(whole.content)))]),
         ]
-    atomic_write_text(_DOCUMENT, _document(rows, len(whole.messages)))
+    lines = "\n".join(_line(name, losses) for name, losses in rows)
+    page = _ROWS.sub(lambda head: f"{head[1]}{lines}\n", read_text(_DOCUMENT))
+    atomic_write_text(_DOCUMENT, page)
     print(f"wrote {_DOCUMENT}")
 
 
@@ -185,18 +190,6 @@ def _middles(content: bytes) -> list[int]:
     return [(a + b) // 2 for a, b in zip(starts, [*starts[1:], len(content)], strict=True)]
 
 
-def _document(rows: Sequence[tuple[str, Sequence[Loss]]], n_messages: int) -> str:
-    lines = [_line(name, losses) for name, losses in rows]
-    return _TEXT.format(
-        n_messages=n_messages,
-        topics=_N_TOPICS,
-        rate=_RATE_HZ,
-        duration=_DURATION_S,
-        flush=_FLUSH_PERIOD_S,
-        table="\n".join(lines),
-    )
-
-
 def _line(name: str, losses: Sequence[Loss]) -> str:
     def of(value: Callable[[Loss], float]) -> list[float]:
         return [value(loss) for loss in losses]
@@ -208,58 +201,6 @@ def _line(name: str, losses: Sequence[Loss]) -> str:
         f"| {name} | {len(losses)} | {np.mean(seconds):.2f} | {max(seconds):.2f} | {most} "
         f"| {undetected} |"
     )
-
-
-_TEXT = """# What can be read of a damaged recording
-
-Written by `python -m benchmarks.bag_faults`: a recorder of {topics} topics at {rate} Hz, flushed
-to the disk every {flush} s. The damaged file is a finished recording of {duration:g} s with
-{n_messages} messages. Lost are messages that were given to the recorder before the fault and
-cannot be read any more; of a cut file, those in the chunk in which it ends; of a killed recorder,
-those due in the time lost. "Undetected" counts readings in which messages are missing, or differ
-from those recorded, without any damage being reported.
-
-| fault | tries | mean lost [s] | most lost [s] | most messages lost | undetected |
-| --- | ---: | ---: | ---: | ---: | ---: |
-{table}
-
-No try crashed or blocked the reader. A file that is emptied or overwritten has nothing left to
-read, which the reader reports. The same faults, with assertions, are in
-`tests/bags/test_broken_files.py` and `tests/bags/test_killed_recorder.py`;
-`tests/system/test_killed_recorder_node.py` kills the whole `demo_recorder` node.
-
-## What is detected, what is recovered
-
-`serd bag check BAG` lists the faults of a bag; `serd bag recover BAG` writes the readable
-messages as a new, valid bag and reports how many are lost: the exact number where `metadata.yaml`
-or the summaries of the files count what was recorded, "at least" a number where a damaged file
-has no count, and "unknown" where there is no count at all.
-
-- **Any bag with `metadata.yaml`.** Detected: files that are missing or not listed, and topics
-  with more or fewer messages than were recorded.
-- **MCAP.** Detected: wrong checksums of chunks and summary, topics that do not match the
-  statistics; by `check` also a wrong index behind a chunk. Recovered: every complete chunk, and
-  of a torn one its complete messages if it was not compressed.
-- **sqlite3.** Detected: what SQLite's integrity check finds, and rows that are cut off. *Not*
-  detected: changed bytes within a message, since the format has no checksums; `serd bag convert`
-  adds them. Recovered: every complete row, page by page, also from the write-ahead log of a
-  recorder that was killed.
-- **Files or messages compressed with zstd.** Detected: what cannot be decompressed, then as
-  above. Recovered: what can be decompressed.
-
-Sound files are read with `mcap` (records, chunks, summary) and `rosbags` (sqlite3, messages);
-sealing chunks by time, appending them as whole blocks and reading damaged files is code of this
-package.
-
-Messages of types that are not installed are copied too, with the definition in the bag; for a bag
-from before Jazzy, which has no type hashes, they are computed from its definitions. Only messages
-that are not CDR are left out, and counted; the exit code is then 1.
-
-`check` also reports gaps, times that step back, and two clocks that differ: stamps that jump
-against log times by more than 0.5 s, or drift from them by more than 0.1 s. Late messages do not
-count as clock errors, since only the least delay within each second is compared. Tests:
-`tests/bags/test_lost_messages.py`, `test_sqlite_files.py`, `test_two_clocks.py`.
-"""
 
 
 if __name__ == "__main__":

@@ -9,13 +9,12 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.running.experiment import Count, Findings, Session, Sizes
+from experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from experiments.running.tables import Row, quartiles
-from report.learners import STYLES, tick_sizes
-from report.style import BLUE, CYAN, HAIRLINE, INK, MUTED, new_figure
+from report.learners import STYLES, draw_band, tick_sizes
+from report.style import HAIRLINE, INK, MUTED, new_figure
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
@@ -27,9 +26,9 @@ from serd_core.mdp.problem import TabularProblem
 from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.norm import NormPrior
+from serd_core.priors.prior import Prior
 from serd_core.selection.evaluation import fitted_policy
 from storage.settings import setting
-from storage.yaml_config import StrictModel
 
 FIRST, SECOND = 0, 1
 A, B, C = 0, 1, 2
@@ -39,7 +38,7 @@ LEARNERS: dict[str, Belief] = {"MDCE SERD": TiedBelief(), "MDCE IRL": FixedBelie
 WIDEST = 60.0
 
 
-class MinimumExampleConfig(StrictModel):
+class MinimumExampleConfig(SeededConfig):
     """Settings of section 4.6.1; the thesis does not state the discount."""
 
     n_sets: Count = setting(5_000, "demonstration sets, spread evenly over the sizes")
@@ -47,7 +46,6 @@ class MinimumExampleConfig(StrictModel):
     horizon: Count = setting(3, "decisions of a demonstration")
     discount: float = setting(0.9, "discount per decision", ge=0, lt=1)
     weight: float = setting(1e-6, "of the L2 norms of rewards and dynamics", ge=0)
-    seed: int = setting(0, "of which every random number is derived", ge=0)
 
 
 def run_minimum_example(config: MinimumExampleConfig, session: Session) -> Findings:
@@ -84,7 +82,6 @@ def fit_one_set(config: MinimumExampleConfig, index: int) -> list[Row]:
     size = config.sizes[index % len(config.sizes)]
     decisions = demonstrate(problem, size, config.horizon, rng)
     weight = rng.uniform(-10.0, 10.0, 1)
-    prior = NormPrior(config.weight, Block.REWARD) + NormPrior(config.weight, Block.TRUTH)
     rows = []
     for name, belief in LEARNERS.items():
         fit = fit_mdce_serd(
@@ -92,11 +89,16 @@ def fit_one_set(config: MinimumExampleConfig, index: int) -> list[Row]:
             decisions,
             initial_weights=weight,
             belief=belief,
-            prior=prior,
+            prior=prior_of(config),
             ascent=ASCENT,
         )
         rows.append(_row(problem, name, index, size, fit))
     return rows
+
+
+def prior_of(config: MinimumExampleConfig) -> Prior:
+    """L2 norms of rewards and dynamics."""
+    return NormPrior(config.weight, Block.REWARD) + NormPrior(config.weight, Block.TRUTH)
 
 
 def minimum_example(discount: float) -> TabularProblem:
@@ -160,28 +162,16 @@ def likelihood_figure(table: pd.DataFrame) -> Figure:
     figure = new_figure(6.0, 3.8)
     axes = figure.subplots()
     is_serd = table["learner"] == "MDCE SERD"
-    for label, chosen, colour in (
-        ("MDCE SERD, mode A", table[is_serd & (table["mode"] == "A")], CYAN),
-        ("MDCE SERD, mode B", table[is_serd & (table["mode"] == "B")], BLUE),
-        ("MDCE IRL", table[~is_serd], STYLES["MDCE IRL"].colour),
-    ):
-        if len(chosen):
-            _quartile_band(axes, quartiles(chosen, "log_likelihood", ["size"]), colour, label)
+    learner = table["learner"].where(~is_serd, "MDCE SERD, mode " + table["mode"])
+    for name in sorted(learner.unique(), key=list(STYLES).index):
+        curve = quartiles(table[learner == name], "log_likelihood", ["size"]).sort_values("size")
+        draw_band(axes, curve["size"], -curve[["median", "lower", "upper"]], name)
     axes.set(xlabel="demonstrations", ylabel="minus log-likelihood of the choice", xscale="log")
     axes.set_yscale("log")
     tick_sizes(axes, sorted(table["size"].unique()))
     axes.grid(color=HAIRLINE, linewidth=0.6)
     axes.legend(frameon=False)
     return figure
-
-
-def _quartile_band(axes: Axes, table: pd.DataFrame, colour: str, label: str) -> None:
-    ordered = table.sort_values("size")
-    axes.plot(ordered["size"], -ordered["median"], "o-", color=colour, label=label)
-    axes.fill_between(
-        ordered["size"], -ordered["lower"], -ordered["upper"], color=colour, alpha=0.2, linewidth=0
-    )
-    axes.tick_params(colors=INK)
 
 
 def _row(problem: TabularProblem, name: str, index: int, size: int, fit: FitResult) -> Row:

@@ -11,31 +11,30 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from experiments.minimum_example import ASCENT, demonstrate, minimum_example
+from experiments.minimum_example import (
+    ASCENT,
+    MinimumExampleConfig,
+    demonstrate,
+    minimum_example,
+    prior_of,
+)
 from experiments.running.experiment import Count, Findings, Session, Sizes
 from experiments.running.tables import Row
 from report.style import BLUE, CYAN, HAIRLINE, YELLOW, new_figure, report_style
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
-from serd_core.posterior.parameters import Block
-from serd_core.priors.norm import NormPrior
 from serd_core.selection.multi_start import MultiStart, describe, multi_start
 from storage.settings import setting
-from storage.yaml_config import StrictModel
 
 COLOURS = {"none": HAIRLINE, "1": CYAN, "2": BLUE, "3 or more": YELLOW}
 
 
-class MultiStartConfig(StrictModel):
-    """Settings of the random starts."""
+class MultiStartConfig(MinimumExampleConfig):
+    """Settings of the random starts on the minimum example."""
 
     n_sets: Count = setting(40, "demonstration sets of each size")
     sizes: Sizes = setting((1, 3, 12, 50), "demonstrations of a set")
     n_starts: Count = setting(10, "random starts for each set")
-    horizon: Count = setting(3, "decisions of a demonstration")
-    discount: float = setting(0.9, "discount per decision", ge=0, lt=1)
-    weight: float = setting(1e-6, "of the L2 norms of rewards and dynamics", ge=0)
-    seed: int = setting(0, "of which every random number is derived", ge=0)
 
 
 def run_multi_start(config: MultiStartConfig, session: Session) -> Findings:
@@ -75,10 +74,9 @@ def fits_of_set(config: MultiStartConfig, number: int) -> MultiStart:
     problem = minimum_example(config.discount)
     size = config.sizes[number % len(config.sizes)]
     decisions = demonstrate(problem, size, config.horizon, rng)
-    prior = NormPrior(config.weight, Block.REWARD) + NormPrior(config.weight, Block.TRUTH)
 
     def fit(start: np.random.Generator) -> FitResult:
-        return fit_mdce_serd(problem, decisions, rng=start, prior=prior, ascent=ASCENT)
+        return fit_mdce_serd(problem, decisions, rng=start, prior=prior_of(config), ascent=ASCENT)
 
     return multi_start(fit, config.n_starts, rng)
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import Policy
 from sim.scenario.scenario import Scenario
+from storage.episode_table import EpisodeResult
 
 
 def finite_number(name: str, value: float) -> float:
@@ -36,43 +37,6 @@ def array_with_gaps(name: str, values: Any, shape: tuple[int | None, ...]) -> Fl
     float_array(name, np.nan_to_num(array), shape)
     array.flags.writeable = False
     return array
-
-
-EpisodeOutcome = Literal["arrived", "timeout", "aborted"]
-
-
-@dataclass(frozen=True)
-class EpisodeRow:
-    """One drive; `time_of_arrival_s` is None unless the robot arrived."""
-
-    episode: int
-    seed: int
-    outcome: EpisodeOutcome
-    time_of_arrival_s: float | None
-    path_length_m: float
-    robot_on_person_contacts: int = 0
-    person_on_robot_contacts: int = 0
-    wall_contacts: int = 0
-
-    def __post_init__(self) -> None:
-        if self.outcome not in get_args(EpisodeOutcome):
-            raise ReportError(
-                f"outcome of episode {self.episode} must be one of "
-                f"{', '.join(get_args(EpisodeOutcome))}, got {self.outcome!r}: fix the table."
-            )
-        if (self.outcome == "arrived") != (self.time_of_arrival_s is not None):
-            raise ReportError(
-                f"time_of_arrival_s of episode {self.episode} must be given exactly if it arrived, "
-                f"got {self.time_of_arrival_s} with outcome {self.outcome!r}: use None otherwise."
-            )
-        if self.time_of_arrival_s is not None:
-            finite_number(f"time_of_arrival_s of episode {self.episode}", self.time_of_arrival_s)
-        finite_number(f"path_length_m of episode {self.episode}", self.path_length_m)
-
-    @property
-    def arrived(self) -> bool:
-        """True if the robot reached the goal area in time."""
-        return self.outcome == "arrived"
 
 
 @dataclass(frozen=True)
@@ -200,7 +164,7 @@ class ReportInputs:
     demonstration_tracks_m: tuple[FloatArray, ...]
     fit: FitResult
     policy: Policy
-    episodes: tuple[EpisodeRow, ...]
+    episodes: tuple[EpisodeResult, ...]
     predicted: ArrivalLaw
     timeout_s: float
     snapshot: CrowdSnapshot
@@ -222,8 +186,7 @@ class ReportInputs:
     @property
     def arrival_times_s(self) -> FloatArray:
         """(N,) time of arrival of each episode, inf where it did not arrive."""
-        times_s = [row.time_of_arrival_s for row in self.episodes]
-        return np.array([np.inf if time_s is None else time_s for time_s in times_s])
+        return np.array([row.time_of_arrival_s if row.arrived else np.inf for row in self.episodes])
 
     def _check_learned(self) -> None:
         states, models = self.problem.grid.n_states, len(self.problem.model_names)

@@ -35,6 +35,8 @@ STYLES = {
     "PM SERD, regularised": _SERD,
     "SERD, free belief": _FREE_SERD,
     "free": _FREE_SERD,
+    "MDCE SERD, mode A": _FREE_SERD,
+    "MDCE SERD, mode B": _SERD,
     "MDCE SERD, training part": LearnerStyle(YELLOW, "X", ":"),
     "MDCE SERD, stopped early": LearnerStyle(GREEN, "P", "--"),
     "PM SERD": LearnerStyle(CYAN, "P"),
@@ -45,7 +47,7 @@ STYLES = {
     "MDCE IRL, entropy": LearnerStyle(RED, "^", "--"),
     "REIRL": LearnerStyle(GREEN, "v", "-."),
     "cloning": LearnerStyle(YELLOW, "X", ":"),
-    "told the truth (IRL)": LearnerStyle(MUTED, "*", ":"),
+    "true dynamics (IRL)": LearnerStyle(MUTED, "*", ":"),
 }
 
 

@@ -10,6 +10,8 @@ from report.style import counted, percent, seconds_in_words
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.law import largest_gap
 from serd_core.arrival.trap_states import trap_states
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.navigation import NavigationProblem
 
 
 @dataclass(frozen=True)
@@ -57,9 +59,9 @@ def summary_of(inputs: ReportInputs) -> Summary:
     episodes, fit, run = inputs.episodes, inputs.fit, inputs.run
     predicted = predicted_curve(inputs.predicted, len(episodes))
     measured = measured_curve(inputs.arrival_times_s, inputs.timeout_s)
-    times = [row.time_of_arrival_s for row in episodes if row.time_of_arrival_s is not None]
+    times = [row.time_of_arrival_s for row in episodes if row.arrived]
     models = inputs.problem.model_names
-    counts = decisions_per_model(inputs).tolist()
+    counts = decisions_per_model(inputs.problem, inputs.demonstrations).tolist()
     return Summary(
         n_demonstrations=len(inputs.demonstrations.episodes),
         n_decisions=len(inputs.demonstrations),
@@ -73,9 +75,9 @@ def summary_of(inputs: ReportInputs) -> Summary:
         measured_mean_s=float(np.mean(times)) if times else None,
         largest_cdf_gap=largest_gap(inputs.predicted, inputs.arrival_times_s),
         timeout_s=inputs.timeout_s,
-        robot_on_person_contacts=sum(row.robot_on_person_contacts for row in episodes),
-        person_on_robot_contacts=sum(row.person_on_robot_contacts for row in episodes),
-        wall_contacts=sum(row.wall_contacts for row in episodes),
+        robot_on_person_contacts=sum(row.robot_on_person for row in episodes),
+        person_on_robot_contacts=sum(row.person_on_robot for row in episodes),
+        wall_contacts=sum(row.robot_on_wall for row in episodes),
         n_trap_states=int(trapped_states(inputs).sum()),
         converged=bool(fit.converged),
         n_steps=int(fit.n_steps),
@@ -127,8 +129,8 @@ def trapped_states(inputs: ReportInputs) -> BoolArray:
     return trap_states(problem.grid.neighbours, inputs.policy.greedy, problem.goal_states)
 
 
-def decisions_per_model(inputs: ReportInputs) -> IntArray:
-    """(M,) how many demonstrated decisions each outcome model is learned from."""
-    model_of = inputs.problem.outcome_models.model_of
-    used = model_of[inputs.demonstrations.state, inputs.demonstrations.action]
-    return np.bincount(used, minlength=len(inputs.problem.model_names))
+def decisions_per_model(problem: NavigationProblem, decisions: Decisions) -> IntArray:
+    """(M,) number of decisions that each outcome model applies to."""
+    models = problem.outcome_models
+    used = models.model_of[decisions.state, decisions.action]
+    return np.bincount(used, minlength=models.n_models)

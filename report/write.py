@@ -1,7 +1,6 @@
 """Every file of a report: figures, tables, summary and the page, each written atomically."""
 
 import json
-from dataclasses import astuple, fields
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +22,12 @@ from report.figures.charts import (
 from report.figures.hallway import draw_hallway
 from report.figures.map_axes import layout_of
 from report.figures.maps import draw_features, draw_policy_map, draw_visitation
-from report.inputs import EpisodeRow, FileLink, ReportInputs
+from report.inputs import FileLink, ReportInputs
 from report.page import render_page
 from report.style import png_bytes, svg_bytes
 from report.summary import decisions_per_model, summary_of, trapped_states
 from serd_core.demonstrations.decisions import state_counts
+from storage.episode_table import EpisodeResult
 from storage.files import atomic_write_bytes, atomic_write_text
 from storage.table import csv_text
 
@@ -79,9 +79,21 @@ def all_tables(inputs: ReportInputs) -> dict[str, str]:
     }
 
 
-def episodes_table(episodes: tuple[EpisodeRow, ...]) -> str:
+def episodes_table(episodes: tuple[EpisodeResult, ...]) -> str:
     """One row per episode; time_of_arrival_s is empty unless the robot arrived."""
-    return csv_text([field.name for field in fields(EpisodeRow)], map(astuple, episodes))
+    columns = {
+        "episode": [each.episode for each in episodes],
+        "seed": [each.seed for each in episodes],
+        "outcome": [each.outcome for each in episodes],
+        "time_of_arrival_s": [
+            each.time_of_arrival_s if each.arrived else None for each in episodes
+        ],
+        "path_length_m": [each.distance_m for each in episodes],
+        "robot_on_person_contacts": [each.robot_on_person for each in episodes],
+        "person_on_robot_contacts": [each.person_on_robot for each in episodes],
+        "wall_contacts": [each.robot_on_wall for each in episodes],
+    }
+    return csv_text(list(columns), zip(*columns.values(), strict=True))
 
 
 def arrival_table(inputs: ReportInputs) -> str:
@@ -107,7 +119,7 @@ def weights_table(inputs: ReportInputs) -> str:
 
 def outcomes_table(inputs: ReportInputs) -> str:
     """One row per model and outcome: number of decisions, initial and learned probability."""
-    counts = decisions_per_model(inputs).tolist()
+    counts = decisions_per_model(inputs.problem, inputs.demonstrations).tolist()
     initial = inputs.fit.initial_outcome_probabilities.tolist()
     learned = inputs.fit.outcome_probabilities.tolist()
     rows = [
@@ -161,7 +173,7 @@ def _chart_figures(inputs: ReportInputs) -> dict[str, Figure]:
             inputs.problem.model_names,
             fit.initial_outcome_probabilities,
             fit.outcome_probabilities,
-            decisions_per_model(inputs),
+            decisions_per_model(inputs.problem, inputs.demonstrations),
         ),
         "progress": draw_progress(fit.objective_trace, converged=fit.converged),
     }

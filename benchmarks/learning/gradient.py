@@ -7,10 +7,16 @@ is that of Table 4.2. Times are processor times of one thread.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.learning.gridworld_problems import WEIGHTS, demonstrations, landscape_problem
+from benchmarks.learning.gridworld_problems import (
+    WEIGHTS,
+    demonstrations,
+    landscape_problem,
+    objective_of,
+)
 from benchmarks.measurement import best_of
 from benchmarks.report import Row, save
 from serd_core.arrays import FloatArray
@@ -19,16 +25,14 @@ from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bellman.value_iteration import ValueIteration
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.transition_model import transitions_at
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.serd import SerdSettings, fit_mdce_serd
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.learners.staged_start import weights_under_initial_dynamics
 from serd_core.learners.start import starting_parameters
 from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import MdcePolicy
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.posterior.derivatives.forward import (
     entry_jacobian,
@@ -36,9 +40,6 @@ from serd_core.posterior.derivatives.forward import (
     q_gradient_by_iteration,
     q_gradient_by_lu,
 )
-from serd_core.posterior.parameters import Parameters
-from serd_core.posterior.posterior import Posterior
-from serd_core.priors.prior import UniformPrior
 from sim.scenario.grid import navigation_problem_of
 from sim.scenario.scenario import load_scenario
 
@@ -70,7 +71,8 @@ def run() -> None:
 
 
 def _gradients(name: str, problem: Problem, weights: FloatArray, decisions: Decisions) -> list[Row]:
-    posterior, parameters = _posterior(problem, weights, decisions)
+    posterior, dynamics = objective_of(problem, decisions), estimate_dynamics(problem, decisions)
+    parameters = starting_parameters(problem, posterior.policy_model, weights, dynamics)
     found = posterior.evaluate(parameters)
     value = found.solution.value
     believed = transitions_at(problem.mdp.transitions, parameters.belief)
@@ -84,7 +86,7 @@ def _gradients(name: str, problem: Problem, weights: FloatArray, decisions: Deci
     ways: dict[str, Callable[[], object]] = {
         "serd_core": lambda: posterior.evaluate(parameters),
         "serd_core, values known": lambda: posterior.evaluate(parameters, value),
-        "soft value iteration": lambda: _with_solver(posterior, slow).q_iteration(
+        "soft value iteration": lambda: replace(posterior, solver=slow).q_iteration(
             parameters, believed, None
         ),
         "Q-gradient recursion, values known": lambda: q_gradient_by_iteration(
@@ -102,31 +104,6 @@ def _gradients(name: str, problem: Problem, weights: FloatArray, decisions: Deci
         {"problem": name, "way": way, "ms": 1e3 * s, "times serd_core": s / seconds["serd_core"]}
         for way, s in seconds.items()
     ]
-
-
-def _posterior(
-    problem: Problem, weights: FloatArray, decisions: Decisions
-) -> tuple[Posterior, Parameters]:
-    """The objective, and parameters with belief and truth tied as in a fit."""
-    settings, policy = SerdSettings(), MdcePolicy()
-    dynamics = estimate_dynamics(problem, decisions)
-    start = starting_parameters(problem, policy, weights, dynamics)
-    seen = observe(problem.mdp, decisions)
-    posterior = Posterior(
-        problem, seen, policy, UniformPrior(), settings.solver, settings.linear_solver
-    )
-    return posterior, start
-
-
-def _with_solver(posterior: Posterior, solver: ValueIteration) -> Posterior:
-    return Posterior(
-        posterior.problem,
-        posterior.observations,
-        posterior.policy_model,
-        posterior.prior,
-        solver,
-        posterior.linear_solver,
-    )
 
 
 def _fits(problem: Problem, decisions: Decisions) -> list[Row]:

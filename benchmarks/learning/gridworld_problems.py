@@ -1,4 +1,4 @@
-"""The gridworld of section 4.6.2 in any size, with demonstrations, for several benchmarks."""
+"""The gridworld of section 4.6.2 in any size, with demonstrations and the objective of a fit."""
 
 import numpy as np
 
@@ -6,8 +6,14 @@ from experiments.gridworld.landscape import generated_landscape
 from experiments.gridworld.problem import N_OUTCOMES, Gridworld, gridworld, true_dynamics
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.learners.serd import SerdSettings
+from serd_core.mdp.problem import Problem
+from serd_core.policies.policy_model import MdcePolicy
 from serd_core.policies.solved_policy import soft_policy
+from serd_core.posterior.posterior import Posterior
+from serd_core.priors.prior import UniformPrior
 
 WEIGHTS = np.array([6.0, 6.0])
 #: The thesis's dynamics, one part in a hundred of them uniform so that every outcome can happen.
@@ -33,4 +39,12 @@ def demonstrations(
         n_episodes=n_episodes,
         n_steps=n_steps,
         rng=np.random.default_rng(0),
+    )
+
+
+def objective_of(problem: Problem, decisions: Decisions) -> Posterior:
+    """The log posterior of MDCE SERD without a prior, solved as in a fit."""
+    settings, seen = SerdSettings(), observe(problem.mdp, decisions)
+    return Posterior(
+        problem, seen, MdcePolicy(), UniformPrior(), settings.solver, settings.linear_solver
     )

@@ -29,19 +29,16 @@ from benchmarks.learning.gridworld_problems import (
     WEIGHTS,
     demonstrations,
     landscape_problem,
+    objective_of,
 )
 from benchmarks.measurement import best_of, peak_memory_mb
 from benchmarks.report import RESULTS, Row, save
 from report.style import BLUE, MUTED, RED, new_figure, png_bytes, report_style
 from serd_core.bellman.backup import BellmanProblem, backup
-from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.transition_model import transitions_of
-from serd_core.learners.serd import SerdSettings
 from serd_core.learners.start import starting_parameters
-from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
-from serd_core.priors.prior import UniformPrior
 from storage.files import atomic_write_bytes
 
 SIDES = (10, 32, 100, 316, 1000)
@@ -139,18 +136,12 @@ def _in_own_process(side: int) -> dict[str, Any]:
 def _case(side: int) -> tuple[Posterior, Parameters, Parameters]:
     """The posterior, parameters, and the same with smaller weights."""
     world = landscape_problem(side, DISCOUNT)
-    settings, policy = SerdSettings(), MdcePolicy()
-    posterior = Posterior(
-        world.problem,
-        observe(world.problem.mdp, demonstrations(world, 50, 40)),
-        policy,
-        UniformPrior(),
-        settings.solver,
-        settings.linear_solver,
+    posterior = objective_of(world.problem, demonstrations(world, 50, 40))
+    at, near = (
+        starting_parameters(world.problem, posterior.policy_model, share * WEIGHTS, DYNAMICS)
+        for share in (1.0, 0.99)
     )
-    at = [starting_parameters(world.problem, policy, w * WEIGHTS, DYNAMICS) for w in (1.0, 0.99)]
-    tied = [Parameters(p.reward, p.truth, p.truth, p.policy) for p in at]
-    return posterior, tied[0], tied[1]
+    return posterior, at, near
 
 
 def _sweep_seconds(posterior: Posterior, value: np.ndarray) -> float:

@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from experiments.gridworld.experiment import GridworldConfig, demonstrate, scenes
-from experiments.running.experiment import Count, Findings, Session
+from experiments.running.experiment import Count, Findings, SeededConfig, Session
 from experiments.running.tables import Row
 from report.style import BLUE, PURPLE, RED, new_figure, report_style
 from serd_core.ascent.ascent import Ascent
@@ -23,8 +23,7 @@ from serd_core.learners.serd import fit_mdce_serd
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
-from storage.settings import setting
-from storage.yaml_config import StrictModel
+from storage.settings import setting, setting_of
 
 AscentName = Literal["gradient", "lbfgs", "trust-region"]
 LOOKS: dict[AscentName, tuple[str, str]] = {
@@ -36,16 +35,15 @@ LOOKS: dict[AscentName, tuple[str, str]] = {
 PRIOR = KldPrior(0.1) + GaussianPrior(10.0, Block.REWARD)
 
 
-class AscentsConfig(StrictModel):
+class AscentsConfig(SeededConfig):
     """Settings of the comparison of optimisers."""
 
-    side: int = setting(5, "cells along each side of the grid", ge=4)
+    side: int = setting_of(GridworldConfig, "side", default=5)
     n_demonstrations: Count = setting(20, "demonstrations learned from")
-    n_steps: Count = setting(40, "decisions of a demonstration")
+    n_steps: int = setting_of(GridworldConfig, "n_steps")
     gradient_tolerance: float = setting(1e-6, "largest gradient entry at which a fit ends", gt=0)
     max_steps: Count = setting(20_000, "steps after which a fit ends without convergence")
     step_size: float = setting(1.0, "alpha of gradient ascent, on the objective per decision", gt=0)
-    seed: int = setting(0, "of which every random number is derived", ge=0)
 
 
 def make_ascent(

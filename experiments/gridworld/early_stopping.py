@@ -21,7 +21,7 @@ from experiments.gridworld.experiment import (
     with_measures,
 )
 from experiments.gridworld.learners import FIXED, Estimate
-from experiments.running.experiment import Count, Findings, Session
+from experiments.running.experiment import Count, Findings, SeededConfig, Session
 from experiments.running.tables import Row
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners.fit_result import FitResult
@@ -30,14 +30,13 @@ from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.selection.early_stopping import fit_serd_with_early_stopping
 from serd_core.selection.prior_weight import split_episodes
-from storage.settings import setting
-from storage.yaml_config import StrictModel
+from storage.settings import setting, setting_of
 
 POLICY = MdcePolicy()
 WHOLE, PART, STOPPED = "MDCE SERD", "MDCE SERD, training part", "MDCE SERD, stopped early"
 
 
-class EarlyStoppingConfig(StrictModel):
+class EarlyStoppingConfig(SeededConfig):
     """Settings of early stopping."""
 
     ascent: AscentName = setting("trust-region", "optimiser; gradient is that of Algorithm 1")
@@ -46,13 +45,12 @@ class EarlyStoppingConfig(StrictModel):
     validation_share: float = setting(
         0.25, "share of the demonstrations for validation", gt=0, lt=1
     )
-    side: int = setting(10, "cells along each side of the grid", ge=4)
+    side: int = setting_of(GridworldConfig, "side", default=10)
     sizes: tuple[Annotated[int, Field(ge=2)], ...] = setting(
         (2, 4, 8, 16, 32), "demonstrations, validation included", min_length=1
     )
-    n_steps: Count = setting(40, "decisions of a demonstration")
-    n_repetitions: Count = setting(20, "repetitions of every size")
-    seed: int = setting(0, "of which every random number is derived", ge=0)
+    n_steps: int = setting_of(GridworldConfig, "n_steps")
+    n_repetitions: int = setting_of(GridworldConfig, "n_repetitions", default=20)
 
     @property
     def world(self) -> GridworldConfig:
@@ -77,9 +75,8 @@ def one_repetition(config: EarlyStoppingConfig, number: int) -> list[Row]:
         seen = decisions.select(decisions.episode < size)
         fits = fits_of(config, training.world.problem, seen, rng)
         for name, fit in fits.items():
-            estimate = Estimate(fit.reward_weights, fit.outcome_probabilities, None, fit.converged)
             row: Row = {"repetition": number, "size": size, "learner": name, "steps": fit.n_steps}
-            rows.append(row | measures(training, transfer, estimate))
+            rows.append(row | measures(training, transfer, Estimate.of(fit)))
     return rows
 
 

@@ -24,9 +24,9 @@ from experiments.gridworld.landscape import (
     image_brightness,
     landscape_of_image,
 )
-from experiments.gridworld.learners import EXPERTS, Estimate
+from experiments.gridworld.learners import EXPERTS, Estimate, LearnerInput
 from experiments.gridworld.problem import Gridworld, gridworld, true_dynamics
-from experiments.running.experiment import Count, Findings, Session, Sizes
+from experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from experiments.running.tables import Row, quartiles, welch_test
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions, state_action_counts, state_counts
@@ -39,10 +39,9 @@ from serd_core.selection.evaluation import (
     policy_log_likelihood,
 )
 from storage.settings import setting
-from storage.yaml_config import StrictModel
 
 
-class GridworldConfig(StrictModel):
+class GridworldConfig(SeededConfig):
     """Settings of section 4.6.2; other lengths and numbers are our choice."""
 
     expert: Literal["mdce", "pm"] = setting(
@@ -62,7 +61,6 @@ class GridworldConfig(StrictModel):
     n_steps: Count = setting(40, "decisions of a demonstration")
     n_test_episodes: Count = setting(200, "new episodes on which likelihoods are measured")
     n_repetitions: Count = setting(50, "repetitions of every size")
-    seed: int = setting(0, "of which every random number is derived", ge=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +110,9 @@ def one_repetition(config: GridworldConfig, number: int) -> list[Row]:
     for size in config.sizes:
         seen = decisions.select(decisions.episode < size)
         for name, learner in EXPERTS[config.expert].items():
-            estimate = learner(training.world.problem, seen, config.n_steps, rng)
+            given = LearnerInput(training.world.problem, seen, config.n_steps, rng)
             row: Row = {"repetition": number, "size": size, "learner": name}
-            rows.append(row | measures(training, transfer, estimate))
+            rows.append(row | measures(training, transfer, learner(given)))
     return rows
 
 

@@ -1,8 +1,4 @@
-"""The learners of the gridworld experiment, by the expert they are compared on.
-
-Weights start at random as in the thesis; SERD then goes in two stages, weights first (see
-`serd_core.learners.staged_start`).
-"""
+"""The learners of the gridworld experiment, by the expert they are compared on."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,6 +10,7 @@ from serd_core.arrays import FloatArray
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
+from serd_core.learners.fit_result import FitResult
 from serd_core.learners.importance_samples import hoeffding_thresholds, sample_from_estimates
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
@@ -45,29 +42,36 @@ class Estimate:
     temperature: float | None
     converged: bool
 
-
-#: Problem, decisions seen, decisions of an episode at most, generator.
-Learner = Callable[[TabularProblem, Decisions, int, np.random.Generator], Estimate]
-
-
-def _mdce_serd(
-    problem: TabularProblem, seen: Decisions, n_steps: int, rng: np.random.Generator
-) -> Estimate:
-    del n_steps
-    first = fit_mdce_serd(problem, seen, rng=rng, belief=FIXED, ascent=ASCENT)
-    fit = fit_mdce_serd(problem, seen, initial_weights=first.reward_weights, ascent=ASCENT)
-    return Estimate(fit.reward_weights, fit.outcome_probabilities, None, fit.converged)
+    @classmethod
+    def of(cls, fit: FitResult, temperature: float | None = None) -> "Estimate":
+        """Weights and dynamics of a fit; temperature: of a Boltzmann policy."""
+        return cls(fit.reward_weights, fit.outcome_probabilities, temperature, fit.converged)
 
 
-def _pm_serd(
-    prior: Prior,
-    problem: TabularProblem,
-    seen: Decisions,
-    n_steps: int,
-    rng: np.random.Generator,
-) -> Estimate:
-    del n_steps
-    first = fit_pm_serd(problem, seen, rng=rng, belief=FIXED, prior=prior, ascent=PM_ASCENT)
+@dataclass(frozen=True, eq=False)
+class LearnerInput:
+    """What a learner gets; n_steps: decisions of an episode at most."""
+
+    problem: TabularProblem
+    decisions: Decisions
+    n_steps: int
+    rng: np.random.Generator
+
+
+Learner = Callable[[LearnerInput], Estimate]
+
+
+def _mdce_serd(given: LearnerInput) -> Estimate:
+    problem, seen = given.problem, given.decisions
+    first = fit_mdce_serd(problem, seen, rng=given.rng, belief=FIXED, ascent=ASCENT)
+    return Estimate.of(
+        fit_mdce_serd(problem, seen, initial_weights=first.reward_weights, ascent=ASCENT)
+    )
+
+
+def _pm_serd(prior: Prior, given: LearnerInput) -> Estimate:
+    problem, seen = given.problem, given.decisions
+    first = fit_pm_serd(problem, seen, rng=given.rng, belief=FIXED, prior=prior, ascent=PM_ASCENT)
     fit = fit_pm_serd(
         problem,
         seen,
@@ -76,20 +80,17 @@ def _pm_serd(
         prior=prior,
         ascent=PM_ASCENT,
     )
-    return Estimate(fit.reward_weights, fit.outcome_probabilities, fit.temperature, fit.converged)
+    return Estimate.of(fit, fit.temperature)
 
 
-def _mdce_irl(
-    problem: TabularProblem, seen: Decisions, n_steps: int, rng: np.random.Generator
-) -> Estimate:
-    del n_steps
-    fit = fit_mdce_irl_by_likelihood(problem, seen, rng=rng, ascent=ASCENT)
-    return Estimate(fit.reward_weights, fit.outcome_probabilities, None, fit.converged)
+def _mdce_irl(given: LearnerInput) -> Estimate:
+    return Estimate.of(
+        fit_mdce_irl_by_likelihood(given.problem, given.decisions, rng=given.rng, ascent=ASCENT)
+    )
 
 
-def _relative_entropy(
-    problem: TabularProblem, seen: Decisions, n_steps: int, rng: np.random.Generator
-) -> Estimate:
+def _relative_entropy(given: LearnerInput) -> Estimate:
+    problem, seen, n_steps, rng = given.problem, given.decisions, given.n_steps, given.rng
     samples, policy = sample_from_estimates(problem, seen, n_episodes=500, n_steps=n_steps, rng=rng)
     thresholds = THRESHOLD_SHARE * hoeffding_thresholds(
         problem, len(seen.episodes), horizon=n_steps
@@ -97,7 +98,7 @@ def _relative_entropy(
     fit = fit_relative_entropy_irl(
         problem, seen, samples=samples, sampling_policy=policy, thresholds=thresholds, rng=rng
     )
-    return Estimate(fit.reward_weights, fit.outcome_probabilities, None, fit.converged)
+    return Estimate.of(fit)
 
 
 IRL_LEARNERS: dict[str, Learner] = {"MDCE IRL": _mdce_irl, "REIRL": _relative_entropy}

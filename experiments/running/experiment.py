@@ -16,13 +16,19 @@ from report.style import png_bytes
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 from storage.files import atomic_write_bytes, atomic_write_text, read_text
-from storage.settings import settings_of
-from storage.yaml_config import sentence_of
+from storage.settings import setting, settings_of
+from storage.yaml_config import StrictModel, sentence_of
 from storage.yaml_text import read_yaml
 
 #: A setting that is a number of things, and one that is a ladder of such numbers.
 Count = Annotated[int, Field(ge=1)]
 Sizes = Annotated[tuple[Count, ...], Field(min_length=1)]
+
+
+class SeededConfig(StrictModel):
+    """Settings of an experiment with random numbers."""
+
+    seed: int = setting(0, "of which every random number is derived", ge=0)
 
 
 def settings_of_file(path: Path) -> dict[str, Any]:

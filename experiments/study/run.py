@@ -5,8 +5,9 @@ OUTPUT/*.csv           tables; OUTPUT/figure_*.{csv,png,svg}: figures with their
 OUTPUT/settings.yaml   the settings that reproduce all of it
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -31,12 +32,19 @@ from storage.yaml_text import write_yaml
 SETTINGS_YAML = "settings.yaml"
 #: Results that come with the project.
 KEPT = Path(__file__).parents[1] / "results" / "hallway"
-#: The settings that each stage depends on, by their dotted names.
-_WORLD = ("scenario", "people", "planner", "seed")
-_REFERENCE = (*_WORLD, "demonstrations.driver", "reference")
-_DEMONSTRATIONS = (*_REFERENCE, "discount", "demonstrations", "beliefs.reward_weights")
-_FITS = (*_DEMONSTRATIONS, "learning", "beliefs.sizes", "beliefs.repetitions")
-_ARRIVAL = (*_FITS, "beliefs.episodes", "arrival")
+#: The settings that the files of each stage depend on.
+_WORLD = dict.fromkeys(("scenario", "people", "planner", "seed"), True)
+_REFERENCE = _WORLD | {"demonstrations": {"driver"}, "reference": True}
+_DEMONSTRATIONS = _REFERENCE | {
+    "discount": True,
+    "demonstrations": True,
+    "beliefs": {"reward_weights"},
+}
+_FITS = _DEMONSTRATIONS | {
+    "learning": True,
+    "beliefs": {"reward_weights", "sizes", "repetitions"},
+}
+_ARRIVAL = _FITS | {"beliefs": True, "arrival": True}
 #: Rough seconds of one recorded episode.
 _EPISODE_S = 0.8
 
@@ -94,15 +102,9 @@ def stages_of(study: Study) -> tuple[Stage, ...]:
     )
 
 
-def described(settings: StudySettings, names: Sequence[str]) -> str:
-    """Some settings, by their dotted names, as YAML."""
-    described = {}
-    for name in names:
-        value = settings.model_dump(mode="json")
-        for key in name.split("."):
-            value = value[key]
-        described[name] = value
-    return write_yaml(described)
+def described(settings: StudySettings, parts: Mapping[str, Any]) -> str:
+    """Some parts of the settings as YAML."""
+    return write_yaml(settings.model_dump(mode="json", include=dict(parts)))
 
 
 def redraw(names: Sequence[str], source: Path, output: Path) -> list[Path]:

@@ -42,7 +42,7 @@ class ReferenceSettings(StrictModel):
     exploring_s: float = Field(gt=0)
 
 
-class LearningSettings(RecipeSettings):
+class ComparisonSettings(RecipeSettings):
     """How the learners are compared; sizes count demonstrations, validation included."""
 
     repetitions: int = Field(ge=2)
@@ -75,7 +75,7 @@ class StudySettings(StrictModel):
     seed: int = Field(ge=0)
     demonstrations: DemonstrationSettings
     reference: ReferenceSettings
-    learning: LearningSettings
+    learning: ComparisonSettings
     beliefs: BeliefSettings
     arrival: ArrivalSettings
     statistics: StatisticsSettings

@@ -1,6 +1,7 @@
 """Predicted against measured distribution of the time of arrival (Fig. 5.10)."""
 
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,6 +14,11 @@ from report.style import new_figure
 from serd_core.arrays import FloatArray, float_array
 from serd_core.arrival.bands import empirical_arrival_cdf, sampling_band
 from serd_core.arrival.law import ArrivalLaw
+
+_LOOKS = {
+    "predicted": (style.PREDICTED_COLOUR, "--"),
+    "measured": (style.MEASURED_COLOUR, "-"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,38 +92,39 @@ def draw_arrival(
     with style.report_style():
         figure = new_figure(7.2, 3.9)
         axes = figure.subplots()
-        curves = (
-            ("predicted by the learned model", predicted, style.PREDICTED_COLOUR, "--"),
-            (f"measured in {n_episodes} episodes", measured, style.MEASURED_COLOUR, "-"),
-        )
-        for label, curve, colour, line in curves:
-            axes.fill_between(
-                curve.time_s,
-                curve.lower,
-                curve.upper,
-                step="post",
-                color=colour,
-                alpha=0.18,
-                linewidth=0,
-                label=f"95 % band, {label.split()[0]}",
-            )
-            axes.step(
-                curve.time_s,
-                curve.probability,
-                where="post",
-                color=colour,
-                linestyle=line,
-                linewidth=2.0,
-                label=label,
-            )
-        axes.set_xlim(0, shown_until_s)
-        axes.set_ylim(0, 1.03)
-        axes.set_yticks(np.linspace(0, 1, 5))
+        draw_curve(axes, predicted, "predicted", "predicted by the learned model", linewidth=2.0)
+        draw_curve(axes, measured, "measured", f"measured in {n_episodes} episodes", linewidth=2.0)
+        axes.set(xlim=(0, shown_until_s), ylim=(0, 1.03), yticks=np.linspace(0, 1, 5))
+        axes.set(xlabel="time since the start in s", ylabel="probability of having arrived")
         axes.grid()
-        axes.set_xlabel("time since the start in s")
-        axes.set_ylabel("probability of having arrived")
         _legend_lines_first(axes)
     return figure
+
+
+def draw_curve(
+    axes: Axes, curve: ArrivalCurve, kind: Literal["predicted", "measured"], label: str, **look: Any
+) -> None:
+    """A curve as steps with its band, in the look of its kind."""
+    colour, line = _LOOKS[kind]
+    axes.fill_between(
+        curve.time_s,
+        curve.lower,
+        curve.upper,
+        step="post",
+        color=colour,
+        alpha=0.18,
+        linewidth=0,
+        label=f"95 % band, {kind}",
+    )
+    axes.step(
+        curve.time_s,
+        curve.probability,
+        where="post",
+        color=colour,
+        linestyle=line,
+        label=label,
+        **look,
+    )
 
 
 def _legend_lines_first(axes: Axes) -> None:

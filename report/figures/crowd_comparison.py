@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -60,7 +59,7 @@ def _draw(axes: Axes, curves: Sequence[CrowdCurve], measure: str) -> None:
     for curve, (colour, marker, line) in zip(curves, _LOOKS, strict=False):
         axes.plot(
             curve.density_pm2,
-            np.asarray(getattr(curve, measure)),
+            getattr(curve, measure),
             color=colour,
             marker=marker,
             linestyle=line,
@@ -69,10 +68,6 @@ def _draw(axes: Axes, curves: Sequence[CrowdCurve], measure: str) -> None:
 
 
 def _finish(axes: Axes, title: str, label: str) -> None:
-    axes.set_title(title)
-    axes.set_xlabel("people per m²")
-    axes.set_ylabel(label)
-    axes.set_ylim(bottom=0)
-    axes.set_xlim(left=0)
+    axes.set(title=title, xlabel="people per m²", ylabel=label, xlim=(0, None), ylim=(0, None))
     axes.grid()
     axes.legend(loc="lower left")

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from report import style
-from report.figures.map_axes import HallwayLayout, draw_areas, map_figure
+from report.figures.map_axes import HallwayLayout, draw_areas, draw_vectors, map_figure
 from report.inputs import CrowdSnapshot
 from serd_core.arrays import FloatArray
 
@@ -48,13 +48,10 @@ def _people(axes: Axes, snapshot: CrowdSnapshot) -> None:
     if not len(snapshot.people_position_m):
         return
     shift = snapshot.people_velocity_mps * _ARROW_PER_SPEED_S
-    axes.quiver(
-        *snapshot.people_position_m.T,
-        *shift.T,
-        angles="xy",
-        scale_units="xy",
-        scale=1.0,
-        units="inches",
+    draw_vectors(
+        axes,
+        snapshot.people_position_m,
+        shift,
         width=0.017,
         headwidth=5,
         headlength=5,

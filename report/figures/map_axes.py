@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -92,9 +93,7 @@ def _fitted_figure(grid: Grid) -> tuple[Figure, Axes]:
     )
     figure = new_figure(float(width_in) + _ROOM_IN, float(height_in) + _ROOM_IN)
     axes = figure.subplots()
-    axes.set_aspect("equal")
-    axes.set_xlabel("x in m")
-    axes.set_ylabel("y in m")
+    axes.set(aspect="equal", xlabel="x in m", ylabel="y in m")
     return figure, axes
 
 
@@ -169,6 +168,11 @@ def draw_areas(axes: Axes, layout: HallwayLayout, *, filled: bool) -> None:
             _label_area(axes, name, polygon, colour)
 
 
+def cell_squares(centers_m: FloatArray, side_m: float) -> list[Rectangle]:
+    """The square around each of the (N, 2) centres."""
+    return [Rectangle((x - side_m / 2, y - side_m / 2), side_m, side_m) for x, y in centers_m]
+
+
 def draw_cells(
     axes: Axes,
     grid: Grid,
@@ -177,10 +181,13 @@ def draw_cells(
     colour_map: object,
 ) -> PatchCollection:
     """Every state's cell filled by its value (S,); returns the collection for a colour bar."""
-    side = grid.cell_size_m
-    cells = [Rectangle((x - side / 2, y - side / 2), side, side) for x, y in grid.centers_m]
     collection = PatchCollection(
-        cells, cmap=colour_map, norm=norm, edgecolor="#ffffff", linewidth=0.4, zorder=1
+        cell_squares(grid.centers_m, grid.cell_size_m),
+        cmap=colour_map,
+        norm=norm,
+        edgecolor="#ffffff",
+        linewidth=0.4,
+        zorder=1,
     )
     collection.set_array(np.asarray(values, dtype=np.float64))
     axes.add_collection(collection)
@@ -188,19 +195,32 @@ def draw_cells(
 
 
 def colour_bar(
+    figure: Figure, axes: Axes | Sequence[Axes], cells: PatchCollection, label: str, **look: Any
+) -> None:
+    """A slim colour bar without a frame; look: as `Figure.colorbar` has it."""
+    bar = figure.colorbar(cells, ax=axes, **look)
+    bar.set_label(label)
+    bar.outline.set_visible(False)
+
+
+def colour_bar_below(
     figure: Figure,
     axes: Axes | Sequence[Axes],
     cells: PatchCollection,
     label: str,
     extend: str = "neither",
 ) -> None:
-    """A slim horizontal colour bar under the map, or under several."""
-    aspect = 35 if isinstance(axes, Axes) else 35 * min(len(axes), 3)
-    bar = figure.colorbar(
-        cells, ax=axes, location="bottom", shrink=0.85, pad=0.02, aspect=aspect, extend=extend
+    """A horizontal colour bar under the map, or under several."""
+    n_maps = 1 if isinstance(axes, Axes) else min(len(axes), 3)
+    look = {"location": "bottom", "shrink": 0.85, "pad": 0.02, "aspect": 35 * n_maps}
+    colour_bar(figure, axes, cells, label, extend=extend, **look)
+
+
+def draw_vectors(axes: Axes, from_m: FloatArray, shift_m: FloatArray, **look: Any) -> None:
+    """Arrows from (N, 2) places over (N, 2) shifts in metres; look: as `Axes.quiver` has it."""
+    axes.quiver(
+        *from_m.T, *shift_m.T, angles="xy", scale_units="xy", scale=1.0, units="inches", **look
     )
-    bar.set_label(label)
-    bar.outline.set_visible(False)
 
 
 def outline_cells(axes: Axes, grid: Grid, states: Sequence[int], colour: str, gid: str) -> None:
@@ -230,13 +250,11 @@ def _borders(grid: Grid, states: IntArray) -> FloatArray:
 
 def _frame(axes: Axes, layout: HallwayLayout) -> None:
     x_min, y_min, x_max, y_max = layout.bounds_m
-    axes.set_aspect("equal")
+    axes.set(aspect="equal", xlabel="x in m", ylabel="y in m")
     axes.set_xlim(x_min - _MARGIN_M, x_max + _MARGIN_M)
     axes.set_ylim(y_min - _MARGIN_M, y_max + _MARGIN_M)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MultipleLocator(4.0))
-    axes.set_xlabel("x in m")
-    axes.set_ylabel("y in m")
     axes.label_outer()
     axes.tick_params(length=3)
     for spine in axes.spines.values():

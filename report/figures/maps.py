@@ -11,8 +11,10 @@ from report import style
 from report.figures.map_axes import (
     HallwayLayout,
     colour_bar,
+    colour_bar_below,
     draw_areas,
     draw_cells,
+    draw_vectors,
     map_figure,
     outline_cells,
     place_figure,
@@ -45,7 +47,7 @@ def draw_visitation(
             for track in tracks_m:
                 axes.plot(*track[0], "o", color=style.INK, markersize=4, zorder=5)
             axes.autoscale_view()
-        colour_bar(figure, axes, cells, "decisions taken in the cell")
+        colour_bar_below(figure, axes, cells, "decisions taken in the cell")
         n_tracks = f", {counted(len(tracks_m), 'track')}" if len(tracks_m) else ""
         axes.set_title(f"{int(counts.sum())} decisions{n_tracks}")
     return figure
@@ -70,9 +72,7 @@ def draw_features(
         for each, (title, values) in zip(axes, panels, strict=True):
             cells = draw_cells(each, grid, values, Normalize(-1, 1), style.FEATURE_MAP)
             each.set_title(title, fontsize=8)
-        bar = figure.colorbar(cells, ax=axes, shrink=0.8, pad=0.01, aspect=25)
-        bar.set_label("feature value")
-        bar.outline.set_visible(False)
+        colour_bar(figure, axes, cells, "feature value", shrink=0.8, pad=0.01, aspect=25)
     return figure
 
 
@@ -101,7 +101,9 @@ def draw_policy_map(
         draw_areas(axes, layout, filled=False)
         draw_arrows(axes, grid, greedy, np.isin(np.arange(grid.n_states), goal_states), trapped)
         outline_cells(axes, grid, np.flatnonzero(trapped).tolist(), style.RED, "trap")
-        colour_bar(figure, axes, cells, "value of the cell (discounted reward)", extend="both")
+        colour_bar_below(
+            figure, axes, cells, "value of the cell (discounted reward)", extend="both"
+        )
         n_traps = counted(int(trapped.sum()), "trap state")
         axes.set_title(
             f"{n_traps} (dashed red)" if trapped.any() else "every arrow leads to the goal"
@@ -129,13 +131,10 @@ def draw_arrows(
     shift = 0.62 * grid.cell_size_m * DIRECTION_VECTORS[greedy[moving]]
     tail = grid.centers_m[moving] - shift / 2
     if moving.any():
-        axes.quiver(
-            *tail.T,
-            *shift.T,
-            angles="xy",
-            scale_units="xy",
-            scale=1.0,
-            units="inches",
+        draw_vectors(
+            axes,
+            tail,
+            shift,
             width=width_in,
             headwidth=4.5,
             headlength=4.5,
@@ -172,7 +171,7 @@ def draw_flow_map(
         draw_arrows(axes, grid, arrows, np.zeros(grid.n_states, dtype=bool), differing)
         if layout is None:
             axes.autoscale_view()
-        colour_bar(figure, axes, cells, "1: all walk the same way, 0: they cancel")
+        colour_bar_below(figure, axes, cells, "1: all walk the same way, 0: they cancel")
         axes.set_title(_flow_title(flow, differing, compared=scenario_flow is not None))
     return figure
 

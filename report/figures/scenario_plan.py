@@ -5,10 +5,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Rectangle
 
 from report import style
-from report.figures.map_axes import draw_areas, layout_of, map_figure
+from report.figures.map_axes import cell_squares, draw_areas, layout_of, map_figure
 from serd_core.arrays import FloatArray
 from sim.crowd.routes import offset_loop
 from sim.scenario.polygon import edges_of
@@ -52,11 +51,13 @@ def _draw_cells(axes: Axes, scenario: Scenario) -> None:
     cells = scenario.cells
     if cells.walkable.sum() > _LARGEST_GRID:
         return
-    side = cells.cell_size_m
-    squares = [Rectangle((x - side / 2, y - side / 2), side, side) for x, y in cells.centers_m]
     axes.add_collection(
         PatchCollection(
-            squares, facecolor="none", edgecolor=style.HAIRLINE, linewidth=0.6, zorder=1
+            cell_squares(cells.centers_m, cells.cell_size_m),
+            facecolor="none",
+            edgecolor=style.HAIRLINE,
+            linewidth=0.6,
+            zorder=1,
         )
     )
 

@@ -9,7 +9,7 @@ from importlib.metadata import version
 import numpy as np
 from rich.table import Table
 
-from report.inputs import EpisodeRow, FileLink, PhaseTiming, ReportInputs, RunFacts
+from report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
 from report.page import summary_rows
 from report.summary import headline_of, summary_of
 from report.write import write_report
@@ -24,7 +24,6 @@ from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.posterior.parameters import Parameters
 from sim.scenario.scenario import Scenario, load_scenario
-from storage.episode_table import EpisodeResult
 from storage.model_file import ModelFile, load_model
 from storage.table import Column, read_table
 
@@ -73,7 +72,7 @@ def report_inputs(
         demonstration_tracks_m=recording.tracks_m,
         fit=fit_of(model, strategy.problem, _trace(folder)),
         policy=strategy.policy,
-        episodes=tuple(_row(episode) for episode in folder.episodes(folder.navigation)),
+        episodes=folder.episodes(folder.navigation),
         predicted=strategy.law_s(
             strategy.predicted_arrival(start_distribution(scenario, "train"), n_periods)
         ),
@@ -108,19 +107,6 @@ def _trace(folder: DemoFolder) -> FloatArray:
     columns = Column("step", int), Column("objective", float)
     trace: FloatArray = read_table(folder.learning, columns)["objective"].to_numpy()
     return trace
-
-
-def _row(episode: EpisodeResult) -> EpisodeRow:
-    return EpisodeRow(
-        episode=episode.episode,
-        seed=episode.seed,
-        outcome=episode.outcome,  # type: ignore[arg-type]
-        time_of_arrival_s=episode.time_of_arrival_s if episode.arrived else None,
-        path_length_m=episode.distance_m,
-        robot_on_person_contacts=episode.robot_on_person,
-        person_on_robot_contacts=episode.person_on_robot,
-        wall_contacts=episode.robot_on_wall,
-    )
 
 
 def _facts(settings: DemoSettings, scenario: Scenario, phases: Sequence[PhaseTiming]) -> RunFacts:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from report.figures.map_axes import HallwayLayout, layout_of
-from report.inputs import CrowdSnapshot, EpisodeRow, FileLink, PhaseTiming, ReportInputs, RunFacts
+from report.inputs import CrowdSnapshot, FileLink, PhaseTiming, ReportInputs, RunFacts
 from serd_core.arrival.chain import arrival_time_distribution
 from serd_core.arrival.law import law_in_seconds
 from serd_core.demonstrations.decisions import Decisions
@@ -18,6 +18,7 @@ from serd_core.policies.solved_policy import Policy, optimal_policy
 from serd_core.priors.divergence import KldPrior
 from sim.scenario.grid import navigation_problem_of, start_states_of
 from sim.scenario.scenario import Scenario
+from support.episodes import episode_result
 
 
 @pytest.fixture(scope="session")
@@ -130,10 +131,10 @@ def inputs(
         fit=fit,
         policy=policy,
         episodes=(
-            EpisodeRow(0, 7, "arrived", 21.05, 11.2),
-            EpisodeRow(1, 7, "arrived", 24.5, 12.0, person_on_robot_contacts=2),
-            EpisodeRow(2, 7, "arrived", 19.0, 10.4),
-            EpisodeRow(3, 7, "timeout", None, 30.0, robot_on_person_contacts=1),
+            episode_result(0, "arrived", 21.05),
+            episode_result(1, "arrived", 24.5, person_on_robot=2),
+            episode_result(2, "arrived", 19.0),
+            episode_result(3, "timeout", robot_on_person=1),
         ),
         predicted=law_in_seconds(
             arrival_time_distribution(

@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 
-from report.inputs import EpisodeRow, ReportInputs
+from report.inputs import ReportInputs
 from report.page import summary_rows
 from report.summary import headline_of, summary_of
+from support.episodes import episode_result
 
 
 def test_all_arrived(inputs: ReportInputs) -> None:
-    episodes = tuple(EpisodeRow(i, 1, "arrived", 20.0 + i, 10.0) for i in range(5))
+    episodes = tuple(episode_result(i, "arrived", 20.0 + i) for i in range(5))
     sentence = headline_of(summary_of(replace(inputs, episodes=episodes)))
     assert "reached the goal in 5 of 5 new episodes" in sentence
     assert "(100 %; predicted" in sentence
@@ -16,7 +17,7 @@ def test_all_arrived(inputs: ReportInputs) -> None:
 
 
 def test_nobody_arrived(inputs: ReportInputs) -> None:
-    episodes = (EpisodeRow(0, 1, "timeout", None, 10.0), EpisodeRow(1, 1, "aborted", None, 3.0))
+    episodes = (episode_result(0, "timeout"), episode_result(1, "aborted"))
     summary = summary_of(replace(inputs, episodes=episodes))
     assert "in 0 of 2 new episodes" in headline_of(summary)
     assert headline_of(summary).endswith("fewer than half of them in time.")

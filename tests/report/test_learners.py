@@ -14,7 +14,7 @@ TOGETHER = (
     ("PM SERD", "PM SERD, regularised", "MDCE IRL", "REIRL"),
     ("MDCE SERD", "SERD, free belief", "MDCE IRL, likelihood", "REIRL", "cloning"),
     ("MDCE SERD", "SERD, free belief", "MDCE IRL, entropy", "REIRL", "cloning"),
-    ("fixed (IRL)", "tied", "coupled", "free", "told the truth (IRL)"),
+    ("fixed (IRL)", "tied", "coupled", "free", "true dynamics (IRL)"),
 )  # fmt: skip
 
 

@@ -11,7 +11,8 @@ from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from report import style
-from report.learners import STYLES
+from report.figures.arrival import ArrivalCurve, draw_curve
+from report.learners import STYLES, tick_sizes
 from report.style import new_figure
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.bands import clopper_pearson, sampling_band
@@ -71,12 +72,9 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
             _compare(axes, curve)
             axes.set_title(method, loc="left")
         for axes in panels[: len(curves) + 1]:
-            axes.set_xscale("log")
-            axes.set_xlim(_FROM_S, table["time_s"].max())
-            axes.set_xticks(_TICKS_S, [str(tick) for tick in _TICKS_S])
-            axes.set_xticks([], minor=True)
+            axes.set(xscale="log", xlim=(_FROM_S, table["time_s"].max()), ylim=(0, 1.03))
+            tick_sizes(axes, _TICKS_S)
             axes.tick_params(labelbottom=True)
-            axes.set_ylim(0, 1.03)
             axes.grid()
             axes.set_xlabel("time since the start in s")
         _legends(panels, len(curves))
@@ -85,23 +83,9 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
 
 
 def _compare(axes: Axes, curve: pd.DataFrame) -> None:
-    for kind, colour, line in (
-        ("predicted", style.PREDICTED_COLOUR, "--"),
-        ("measured", style.MEASURED_COLOUR, "-"),
-    ):
-        axes.fill_between(
-            curve["time_s"],
-            curve[f"{kind}_lower"],
-            curve[f"{kind}_upper"],
-            step="post",
-            color=colour,
-            alpha=0.18,
-            linewidth=0,
-            label=f"95 % band, {kind}",
-        )
-        axes.step(
-            curve["time_s"], curve[kind], where="post", color=colour, linestyle=line, label=kind
-        )
+    for kind in ("predicted", "measured"):
+        names = ["time_s", kind, f"{kind}_lower", f"{kind}_upper"]
+        draw_curve(axes, ArrivalCurve(*curve[names].to_numpy().T), kind, kind)
     shown = curve.iloc[_spread(curve["time_s"].to_numpy())]
     axes.plot(
         shown["time_s"],

@@ -13,7 +13,7 @@ from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from report import style
-from report.figures.map_axes import draw_areas, draw_cells, map_figure, outline_cells
+from report.figures.map_axes import colour_bar, draw_areas, draw_cells, map_figure, outline_cells
 from report.figures.maps import draw_arrows
 from report.style import counted
 from serd_core.arrays import BoolArray, IntArray
@@ -58,9 +58,8 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
             panel.set_title(
                 f"{method}\nrepetition {number}: {counted(int(counts[number]), 'trap')}", fontsize=8
             )
-        bar = figure.colorbar(cells, ax=axes, shrink=0.6, pad=0.01, aspect=30)
-        bar.set_label("share of repetitions in which the cell is a trap")
-        bar.outline.set_visible(False)
+        label = "share of repetitions in which the cell is a trap"
+        colour_bar(figure, axes, cells, label, shrink=0.6, pad=0.01, aspect=30)
     return figure
 
 

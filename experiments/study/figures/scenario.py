@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import scipy.sparse
 import scipy.sparse.csgraph
+import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -16,18 +17,16 @@ from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from report import style
-from report.figures.map_axes import draw_areas, map_figure
-from serd_core.arrays import BoolArray, FloatArray
+from report.figures.map_axes import draw_areas, draw_vectors, map_figure
+from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
-from sim.scenario.polygon import contains
 from sim.scenario.scenario import Scenario
 from sim.world.world import HallwayWorld
 
 SHORTEST, TYPICAL, PERSON = "shortest way", "typical way", "person"
 _ORANGE = "#e07b00"
 _ARROW_S = 0.6
-_STEP_M = 0.05
 
 
 def rows(results: Results) -> pd.DataFrame:
@@ -93,17 +92,8 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
 
 def _draw_people(axes: Axes, people: FloatArray) -> None:
     axes.scatter(people[:, 0], people[:, 1], s=26, color=style.PERSON_COLOUR, zorder=8, linewidth=0)
-    axes.quiver(
-        *people[:, :2].T,
-        *(people[:, 2:] * _ARROW_S).T,
-        angles="xy",
-        scale_units="xy",
-        scale=1.0,
-        units="inches",
-        width=0.013,
-        color=style.INK,
-        zorder=8,
-    )
+    shift_m = people[:, 2:] * _ARROW_S
+    draw_vectors(axes, people[:, :2], shift_m, width=0.013, color=style.INK, zorder=8)
 
 
 def _legend() -> list[Line2D]:
@@ -143,38 +133,22 @@ def shortest_way(
     scenario: Scenario, start_m: FloatArray, goal_m: FloatArray, clearance_m: float
 ) -> FloatArray:
     """(n, 2) corners of the shortest way that keeps a clearance from the outer corners."""
-    outline = np.array(scenario.walkable_area_m, dtype=np.float64)
-    points = np.array([start_m, goal_m, *_inner_corners(scenario, outline, clearance_m)])
-    length = np.zeros((len(points), len(points)))
-    for first, second in combinations(range(len(points)), 2):
-        if _is_clear(scenario, points[first], points[second]):
-            length[first, second] = np.linalg.norm(points[first] - points[second])
-    graph = scipy.sparse.csr_array(length)
+    outline, *obstacles = map(shapely.Polygon, scenario.wall_polygons_m)
+    floor = outline - shapely.union_all(obstacles)
+    offsets = clearance_m * np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
+    corners = np.array(scenario.walkable_area_m, dtype=np.float64)
+    # Places diagonally off every corner that are on the floor.
+    places = (corners[:, None] + offsets).reshape(-1, 2)
+    places = places[shapely.contains_xy(floor, places)]
+    points = np.array([start_m, goal_m, *places])
+    legs = np.array(list(combinations(range(len(points)), 2)))
+    legs = legs[shapely.covers(floor, shapely.linestrings(points[legs]))]
+    length_m = np.linalg.norm(points[legs[:, 0]] - points[legs[:, 1]], axis=1)
+    graph = scipy.sparse.csr_array((length_m, tuple(legs.T)), shape=(len(points),) * 2)
     _, before = scipy.sparse.csgraph.dijkstra(
         graph, directed=False, indices=0, return_predecessors=True
     )
-    way, place = [1], 1
-    while place != 0 and before[place] >= 0:
-        place = int(before[place])
-        way.append(place)
+    way = [1]
+    while way[-1] != 0 and before[way[-1]] >= 0:
+        way.append(int(before[way[-1]]))
     return points[way[::-1]]
-
-
-def _inner_corners(scenario: Scenario, outline: FloatArray, clearance_m: float) -> list[FloatArray]:
-    """Places diagonally off every corner that are on the floor."""
-    offsets = clearance_m * np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
-    places = (outline[:, None, :] + offsets[None, :, :]).reshape(-1, 2)
-    return list(places[_walkable(scenario, places)])
-
-
-def _is_clear(scenario: Scenario, first: FloatArray, second: FloatArray) -> bool:
-    count = max(2, int(np.linalg.norm(second - first) / _STEP_M))
-    between = first + np.linspace(0.0, 1.0, count)[:, None] * (second - first)
-    return bool(_walkable(scenario, between).all())
-
-
-def _walkable(scenario: Scenario, points: FloatArray) -> BoolArray:
-    inside = contains(scenario.walkable_area_m, points)
-    for obstacle in scenario.wall_polygons_m[1:]:
-        inside = inside & ~contains(obstacle, points)
-    return inside

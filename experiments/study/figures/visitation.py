@@ -11,7 +11,7 @@ from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from report import style
-from report.figures.map_axes import colour_bar, draw_areas, draw_cells, map_figure
+from report.figures.map_axes import colour_bar_below, draw_areas, draw_cells, map_figure
 from serd_core.demonstrations.decisions import state_counts
 
 SETS = ("training", "validation", "test", "transfer")
@@ -55,5 +55,7 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
             cells = draw_cells(panel, grid, values, norm, style.VISITS_MAP)
             draw_areas(panel, study.layout, filled=False)
             panel.set_title(f"{name} ({episodes[name]})")
-        colour_bar(figure, axes, cells, "decisions taken in the cell, per episode", extend="max")
+        colour_bar_below(
+            figure, axes, cells, "decisions taken in the cell, per episode", extend="max"
+        )
     return figure

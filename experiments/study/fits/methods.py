@@ -110,7 +110,7 @@ ASSUMPTIONS: dict[str, Method] = {
     "tied": by(product.mdce_serd),
     "coupled": by(product.mdce_serd_coupled),
     "free": by(product.mdce_serd_free),
-    "told the truth (IRL)": irl_with_true_dynamics,
+    "true dynamics (IRL)": irl_with_true_dynamics,
 }
 #: What every other method, and every other assumption, is compared with.
 OURS, BASELINE = "MDCE SERD", "fixed (IRL)"

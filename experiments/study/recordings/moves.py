@@ -17,10 +17,7 @@ def counted_moves(decisions: Decisions) -> list[Move]:
     """Every distinct (s, a, s') with its count, sorted."""
     table = np.stack([decisions.state, decisions.action, decisions.next_state], axis=1)
     distinct, counts = np.unique(table, axis=0, return_counts=True)
-    return [
-        (int(state), int(action), int(following), int(count))
-        for (state, action, following), count in zip(distinct, counts, strict=True)
-    ]
+    return [tuple(row) for row in np.column_stack([distinct, counts]).tolist()]
 
 
 def decisions_of_moves(moves: Sequence[Sequence[int]], source: str = "") -> Decisions:

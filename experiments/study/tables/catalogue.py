@@ -14,12 +14,10 @@ from experiments.study.recordings.reference import reference_decisions
 from experiments.study.tables.arrival import arrival_distances, arrival_scores
 from experiments.study.tables.hindsight import hindsight_table
 from experiments.study.tables.results import Results
-from serd_core.arrays import IntArray
+from report.summary import decisions_per_model
 from serd_core.arrival.trap_states import trap_states
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Outcome
-from serd_core.grid.navigation import NavigationProblem
 
 MEASURES = ("test_log_likelihood", "transfer_log_likelihood", "dynamics_divergence")
 
@@ -141,7 +139,7 @@ def reference_table(results: Results) -> pd.DataFrame:
     probabilities = estimate_dynamics(results.problem, decisions)
     table = pd.DataFrame(probabilities, columns=[outcome.name.lower() for outcome in Outcome])
     table.insert(0, "model", results.problem.model_names)
-    table.insert(1, "decisions", _per_model(results.problem, decisions))
+    table.insert(1, "decisions", decisions_per_model(results.problem, decisions))
     return table
 
 
@@ -158,7 +156,7 @@ def demonstrations_table(results: Results) -> pd.DataFrame:
             sets = [getattr(each, role) for each in every]
             n_decisions = sum(len(each) for each in sets)
             n_episodes = sum(len(each.episodes) for each in sets)
-            counts = np.sum([_per_model(results.problem, each) for each in sets], axis=0)
+            counts = np.sum([decisions_per_model(results.problem, each) for each in sets], axis=0)
             table.append(
                 {
                     "expert": expert,
@@ -180,9 +178,3 @@ def _measured(results: Results, expert: str) -> Iterator[tuple[str, int, pd.Data
         for size, chosen in table.groupby("size"):
             values = chosen.pivot(index="repetition", columns="method", values=measure)
             yield measure, int(size), values[results.methods(expert)]
-
-
-def _per_model(problem: NavigationProblem, decisions: Decisions) -> IntArray:
-    models = problem.outcome_models
-    used = models.model_of[decisions.state, decisions.action]
-    return np.bincount(used, minlength=models.n_models)
