@@ -8,7 +8,7 @@ class NodeError(SerdError):
 
 
 class MessageError(NodeError):
-    """A received message breaks a rule and is dropped; the node goes on.
+    """A received message breaks a rule and is dropped; the node continues.
 
     The topic is added where the message was received. rule: the part of the sentence that is the
     same for all messages that break it.

@@ -80,7 +80,7 @@ def motion_row(stack: str, node: str, number: signal.Signals, model: Path) -> Ro
             resumes = number == signal.SIGSTOP and driven.resume(node)
         lost_s = ""
         if stack in _RECORDED:
-            lost_s = f"{driven.fault_time_s - newest_stamp_s(folder / 'bag'):.2f}"
+            lost_s = f"{max(0.0, driven.fault_time_s - newest_stamp_s(folder / 'bag')):.2f}"
     return {
         "stack": stack,
         "node": node,
@@ -88,7 +88,7 @@ def motion_row(stack: str, node: str, number: signal.Signals, model: Path) -> Ro
         "stands after (s)": _seconds(standing.after_s),
         "distance (m)": f"{standing.distance_m:.2f}",
         "after SIGCONT": ("drives" if resumes else "stands") if number == signal.SIGSTOP else "",
-        "lost of the bag (s)": lost_s,
+        "lost before the fault (s)": lost_s,
         "reported on diagnostics": "; ".join(standing.reports),
     }
 

@@ -29,7 +29,7 @@ CLOCK = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT,
     durability=DurabilityPolicy.VOLATILE,
 )
-#: What lidars publish with; hears reliable publishers too.
+#: What lidars publish with; it receives from reliable publishers too.
 SENSOR = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=COMMAND_DEPTH,
@@ -61,12 +61,12 @@ def bag_qos(profile: QoSProfile) -> QosProfile:
     """The profile as bags keep it."""
     reliable = profile.reliability == ReliabilityPolicy.RELIABLE
     latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    # What other processes keep is not told through DDS.
-    told = profile.history == HistoryPolicy.KEEP_LAST
+    # DDS does not transmit the history of other processes.
+    is_known = profile.history == HistoryPolicy.KEEP_LAST
     return QosProfile(
         reliability="reliable" if reliable else "best_effort",
         durability="transient_local" if latched else "volatile",
-        history="keep_last" if told else "unknown",
+        history="keep_last" if is_known else "unknown",
         depth=int(profile.depth),
     )
 

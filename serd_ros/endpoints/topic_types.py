@@ -28,7 +28,7 @@ class TopicType:
 
     @property
     def message(self) -> Any:
-        """The message class; an error says what to install."""
+        """The message class; an error names what to install."""
         found = message_class(message_type(self.name).name)
         if found is None:
             package = self.name.partition("/")[0]

@@ -1,9 +1,10 @@
-"""What turns the world: lock-step on stamped commands, or a timer in real time.
+"""What advances the world: lock-step on stamped commands, or a timer in real time.
 
 In lock-step the world waits for the TwistStamped whose stamp is that of its last tick, so a seed
 gives one trajectory whatever the speed of the machine. Messages can be lost while endpoints are
-still being matched, so a tick that stays unanswered is sent again; receivers answer a stamp they
-know with the same message. An episode that has reached the goal stands still until the next reset.
+still being matched, so a tick that stays unanswered is sent again; receivers answer a
+known stamp with the same message. An episode that has reached the goal does not advance until the
+next reset.
 """
 
 from typing import Protocol
@@ -76,7 +77,7 @@ class LockstepLoop:
         self._publisher.publish()
 
     def _watch(self) -> None:
-        """Send an unanswered tick again; give up when nobody has answered for long."""
+        """Send an unanswered tick again; give up after a long time without an answer."""
         now_s = self._node.wall_s()
         if self._awaited_ns is None or self.paused:
             return
@@ -115,12 +116,12 @@ class LiveLoop:
         node.create_timer(period_s, self._step, clock=node.wall_clock)
 
     def begin(self) -> None:
-        """Publish the first observation; the timer goes on from here."""
+        """Publish the first observation; the timer continues from here."""
         self._running = True
         self._publisher.publish()
 
     def goal_moved(self) -> None:
-        """Nothing stands still here."""
+        """Nothing to do: a live world does not stop at the goal."""
 
     def _take(self, command: Command) -> None:
         self._guard.receive(command, self._world.time_s)

@@ -1,4 +1,4 @@
-"""Everything the simulated world tells: clock, observation, scan, map, markers, its own health."""
+"""The topics of the simulated world: clock, observation, scan, map, markers, diagnostics."""
 
 from nav_msgs.msg import OccupancyGrid
 from rclpy.publisher import Publisher
@@ -20,7 +20,7 @@ from sim.world.world import HallwayWorld
 
 
 class WorldPublisher:
-    """Publishes the world's present state; scan and markers at the scan's rate, to who listens."""
+    """Publishes the world's present state; scan and markers only while there are subscribers."""
 
     def __init__(self, node: SerdNode[HallwaySimConfig], world: HallwayWorld) -> None:
         self._node, self._world = node, world

@@ -23,7 +23,7 @@ Parameters = dict[str, Any]
 class NodeEndpoints(StrictModel):
     """Names of the topics and services of one node.
 
-    may_subscribe: topics it listens to when a parameter says so, for which nobody waits.
+    may_subscribe: topics it subscribes to depending on a parameter; no node waits for them.
     """
 
     publishes: tuple[str, ...] = ()

@@ -1,8 +1,8 @@
-"""Whether everybody listens, so that the first message of a recording cannot get lost.
+"""Whether all required nodes subscribe, so that the first message of a recording is not lost.
 
-The graph description tells how many of the required nodes subscribe to each topic; what DDS has
-matched so far is counted against that. A node that is configured to listen to less than described
-would be waited for in vain, so after a while it is enough that all known subscriptions are matched.
+The graph description has how many of the required nodes subscribe to each topic; what DDS has
+matched so far is counted against that. A node may be configured to subscribe to less than that, so
+after a while it is enough that all known subscriptions are matched.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ class Readiness:
     """Looks at one node's publishers; `required_nodes` are the names of who must be there."""
 
     def __init__(self, node: Node, required_nodes: Sequence[str], now_s: float) -> None:
-        # A ROS parameter cannot be an empty list, so nobody is written [""].
+        # A ROS parameter cannot be an empty list, so none is written [""].
         self._required = tuple(name for name in required_nodes if name)
         self._node, self._since_s = node, now_s
 

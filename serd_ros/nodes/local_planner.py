@@ -73,7 +73,7 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
             self.create_timer(period_s, self._plan_live, clock=self.wall_clock)
 
     def _matcher(self) -> ScanMatcher | None:
-        """What finds people in scans, where the parameters say so."""
+        """The detector of people in scans, None where people are given."""
         if self.config.people_from == "given":
             return None
         profile = qos.STATE if self.config.lockstep else qos.SENSOR

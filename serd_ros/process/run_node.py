@@ -64,10 +64,10 @@ def _internal_errors(node: SerdNode[Any]) -> int:
 
 
 def _refusal(error: RuntimeError) -> str:
-    """What rcl says of its arguments, without places in its source, and what to do."""
-    said = str(error).split(", at /")[0].replace("\n", " ")
-    fix = _QUOTES if "parameter override" in said else "correct what follows --ros-args"
-    return f"{said}; {fix}"
+    """rcl's message about its arguments, without places in its source, and the fix."""
+    reason = str(error).split(", at /")[0].replace("\n", " ")
+    fix = _QUOTES if "parameter override" in reason else "correct what follows --ros-args"
+    return f"{reason}; {fix}"
 
 
 class _StopSignal:

@@ -116,7 +116,7 @@ class SerdNode(Node, Generic[Config]):
             )
 
     def wall_s(self) -> float:
-        """Steady wall time, whatever /clock says."""
+        """Steady wall time, independent of /clock."""
         return self.wall_clock.now().nanoseconds * 1e-9
 
 

@@ -1,4 +1,4 @@
-"""The waypoint that a live planner follows, and where it stops when its source falls silent.
+"""The waypoint that a live planner follows, and where it stops when its source is silent.
 
 A directive is an action (one cell on) or a waypoint, with the stamp of the observation it was made
 for. It is recent while that stamp is at most 1.5 decision periods old, and at most half of one
