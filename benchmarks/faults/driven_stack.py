@@ -38,6 +38,7 @@ from serd_ros.graph.graph import find_stack
 SOURCE = "source of intents"
 _STANDS_MPS = 1e-3
 _PATIENCE_S = 120.0
+_WATCHED_S = 10.0
 _TRIES = 8
 _SILENCE_S = 2.0
 _INTENT_PERIOD_S = 0.5
@@ -48,8 +49,9 @@ _GOAL_M = (12.0, 18.0)
 class Standing:
     """How a fault ended the motion, by the stamps of odom and robot_pose since the fault.
 
-    after_s: until the robot stood, NaN where the stamps ended before. distance_m: driven until
-    then. reports: warnings on `diagnostics` since the fault, as `node: message`.
+    after_s: until the robot stood; NaN where the stamps ended before, infinite where it still drove
+    after 10 s. distance_m: driven until then. reports: warnings on `diagnostics` since the fault,
+    as `node: message`.
     """
 
     after_s: float
@@ -188,12 +190,19 @@ class DrivenStack:
         else:
             self._nodes[node].send_signal(number)
         motion.heard_s = time.monotonic()
-        ended = lambda: time.monotonic() - motion.heard_s > _SILENCE_S  # noqa: E731
-        self._spin(lambda: ended() or motion.speed_mps < _STANDS_MPS)
-        after_s = math.nan if ended() else motion.time_s - since_s
-        distance_m = motion.way_m - before_m
-        self._spin(lambda: ended() or motion.time_s > since_s + after_s + 1.0)
+        stands = self._spin_while_stamps_come(
+            lambda: motion.speed_mps < _STANDS_MPS or motion.time_s > since_s + _WATCHED_S
+        )
+        after_s = motion.time_s - since_s if stands else math.nan
+        after_s = math.inf if after_s > _WATCHED_S else after_s
+        distance_m, until_s = motion.way_m - before_m, motion.time_s + 1.0
+        self._spin_while_stamps_come(lambda: motion.time_s > until_s)
         return Standing(after_s, distance_m, tuple(motion.reports))
+
+    def _spin_while_stamps_come(self, condition: Callable[[], bool]) -> bool:
+        """Until the condition holds or odom is silent; whether the condition held."""
+        self._spin(lambda: condition() or time.monotonic() - self.motion.heard_s > _SILENCE_S)
+        return condition()
 
     def resume(self, node: str, watched_s: float = 3.0) -> bool:
         """Continue a stopped node; whether the robot drives within some simulated seconds."""
@@ -201,9 +210,8 @@ class DrivenStack:
         motion = self.motion
         self._spin(lambda: motion.time_s >= 0.0 and time.monotonic() - motion.heard_s < 0.1, 10.0)
         since_s = motion.time_s
-        drives = lambda: motion.speed_mps > 0.1  # noqa: E731
-        self._spin(lambda: drives() or motion.time_s > since_s + watched_s, 30.0)
-        return drives()
+        self._spin(lambda: motion.speed_mps > 0.1 or motion.time_s > since_s + watched_s, 30.0)
+        return motion.speed_mps > 0.1
 
     def _begin(self) -> None:
         motion = self.motion
@@ -223,10 +231,14 @@ class DrivenStack:
         return find()
 
     def _spin(self, condition: Callable[[], object], limit_s: float = _PATIENCE_S) -> bool:
-        return self.motion.spin_until(lambda: self._publish() or condition(), limit_s)
+        def publish_and_look() -> object:
+            self._publish()
+            return condition()
+
+        return self.motion.spin_until(publish_and_look, limit_s)
 
     def _publish(self) -> None:
-        """The next intent of the stack live, while its source lives."""
+        """Publish the next intent of the stack live, unless its source has ended."""
         if self._stack == "live" and self._publishes and self.motion.time_s >= self._due_s:
             self._due_s = self.motion.time_s + _INTENT_PERIOD_S
             self._intents.publish(to_intent(Action.NORTH, self.motion.time_s))

@@ -94,22 +94,20 @@ def motion_row(stack: str, node: str, number: signal.Signals, model: Path) -> Ro
 
 
 def launch_row(stack: str, node: str, model: Path) -> Row:
-    """The end of `serd launch` after a node was killed, and the name of a stopped node."""
+    """How `serd launch` names a node that is stopped, and ends after the same node was killed."""
     with place() as (environment, folder):
         launched = started(stack, environment, folder, model)
+        stopped = launched.stop_node(node)
         killed = launched.kill_node(node)
         lost = lost_episodes(folder) if stack == "demonstrate_and_learn" else ""
-    with place() as (environment, folder):
-        stopped = started(stack, environment, folder, model).stop_node(node)
     return {
         "stack": stack,
         "node": node,
+        "SIGSTOP: named after (s)": _seconds(stopped.after_s) if stopped.named else "not named",
         "SIGKILL: all ended after (s)": _seconds(killed.after_s),
         "named": "yes" if killed.named else "no",
         "left": killed.n_left,
         "episodes lost of the checkpoint": lost,
-        "SIGSTOP: named after (s)": _seconds(stopped.after_s) if stopped.named else "not named",
-        "left after the end": stopped.n_left,
     }
 
 
@@ -175,4 +173,6 @@ def _learned_model(folder: Path) -> Path:
 
 
 def _seconds(value: float) -> str:
+    if math.isinf(value):
+        return "drives on"
     return "no stamps" if math.isnan(value) else f"{value:.2f}"
