@@ -23,6 +23,7 @@ COMMANDS = (
     "crowd",
     "episode",
     "batch",
+    "faults",
     "study",
 )
 

@@ -1,6 +1,5 @@
 """`serd batch`: many episodes over many processes, one row each, and their summary."""
 
-import math
 from dataclasses import asdict
 from itertools import product
 from pathlib import Path
@@ -12,8 +11,8 @@ from rich.table import Table
 
 from serd_cli.errors import UsageError
 from serd_cli.options import Address, AsJson, Backend, Jobs
-from serd_cli.output.resume_notice import results_kept_in
-from serd_cli.output.terminal import console, counting_bar, print_json
+from serd_cli.output.resume_notice import run_episodes
+from serd_cli.output.terminal import console, finite_values, print_json
 from sim.drivers.catalogue import driver_names
 from sim.episodes.batch import EpisodeTask, run_batch
 from sim.episodes.batch_summary import ConditionSummary, summarise
@@ -85,9 +84,12 @@ def batch(
         )
     ]
     execution = Execution(jobs, backend, address)
-    summaries = summarise(_run(tasks, output, execution))
+    rows = run_episodes(
+        output, lambda seen: run_batch(tasks, output, execution=execution, on_progress=seen)
+    )
+    summaries = summarise(rows)
     if as_json:
-        values = [_finite(asdict(each)) for each in summaries]
+        values = [finite_values(asdict(each)) for each in summaries]
         print_json({"conditions": values, "table": str(output.resolve())})
         return
     console.print(summary_table(summaries))
@@ -121,24 +123,3 @@ def _condition(summary: ConditionSummary) -> str:
         f"{summary.scenario}{people}, from {summary.start_area}: "
         f"{summary.driver} by {summary.planner}{seen}"
     )
-
-
-def _run(tasks: list[EpisodeTask], output: Path, execution: Execution) -> list[dict[str, object]]:
-    with results_kept_in(output), counting_bar("episodes") as bar:
-        line = bar.add_task("", total=len(tasks), visible=False)
-        return run_batch(
-            tasks,
-            output,
-            execution=execution,
-            on_progress=lambda done, total: bar.update(
-                line, completed=done, total=total, visible=True
-            ),
-        )
-
-
-def _finite(values: dict[str, object]) -> dict[str, object]:
-    """The values with null for NaN and infinity, which JSON does not have."""
-    return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in values.items()
-    }

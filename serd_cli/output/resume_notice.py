@@ -1,11 +1,13 @@
 """Notices about results that remain on disk: where they are, and which code made them."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from experiments.running.provenance import other_commits
-from serd_cli.output.terminal import progress_console
+from serd_cli.output.terminal import counting_bar, progress_console
+from sim.episodes.batch import Progress
+from storage.row_table import Row
 
 
 @contextmanager
@@ -21,6 +23,13 @@ def results_kept_in(place: Path | None) -> Iterator[None]:
                 markup=False,
             )
         raise
+
+
+def run_episodes(output: Path, run: Callable[[Progress], list[Row]]) -> list[Row]:
+    """The rows of `run`, with a bar of its episodes; their table `output` remains at Ctrl-C."""
+    with results_kept_in(output), counting_bar("episodes") as bar:
+        line = bar.add_task("", total=None, visible=False)
+        return run(lambda done, total: bar.update(line, completed=done, total=total, visible=True))
 
 
 def remark_other_code(folder: Path) -> None:

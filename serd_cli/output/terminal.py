@@ -1,6 +1,7 @@
 """Terminal output: results and JSON on stdout, progress and errors on stderr."""
 
 import json
+import math
 import time
 from datetime import timedelta
 from typing import Any
@@ -25,6 +26,14 @@ progress_console = Console(stderr=True, highlight=False)
 def print_json(values: Any) -> None:
     """Print plain values; paths become text, and numbers that are not finite are refused."""
     print(json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False, default=str))
+
+
+def finite_values(values: dict[str, Any]) -> dict[str, Any]:
+    """The values with null for NaN and infinity, which JSON does not have."""
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in values.items()
+    }
 
 
 _LINE_EVERY_S = 30.0

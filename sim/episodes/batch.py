@@ -6,10 +6,11 @@ files may change between runs: each row holds their digest, which must be the sa
 """
 
 import hashlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
+from typing import Protocol, TypeVar
 
 from sim.drivers.catalogue import make_driver
 from sim.drivers.policy_driver import MODEL_SUFFIXES
@@ -27,6 +28,18 @@ from storage.row_table import Key, Row, RowTable
 from storage.table import Column, cell_text, columns_of
 
 Progress = Callable[[int, int], None]
+
+
+class Keyed(Protocol):
+    """A task with the texts of the cells that name it."""
+
+    @property
+    def key(self) -> Key:
+        """Texts of the key columns."""
+        ...
+
+
+KeyedTask = TypeVar("KeyedTask", bound=Keyed)
 #: Column of the digest of all files that an episode depends on.
 INPUTS = "inputs"
 
@@ -117,17 +130,28 @@ def run_batch(
     require_runnable(wanted)
     with RowTable(path, COLUMNS, TASK_COLUMNS) as table:
         _require_same_inputs(wanted, table)
-        missing = [task for task in wanted if task.key not in table.rows]
-        done, total = len(wanted) - len(missing), len(wanted)
-        if on_progress is not None:
-            on_progress(done, total)
-        with closing((execution or Execution()).results(run_task, missing)) as results:
-            for row in results:
-                table.append(row)
-                done += 1
-                if on_progress is not None:
-                    on_progress(done, total)
-        return [table.rows[task.key] for task in wanted]
+        return run_missing(run_task, wanted, table, execution or Execution(), on_progress)
+
+
+def run_missing(
+    run: Callable[[KeyedTask], Row],
+    tasks: Sequence[KeyedTask],
+    table: RowTable,
+    execution: Execution,
+    on_progress: Progress | None = None,
+) -> list[Row]:
+    """Rows of all tasks; those that the table lacks are run and appended as they end."""
+    missing = [task for task in tasks if task.key not in table.rows]
+    done, total = len(tasks) - len(missing), len(tasks)
+    if on_progress is not None:
+        on_progress(done, total)
+    with closing(execution.results(run, missing)) as results:
+        for row in results:
+            table.append(row)
+            done += 1
+            if on_progress is not None:
+                on_progress(done, total)
+    return [table.rows[task.key] for task in tasks]
 
 
 def scenario_of(name: str, n_people: int | None) -> Scenario:

@@ -1,0 +1,137 @@
+"""`serd faults`: episodes in which inputs fail, with and without the guard."""
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import typer
+from rich.box import SIMPLE
+from rich.table import Table
+
+from report.figures.faults import FaultWays, draw_fault_ways
+from report.style import png_bytes
+from serd_cli.options import Address, AsJson, Backend, Jobs
+from serd_cli.output.resume_notice import run_episodes
+from serd_cli.output.terminal import console, finite_values, print_json
+from sim.drivers.catalogue import driver_names
+from sim.episodes.execution import Execution
+from sim.planning.catalogue import planner_names
+from sim.safety.campaign import WATCHED_S, run_campaign, tasks_of
+from sim.safety.campaign_summary import FaultSummary, arrival_price, summarise_faults
+from sim.safety.faults import FAULTS
+from storage.files import atomic_write_bytes
+from storage.row_table import Row
+
+
+def register(app: typer.Typer) -> None:
+    """Add the subcommand."""
+    app.command(no_args_is_help=True)(faults)
+
+
+def faults(
+    output: Annotated[Path, typer.Option(help="table of episodes, .csv or .parquet")],
+    fault: Annotated[
+        list[str] | None, typer.Option(help=f"{', '.join(FAULTS)}; default: all; repeat")
+    ] = None,
+    scenario: Annotated[str, typer.Option(help="built-in scenario or YAML file")] = "hallway",
+    people: Annotated[int, typer.Option(help="number of people")] = 60,
+    planner: Annotated[str, typer.Option(help=" or ".join(planner_names()))] = "dwa",
+    policy: Annotated[
+        str, typer.Option(help=f"{', '.join(driver_names())} or a learned model's file")
+    ] = "expert_with_flow",
+    seeds: Annotated[
+        int, typer.Option(min=1, help="episodes of each, seeds first-seed and up")
+    ] = 20,
+    first_seed: Annotated[int, typer.Option(min=0, help="seed of the first episode")] = 1,
+    jobs: Jobs = -1,
+    backend: Backend = "loky",
+    address: Address = "",
+    as_json: AsJson = False,
+) -> None:
+    """Measure how soon the robot stands when an input fails at full speed, and what it touches.
+
+    serd faults --seeds 20 --output faults.csv
+
+    Writes a row per episode, and a picture beside the table. Rerun an interrupted command to
+    resume it.
+    """
+    tasks = tasks_of(
+        fault or FAULTS,
+        range(first_seed, first_seed + seeds),
+        scenario=scenario,
+        n_people=people,
+        planner=planner,
+        driver=policy,
+    )
+    execution = Execution(jobs, backend, address)
+    rows = run_episodes(output, lambda seen: run_campaign(tasks, output, execution, seen))
+    summaries = summarise_faults(rows)
+    picture = output.with_suffix(".png")
+    ways = _ways(rows)
+    if ways:
+        atomic_write_bytes(picture, png_bytes(draw_fault_ways(ways, WATCHED_S)))
+    prices = {name: arrival_price(rows, name) for name in ("none", "none_scan")}
+    if as_json:
+        values = [finite_values(asdict(each)) for each in summaries]
+        print_json(
+            {"faults": values, "price": finite_values(prices), "table": str(output.resolve())}
+        )
+        return
+    console.print(_table(summaries))
+    for each in summaries:
+        price = prices.get(each.fault, math.nan)
+        if each.guarded and not math.isnan(price):
+            console.print(
+                f"{each.about}: the guard changes the time of arrival by {100 * price:+.2f} % and"
+                f" stops for an input {each.n_input_stops / each.hours:.1f} times per hour"
+            )
+    console.print(f"episodes: {output.resolve()}", soft_wrap=True)
+    if ways:
+        console.print(f"picture: {picture.resolve()}", soft_wrap=True)
+
+
+def _ways(rows: list[Row]) -> list[FaultWays]:
+    """The ways after each fault that begins at full speed."""
+    frame = pd.DataFrame(rows)
+    frame = frame[(frame["began"] == 1) & ~frame["fault"].map(lambda name: FAULTS[name].lasts)]
+    found = []
+    for name, group in frame.groupby("fault", sort=False):
+        way_m = {side: each["way_m"].to_numpy() for side, each in group.groupby("guarded")}
+        nothing = frame["way_m"].to_numpy()[:0]
+        about = f"{FAULTS[str(name)].about} ({FAULTS[str(name)].people_from})"
+        found.append(FaultWays(about, way_m.get(0, nothing), way_m.get(1, nothing)))
+    return found
+
+
+def _table(summaries: list[FaultSummary]) -> Table:
+    """zero: until the command is zero; later: way after standing.
+
+    Contacts: robot into people, people into robot, walls.
+    """
+    table = Table(title="Faults: mean (largest)", title_justify="left", box=SIMPLE, pad_edge=False)
+    table.add_column("fault", no_wrap=True)
+    table.add_column("guard", no_wrap=True)
+    for name in ("stood", "zero, s", "stood, s", "way, m", "later", "contacts"):
+        table.add_column(name, justify="right")
+    for each in summaries:
+        lasts = FAULTS[each.fault].lasts
+        measured = (
+            f"{each.n_stood}/{each.n_episodes}",
+            _mean_and_largest(each.mean_zero_s, each.largest_zero_s),
+            _mean_and_largest(each.mean_stood_s, each.largest_stood_s),
+            _mean_and_largest(each.mean_stood_m, each.largest_stood_m),
+            f"{each.largest_later_m:.1f}",
+        )
+        table.add_row(
+            each.fault,
+            "with" if each.guarded else "without",
+            *(("",) * len(measured) if lasts else measured),
+            f"{each.robot_on_person}, {each.person_on_robot}, {each.robot_on_wall}",
+        )
+    return table
+
+
+def _mean_and_largest(mean: float, largest: float) -> str:
+    return "" if math.isnan(mean) else f"{mean:.2f} ({largest:.2f})"
