@@ -7,7 +7,7 @@ import pytest
 from sim.safety.campaign import COLUMNS, FaultTask, run_fault, tasks_of
 from sim.safety.campaign_summary import arrival_price, summarise_faults
 
-CONDITION = {"scenario": "crossing", "n_people": 2, "seed": 1}
+CONDITION = {"scenario": "hallway", "n_people": 2, "seed": 1}
 
 
 def _row(fault, guarded):
@@ -20,7 +20,7 @@ def test_with_the_guard_the_robot_stands_after_the_scan_stops_and_without_it_dri
     assert guarded["zero_s"] <= 0.25
     assert guarded["stood_m"] < 0.6
     assert guarded["later_m"] == pytest.approx(0.0, abs=1e-9)
-    assert unguarded["way_m"] > 3.0
+    assert unguarded["way_m"] > 5.0
     assert [column.name for column in COLUMNS] == list(guarded)
 
 
@@ -37,7 +37,8 @@ def test_the_robot_stands_at_the_next_cell_when_waypoints_stop():
 def test_without_a_fault_the_guard_changes_nothing():
     guarded, unguarded = _row("none", 1), _row("none", 0)
     assert math.isfinite(guarded["time_of_arrival_s"])
-    assert guarded | {"guarded": 0} == unguarded
+    for name in ("time_of_arrival_s", "way_m", "person_on_robot"):
+        assert guarded[name] == unguarded[name]
 
 
 def test_every_fault_runs_with_and_without_the_guard_on_every_seed():
