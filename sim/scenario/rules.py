@@ -1,7 +1,8 @@
 """What a scenario must fulfil as a whole; each rule raises a ValueError that names key and fix."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import label
@@ -18,8 +19,10 @@ from sim.scenario.polygon import (
     first_crossing,
     overlap,
 )
-from sim.scenario.settings import LidarSettings, Loop, RobotSettings
+from sim.scenario.settings import LARGEST_NUMBER, LidarSettings, Loop, RobotSettings
 from sim.scenario.walkable_cells import WalkableCells
+from storage.errors import shortened
+from storage.yaml_config import dotted
 
 #: A robot starts within this share of a cell from the cell's centre, along either axis.
 START_SPREAD = 0.2
@@ -27,6 +30,21 @@ START_SPREAD = 0.2
 LONGEST_CONTROL_PERIOD_S = 0.2
 #: Cells of the decision grid, walkable or not, that learning and planning can still handle.
 MOST_CELLS = 40_000
+
+
+def require_finite_scale(values: Any, place: tuple[str | int, ...] = ()) -> None:
+    """No number of the file may be so large that computing with it overflows."""
+    if isinstance(values, Mapping):
+        for key, value in values.items():
+            require_finite_scale(value, (*place, str(key)))
+    elif isinstance(values, (list, tuple)):
+        for number, value in enumerate(values):
+            require_finite_scale(value, (*place, number))
+    elif isinstance(values, (int, float)) and abs(values) > LARGEST_NUMBER:
+        raise ValueError(
+            f"{dotted(place)} must be at most {LARGEST_NUMBER:g} in size, got"
+            f" {shortened(repr(values))}; correct it"
+        )
 
 
 def require_whole_periods(name: str, period_s: float, control_period_s: float) -> None:
@@ -93,12 +111,13 @@ def require_outside_goal(
     inside = cells.centers_m[contains(area, cells.centers_m)]
     spread_m = START_SPREAD * cells.cell_size_m * np.array([-1.0, 0.0, 1.0])
     offsets_m = np.stack(np.meshgrid(spread_m, spread_m), axis=-1).reshape(-1, 2)
-    for center in inside:
-        if contains(goal, center + offsets_m).any():
-            raise ValueError(
-                f"{name} must keep clear of goal_area_m, but a robot that starts in the cell at "
-                f"{center.tolist()} is there at once; move one of them"
-            )
+    starts_m = (inside[:, None] + offsets_m).reshape(-1, 2)
+    in_goal = contains(goal, starts_m).reshape(len(inside), -1).any(axis=1)
+    if in_goal.any():
+        raise ValueError(
+            f"{name} must keep clear of goal_area_m, but a robot that starts in the cell at "
+            f"{inside[np.argmax(in_goal)].tolist()} is there at once; move one of them"
+        )
 
 
 def require_lidar(lidar: LidarSettings, control_period_s: float) -> None:

@@ -49,7 +49,7 @@ class Scenario(StrictModel):
         1.0,
         f"side of the cells of the decision grid, of which there may be {rules.MOST_CELLS:,}",
         unit="m",
-        gt=0,
+        ge=0.001,
     )
     decision_period_s: float = setting(
         2.0,
@@ -63,7 +63,7 @@ class Scenario(StrictModel):
         f"time between commands, at most {rules.LONGEST_CONTROL_PERIOD_S:g} s; the robot must drive"
         " less than its radius in it",
         unit="s",
-        gt=0,
+        ge=0.001,
     )
     episode_timeout_s: float = setting(
         420.0,
@@ -97,6 +97,7 @@ class Scenario(StrictModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
+        rules.require_finite_scale(self.model_dump())
         rules.require_control_period(self.control_period_s, self.robot)
         rules.require_whole_periods(
             "decision_period_s", self.decision_period_s, self.control_period_s

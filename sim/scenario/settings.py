@@ -6,11 +6,14 @@ from typing import Annotated
 from pydantic import AfterValidator, Field, field_validator
 
 from sim.crowd.social_force import model_named, model_names
-from sim.scenario.polygon import Point, require_simple
+from sim.scenario.polygon import require_simple
 from storage.settings import setting
 from storage.yaml_config import StrictModel
 
-Polygon = Annotated[tuple[Point, ...], Field(min_length=3)]
+#: Products of numbers of this size are far from overflow.
+LARGEST_NUMBER = 1e6
+_Coordinate = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
+Polygon = Annotated[tuple[tuple[_Coordinate, _Coordinate], ...], Field(min_length=3)]
 #: A polygon that bounds an area: it must not cross itself, nor shrink to a line.
 Outline = Annotated[Polygon, AfterValidator(require_simple)]
 

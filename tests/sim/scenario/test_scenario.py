@@ -254,6 +254,13 @@ def test_a_room_of_ones_own_is_a_scenario(tmp_path):
             r"cell_size_m must make at most 40000 cells of the 10 m x 10 m .* raise it to 0\.05 ",
         ),
         ({"lidar": {"rate_hz": 3.0}}, r"the period of lidar\.rate_hz must be a whole number"),
+        ({"cell_size_m": 1e300}, r"cell_size_m must be at most 1e\+06 in size, got 1e\+300"),
+        ({"cell_size_m": 1e-300}, r"cell_size_m must be greater than or equal to 0\.001"),
+        ({"control_period_s": 1e-300}, r"control_period_s must be greater than or equal to 0\.001"),
+        (
+            {"walkable_area_m": [[0, 0], [1e300, 0], [9, 9]]},
+            r"walkable_area_m\[1\]\[0\] must be less",
+        ),
     ],
 )
 def test_a_place_where_nobody_could_walk_or_drive_is_refused_by_key(tmp_path, values, sentence):
