@@ -3,17 +3,19 @@ VENV := .venv
 BIN := $(VENV)/bin
 PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.10 || command -v python3)
 ARGS ?=
+FUZZ_CASES ?= 10000
 
 # One thread per process: the node graph and the test workers already fill the cores.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup build demo test coverage check format lint types imports bench pictures reference clean
+.PHONY: help setup build demo test fuzz coverage check format lint types imports bench pictures reference clean
 
 help:
 	@echo "make setup     set up .venv and build the ROS workspace"
 	@echo "make demo      the whole loop: demonstrate, record, learn, navigate, report  (ARGS='--help')"
 	@echo "make test      every test                                                    (ARGS='-k name')"
+	@echo "make fuzz      mutated messages, files and arguments, 10,000 per target   (FUZZ_CASES=1000)"
 	@echo "make coverage  every test, and which lines and branches they reach"
 	@echo "make check     format, lint, types, import rules, tests"
 	@echo "               another Python: make check PYTHON=python3.10 VENV=.venv310"
@@ -35,6 +37,9 @@ demo: build
 
 test: build
 	@$(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS)
+
+fuzz: build
+	@SERD_FUZZ_CASES=$(FUZZ_CASES) $(BIN)/python -m pytest -n 2 --dist worksteal --timeout=0 -s -v tests/fuzz $(ARGS)
 
 coverage: build
 	@$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report=term:skip-covered $(ARGS)

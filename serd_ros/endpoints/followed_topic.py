@@ -18,7 +18,7 @@ _LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
 
 
 def common_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
-    """The most a reader may ask for to hear every one of the publishers."""
+    """The strictest profile that matches every one of the publishers."""
     profiles = tuple(offered)
     reliable = all(each.reliability == _RELIABLE for each in profiles)
     latched = all(each.durability == _LATCHED for each in profiles)
@@ -29,17 +29,17 @@ def common_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
     )
 
 
-def asks_too_much(asked: QoSProfile, offered: QoSProfile) -> bool:
-    """Whether a reader that asks so would not hear a publisher that offers so."""
-    sent_again = asked.reliability == _RELIABLE and offered.reliability != _RELIABLE
-    return sent_again or (asked.durability == _LATCHED and offered.durability != _LATCHED)
+def requests_too_much(requested: QoSProfile, offered: QoSProfile) -> bool:
+    """Whether a reader with the first profile does not match a publisher with the second."""
+    resends = requested.reliability == _RELIABLE and offered.reliability != _RELIABLE
+    return resends or (requested.durability == _LATCHED and offered.durability != _LATCHED)
 
 
 class FollowedTopic:
     """Subscribes at once where the type says how, else as soon as there is a publisher.
 
     name: in full; take: called with (name, message) for each message; offered: by the publishers
-    there were when it began to listen.
+    there were when it subscribed.
     """
 
     def __init__(
@@ -55,12 +55,12 @@ class FollowedTopic:
             self._subscribe(recording_qos(kind.qos))
 
     @property
-    def heard(self) -> bool:
-        """Whether it listens."""
+    def is_subscribed(self) -> bool:
+        """Whether there is a subscription."""
         return self._subscription is not None
 
     def look(self) -> bool:
-        """Follow the publishers; whether it has begun to listen just now."""
+        """Follow the publishers; whether it subscribed just now."""
         found = self._node.get_publishers_info_by_topic(self.name)
         offered = [each.qos_profile for each in found if each.topic_type == self.kind.name]
         self._others = [] if offered else sorted({each.topic_type for each in found})
@@ -70,34 +70,38 @@ class FollowedTopic:
             self.offered = tuple(offered)
             self._subscribe(common_qos(offered))
             return True
-        self._ask_for_less(self._subscription, common_qos(offered))
+        self._request_less(self._subscription, common_qos(offered))
         return False
 
     @property
     def silence(self) -> str:
-        """Why nothing can be heard, as far as is known, else empty."""
+        """Why no message can arrive, as far as is known, else empty."""
         if self._others:
             return f"{self.name} is {', '.join(self._others)}, not {self.kind.name}"
-        return "" if self.heard else f"{self.name} has no publisher"
+        return "" if self.is_subscribed else f"{self.name} has no publisher"
 
-    def _ask_for_less(self, subscription: Subscription, offered: QoSProfile) -> None:
-        if asks_too_much(subscription.qos_profile, offered):
+    def _request_less(self, subscription: Subscription, offered: QoSProfile) -> None:
+        if requests_too_much(subscription.qos_profile, offered):
             for data in self.waiting():
                 self._take(self.name, data)
             self._node.destroy_subscription(subscription)
             self._subscribe(offered)
 
     def waiting(self) -> Iterator[bytes]:
-        """What has come in but was not looked at yet."""
+        """Messages that were received and not taken yet."""
         return iter(()) if self._subscription is None else waiting_messages(self._subscription)
 
-    def _subscribe(self, asks: QoSProfile) -> None:
+    def _subscribe(self, profile: QoSProfile) -> None:
         self._subscription = self._node.create_subscription(
-            self.kind.message, self.name, lambda data: self._take(self.name, data), asks, raw=True
+            self.kind.message,
+            self.name,
+            lambda data: self._take(self.name, data),
+            profile,
+            raw=True,
         )
 
 
 def waiting_messages(subscription: Subscription) -> Iterator[bytes]:
-    """The raw messages that still wait; works until the node is destroyed, also after a signal."""
+    """The raw messages that wait; works until the node is destroyed, also after a signal."""
     while (found := subscription.handle.take_message(subscription.msg_type, True)) is not None:
         yield bytes(found[0])

@@ -33,7 +33,7 @@ class ObservationInbox:
 
     The simulator stamps the three alike; `synchronised` gives an observation once per stamp, when
     all three parts of it are there. `latest` mixes stamps, for robots whose sensors run apart.
-    needs_people: when False, observations hold nobody and wait for pose and odometry only.
+    needs_people: when False, observations have no people and wait for pose and odometry only.
     """
 
     def __init__(self, control_period_s: float, *, needs_people: bool = True) -> None:

@@ -1,6 +1,6 @@
 """Quality of service per topic.
 
-In lock-step nothing may be lost, so the state topics are reliable and deep: a recorder on a busy
+No message may be lost in lock-step, so the state topics are reliable and deep: a recorder on a busy
 machine may lag behind a world that runs many times faster than real time.
 """
 
@@ -48,8 +48,8 @@ LATCHED = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-#: For who must not miss a message: a reader that is full refuses more, and a sender that waits for
-#: acknowledgements, as bag_replay does, waits for it. (With KEEP_LAST it would drop the oldest.)
+#: For readers that must not miss a message: a full one accepts no more, and a publisher that waits
+#: for acknowledgements, as bag_replay does, waits for it. (With KEEP_LAST it drops the oldest.)
 LOSSLESS = QoSProfile(
     history=HistoryPolicy.KEEP_ALL,
     reliability=ReliabilityPolicy.RELIABLE,
@@ -58,7 +58,7 @@ LOSSLESS = QoSProfile(
 
 
 def bag_qos(profile: QoSProfile) -> QosProfile:
-    """The profile as bags keep it."""
+    """The profile as bags store it."""
     reliable = profile.reliability == ReliabilityPolicy.RELIABLE
     latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
     # DDS does not transmit the history of other processes.
@@ -72,7 +72,7 @@ def bag_qos(profile: QoSProfile) -> QosProfile:
 
 
 def recording_qos(profile: QoSProfile) -> QoSProfile:
-    """What a recorder asks for: as offered, but deep enough to lag behind for a while."""
+    """Profile of a recorder: as offered, and deep enough to lag behind for a while."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=max(profile.depth, STATE_DEPTH),
@@ -82,7 +82,7 @@ def recording_qos(profile: QoSProfile) -> QoSProfile:
 
 
 def replay_qos(recorded: QosProfile) -> QoSProfile:
-    """What a replay offers: as recorded, but deep enough for bursts of reliable messages."""
+    """Profile of a replay: as recorded, and deep enough for bursts of reliable messages."""
     reliable = recorded.reliability == "reliable"
     latched = recorded.durability == "transient_local"
     return QoSProfile(

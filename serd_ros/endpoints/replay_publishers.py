@@ -65,6 +65,6 @@ class ReplayPublishers:
             publisher.wait_for_all_acked(_CONFIRMED_WITHIN)
 
     @property
-    def heard(self) -> bool:
-        """Whether anybody listens to anything."""
+    def has_subscriber(self) -> bool:
+        """Whether any topic has a subscriber."""
         return any(publisher.get_subscription_count() for publisher in self._of.values())

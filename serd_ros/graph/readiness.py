@@ -16,7 +16,7 @@ PATIENCE_S = 10.0
 
 
 class Readiness:
-    """Looks at one node's publishers; `required_nodes` are the names of who must be there."""
+    """Looks at one node's publishers; `required_nodes` must be present."""
 
     def __init__(self, node: Node, required_nodes: Sequence[str], now_s: float) -> None:
         # A ROS parameter cannot be an empty list, so none is written [""].

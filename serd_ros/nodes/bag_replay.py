@@ -1,7 +1,7 @@
 """bag_replay: plays a bag into its topics, as a ROS 2 node.
 
-A learner, a recorder or a viewer takes it for the world that was recorded. Bag time is that of the
-log times, and goes out on /clock.
+A learner, a recorder or a viewer subscribes as to the recorded world. Bag time is that of the log
+times, and is published on /clock.
 """
 
 import math
@@ -30,7 +30,7 @@ _REPORT_PERIOD_S = 0.5
 
 
 class BagReplayNode(SerdNode[BagReplayConfig]):
-    """Waits for its listeners, then publishes every message at its time."""
+    """Waits for subscribers, then publishes every message at its time."""
 
     def __init__(self) -> None:
         super().__init__("bag_replay", BagReplayConfig)
@@ -45,16 +45,16 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._excerpt = Excerpt(
             frozenset(self._outlet.topics), config.start_s, config.duration_s or math.inf
         )
-        self._n_sent, self._told_end, self._rate = 0, False, config.rate
+        self._n_sent, self._has_ended, self._rate = 0, False, config.rate
         self._readiness = Readiness(self, config.required_nodes, self.wall_s())
         self._waiting_until_s: float | None = self.wall_s() + config.wait_s
         self._playback = self._from_the_beginning()
-        # Nothing may fail from here on: the terminal would stay as it is.
+        # No call may fail from here on: the terminal would stay in raw mode.
         self._keys = ReplayKeys() if config.keys else None
         self.create_service(SetBool, topics.PAUSE, self._on_pause)
         self._bag_clock = self.create_publisher(Clock, topics.CLOCK, qos.CLOCK)
         self.create_timer(_TURN_S, self._turn, clock=self.wall_clock)
-        self.create_timer(_REPORT_PERIOD_S, self._tell, clock=self.wall_clock)
+        self.create_timer(_REPORT_PERIOD_S, self._report_playback, clock=self.wall_clock)
         if config.clock_hz > 0:
             self.create_timer(1.0 / config.clock_hz, self._send_clock, clock=self.wall_clock)
 
@@ -78,22 +78,22 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         return playback
 
     def _turn(self) -> None:
-        if self._waiting_until_s is not None and not self._listened_to():
+        if self._waiting_until_s is not None and not self._has_subscribers():
             return
         if self._keys is not None:
-            self._obey(self._keys.typed())
+            self._apply(self._keys.typed())
         self._publish(self._playback.due(self.wall_s(), at_most=_AT_ONCE))
         if self._playback.finished:
             self._end()
 
-    def _listened_to(self) -> bool:
-        """Whether all required nodes listen, or somebody does, or long enough was waited."""
+    def _has_subscribers(self) -> bool:
+        """Whether all required nodes subscribe, or without them any node, or the wait is over."""
         assert self._waiting_until_s is not None
         now_s = self.wall_s()
         missing = self._readiness.missing(now_s)
         required = any(self.config.required_nodes)
-        heard = not missing and (required or self._outlet.heard)
-        if heard or (not required and now_s >= self._waiting_until_s):
+        is_ready = not missing and (required or self._outlet.has_subscriber)
+        if is_ready or (not required and now_s >= self._waiting_until_s):
             self._waiting_until_s = None
             return True
         waited_for = missing or "a subscriber"
@@ -104,7 +104,7 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._outlet.publish(messages)
         self._n_sent += len(messages)
 
-    def _obey(self, keys: list[ReplayKey]) -> None:
+    def _apply(self, keys: list[ReplayKey]) -> None:
         now_s = self.wall_s()
         for key in keys:
             if key is ReplayKey.PAUSE:
@@ -116,7 +116,7 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
                 self._rate *= RATE_FACTORS[key]
                 self._playback.set_rate(now_s, self._rate)
         if keys:
-            self._tell()
+            self._report_playback()
 
     def _pause(self, paused: bool) -> None:
         now_s = self.wall_s()
@@ -138,29 +138,29 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
     def _bag_time_s(self) -> float:
         return self._playback.bag_time_ns(self.wall_s()) * 1e-9
 
-    def _tell(self) -> None:
+    def _report_playback(self) -> None:
         if self._waiting_until_s is not None:
             return
         playback = self._playback
-        word = "finished" if playback.finished else "paused" if playback.paused else "playing"
+        state = "finished" if playback.finished else "paused" if playback.paused else "playing"
         damage = self._sound.damage
         values = {"messages": self._n_sent, "rate": self._rate, "bag": self.config.bag}
         level = ERROR if damage else OK
-        self.report(self._bag_time_s(), values, level=level, message=damage or word)
+        self.report(self._bag_time_s(), values, level=level, message=damage or state)
         if self._keys is not None:
-            self._keys.show(f"{word} {self._bag_time_s():.1f} s, rate {self._rate:g}")
+            self._keys.show(f"{state} {self._bag_time_s():.1f} s, rate {self._rate:g}")
 
     def _end(self) -> None:
         if self.config.loop and not self._sound.damage:
             self._playback = self._from_the_beginning()
-        elif not self._told_end:
-            self._told_end = True
+        elif not self._has_ended:
+            self._has_ended = True
             self._outlet.finish()
-            self._tell()
+            self._report_playback()
             self._conclude()
 
     def _conclude(self) -> None:
-        """All that is sound has been played; with damage nobody may take it for all there was."""
+        """All sound messages have been played; a damaged bag ends the node with the damage."""
         if self._sound.damage:
             self.fail(self._sound.damage)
             return

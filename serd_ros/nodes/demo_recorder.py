@@ -29,7 +29,7 @@ from serd_ros.process.serd_node import SerdNode
 
 _POLL_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 1.0
-#: Told to stop, it looks until nothing more comes, but no longer than their product.
+#: At its end it takes messages until no more come, at most for the product of these.
 _LAST_LOOKS, _LOOK_AGAIN_S = 20, 0.05
 
 
@@ -43,7 +43,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         self._n_bags = 0
         self._topics: dict[str, FollowedTopic] = {}
         for topic in self.config.topics:
-            self._listen(topic)
+            self._follow(topic)
         self.create_service(Trigger, topics.START_RECORDING, self._on_start)
         self.create_service(Trigger, topics.STOP_RECORDING, self._on_stop)
         self.create_timer(_POLL_PERIOD_S, self._poll, clock=self.wall_clock)
@@ -75,14 +75,14 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
             status = recorder.close()
-            # Not the logger: its topic is gone once the process has been told to stop.
-            said = f"demo_recorder: {status.n_messages} messages in {recorder.directory}"
-            print("; ".join([said, *self._silences()]), file=sys.stderr, flush=True)
+            # Not the logger: its topic is gone once the process has received a signal.
+            summary = f"demo_recorder: {status.n_messages} messages in {recorder.directory}"
+            print("; ".join([summary, *self._silences()]), file=sys.stderr, flush=True)
 
     def _silences(self) -> list[str]:
         return [topic.silence for topic in self._topics.values() if topic.silence]
 
-    def _listen(self, text: str) -> None:
+    def _follow(self, text: str) -> None:
         topic, kind = named_topic(text, stamped_cmd_vel=self.config.stamped_cmd_vel)
         name = self.resolve_topic_name(topic)
         if name in self._topics:
@@ -113,7 +113,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         return 0 if simulated else time.time_ns()
 
     def _poll(self) -> None:
-        self._look_at([topic for topic in self._topics.values() if not topic.heard])
+        self._look_at([topic for topic in self._topics.values() if not topic.is_subscribed])
         if self._recorder is not None:
             self._recorder.poll()
             if not self._recorder.status.recording:
@@ -125,7 +125,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
                 self._declare(topic)
 
     def _declare(self, topic: FollowedTopic) -> None:
-        if self._recorder is not None and topic.heard:
+        if self._recorder is not None and topic.is_subscribed:
             offered = tuple(dict.fromkeys(map(bag_qos, topic.offered)))
             self._recorder.add_topic(topic.name, topic.kind.name, offered)
 

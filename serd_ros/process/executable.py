@@ -13,12 +13,12 @@ from pathlib import Path
 from types import FrameType
 
 from serd_ros.errors import NodeError
-from serd_ros.process.parent_watch import Starter
+from serd_ros.process.parent_watch import ParentProcess
 
 #: Exit code of a program that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
-#: Exit code of a node whose starter has ended or is no process.
-BAD_STARTER = 2
+#: Exit code of a node whose parent has ended or is no process.
+BAD_PARENT = 2
 
 
 @contextmanager
@@ -43,10 +43,10 @@ def main() -> int:
 def run(node: str) -> int:
     """Import the node and run it; its exit code."""
     try:
-        Starter().end_process_when_gone()
+        ParentProcess().end_process_with_parent()
     except NodeError as error:
         print(f"{node}: {error}", file=sys.stderr, flush=True)
-        return BAD_STARTER
+        return BAD_PARENT
     with starting():
         module = import_module(f"serd_ros.nodes.{node}")
     return int(module.main())

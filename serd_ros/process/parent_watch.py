@@ -1,7 +1,7 @@
-"""Whether the command that started this node's stack is still running.
+"""Whether the process that started this node has ended.
 
-A command that was killed with SIGKILL cannot end its nodes. An environment variable holds its
-process id, and the nodes end when it is gone. Without the variable a node runs by itself.
+A command that is killed with SIGKILL cannot end its nodes. The environment variable names its
+process, and nodes end with it. Without the variable a node depends on no other process.
 """
 
 import os
@@ -13,13 +13,13 @@ from collections.abc import Mapping
 from serd_ros.errors import NodeError
 
 VARIABLE = "SERD_STARTED_BY"
-#: How long (s) a node may take to end by itself after its starter is gone.
+#: How long (s) a node may take to end by itself after its parent has ended.
 _GRACE_S = 1.5
 _EXIT_CODE = 2
 
 
-class Starter:
-    """The process of the environment variable, by a descriptor, since a pid may be reused."""
+class ParentProcess:
+    """The process that the environment variable names, held by a descriptor: pids are reused."""
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
         self._descriptor: int | None = None
@@ -34,15 +34,15 @@ class Starter:
             raise NodeError(f"{VARIABLE} names process {pid}, which has ended; unset it") from None
 
     @property
-    def gone(self) -> bool:
-        """Whether there was one and it has ended."""
+    def has_ended(self) -> bool:
+        """Whether the variable names a process and it has ended."""
         if self._descriptor is None:
             return False
         readable, _, _ = select.select([self._descriptor], [], [], 0)
         return bool(readable)
 
-    def end_process_when_gone(self) -> None:
-        """End this process soon after its starter, even while it imports, starts or computes."""
+    def end_process_with_parent(self) -> None:
+        """End this process soon after its parent, even while it imports, starts or computes."""
         if self._descriptor is not None:
             watch = threading.Thread(target=_end_after, args=(self._descriptor,), daemon=True)
             watch.start()

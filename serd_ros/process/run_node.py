@@ -12,14 +12,14 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from serd_core.errors import SerdError
-from serd_ros.process.parent_watch import Starter
+from serd_ros.process.parent_watch import ParentProcess
 from serd_ros.process.serd_node import BAD_INPUT, SerdNode
 
 INTERNAL_ERROR = 1
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
 #: A signal ends the node after this time (s) at most, between two callbacks.
 _TURN_S = 0.2
-_QUOTES = "put a value that holds : into quotes, as topics:=[odom, '/imu:sensor_msgs/msg/Imu']"
+_QUOTES = "put a value that contains : into quotes, as topics:=[odom, '/imu:sensor_msgs/msg/Imu']"
 
 
 def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
@@ -41,7 +41,7 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
         print(f"{name}: {error}", file=sys.stderr, flush=True)
         return BAD_INPUT
     except Exception:
-        # A signal during the start closes the context, of which rcl complains; that is no error.
+        # A signal during the start closes the context, and rcl raises; that is no error.
         if rclpy.ok():
             raise
         return 0
@@ -74,7 +74,7 @@ class _StopSignal:
     """Notes the first SIGINT, SIGTERM or SIGHUP; a second one raises KeyboardInterrupt at once.
 
     The handler only sets a flag, since it may interrupt code that holds a lock: completing a future
-    here would wait for ever where the executor holds the future's lock. rclpy's own handlers close
+    here would block for ever where the executor holds the future's lock. rclpy's own handlers close
     the context at once, and a callback that is about to publish fails.
     """
 
@@ -100,14 +100,14 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
     """
     executor = EventsExecutor()
     executor.add_node(node)
-    starter = Starter()
+    parent = ParentProcess()
     try:
         while rclpy.ok() and not node.finished.done() and not stop.received:
             executor.spin_until_future_complete(node.finished, timeout_sec=_TURN_S)
-            if starter.gone:
+            if parent.has_ended:
                 node.fail("the command that started it was killed; start it again")
     finally:
-        starter.close()
+        parent.close()
         executor.remove_node(node)
         executor.shutdown()
     return int(node.finished.result()) if node.finished.done() else 0

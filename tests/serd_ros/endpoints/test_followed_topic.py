@@ -5,7 +5,7 @@ from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, Reliabilit
 from rclpy.qos import qos_check_compatible as check_compatible
 
 from serd_ros.endpoints import qos
-from serd_ros.endpoints.followed_topic import asks_too_much, common_qos
+from serd_ros.endpoints.followed_topic import common_qos, requests_too_much
 
 OFFERS = [
     QoSProfile(depth=5, reliability=reliability, durability=durability)
@@ -29,7 +29,7 @@ def test_what_all_offer_is_asked_for_and_hears_all_of_them(first, second):
 @pytest.mark.parametrize("asked", OFFERS)
 @pytest.mark.parametrize("offered", OFFERS)
 def test_too_much_is_what_the_middleware_would_not_connect(asked, offered):
-    assert asks_too_much(asked, offered) == (not compatible(offered, asked))
+    assert requests_too_much(asked, offered) == (not compatible(offered, asked))
 
 
 def test_the_most_there_is_is_asked_for():
