@@ -13,6 +13,7 @@ from typing import Any
 import rclpy
 import yaml
 from domain_coordinator import domain_id
+from rclpy.signals import SignalHandlerOptions
 
 from serd_ros.process.serd_node import SerdNode
 
@@ -87,7 +88,11 @@ def node_in_process(kind: str, **parameters: object) -> Iterator[NodeInProcess]:
         text = yaml.safe_dump(value, default_flow_style=True).removesuffix("\n...\n").strip()
         arguments += ["-p", f"{name}:={text}"]
     with domain_id() as domain:
-        rclpy.init(args=arguments, domain_id=int(domain))
+        rclpy.init(
+            args=arguments,
+            domain_id=int(domain),
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
         try:
             node = node_class(kind)()
             try:
