@@ -1,8 +1,10 @@
 """What is wrong with the files of a bag, and how many messages are missing."""
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 from bags.limits import MOST_FAULTS_OF_A_FILE
@@ -34,16 +36,15 @@ class DamageLog:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._found: dict[str, Damage] = {}
+        self._counts: Counter[str] = Counter()
 
     def note(self, offset: int | None, what: str) -> None:
         """Add a fault; faults that differ in numbers only are of one kind."""
-        kind = re.sub(r"[0-9a-f]{2} [0-9a-f ]+|\d+", "", what)
+        kind = _kind(what)
         if kind not in self._found and len(self._found) >= MOST_FAULTS_OF_A_FILE - 1:
             kind, what = "", "it has further faults of other kinds"
-        known = self._found.get(kind)
-        self._found[kind] = (
-            replace(known, count=known.count + 1) if known else Damage(self._path, offset, what)
-        )
+        self._found.setdefault(kind, Damage(self._path, offset, what))
+        self._counts[kind] += 1
 
     def __len__(self) -> int:
         return len(self._found)
@@ -51,7 +52,13 @@ class DamageLog:
     @property
     def damage(self) -> list[Damage]:
         """All kinds of faults, in the order in which they were found."""
-        return list(self._found.values())
+        return [replace(each, count=self._counts[kind]) for kind, each in self._found.items()]
+
+
+@lru_cache(maxsize=256)
+def _kind(what: str) -> str:
+    """The text without bytes and numbers."""
+    return re.sub(r"[0-9a-f]{2} [0-9a-f ]+|\d+", "", what)
 
 
 def at_most(lines: Sequence[str], most: int) -> list[str]:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from bags.damage import Damage, FileCount, Losses, losses
 from bags.errors import BagError
+from bags.limits import MOST_FAULTS
 from bags.mcap.scan import McapScan
 from bags.rosbag2.compression import COMPRESSED_MESSAGE, DecompressedFiles, decompressed
 from bags.rosbag2.layout import BagLayout, bag_layout
@@ -84,7 +85,7 @@ class BagReader:
             if path.suffix == ".mcap":
                 yield file, McapScan(path, thorough=self._thorough, size=file.stat().st_size)
             else:
-                yield file, SqliteScan(path)
+                yield file, SqliteScan(path, thorough=self._thorough or self.tolerant)
 
     def _report(self, damage: list[Damage], file: Path | None = None) -> None:
         """Collect damage, or raise it; `file` is named in place of its decompressed copy."""
@@ -92,6 +93,7 @@ class BagReader:
         if found and not self.tolerant:
             raise BagError(f"{found[0].sentence()}; repair it with 'serd bag recover'")
         self.damage.extend(found)
+        del self.damage[MOST_FAULTS:]
 
 
 def _missing(layout: BagLayout, found: Counter[str]) -> list[str]:

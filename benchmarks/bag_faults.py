@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +33,8 @@ _ROWS = re.compile(r"(\| fault \|.*\n\|.*\n)(?:\|.*\n)*")
 _TYPE = "geometry_msgs/msg/PoseStamped"
 _N_TOPICS, _RATE_HZ, _DURATION_S = 20, 50, 6.0
 _FLUSH_PERIOD_S = 0.25
-_N_KILLS, _N_FLIPS = 20, 400
+_N_KILLS, _N_TRIES = 20, 500
+_PAGE = 4096
 _SEED = 5
 _RECORD = f"""
 import sys, time
@@ -77,11 +78,15 @@ def main() -> None:
         folder = Path(name)
         kills = _kills(folder)
         whole = _recording(folder)
+        unfinished = _unfinished(whole)
         rows = [
             ("SIGKILL of the writing process, random moments", kills),
             ("cut at each record's beginning", _cuts(folder, whole, _starts(whole.content))),
             ("cut in the middle of each record", _cuts(folder, whole, _middles(whole.content))),
             ("one bit flipped, random places", _flips(folder, whole)),
+            ("4 KiB page zeroed, random places", _zeroed_pages(folder, whole)),
+            ("unfinished, one bit flipped", _flips(folder, unfinished)),
+            ("unfinished, 4 KiB page zeroed", _zeroed_pages(folder, unfinished)),
             ("first byte wrong", [_of(folder, whole, b"X" + whole.content[1:])]),
             ("magic number zeroed", [_of(folder, whole, bytes(8) + whole.content[8:])]),
             ("file emptied (0 bytes)", [_of(folder, whole, b"")]),
@@ -144,11 +149,29 @@ def _cuts(folder: Path, whole: Whole, places: Iterable[int]) -> list[Loss]:
 def _flips(folder: Path, whole: Whole) -> list[Loss]:
     rng = np.random.default_rng(_SEED)
     losses = []
-    for place in rng.integers(len(whole.content), size=_N_FLIPS):
+    for place in rng.integers(len(whole.content), size=_N_TRIES):
         broken = bytearray(whole.content)
         broken[place] ^= 1 << int(rng.integers(8))
         losses.append(_of(folder, whole, bytes(broken)))
     return losses
+
+
+def _zeroed_pages(folder: Path, whole: Whole) -> list[Loss]:
+    rng = np.random.default_rng(_SEED)
+    losses = []
+    for page in rng.integers(len(whole.content) // _PAGE + 1, size=_N_TRIES):
+        start = int(page) * _PAGE
+        zeros = bytes(min(_PAGE, len(whole.content) - start))
+        broken = whole.content[:start] + zeros + whole.content[start + _PAGE :]
+        losses.append(_of(folder, whole, broken))
+    return losses
+
+
+def _unfinished(whole: Whole) -> Whole:
+    """What a killed recorder leaves: no summary."""
+    starts = _starts(whole.content)
+    end = next(start for start in starts if whole.content[start] == Opcode.METADATA)
+    return replace(whole, content=whole.content[:end])
 
 
 def _of(folder: Path, whole: Whole, broken: bytes, n_taken: int | None = None) -> Loss:

@@ -6,20 +6,26 @@ clocks.
 """
 
 from array import array
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
+from bags.damage import at_most
 from bags.errors import BagError
 from bags.health.topic_check import TopicCheck, check_topic
 from bags.health.two_clocks import TwoClocks
+from bags.limits import MOST_FAULTS
 from bags.messages.plain import message_stamp_ns
 from bags.reader import BagReader
 from bags.rosbag2.layout import storage_name
-from bags.rosbag2.message_types import ENCODING, resolve_type_if_known
+from bags.rosbag2.message_types import ENCODING, message_type
 from bags.topic import Topic, nearest_topic, topics_named
 
+#: Messages whose times are kept in memory.
+_MOST_COMPARED = 1_000_000
+#: Characters of a definition in which its first field is sought.
+_LONGEST_BEGINNING = 20_000
 _NO_CHECKSUMS = (
     "sqlite3 files have no checksums: changed bytes within messages cannot be detected;"
     " 'serd bag convert' adds checksums"
@@ -55,8 +61,14 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
     times = {name: (array("q"), array("q")) for name in reader.topics}
     stamped = {name: _has_header(topic) for name, topic in reader.topics.items()}
     faults: list[str] = []
+    further: Counter[str] = Counter()
+    n_compared = 0
     try:
         for message in reader.messages():
+            if n_compared == _MOST_COMPARED:
+                further[message.topic] += 1
+                continue
+            n_compared += 1
             logs, stamps = times[message.topic]
             logs.append(message.log_time_ns)
             if stamped[message.topic]:
@@ -65,12 +77,15 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
         faults.append(str(error))
     faults += [each.sentence() for each in reader.damage]
     known = sorted(reader.topics.items())
-    topics = tuple(check_topic(topic, *times[name]) for name, topic in known)
+    topics = tuple(check_topic(topic, *times[name], further[name]) for name, topic in known)
     faults += _missing(topics, required)
     remarks = _remarks(topics)
+    if further:
+        remarks.append(f"rates, gaps and clocks are those of the first {n_compared} messages")
     if any(storage_name(file).endswith(".db3") for file in reader.layout.files):
         remarks.append(_NO_CHECKSUMS)
-    return BagCheck(Path(path), topics, tuple(faults), tuple(remarks))
+    lines = (tuple(at_most(each, MOST_FAULTS)) for each in (faults, remarks))
+    return BagCheck(Path(path), topics, *lines)
 
 
 def _missing(topics: Sequence[TopicCheck], required: Sequence[str]) -> list[str]:
@@ -121,13 +136,17 @@ def _times(number: int) -> str:
 
 
 def _has_header(topic: Topic) -> bool:
-    definition = resolve_type_if_known(topic.message_type)
+    definition = topic.message_type
+    if not definition.text:
+        try:
+            definition = message_type(definition.name)
+        except BagError:
+            return False
     return definition.encoding == ENCODING and _begins_with_header(definition.text)
 
 
-@cache
 def _begins_with_header(text: str) -> bool:
-    fields = (line.split("#")[0].split() for line in text.splitlines())
+    fields = (line.split("#")[0].split() for line in text[:_LONGEST_BEGINNING].splitlines())
     first: list[str] = next((words for words in fields if len(words) >= 2), [])
     return bool(first) and first[0] in ("std_msgs/Header", "std_msgs/msg/Header", "Header")
 

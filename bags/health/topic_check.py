@@ -42,8 +42,13 @@ class TopicCheck:
     clocks: TwoClocks
 
 
-def check_topic(topic: Topic, log_ns: "array[int]", stamp_ns: "array[int]") -> TopicCheck:
-    """Times of one topic, in the order of the bag; stamps 0 where not set, none without headers."""
+def check_topic(
+    topic: Topic, log_ns: "array[int]", stamp_ns: "array[int]", n_further: int = 0
+) -> TopicCheck:
+    """Times of one topic, in the order of the bag; stamps 0 where not set, none without headers.
+
+    n_further: messages whose times are not given.
+    """
     logs = np.array(log_ns, dtype=np.int64)
     log_s = logs / _SECOND_NS
     steps_s: FloatArray = np.diff(logs).astype(np.float64) / _SECOND_NS
@@ -56,7 +61,7 @@ def check_topic(topic: Topic, log_ns: "array[int]", stamp_ns: "array[int]") -> T
     return TopicCheck(
         name=topic.name,
         type_name=topic.type_name,
-        n_messages=len(log_ns),
+        n_messages=len(log_ns) + n_further,
         first_s=float(log_s.min(initial=np.inf)) if len(log_s) else 0.0,
         last_s=float(log_s.max(initial=0.0)),
         mean_hz=_mean_hz(log_s),

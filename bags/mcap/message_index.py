@@ -30,9 +30,9 @@ class MessageIndexes:
         self._found: list[_Positions] = []
         self._n_found = 0
 
-    def begin(self, block: bytes, start: int, end: int) -> None:
-        """Expect an index of the chunk whose records are there."""
-        self._expected = _positions(block, start, end)
+    def begin(self, block: bytes, start: int, end: int, most: int) -> None:
+        """Expect an index of the chunk whose records are there; most: records to read."""
+        self._expected = _positions(block, start, end, most)
 
     def add(self, content: bytes) -> None:
         """Take one message index of the chunk; more entries than it has messages are not kept."""
@@ -62,11 +62,13 @@ def _sorted(positions: _Positions) -> _Positions:
     return positions[np.lexsort(positions.T)]
 
 
-def _positions(block: bytes, start: int, end: int) -> _Positions:
+def _positions(block: bytes, start: int, end: int, most: int) -> _Positions:
     """(channel, log time, offset) of each message."""
     found = array("Q")
     offset = start
-    while offset + RECORD_HEAD.size <= end:
+    for _ in range(most):
+        if offset + RECORD_HEAD.size > end:
+            break
         opcode, length = RECORD_HEAD.unpack_from(block, offset)
         following = offset + RECORD_HEAD.size + length
         if opcode == _MESSAGE and offset + MESSAGE_HEAD.size <= following <= end:

@@ -197,7 +197,7 @@ class McapScan:
         self._visited.add(offset)
         try:
             head = chunk_head(window.read(offset, LONGEST_HEAD))
-            if end > self._limit and not self._end.complete and self._is_torn(head):
+            if end > self._limit and self._is_torn(head) and not (is_guess or self._end.complete):
                 self._note(f"the file ends within a record of {length} bytes")
                 yield self._torn(window, head)
                 self._offset = self._limit
@@ -212,7 +212,7 @@ class McapScan:
                 self._offset = min(end, self._limit)
             return
         if self._indexes is not None:
-            self._indexes.begin(*area[:3])
+            self._indexes.begin(*area[:3], self._n_records)
         yield area
 
     def _records_of(

@@ -9,21 +9,24 @@ import zstandard
 
 from bags.damage import Damage
 from bags.errors import BagError
+from bags.limits import LARGEST_CONTENT, most_unpacked
 from bags.rosbag2.layout import COMPRESSED_FILE
 from storage.errors import disk_error
 
+#: Bytes of which zstd makes 32 MiB at most.
+_PIECE = 1024
 #: A compressed message begins with these bytes, an uncompressed CDR message with a zero.
 COMPRESSED_MESSAGE = zstandard.FRAME_HEADER
 
 
 def decompressed(data: bytes) -> bytes | None:
     """The content of one compressed message, None where it is damaged."""
-    decompressor = zstandard.ZstdDecompressor().decompressobj()
     try:
-        content = decompressor.decompress(data)
-    except zstandard.ZstdError:
+        if zstandard.frame_content_size(data) > LARGEST_CONTENT:
+            return None
+        return zstandard.ZstdDecompressor().decompress(data, max_output_size=LARGEST_CONTENT)
+    except (zstandard.ZstdError, MemoryError):
         return None
-    return content if decompressor.eof else None
 
 
 class DecompressedFiles:
@@ -56,14 +59,18 @@ class DecompressedFiles:
         return target
 
     def _decompress(self, file: Path, target: Path) -> None:
-        """Write as much of the content as can be decompressed."""
+        """Write as much of the content as can be decompressed and a file of its size may hold."""
+        left = most_unpacked(file.stat().st_size)
         with file.open("rb") as source, target.open("wb") as copy:
             decompressor = zstandard.ZstdDecompressor().decompressobj()
             try:
-                while block := source.read(1 << 20):
-                    copy.write(decompressor.decompress(block))
+                while (piece := source.read(_PIECE)) and left > 0:
+                    left -= copy.write(decompressor.decompress(piece)[:left])
             except zstandard.ZstdError as error:
                 self.damage.append(Damage(file, None, f"it cannot be unpacked ({error})"))
                 return
-        if not decompressor.eof:
+        if left <= 0:
+            what = "it unpacks to more than a file of its size can hold; the rest is not read"
+            self.damage.append(Damage(file, None, what))
+        elif not decompressor.eof:
             self.damage.append(Damage(file, None, "the compressed file is cut off"))

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from bags.errors import BagError
 from bags.rosbag2.metadata_file import FILE_NAME, ROOT_KEY
+from bags.rosbag2.yaml_values import yaml_values
 from storage.errors import FileError
 from storage.files import read_text
 
@@ -80,11 +79,11 @@ def storage_name(path: Path | str) -> str:
 def _metadata(path: Path) -> dict[str, Any]:
     text = read_text(path / FILE_NAME)
     try:
-        values = yaml.safe_load(text)[ROOT_KEY]
+        values = yaml_values(text)[ROOT_KEY]
         names = values["relative_file_paths"]
         if not isinstance(values, dict) or not all(isinstance(name, str) for name in names):
             raise TypeError("relative_file_paths must be a list of names")
-    except (yaml.YAMLError, KeyError, TypeError, RecursionError, ValueError) as error:
+    except (BagError, KeyError, TypeError) as error:
         reason = str(error).splitlines()[0]
         raise BagError(f"{path / FILE_NAME} is no rosbag2 metadata ({reason})") from None
     return dict(values)

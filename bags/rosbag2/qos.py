@@ -2,9 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Literal
 
 import yaml
+
+from bags.errors import BagError
+from bags.rosbag2.yaml_values import yaml_values
 
 _INFINITE = {"sec": 9223372036, "nsec": 854775807}
 _HISTORY: dict[Any, Literal["keep_last", "keep_all"]] = {
@@ -50,11 +54,12 @@ def qos_text(profiles: Sequence[QosProfile]) -> str:
     return yaml.safe_dump(values, sort_keys=False, default_flow_style=False).rstrip("\n")
 
 
+@lru_cache(maxsize=256)
 def qos_of_text(text: str) -> tuple[QosProfile, ...]:
     """The profiles in such a text; none where it is no list of profiles."""
     try:
-        return qos_of_values(yaml.safe_load(text)) if text else ()
-    except yaml.YAMLError:
+        return qos_of_values(yaml_values(text)) if text else ()
+    except BagError:
         return ()
 
 

@@ -8,6 +8,8 @@ import struct
 from collections.abc import Iterator
 from mmap import mmap
 
+from bags.limits import LARGEST_CONTENT, most_records
+
 Value = int | float | str | bytes | None
 
 _FILE_HEAD = 100
@@ -25,10 +27,14 @@ class SqlitePages:
         self._usable = self._page_size - int.from_bytes(content[20:21], "big")
         self._free = self._free_pages()
         self.n_cut = 0
+        self._n_rows = most_records(len(content))
+        self._n_bytes = 4 * len(content) + LARGEST_CONTENT
 
     def rows(self) -> Iterator[tuple[int, tuple[Value, ...]]]:
         """(row number, values) of every readable row of any table, in the order of the file."""
         for number in range(1, len(self._content) // self._page_size + 2):
+            if self._n_rows <= 0:
+                return
             if number not in self._free:
                 yield from self._rows_of(number)
 
@@ -39,6 +45,7 @@ class SqlitePages:
             return
         (n_cells,) = struct.unpack_from(">H", page, head + 3)
         for index in range(min(n_cells, (len(page) - head - 8) // 2)):
+            self._n_rows -= 1
             (start,) = struct.unpack_from(">H", page, head + 8 + 2 * index)
             try:
                 yield self._row(page, start)
@@ -52,7 +59,8 @@ class SqlitePages:
 
     def _payload(self, page: bytes, at: int, size: int) -> bytes:
         """The bytes of a row; ValueError where a part is missing."""
-        if size > len(self._content):
+        self._n_bytes -= size
+        if size > min(len(self._content), LARGEST_CONTENT) or self._n_bytes < 0:
             raise ValueError("longer than the file")
         here = self._size_on_page(size)
         parts, rest = [page[at : at + here]], size - here

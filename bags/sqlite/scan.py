@@ -18,6 +18,7 @@ from pathlib import Path
 
 from bags.damage import Damage
 from bags.errors import BagError
+from bags.limits import LARGEST_CONTENT
 from bags.rosbag2.message_types import ENCODING, MessageType
 from bags.rosbag2.qos import qos_of_text
 from bags.sqlite.pages import SqlitePages
@@ -32,13 +33,17 @@ _Row = tuple[int, int, bytes]
 
 
 class SqliteScan:
-    """One pass through one file; `damage` and `counts` are complete after `messages`."""
+    """One pass through one file; `damage` and `counts` are complete after `messages`.
 
-    def __init__(self, path: Path) -> None:
+    thorough: let SQLite check the whole file, else only what it reads for these topics.
+    """
+
+    def __init__(self, path: Path, *, thorough: bool = False) -> None:
         self.path = path
         self.damage: list[Damage] = []
         self.counts: Counter[str] = Counter()
         self.expected: int | None = None
+        self._thorough = thorough
 
     def topics(self) -> list[Topic]:
         """Topics of the file; of a damaged one those whose rows are left."""
@@ -52,11 +57,16 @@ class SqliteScan:
         """Messages of the given topics, None for all; publish times are the log times."""
         n_unknown = 0
         with _complete(self.path) as path:
-            fault = _fault(path)
+            whole = topics is None or self._thorough
+            fault = _fault(path, whole=whole)
             if fault:
                 self._note(fault)
             known = _topics(path)
-            for number, time_ns, data in self._salvaged(path) if fault else _rows(path):
+            wanted = [each for each, topic in known.items() if topics and topic.name in topics]
+            if not (whole or fault):
+                self.counts.update(_counts(path, known, wanted))
+            rows = _rows(path, None if whole else wanted)
+            for number, time_ns, data in self._salvaged(path) if fault else rows:
                 topic = known.get(number)
                 if topic is None or not isinstance(data, bytes):
                     n_unknown += 1
@@ -91,11 +101,16 @@ def _connection(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def _fault(path: Path) -> str:
-    """Why SQLite finds the file damaged, empty where it is sound."""
+def _fault(path: Path, *, whole: bool = True) -> str:
+    """Why SQLite finds the file damaged, empty where it is sound; whole: read all of it."""
+    result = "ok"
     try:
         with closing(_connection(path)) as connection:
-            (result,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+            for table in ("messages", "topics"):
+                if not _is_plain(connection, table):
+                    return f"the database has no plain table {table!r}"
+            if whole:
+                (result,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
             connection.execute("SELECT id, topic_id, timestamp, data FROM messages LIMIT 1")
             connection.execute("SELECT id, name, type FROM topics LIMIT 1")
     except sqlite3.Error as error:
@@ -104,13 +119,44 @@ def _fault(path: Path) -> str:
     return "" if verdict == "ok" else f"the database is damaged ({verdict})"
 
 
-def _rows(path: Path) -> Iterator[_Row]:
-    """Rows of messages in the order of recording."""
+def _is_plain(connection: sqlite3.Connection, table: str) -> bool:
+    """Whether it holds stored rows only: a view or computed column could give any number of any
+    size."""
+    query = "SELECT type, sql FROM sqlite_master WHERE name = ? COLLATE NOCASE"
+    found = connection.execute(query, (table,)).fetchall()
+    plain = all(
+        kind == "table" and not str(text).upper().startswith("CREATE VIRTUAL")
+        for kind, text in found
+    )
+    columns = connection.execute(f"PRAGMA table_xinfo({table})").fetchall()
+    return plain and all(hidden == 0 for *_, hidden in columns)
+
+
+def _counts(path: Path, topics: dict[int, Topic], left_out: list[int]) -> Counter[str]:
+    """Messages of all other topics than those left out, of which nothing else is read."""
+    found: Counter[str] = Counter()
+    query = f"SELECT topic_id, COUNT(*) FROM messages WHERE topic_id NOT IN ({_list(left_out)})"
+    with closing(_connection(path)) as connection, suppress(sqlite3.Error):
+        for number, count in connection.execute(f"{query} GROUP BY topic_id"):
+            if number in topics:
+                found[topics[number].name] += count
+    return found
+
+
+def _rows(path: Path, topics: list[int] | None) -> Iterator[_Row]:
+    """Rows of messages in the order of recording, of these topics or of all."""
+    condition = "" if topics is None else f" WHERE topic_id IN ({_list(topics)})"
+    data = "CASE WHEN length(data) <= ? THEN data END"
+    query = f"SELECT topic_id, timestamp, {data} FROM messages{condition}"
     try:
         with closing(_connection(path)) as connection:
-            yield from connection.execute("SELECT topic_id, timestamp, data FROM messages")
+            yield from connection.execute(query, (LARGEST_CONTENT,))
     except sqlite3.Error as error:
         raise BagError(f"{path} cannot be read any further ({error})") from None
+
+
+def _list(numbers: list[int]) -> str:
+    return ", ".join(map(str, numbers))
 
 
 def _topics(path: Path) -> dict[int, Topic]:
