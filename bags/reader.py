@@ -71,7 +71,9 @@ class BagReader:
                 self._report([Damage(file, None, what)])
         self.losses = losses(self.layout, files)
         if not self.damage:
-            self._report([Damage(self.path, None, what) for what in _missing(self.layout, counts)])
+            self._report(
+                [Damage(self.path, None, what) for what in missing_messages(self.layout, counts)]
+            )
 
     def _topics(self) -> Iterator[Topic]:
         for file, scan in self._scans():
@@ -96,7 +98,7 @@ class BagReader:
         del self.damage[MOST_FAULTS:]
 
 
-def _missing(layout: BagLayout, found: Counter[str]) -> list[str]:
+def missing_messages(layout: BagLayout, found: Counter[str]) -> list[str]:
     """How sound files differ from what metadata.yaml lists: they may not hold what was recorded."""
     listed = layout.messages_by_topic
     wrong = [

@@ -47,6 +47,13 @@ class BagCheck:
         return not self.faults
 
     @property
+    def span_s(self) -> float:
+        """From the first log time of any topic to the last."""
+        filled = [topic for topic in self.topics if topic.n_messages]
+        first_s = min((topic.first_s for topic in filled), default=0.0)
+        return max((topic.last_s for topic in filled), default=0.0) - first_s
+
+    @property
     def n_messages(self) -> int:
         """Readable messages."""
         return sum(topic.n_messages for topic in self.topics)

@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bags.health.check import BagCheck, check_bag
+from bags.health.contents import BagContents, contents_of_bag
 from bags.health.topic_check import TopicCheck
 from bags.rewrite import RewriteReport
 from bags.rewrite import convert as convert_bag
@@ -31,6 +32,10 @@ Output = Annotated[
 ]
 
 
+#: Of a column of names: rich narrows these first where the table is wider than the terminal.
+_LEAST_TEXT_WIDTH = 12
+
+
 def register(app: typer.Typer) -> None:
     """Add the subcommands."""
     group = typer.Typer(
@@ -48,14 +53,15 @@ def info(bags: Bags, as_json: AsJson = False) -> None:
 
     serd bag info demo_output/run-1/bag
 
-    Damaged bags are read too, and their faults are listed.
+    Sound MCAP files are not read but for their summaries. Other and damaged ones are read too,
+    and their faults are listed.
     """
-    checks = [check_bag(bag) for bag in bags]
+    found = [contents_of_bag(bag) for bag in bags]
     if as_json:
-        print_json([_check_values(each) for each in checks])
+        print_json([{**asdict(each), "n_messages": each.n_messages} for each in found])
         return
-    for each in checks:
-        console.print(_bag_heading(each), soft_wrap=True)
+    for each in found:
+        console.print(_bag_heading(each, each.span_s), soft_wrap=True)
         console.print(_info_table(each))
         for fault in each.faults:
             progress_console.print(fault, style="yellow", markup=False, soft_wrap=True)
@@ -82,7 +88,7 @@ def check(
         print_json([_check_values(each) for each in checks])
     else:
         for each in checks:
-            console.print(_bag_heading(each), soft_wrap=True)
+            console.print(_bag_heading(each, each.span_s), soft_wrap=True)
             console.print(_check_table(each))
             for line in _verdict(each):
                 console.print(line, soft_wrap=True)
@@ -155,13 +161,12 @@ def _show(reports: list[RewriteReport], as_json: bool) -> None:
             console.print(line, soft_wrap=True)
 
 
-def _bag_heading(found: BagCheck) -> Text:
+def _bag_heading(found: BagCheck | BagContents, span_s: float) -> Text:
     """The line above the table of a bag."""
-    filled = [topic for topic in found.topics if topic.n_messages]
-    if not filled:
+    n_filled = sum(topic.n_messages > 0 for topic in found.topics)
+    if not n_filled:
         return Text(f"{found.path}: no message")
-    span_s = max(topic.last_s for topic in filled) - min(topic.first_s for topic in filled)
-    messages, topics = counted(found.n_messages, "message"), counted(len(filled), "topic")
+    messages, topics = counted(found.n_messages, "message"), counted(n_filled, "topic")
     return Text(f"{found.path}: {messages} on {topics} in {seconds_in_words(span_s)}")
 
 
@@ -172,11 +177,11 @@ def _rewrite_heading(report: RewriteReport) -> Text:
     return Text(f"{report.source} -> {report.target}: {messages}{left_out}")
 
 
-def _info_table(found: BagCheck) -> Table:
-    """One row per topic: type, messages and rates."""
-    table = _table(("topic", "type"), ("messages", "mean\nHz", "usual\nHz"))
+def _info_table(found: BagContents) -> Table:
+    """One row per topic: type, messages and rate."""
+    table = _table(("topic", "type"), ("messages", "mean\nHz"))
     for topic in found.topics:
-        numbers = str(topic.n_messages), _rate(topic.mean_hz), _rate(topic.rate_hz)
+        numbers = str(topic.n_messages), _rate(topic.mean_hz)
         table.add_row(escape(topic.name), escape(topic.type_name), *numbers)
     return table
 
@@ -261,7 +266,7 @@ def _delay(topic: TopicCheck) -> str:
 def _table(texts: Iterable[str], numbers: Iterable[str]) -> Table:
     table = Table()
     for name in texts:
-        table.add_column(escape(name), overflow="fold")
+        table.add_column(escape(name), overflow="fold", min_width=_LEAST_TEXT_WIDTH)
     for name in numbers:
         table.add_column(escape(name), justify="right", no_wrap=True)
     return table

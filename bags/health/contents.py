@@ -1,0 +1,80 @@
+"""What a bag holds, by the summaries at the ends of its files; only without them all is read."""
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from bags.health.check import check_bag
+from bags.mcap.file_end import FileEnd
+from bags.reader import missing_messages
+from bags.rosbag2.layout import bag_layout
+
+
+@dataclass(frozen=True)
+class TopicContents:
+    """mean_hz: messages per second of the whole bag, None for less than two messages."""
+
+    name: str
+    type_name: str
+    n_messages: int
+    mean_hz: float | None
+
+
+@dataclass(frozen=True)
+class BagContents:
+    """span_s: from the first log time of the bag to the last; faults: of a bag that was read."""
+
+    path: Path
+    topics: tuple[TopicContents, ...]
+    span_s: float
+    faults: tuple[str, ...] = ()
+
+    @property
+    def n_messages(self) -> int:
+        """Messages by the summaries, or those that are readable."""
+        return sum(topic.n_messages for topic in self.topics)
+
+
+def contents_of_bag(path: str | Path) -> BagContents:
+    """The contents; bags other than MCAP, damaged ones and those without summary are read."""
+    path = Path(path)
+    layout = bag_layout(path)
+    ends = []
+    for file in layout.files:
+        ends.append(FileEnd(file) if file.suffix == ".mcap" else None)
+        if ends[-1] is None or not ends[-1].names_all_topics:
+            return _of_all_messages(path)
+    known = [end for end in ends if end is not None]
+    counts = sum((_counts(end) for end in known), Counter[str]())
+    if layout.fault or missing_messages(layout, counts):
+        return _of_all_messages(path)
+    types = {topic.name: topic.type_name for end in known for topic in end.definitions.topics()}
+    filled = [each for end in known if (each := end.statistics) and each.message_count]
+    last_ns = max((each.message_end_time for each in filled), default=0)
+    first_ns = min((each.message_start_time for each in filled), default=0)
+    return _contents(path, {name: (types[name], counts[name]) for name in types},
+                     (last_ns - first_ns) / 1e9)  # fmt: skip
+
+
+def _counts(end: FileEnd) -> Counter[str]:
+    found: Counter[str] = Counter()
+    if end.statistics:
+        for number, count in end.statistics.channel_message_counts.items():
+            found[end.definitions.channels[number].topic] += count
+    return found
+
+
+def _of_all_messages(path: Path) -> BagContents:
+    check = check_bag(path)
+    topics = {topic.name: (topic.type_name, topic.n_messages) for topic in check.topics}
+    return _contents(path, topics, check.span_s, check.faults)
+
+
+def _contents(
+    path: Path, topics: dict[str, tuple[str, int]], span_s: float, faults: tuple[str, ...] = ()
+) -> BagContents:
+    rows = (
+        TopicContents(name, kind, count, (count - 1) / span_s if count > 1 and span_s else None)
+        for name, (kind, count) in sorted(topics.items())
+    )
+    return BagContents(path, tuple(rows), span_s, faults)
