@@ -112,10 +112,10 @@ def launch_row(stack: str, node: str, model: Path) -> Row:
 
 
 def command_row(stack: str, model: Path) -> Row:
-    """What SIGKILL of `serd launch` leaves behind."""
+    """When the nodes have ended after SIGKILL of `serd launch`."""
     with place() as (environment, folder):
         ending = started(stack, environment, folder, model).kill()
-    return {"stack": stack, "nodes left 2 s after SIGKILL of serd launch": ending.n_left}
+    return {"stack": stack, "SIGKILL of serd launch: last node ended after (s)": ending.after_s}
 
 
 def started(stack: str, environment: Mapping[str, str], folder: Path, model: Path) -> LaunchedStack:

@@ -23,10 +23,11 @@ _WORKING = {
 
 @dataclass(frozen=True)
 class Ending:
-    """after_s: until `serd launch` had ended, or had named a stopped node; wall time.
+    """after_s: until `serd launch` or, when it was killed, its last node had ended, or until it had
+    named a stopped node; wall time.
 
-    named: whether its output names the node and the signal. n_left: nodes that run afterwards, 2 s
-    after SIGKILL.
+    named: whether its output names the node and the signal. n_left: nodes that still run 2 s after
+    `serd launch` has ended, or while a node is stopped.
     """
 
     after_s: float
@@ -70,10 +71,12 @@ class LaunchedStack:
         return self._log.read_text(errors="replace")
 
     def kill(self) -> Ending:
-        """SIGKILL `serd launch` itself."""
+        """SIGKILL `serd launch` itself; the nodes must end."""
+        since_s = time.monotonic()
         self.process.kill()
         self.process.wait()
-        return Ending(0.0, False, self._left_after(2.0))
+        n_left = self._left_after(_PATIENCE_S)
+        return Ending(time.monotonic() - since_s, False, n_left)
 
     def kill_node(self, node: str) -> Ending:
         """SIGKILL a node; the others must end."""
