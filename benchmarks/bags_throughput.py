@@ -4,6 +4,7 @@ The long drive has poses, intents and people at the rates of the hallway; memory
 process of its own that reads a bag of two gigabytes, above that of one that reads a small bag.
 """
 
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -12,13 +13,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from bags.health.check import check_bag
 from bags.reader import BagReader
 from bags.writer import BagWriter
-from benchmarks.measurement import peak_memory_mb
+from benchmarks.measurement import best_of, peak_memory_mb
 from benchmarks.report import Row, save
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_core.grid.grid import Grid
@@ -32,6 +34,8 @@ _VECTOR = "geometry_msgs/msg/Vector3Stamped"
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _BYTES = "std_msgs/msg/UInt8MultiArray"
 _BLOCK = 1_000_000
+#: bytes of a message, number of messages
+_SIZES = ((50, 100_000), (1_000, 50_000), (20_000, 5_000), (1_000_000, 100), (8_000_000, 12))
 
 
 def run() -> None:
@@ -48,6 +52,7 @@ def run() -> None:
             ("check", "check_bag", lambda: check_bag(drive)),
         ):
             rows.append(_row(work, way, n_messages, _seconds(call)))
+        rows += [row for size, number in _SIZES for row in _size_rows(Path(folder), size, number)]
         rows += [_memory_row(Path(folder), n_blocks) for n_blocks in (20, 2000)]
     save("bags_throughput", "Messages per second, and memory while reading", rows)
 
@@ -133,6 +138,29 @@ def _drive_messages() -> list[tuple[str, bytes, int]]:
     end_s = _N_POSES * _POSE_PERIOD_S - _POSE_PERIOD_S
     rows.append(("/episode", mark(end_s, "end", "arrived"), round(end_s * 1e9)))
     return rows
+
+
+def _size_rows(folder: Path, size: int, number: int) -> list[Row]:
+    """Reading messages of one size, by processor time: ours, rosbags, and mcap with checksums."""
+    bag = folder / f"size_{size}"
+    data = np.random.default_rng(0).bytes(size)
+    with BagWriter(bag) as writer:
+        writer.add_topic("/bytes", _BYTES)
+        for tick in range(number):
+            writer.write("/bytes", data, tick)
+    ways = {
+        "BagReader": lambda: _count(BagReader(bag).messages()),
+        "rosbags": lambda: _read_with_rosbags(bag, decode=False),
+        "mcap": lambda: _read_with_mcap(bag / f"{bag.name}_0.mcap"),
+    }
+    rows = [_row(f"read {size} B", way, number, best_of(call)[0]) for way, call in ways.items()]
+    shutil.rmtree(bag)
+    return rows
+
+
+def _read_with_mcap(file: Path) -> None:
+    with file.open("rb") as stream:
+        _count(make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False))
 
 
 def _memory_row(folder: Path, n_blocks: int) -> Row:

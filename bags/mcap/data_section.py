@@ -1,0 +1,314 @@
+"""The data section of an MCAP file: chunks and runs of other records, up to its end.
+
+Every checksum is compared with what it covers. Where the chain of records is broken, reading
+continues at the next chunk in the summary, or without one at the next bytes that begin like one.
+"""
+
+import struct
+from bisect import bisect_right
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.stream_reader import MAGIC_SIZE
+from mcap.writer import MCAP0_MAGIC
+
+from bags.damage import DamageLog
+from bags.errors import BagError
+from bags.limits import LARGEST_CONTENT, most_records, most_unpacked
+from bags.mcap.attachments import check_record
+from bags.mcap.chunks import CHUNK_PATTERN, LONGEST_HEAD, ChunkHead, chunk_head, unpack_chunk
+from bags.mcap.definitions import DEFINITIONS
+from bags.mcap.file_end import FileEnd
+from bags.mcap.message_index import ENTRY_SIZE, INDEX_HEAD_SIZE, MessageIndexes, entries_end
+from bags.mcap.records import RECORD_HEAD
+from bags.mcap.window import FileWindow
+
+#: Records that an area outside of chunks can hold.
+IN_AREAS = (int(Opcode.MESSAGE), *DEFINITIONS)
+_CHUNK = int(Opcode.CHUNK)
+_MOST_COPIED = 100_000
+_COPIED = (int(Opcode.ATTACHMENT), int(Opcode.METADATA))
+_LAST_OPCODE = int(Opcode.DATA_END)
+#: More bytes than this after the fields of an empty chunk are its records, not an extension.
+_LARGEST_EXTENSION = 1024
+_CHECKSUM = struct.Struct("<I")
+
+
+class Area(NamedTuple):
+    """Bytes from `start` to `end` of a block that are records.
+
+    is_chunk: all of them; is_torn: the last one may be cut off.
+    """
+
+    block: bytes
+    start: int
+    end: int
+    is_chunk: bool = True
+    is_torn: bool = False
+
+
+class DataSection:
+    """One walk through the data section of a file.
+
+    Where its reader has read an area, it sets n_records to the records left that may be read, and
+    consumed to the place in the block where it stopped.
+    copied: (offset, length) of each sound attachment and metadata record; visited: offsets of
+    chunks; ended: whether the record at the end of the data was found.
+    """
+
+    def __init__(
+        self, window: FileWindow, end: FileEnd, log: DamageLog, size: int, *, thorough: bool
+    ) -> None:
+        self.n_records = most_records(size)
+        self.consumed = 0
+        self.copied: list[tuple[int, int]] = []
+        self.visited: set[int] = set()
+        self.ended = False
+        self._window, self._end, self._log = window, end, log
+        self._indexes = MessageIndexes() if thorough else None
+        self._n_unpacked = most_unpacked(size)
+        self._n_tried = 2 * window.size + LARGEST_CONTENT
+        self._limit = window.size if end.data_limit is None else end.data_limit
+        self._offset = self._sound_end = self._chunk_end = 0
+        self._is_guess = False
+        self._offset = self._check_beginning()
+
+    def note(self, what: str) -> None:
+        """Add a fault at the present place."""
+        self._log.note(self._offset, what)
+
+    def stop(self) -> None:
+        """Read no further, since there are too many records."""
+        self._stop("it has more records than a file of its size can have")
+
+    def _check_beginning(self) -> int:
+        """Where the records begin."""
+        head = self._window.read(0, MAGIC_SIZE + 1)
+        magic, opcode = head[:MAGIC_SIZE], head[MAGIC_SIZE:]
+        if not head:
+            self.note("the file is empty")
+        elif magic != MCAP0_MAGIC:
+            expected, got = MCAP0_MAGIC.hex(" "), magic.hex(" ")
+            self.note(f"an MCAP file begins with {expected}, this with {got}")
+            if opcode != bytes([Opcode.HEADER]):
+                return self._next_chunk()
+        elif opcode and opcode[0] in range(Opcode.HEADER + 1, _LAST_OPCODE + 1):
+            self.note("the first record must be a header")
+        return MAGIC_SIZE
+
+    def areas(self) -> Iterator[Area]:
+        """Chunks, and blocks that begin with messages or definitions outside of chunks."""
+        while not self.ended and self._offset + RECORD_HEAD.size <= self._limit:
+            self.n_records -= 1
+            if self.n_records <= 0:
+                self.stop()
+                return
+            block, at = self._window.locate(self._offset, RECORD_HEAD.size)
+            opcode, length = RECORD_HEAD.unpack_from(block, at)
+            if not self._is_chained(opcode, length):
+                yield from self._after_break(opcode, length)
+            elif opcode == _CHUNK:
+                yield from self._chunk(length)
+            elif opcode != Opcode.MESSAGE_INDEX and self._is_index(length):
+                self.note("the opcode of a message index is wrong")
+                self._offset = self._chunk_end = self._offset + RECORD_HEAD.size + length
+            elif opcode in IN_AREAS:
+                yield from self._run(length)
+            else:
+                self._other(opcode, length)
+        self._check_index()
+
+    def _is_chained(self, opcode: int, length: int) -> bool:
+        """Whether a record can begin here that ends before the next chunk of the summary."""
+        starts = self._end.chunk_starts
+        following = bisect_right(starts, self._offset)
+        end = self._offset + RECORD_HEAD.size + length
+        if following and starts[following - 1] == self._offset and opcode != _CHUNK:
+            return False
+        limit = starts[following] if following < len(starts) else self._limit
+        return opcode not in (0, Opcode.FOOTER) and end <= min(limit, self._limit)
+
+    def _after_break(self, opcode: int, length: int) -> Iterator[Area]:
+        """What is read where no record can begin."""
+        if opcode == _CHUNK:
+            yield from self._chunk(length)
+            return
+        offset, beyond = self._offset, self._offset + RECORD_HEAD.size + length > self._limit
+        head = self._window.read(offset, RECORD_HEAD.size).hex(" ")
+        following = self._next_chunk()
+        if beyond and opcode and following == self._limit:
+            self.note(f"the file ends within a record of {length} bytes")
+        else:
+            self.note(f"no record begins with {head}")
+        self._offset = following
+
+    def _next_chunk(self) -> int:
+        """The next chunk of the summary, or what begins like one; the end where there is none."""
+        starts = self._end.chunk_starts
+        if starts:
+            self._sound_end = max(self._sound_end, self._offset + 1)
+            index = bisect_right(starts, self._sound_end - 1)
+            return starts[index] if index < len(starts) else self._limit
+        self._is_guess = True
+        found = self._window.search(CHUNK_PATTERN, self._sound_end, LONGEST_HEAD)
+        return self._limit if found is None or found >= self._limit else found
+
+    def _chunk(self, length: int) -> Iterator[Area]:
+        self._check_index()
+        offset, end = self._offset, self._offset + RECORD_HEAD.size + length
+        is_guess, self._is_guess = self._is_guess, False
+        self.visited.add(offset)
+        try:
+            head = chunk_head(self._window.read(offset, LONGEST_HEAD))
+            if end > self._limit and self._is_torn(head) and not (is_guess or self._end.complete):
+                self.note(f"the file ends within a record of {length} bytes")
+                yield self._torn(head)
+                self._offset = self._limit
+                return
+            area = self._records_of(head, length, is_guess)
+        except BagError as error:
+            self.note(str(error))
+            self._sound_end = max(self._sound_end, offset + 1)
+            if self._n_tried > 0 and (is_guess or not self._begins_record(end)):
+                self._offset = self._next_chunk()
+            else:
+                self._offset = min(end, self._limit)
+            return
+        if self._indexes is not None:
+            self._indexes.begin(*area[:3], self.n_records)
+        yield area
+
+    def _records_of(self, head: ChunkHead, length: int, is_guess: bool) -> Area:
+        """The records of a sound chunk, after which the next record is sought; or BagError."""
+        size, record_size = head.data_start + head.data_size, RECORD_HEAD.size + length
+        fits = size <= record_size and self._offset + record_size <= self._limit
+        if self._offset + size > self._limit:
+            raise BagError("a chunk is longer than its record")
+        if head.data_size > LARGEST_CONTENT:
+            raise BagError(f"a chunk must have {LARGEST_CONTENT} bytes at most, got {size}")
+        if not fits or is_guess:
+            self._n_tried -= size
+            if self._n_tried < 0:
+                raise BagError("a chunk is longer than its record")
+        if not head.data_size and record_size - size > _LARGEST_EXTENSION:
+            raise BagError("the head of a chunk is damaged")
+        if head.compression:
+            self._n_unpacked -= head.size
+            if self._n_unpacked < 0:
+                self._stop("it unpacks to more than a file of its size can hold")
+                raise BagError("further chunks are not read")
+        records, start = unpack_chunk(head, *self._window.locate(self._offset, size))
+        if head.compression:
+            self._window.release()
+        self._sound_end = self._offset + size
+        extended = fits and size < record_size
+        if not fits or (extended and self._begins_known_record(self._sound_end)):
+            self.note("the length of a chunk record is wrong")
+            self._offset = self._sound_end
+        else:
+            self._offset += record_size
+        self._chunk_end = self._offset
+        return Area(records, start, start + head.size)
+
+    def _is_torn(self, head: ChunkHead) -> bool:
+        return self._offset + head.data_start + head.data_size > self._limit
+
+    def _torn(self, head: ChunkHead) -> Area:
+        """What is left of the records of a chunk whose end is missing; none of a compressed one."""
+        size = 0 if head.compression else min(head.size, LARGEST_CONTENT)
+        block, at = self._window.locate(self._offset, head.data_start + size)
+        start = at + head.data_start
+        return Area(block, start, max(start, min(start + size, len(block))), is_torn=True)
+
+    def _run(self, length: int) -> Iterator[Area]:
+        """The records outside of chunks from here to the end of a block."""
+        if length > LARGEST_CONTENT:
+            self.note(f"a record must have {LARGEST_CONTENT} bytes at most, got {length}")
+            self._offset += RECORD_HEAD.size + length
+            return
+        self._check_index()
+        block, at = self._window.locate(self._offset, RECORD_HEAD.size + length)
+        starts, index = self._end.chunk_starts, bisect_right(self._end.chunk_starts, self._offset)
+        limit = min(self._limit, starts[index]) if index < len(starts) else self._limit
+        yield Area(block, at, min(len(block), at + limit - self._offset), False)
+        self._offset = self._sound_end = self._offset + self.consumed - at
+
+    def _other(self, opcode: int, length: int) -> None:
+        """A record that holds neither messages nor definitions; unknown ones are skipped."""
+        offset = self._offset
+        end = offset + RECORD_HEAD.size + length
+        if opcode == Opcode.MESSAGE_INDEX and length <= LARGEST_CONTENT:
+            end = self._message_index(end)
+        elif opcode == Opcode.DATA_END:
+            self.ended = True
+            self._check_data(length)
+        elif opcode in _COPIED and len(self.copied) >= _MOST_COPIED:
+            self.note(f"it has more than {_MOST_COPIED} attachments and metadata records")
+        elif opcode in _COPIED:
+            try:
+                check_record(self._window, offset, end - offset)
+                self.copied.append((offset, end - offset))
+            except BagError as error:
+                self.note(str(error))
+        self._offset = end
+
+    def _is_index(self, length: int) -> bool:
+        """Whether the record behind a chunk or its index is an index, by all but its opcode."""
+        if self._offset != self._chunk_end or (length - INDEX_HEAD_SIZE) % ENTRY_SIZE:
+            return False
+        start = self._offset + RECORD_HEAD.size
+        return entries_end(self._window.read(start, INDEX_HEAD_SIZE)) == length
+
+    def _message_index(self, end: int) -> int:
+        """Where the record ends."""
+        start = self._offset + RECORD_HEAD.size
+        content = self._window.read(start, end - start)
+        entries = entries_end(content)
+        if entries > len(content):
+            self.note("a message index is longer than its record")
+            return end
+        if self._indexes is not None:
+            self._indexes.add(content)
+        self._sound_end = start + entries
+        if entries < len(content) and self._begins_known_record(start + entries):
+            self.note("the length of a message index is wrong")
+            end = start + entries
+        self._chunk_end = end
+        return end
+
+    def _check_index(self) -> None:
+        if self._indexes is not None and not self._indexes.fit():
+            self.note("the message index before this does not fit its chunk")
+
+    def _check_data(self, length: int) -> None:
+        """Compare the checksum in the record at the end of the data with all before it."""
+        end = self._offset
+        if length < _CHECKSUM.size:
+            self.note("the record at the end of the data is shorter than its fields")
+        elif not self._log:
+            (checksum,) = _CHECKSUM.unpack(
+                self._window.read(end + RECORD_HEAD.size, _CHECKSUM.size)
+            )
+            if checksum and self._window.checksum(0, end) != checksum:
+                self.note("the checksum of the data does not fit")
+
+    def _begins_record(self, offset: int) -> bool:
+        """Whether the data ends here, or a record can begin."""
+        head = self._window.read(offset, RECORD_HEAD.size) if offset <= self._limit else b""
+        if offset == self._limit or len(head) < RECORD_HEAD.size:
+            return offset == self._limit
+        opcode, length = RECORD_HEAD.unpack(head)
+        end: int = offset + RECORD_HEAD.size + length
+        return opcode != 0 and end <= self._limit
+
+    def _begins_known_record(self, offset: int) -> bool:
+        if not self._begins_record(offset) or offset == self._limit:
+            return False
+        opcode, length = RECORD_HEAD.unpack(self._window.read(offset, RECORD_HEAD.size))
+        following = offset + RECORD_HEAD.size + length
+        return bool(opcode <= _LAST_OPCODE and self._begins_record(following))
+
+    def _stop(self, what: str) -> None:
+        self.note(f"{what}; the rest is not read")
+        self._offset = self._limit
