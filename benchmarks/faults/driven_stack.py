@@ -224,6 +224,8 @@ class DrivenStack:
             url = self._spin_for(
                 lambda: re.search(r"the page is at (\S+)", self._log("teleop_page"))
             )
+            if url is None:
+                raise RuntimeError(f"teleop_page must name its address, see {self._folder}")
             self._page = HeldKey(url[1])
 
     def _spin_for(self, find: Callable[[], Any]) -> Any:
