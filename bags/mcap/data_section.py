@@ -80,7 +80,8 @@ class DataSection:
 
     def stop(self) -> None:
         """Read no further, since there are too many records."""
-        self._stop("it has more records than a file of its size can have")
+        self.note("it has more records than a file of its size can have; the rest is not read")
+        self._offset = self._limit
 
     def _check_beginning(self) -> int:
         """Where the records begin."""
@@ -196,8 +197,7 @@ class DataSection:
         if head.compression:
             self._n_unpacked -= head.size
             if self._n_unpacked < 0:
-                self._stop("it unpacks to more than a file of its size can hold")
-                raise BagError("further chunks are not read")
+                raise BagError("the file unpacks to more than one of its size can hold")
         records, start = unpack_chunk(head, *self._window.locate(self._offset, size))
         if head.compression:
             self._window.release()
@@ -308,7 +308,3 @@ class DataSection:
         opcode, length = RECORD_HEAD.unpack(self._window.read(offset, RECORD_HEAD.size))
         following = offset + RECORD_HEAD.size + length
         return bool(opcode <= _LAST_OPCODE and self._begins_record(following))
-
-    def _stop(self, what: str) -> None:
-        self.note(f"{what}; the rest is not read")
-        self._offset = self._limit

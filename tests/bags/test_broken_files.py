@@ -9,6 +9,7 @@ from mcap.writer import MCAP0_MAGIC as MAGIC
 from bags.errors import BagError
 from bags.mcap.records import RECORD_HEAD
 from bags.reader import BagReader
+from bags.writer import BagWriter
 
 
 def read(path, tolerant):
@@ -169,3 +170,27 @@ def test_metadata_that_lists_other_messages_is_detected(small_bag):
         read(folder, False)
     found, damage = read(folder, True)
     assert (len(found), len(damage)) == (69, 1)
+
+
+def test_damage_of_an_unfinished_recording_costs_only_the_chunks_it_touches(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/robot_pose", "geometry_msgs/msg/PoseStamped")
+        for number in range(120):
+            writer.write("/robot_pose", bytes([number]) * 600, number)
+            if number % 10 == 9:
+                writer.flush()
+    path = tmp_path / "bag" / "bag_0.mcap"
+    content = path.read_bytes()
+    starts = record_starts(content)
+    content = content[: next(start for start in starts if content[start] == 0x0C)]
+    path.write_bytes(content)
+    messages = read(path, True)[0]
+    heads = {start + place for start in starts if start < len(content) for place in range(0, 50, 7)}
+    flips = [(place, bytes([content[place] ^ 1 << place % 8])) for place in sorted(heads)]
+    pages = [(place, bytes(4096)) for place in range(0, len(content), 4096)]
+    for place, wrong in (*flips, *pages):
+        path.write_bytes((content[:place] + wrong + content[place + len(wrong) :])[: len(content)])
+        found, damage = read(path, True)
+        assert damage
+        assert set(found) <= set(messages)
+        assert len(found) == len(set(found)) >= len(messages) - 20
