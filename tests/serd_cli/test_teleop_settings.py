@@ -55,7 +55,7 @@ def test_options_become_parameters_of_the_nodes(tmp_path, ros_env):
     assert "port:=9000" in commands["teleop_page"]
     assert "people:=5" in commands["hallway_sim"]
     assert f"output:='{tmp_path / 'bag'}'" in commands["demo_recorder"]
-    assert "-r cmd_vel:=cmd_vel_planner" in commands["local_planner"]
+    assert "-r cmd_vel_raw:=cmd_vel_planner" in commands["local_planner"]
 
 
 def test_a_port_in_use_is_refused_before_anything_starts():

@@ -163,7 +163,7 @@ def test_arguments_that_ros_cannot_read_are_refused_in_one_sentence(nodes, ros_e
     assert process.wait(PATIENCE_S) == 2
     log = nodes.log_of("demo_recorder")
     assert f"topics:=[odom, {IMU}]" in log
-    assert "put a value that holds : into quotes" in log
+    assert "put a value that contains : into quotes" in log
     assert "Traceback" not in log
 
 
