@@ -1,6 +1,7 @@
 """What is observed: people, lidar ranges and the map, to and from sensor_msgs and nav_msgs."""
 
 import array
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +70,8 @@ def to_people_message(people: People, time_s: float) -> PointCloud2:
 def from_people_message(message: PointCloud2) -> tuple[int, People]:
     """(stamp_ns, people) of a cloud that has our layout; MessageError for any other."""
     require_frame(message.header, topics.MAP_FRAME)
-    if message.fields != _FIELDS or message.point_step != _ROW.itemsize or message.is_bigendian:
+    layout = _layout(message.fields), message.point_step, bool(message.is_bigendian)
+    if layout != (_layout(_FIELDS), _ROW.itemsize, False):
         names = ", ".join(field.name for field in message.fields)
         raise MessageError(
             f"pedestrians must have the fields {', '.join(_NAMES)}, id in {_ROW.itemsize} bytes",
@@ -92,6 +94,11 @@ def from_people_message(message: PointCloud2) -> tuple[int, People]:
         velocity_mps=np.stack([rows["vx"], rows["vy"]], axis=1).astype(np.float64),
         identity=rows["id"].astype(np.int64),
     )
+
+
+def _layout(fields: Iterable[PointField]) -> list[tuple[str, int, int, int]]:
+    """By value, since messages read from bags have types of their own."""
+    return [(each.name, each.offset, each.datatype, each.count) for each in fields]
 
 
 def to_scan(ranges_m: NDArray[np.float32], settings: LidarSettings, time_s: float) -> LaserScan:
