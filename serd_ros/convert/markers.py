@@ -11,9 +11,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from serd_core.grid.grid import DIRECTION_VECTORS, Action
 from serd_ros.convert.pose import to_pose
-from serd_ros.convert.sensors import People
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import topics
+from sim.world.observation import People
 
 _ARROW = ColorRGBA(r=0.1, g=0.1, b=0.1, a=0.9)
 _TRAP = ColorRGBA(r=0.85, g=0.2, b=0.1, a=0.6)

@@ -2,7 +2,6 @@
 
 import array
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 from nav_msgs.msg import OccupancyGrid
@@ -17,7 +16,7 @@ from serd_ros.errors import MessageError
 from sim.safety.scan import ScanGeometry
 from sim.scenario.occupancy import OccupancyRaster
 from sim.scenario.settings import LidarSettings
-from sim.world.observation import Observation
+from sim.world.observation import People
 
 _NAMES = ("x", "y", "z", "vx", "vy")
 _ROW = np.dtype([(name, "<f4") for name in _NAMES] + [("id", "<i4")])
@@ -25,25 +24,6 @@ _FIELDS = [
     PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
     for index, name in enumerate(_NAMES)
 ] + [PointField(name="id", offset=20, datatype=PointField.INT32, count=1)]
-
-
-@dataclass(frozen=True, eq=False)
-class People:
-    """position_m, velocity_mps: (N, 2); identity: (N,)."""
-
-    position_m: NDArray[np.float64]
-    velocity_mps: NDArray[np.float64]
-    identity: NDArray[np.int64]
-
-
-NOBODY = People(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=np.int64))
-
-
-def people_of(observation: Observation) -> People:
-    """The people as they are observed."""
-    return People(
-        observation.people_position_m, observation.people_velocity_mps, observation.people_id
-    )
 
 
 def to_people_message(people: People, time_s: float) -> PointCloud2:

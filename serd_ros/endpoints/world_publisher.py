@@ -7,7 +7,7 @@ from sensor_msgs.msg import LaserScan
 from visualization_msgs.msg import MarkerArray
 
 from serd_ros.convert.markers import to_people_markers
-from serd_ros.convert.sensors import people_of, to_occupancy_grid, to_scan
+from serd_ros.convert.sensors import to_occupancy_grid, to_scan
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationPublisher
@@ -50,9 +50,8 @@ class WorldPublisher:
             ranges_m = self._world.scan(observation)
             self._scan.publish(to_scan(ranges_m, self._world.scenario.lidar, observation.time_s))
         if self._people.get_subscription_count():
-            people = people_of(observation)
             self._people.publish(
-                to_people_markers(people, self._person_radius_m, observation.time_s)
+                to_people_markers(observation.people, self._person_radius_m, observation.time_s)
             )
 
     def report(self) -> None:

@@ -13,6 +13,20 @@ from numpy.typing import ArrayLike
 from serd_core.arrays import FloatArray, IntArray
 from sim.errors import SimError
 
+Pose = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class People:
+    """position_m, velocity_mps: (N, 2); identity: (N,)."""
+
+    position_m: FloatArray
+    velocity_mps: FloatArray
+    identity: IntArray
+
+
+NO_PEOPLE = People(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=np.int64))
+
 
 @dataclass(frozen=True, eq=False)
 class Observation:
@@ -25,7 +39,7 @@ class Observation:
 
     time_s: float
     tick: int
-    pose: tuple[float, float, float]
+    pose: Pose
     speed_mps: float
     yaw_rate_radps: float
     people_position_m: FloatArray
@@ -36,6 +50,11 @@ class Observation:
     def is_finite(self) -> bool:
         """Whether pose and motion of the robot are finite numbers."""
         return all(map(math.isfinite, (*self.pose, self.speed_mps, self.yaw_rate_radps)))
+
+    @property
+    def people(self) -> People:
+        """The people around the robot."""
+        return People(self.people_position_m, self.people_velocity_mps, self.people_id)
 
     @property
     def x_m(self) -> float:

@@ -18,7 +18,7 @@ from serd_ros.convert.pose import (
     to_pose_stamped,
     to_waypoint_message,
 )
-from serd_ros.convert.sensors import people_of, to_people_message, to_scan
+from serd_ros.convert.sensors import to_people_message, to_scan
 from serd_ros.convert.stamp import to_stamp
 from sim.episodes.result import UNCOUNTED
 from sim.scenario.goal import goal_at
@@ -51,7 +51,7 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
         "clock": Clock(clock=to_stamp(time_s)),
         "robot_pose": to_pose_stamped(observation.pose, time_s),
         "odom": to_odometry(observation, (1.0, 2.0, 0.5)),
-        "pedestrians": to_people_message(people_of(observation), time_s),
+        "pedestrians": to_people_message(observation.people, time_s),
         "scan": to_scan(ranges_m, HALLWAY.lidar, time_s),
         "intent": to_intent(Action.NORTH, time_s),
         "waypoint": to_waypoint_message(Waypoint(x_m, y_m + 1.0), time_s),

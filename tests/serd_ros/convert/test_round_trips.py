@@ -38,6 +38,7 @@ from serd_ros.convert.pose import (
     from_goal_message,
     from_odometry,
     from_pose,
+    from_pose_stamped,
     from_waypoint_message,
     to_goal_area_message,
     to_odometry,
@@ -47,7 +48,6 @@ from serd_ros.convert.pose import (
     to_waypoint_message,
 )
 from serd_ros.convert.sensors import (
-    People,
     from_people_message,
     from_scan,
     to_occupancy_grid,
@@ -55,12 +55,13 @@ from serd_ros.convert.sensors import (
     to_scan,
 )
 from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
-from serd_ros.endpoints.observation import ObservationInbox
 from serd_ros.errors import NodeError
 from sim.episodes.result import EpisodeStart
 from sim.scenario.occupancy import OccupancyRaster
 from sim.scenario.settings import LidarSettings
 from sim.world.command import Command
+from sim.world.observation import People
+from sim.world.observation_inbox import ObservationInbox
 from sim.world.waypoint import Waypoint
 from storage.errors import FileError
 from storage.yaml_config import yaml_model
@@ -140,15 +141,16 @@ def test_an_observation_survives_the_three_topics_bit_for_bit(x, y, yaw, v, w, t
     )
     inbox = ObservationInbox(0.05)
     people = People(sent.people_position_m, sent.people_velocity_mps, sent.people_id)
-    assert inbox.take_people(to_people_message(people, sent.time_s)) is None
-    odometry = to_odometry(sent, sent.pose)
-    assert from_odometry(odometry)[2] == (v, w)
-    assert inbox.take_odometry(odometry) is None
-    got = inbox.take_pose(to_waypoint_message(Waypoint(x, y), sent.time_s))
-    assert got is not None
+    message = to_people_message(people, sent.time_s)
+    assert inbox.take_people(*from_people_message(message)) is None
+    time_ns, _, speeds = from_odometry(to_odometry(sent, sent.pose))
+    assert speeds == (v, w)
+    assert inbox.take_speeds(time_ns, speeds) is None
     pose_message = to_waypoint_message(Waypoint(x, y), sent.time_s)
+    got = inbox.take_pose(*from_pose_stamped(pose_message))
+    assert got is not None
     pose_message.pose = to_pose(sent.pose)
-    got = inbox.take_pose(pose_message)
+    got = inbox.take_pose(*from_pose_stamped(pose_message))
     assert (got.tick, got.pose, got.speed_mps, got.yaw_rate_radps) == (tick, sent.pose, v, w)
     assert np.array_equal(got.people_position_m, sent.people_position_m)
     assert np.array_equal(got.people_velocity_mps, sent.people_velocity_mps)
@@ -157,23 +159,26 @@ def test_an_observation_survives_the_three_topics_bit_for_bit(x, y, yaw, v, w, t
 def test_parts_of_different_ticks_make_no_observation():
     inbox = ObservationInbox(0.05)
     no_people = People(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
-    inbox.take_people(to_people_message(no_people, 1.0))
-    assert inbox.take_pose(to_waypoint_message(Waypoint(0, 0), 1.0)) is None
+    inbox.take_people(*from_people_message(to_people_message(no_people, 1.0)))
+    pose_message = to_waypoint_message(Waypoint(0, 0), 1.0)
+    assert inbox.take_pose(*from_pose_stamped(pose_message)) is None
     observation = observation_at(0.0, 0.0, time_s=1.05)
-    assert inbox.take_odometry(to_odometry(observation, observation.pose)) is None
+    time_ns, _, speeds = from_odometry(to_odometry(observation, observation.pose))
+    assert inbox.take_speeds(time_ns, speeds) is None
     assert inbox.latest() is not None
 
 
 def test_who_finds_people_in_scans_needs_pose_and_odometry_only():
     inbox = ObservationInbox(0.05, needs_people=False)
     observation = observation_at(1.0, 2.0, 0.5, time_s=1.0, speed_mps=0.4)
-    assert inbox.take_odometry(to_odometry(observation, (5.0, 6.0, 0.7))) is None
+    time_ns, _, speeds = from_odometry(to_odometry(observation, (5.0, 6.0, 0.7)))
+    assert inbox.take_speeds(time_ns, speeds) is None
     message = to_waypoint_message(Waypoint(1.0, 2.0), 1.0)
     message.pose = to_pose(observation.pose)
-    got = inbox.take_pose(message)
+    got = inbox.take_pose(*from_pose_stamped(message))
     assert (got.pose, got.speed_mps, len(got.people_id)) == (observation.pose, 0.4, 0)
     people = People(np.ones((1, 2)), np.ones((1, 2)), np.ones(1))
-    assert inbox.take_people(to_people_message(people, 1.0)) is None
+    assert inbox.take_people(*from_people_message(to_people_message(people, 1.0))) is None
 
 
 def test_odometry_carries_the_pose_of_the_wheels_not_the_true_one():
