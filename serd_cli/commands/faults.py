@@ -16,9 +16,10 @@ from serd_cli.options import Address, AsJson, Backend, Jobs
 from serd_cli.output.resume_notice import run_episodes
 from serd_cli.output.terminal import console, finite_values, print_json
 from sim.drivers.catalogue import driver_names
+from sim.episodes.batch import EpisodeTask, run_batch
 from sim.episodes.execution import Execution
 from sim.planning.catalogue import planner_names
-from sim.safety.campaign import WATCHED_S, run_campaign, tasks_of
+from sim.safety.campaign import COLUMNS, TASK_COLUMNS, WATCHED_S, run_fault, tasks_of
 from sim.safety.campaign_summary import FaultSummary, arrival_price, summarise_faults
 from sim.safety.faults import FAULTS
 from storage.files import atomic_write_bytes
@@ -57,16 +58,21 @@ def faults(
     Writes a row per episode, and a picture beside the table. Rerun an interrupted command to
     resume it.
     """
-    tasks = tasks_of(
-        fault or FAULTS,
-        range(first_seed, first_seed + seeds),
-        scenario=scenario,
-        n_people=people,
-        planner=planner,
-        driver=policy,
-    )
+    condition = EpisodeTask(scenario, 0, n_people=people, planner=planner, driver=policy)
+    tasks = tasks_of(fault or FAULTS, condition, range(first_seed, first_seed + seeds))
     execution = Execution(jobs, backend, address)
-    rows = run_episodes(output, lambda seen: run_campaign(tasks, output, execution, seen))
+    rows = run_episodes(
+        output,
+        lambda seen: run_batch(
+            tasks,
+            output,
+            run=run_fault,
+            columns=COLUMNS,
+            key_columns=TASK_COLUMNS,
+            execution=execution,
+            on_progress=seen,
+        ),
+    )
     summaries = summarise_faults(rows)
     picture = output.with_suffix(".png")
     ways = _ways(rows)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from sim.drivers.catalogue import make_driver
 from sim.drivers.policy_driver import MODEL_SUFFIXES
@@ -29,17 +29,7 @@ from storage.table import Column, cell_text, columns_of
 
 Progress = Callable[[int, int], None]
 
-
-class Keyed(Protocol):
-    """A task with the texts of the cells that name it."""
-
-    @property
-    def key(self) -> Key:
-        """Texts of the key columns."""
-        ...
-
-
-KeyedTask = TypeVar("KeyedTask", bound=Keyed)
+AnyTask = TypeVar("AnyTask", bound="EpisodeTask")
 #: Column of the digest of all files that an episode depends on.
 INPUTS = "inputs"
 
@@ -115,43 +105,36 @@ def run_task(task: EpisodeTask) -> Row:
 
 
 def run_batch(
-    tasks: Iterable[EpisodeTask],
+    tasks: Iterable[AnyTask],
     path: str | Path,
     *,
+    run: Callable[[AnyTask], Row] = run_task,
+    columns: Sequence[Column] = COLUMNS,
+    key_columns: Sequence[str] = TASK_COLUMNS,
     execution: Execution | None = None,
     on_progress: Progress | None = None,
 ) -> list[Row]:
     """Rows of all tasks, from the file where they are there already, else run and added to it.
 
-    A task that is listed twice is one task. execution: where episodes run, all cores of this
+    A task that is listed twice is one task. run: from a task to its row of `columns`, with INPUTS;
+    key_columns: the fields of the task. execution: where episodes run, all cores of this
     machine when None. on_progress: called with (done, all) at the start and after every episode.
     """
     wanted = list(dict.fromkeys(tasks))
     require_runnable(wanted)
-    with RowTable(path, COLUMNS, TASK_COLUMNS) as table:
+    with RowTable(path, columns, key_columns) as table:
         _require_same_inputs(wanted, table)
-        return run_missing(run_task, wanted, table, execution or Execution(), on_progress)
-
-
-def run_missing(
-    run: Callable[[KeyedTask], Row],
-    tasks: Sequence[KeyedTask],
-    table: RowTable,
-    execution: Execution,
-    on_progress: Progress | None = None,
-) -> list[Row]:
-    """Rows of all tasks; those that the table lacks are run and appended as they end."""
-    missing = [task for task in tasks if task.key not in table.rows]
-    done, total = len(tasks) - len(missing), len(tasks)
-    if on_progress is not None:
-        on_progress(done, total)
-    with closing(execution.results(run, missing)) as results:
-        for row in results:
-            table.append(row)
-            done += 1
-            if on_progress is not None:
-                on_progress(done, total)
-    return [table.rows[task.key] for task in tasks]
+        missing = [task for task in wanted if task.key not in table.rows]
+        done, total = len(wanted) - len(missing), len(wanted)
+        if on_progress is not None:
+            on_progress(done, total)
+        with closing((execution or Execution()).results(run, missing)) as results:
+            for row in results:
+                table.append(row)
+                done += 1
+                if on_progress is not None:
+                    on_progress(done, total)
+        return [table.rows[task.key] for task in wanted]
 
 
 def scenario_of(name: str, n_people: int | None) -> Scenario:
@@ -178,7 +161,7 @@ def require_runnable(tasks: Iterable[EpisodeTask]) -> None:
         make_driver(condition.driver, scenario, 0)
 
 
-def _require_same_inputs(tasks: list[EpisodeTask], table: RowTable) -> None:
+def _require_same_inputs(tasks: Sequence[EpisodeTask], table: RowTable) -> None:
     known = [task for task in tasks if task.key in table.rows]
     digests = {pair: inputs_digest(*pair) for pair in {(t.scenario, t.driver) for t in known}}
     for task in known:

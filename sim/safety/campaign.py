@@ -7,42 +7,32 @@ messages. A row tells how soon and after what distance the robot stood, and what
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields, replace
-from pathlib import Path
-
-import numpy as np
 
 from serd_core.grid.grid import Action, Grid
 from sim.drivers.catalogue import Driver, make_driver
-from sim.episodes.batch import Progress, run_missing, scenario_of
-from sim.episodes.execution import Execution
+from sim.episodes.batch import INPUTS, EpisodeTask, inputs_digest, scenario_of
 from sim.episodes.progress import EpisodeProgress
 from sim.perception.scan_matcher import ScanMatcher
 from sim.planning.catalogue import make_planner
 from sim.robot.contacts import ContactCounts
-from sim.safety.faults import (
-    Message,
-    Messages,
-    OdometryMessage,
-    PeopleMessage,
-    fault_named,
-)
+from sim.safety.faults import Messages, fault_named
 from sim.safety.guard import Guard, GuardOutput
 from sim.safety.reasons import Fault, GuardAction, Source
-from sim.safety.scan import Scan
 from sim.safety.settings import GuardSettings
-from sim.safety.world_guard import scan_geometry_of
+from sim.safety.world_guard import Message, guarded, published
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario
 from sim.world.command import STOP, Command
 from sim.world.directive import FollowedDirective
-from sim.world.observation import Observation, make_observation
+from sim.world.observation import Observation
+from sim.world.observation_inbox import ObservationInbox
 from sim.world.seeds import FAULT, episode_rng
 from sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_cell, waypoint_of_intent
 from sim.world.world import HallwayWorld
-from storage.row_table import Key, Row, RowTable
-from storage.table import OptionalFloat, cell_text, columns_of
+from storage.row_table import Row
+from storage.table import Column, OptionalFloat, columns_of
 
 #: A fault begins when the robot drives at this share of its largest speed, after this time (s).
 _FULL_SPEED = 0.9
@@ -58,21 +48,11 @@ _LOOKAHEAD_CELLS = 2
 
 
 @dataclass(frozen=True)
-class FaultTask:
-    """What defines one episode. n_people: the scenario's own number when None."""
+class FaultTask(EpisodeTask):
+    """An episode with a fault; people_from: as the fault needs it."""
 
-    fault: str
-    guarded: int
-    scenario: str = "hallway"
-    seed: int = 1
-    n_people: int | None = 60
-    planner: str = "dwa"
-    driver: str = "expert_with_flow"
-
-    @property
-    def key(self) -> Key:
-        """The task as the texts of its cells."""
-        return tuple(cell_text(getattr(self, each.name)) for each in fields(self))
+    fault: str = "none"
+    guarded: int = 1
 
 
 @dataclass(frozen=True)
@@ -102,35 +82,23 @@ class FaultOutcome:
 
 
 TASK_COLUMNS = tuple(each.name for each in fields(FaultTask))
-COLUMNS = (*columns_of(FaultTask), *columns_of(FaultOutcome))
+COLUMNS = (*columns_of(FaultTask), Column(INPUTS, str), *columns_of(FaultOutcome))
 
 
 def tasks_of(
-    faults: Iterable[str], seeds: Iterable[int], **condition: str | int | None
+    faults: Iterable[str], condition: EpisodeTask, seeds: Iterable[int]
 ) -> list[FaultTask]:
-    """Every fault with and without the guard, on every seed."""
+    """Every fault with and without the guard on every seed, else as `condition` has it."""
     return [
-        FaultTask(fault, guarded, seed=seed, **condition)  # type: ignore[arg-type]
-        for fault in faults
+        FaultTask(
+            **asdict(replace(condition, seed=seed, people_from=kind.people_from)),
+            fault=fault,
+            guarded=guarded,
+        )
+        for fault, kind in ((fault, fault_named(fault)) for fault in faults)
         for guarded in (0, 1)
         for seed in seeds
     ]
-
-
-def run_campaign(
-    tasks: Sequence[FaultTask],
-    path: str | Path,
-    execution: Execution,
-    on_progress: Progress | None = None,
-) -> list[Row]:
-    """Rows of all tasks, from the file where they are there already, else run and added to it."""
-    for task in {replace(task, seed=0) for task in tasks}:
-        fault_named(task.fault)
-        scenario = scenario_of(task.scenario, task.n_people)
-        make_planner(task.planner, scenario)
-        make_driver(task.driver, scenario, 0)
-    with RowTable(path, COLUMNS, TASK_COLUMNS) as table:
-        return run_missing(run_fault, tasks, table, execution, on_progress)
 
 
 def run_fault(task: FaultTask) -> Row:
@@ -138,7 +106,8 @@ def run_fault(task: FaultTask) -> Row:
     scenario = scenario_of(task.scenario, task.n_people)
     with HallwayWorld(scenario, seed=task.seed) as world:
         outcome = _FaultyEpisode(world, task).run()
-    return {**asdict(task), **asdict(outcome)}
+    inputs = inputs_digest(task.scenario, task.driver)
+    return {**asdict(task), INPUTS: inputs, **asdict(outcome)}
 
 
 class _LivePlanner:
@@ -148,47 +117,31 @@ class _LivePlanner:
         self._scans = ScanMatcher(scenario) if people_from == "scan" else None
         made = make_planner(planner, scenario)
         self._planner = self._scans.planner_on(made) if self._scans else made
-        self._period_s = scenario.control_period_s
         self._grid = grid_of(scenario)
         self._followed = FollowedDirective(scenario)
-        self._parts: dict[Source, Message] = {}
+        self._inbox = ObservationInbox(scenario.control_period_s, needs_people=self._scans is None)
         self._arrived_s = -math.inf
         self.observation: Observation | None = None
 
     def receive(self, messages: Messages, now_s: float) -> None:
         for each in messages:
-            if each.source is not Source.SCAN:
-                self._parts[each.source] = each
-            elif self._scans is not None:
-                self._scans.take_scan(round(each.stamp_s * 1e9), each.value.ranges_m)
-        observation = self._synchronised()
-        if observation is not None and (
-            self.observation is None or observation.tick != self.observation.tick
-        ):
-            self.observation, self._arrived_s = observation, now_s
-            if self._scans is not None:
-                self._scans.take_observation(observation)
+            observation = self._completed_by(each)
+            if observation is not None:
+                self.observation, self._arrived_s = observation, now_s
+                if self._scans is not None:
+                    self._scans.take_observation(observation)
 
-    def _synchronised(self) -> Observation | None:
-        needed = [Source.POSE, Source.ODOMETRY]
-        if self._scans is None:
-            needed.append(Source.PEOPLE)
-        if any(source not in self._parts for source in needed):
-            return None
-        if len({self._parts[source].stamp_s for source in needed}) > 1:
-            return None
-        pose, odometry = self._parts[Source.POSE], self._parts[Source.ODOMETRY].value
-        people = self._parts[Source.PEOPLE].value if self._scans is None else _NOBODY
-        return make_observation(
-            time_s=pose.stamp_s,
-            tick=round(pose.stamp_s / self._period_s),
-            pose=pose.value,
-            speed_mps=odometry.speeds[0],
-            yaw_rate_radps=odometry.speeds[1],
-            people_position_m=people.position_m,
-            people_velocity_mps=people.velocity_mps,
-            people_id=people.identity,
-        )
+    def _completed_by(self, message: Message) -> Observation | None:
+        time_ns = round(message.stamp_s * 1e9)
+        if message.source is Source.POSE:
+            return self._inbox.take_pose(time_ns, message.value)
+        if message.source is Source.ODOMETRY:
+            return self._inbox.take_speeds(time_ns, message.value[1])
+        if message.source is Source.PEOPLE:
+            return self._inbox.take_people(time_ns, message.value)
+        if self._scans is not None:
+            self._scans.take_scan(time_ns, message.value.ranges_m)
+        return None
 
     def decide(self, driver: Driver) -> None:
         """Take the waypoint of the decision period that begins now."""
@@ -211,9 +164,6 @@ def _waypoint_ahead(grid: Grid, observation: Observation, action: Action) -> Way
     for _ in range(_LOOKAHEAD_CELLS):
         here = int(grid.neighbours[here, action])
     return waypoint_of_cell(grid, here)
-
-
-_NOBODY = PeopleMessage(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=np.int64))
 
 
 class _Watch:
@@ -250,22 +200,21 @@ class _Watch:
 class _FaultyEpisode:
     def __init__(self, world: HallwayWorld, task: FaultTask) -> None:
         scenario = world.scenario
-        self._world, self._kind = world, fault_named(task.fault)
+        self._world, self._task, self._kind = world, task, fault_named(task.fault)
         self._driver = make_driver(task.driver, scenario, task.seed)
-        self._planner = _LivePlanner(scenario, task.planner, self._kind.people_from)
-        settings = GuardSettings.of_scenario(scenario, self._kind.people_from)
+        self._planner = _LivePlanner(scenario, task.planner, task.people_from)
+        settings = GuardSettings.of_scenario(scenario, task.people_from)
         self._guard = Guard(settings) if task.guarded else None
-        rng = episode_rng(task.seed, 0, FAULT)
+        rng = episode_rng(task.seed, task.episode, FAULT)
         self._channel = self._kind.make(rng, scenario.control_period_s)
-        self._geometry = scan_geometry_of(scenario.lidar)
         self._watch = _Watch()
         self._stopped_for: bool | None = None
         self._n_stops: Counter[bool] = Counter()
 
     def run(self) -> FaultOutcome:
         world, watch, kind = self._world, self._watch, self._kind
-        observation = world.reset(0)
-        self._driver.begin(0)
+        observation = world.reset(self._task.episode, self._task.start_area)
+        self._driver.begin(self._task.episode)
         progress = EpisodeProgress(world.scenario, observation, world.scenario.episode_timeout_s)
         if kind.lasts:
             watch.begin(observation, world.contacts)
@@ -301,7 +250,7 @@ class _FaultyEpisode:
     def _command(self, observation: Observation) -> Command:
         """What reaches the robot at this observation."""
         now_s, planner = observation.time_s, self._planner
-        messages = self._published(observation)
+        messages = published(self._world, observation)
         if self._watch.start is not None:
             messages = self._channel(messages)
         planner.receive(messages, now_s)
@@ -309,40 +258,9 @@ class _FaultyEpisode:
         if is_decision_tick(observation, self._world.scenario) and not silent:
             planner.decide(self._driver)
         command = planner.command(now_s)
-        return command if self._guard is None else self._guarded(messages, command, now_s)
-
-    def _published(self, observation: Observation) -> Messages:
-        world, time_s = self._world, observation.time_s
-        speeds = observation.speed_mps, observation.yaw_rate_radps
-        people = PeopleMessage(
-            observation.people_position_m, observation.people_velocity_mps, observation.people_id
-        )
-        messages = [
-            Message(Source.ODOMETRY, time_s, OdometryMessage(world.odometry_pose, speeds)),
-            Message(Source.POSE, time_s, observation.pose),
-            Message(Source.PEOPLE, time_s, people),
-        ]
-        if world.is_scan_tick:
-            scan = Scan(time_s, world.scan(observation), self._geometry)
-            messages.append(Message(Source.SCAN, time_s, scan))
-        return messages
-
-    def _guarded(self, messages: Messages, command: Command, now_s: float) -> Command:
-        guard = self._guard
-        assert guard is not None
-        guard.advance(now_s)
-        for each in messages:
-            if each.source is Source.ODOMETRY:
-                guard.receive_odometry(each.stamp_s, each.value.pose, each.value.speeds)
-            elif each.source is Source.POSE:
-                guard.receive_pose(each.stamp_s, each.value)
-            elif each.source is Source.PEOPLE:
-                people = each.value
-                guard.receive_people(each.stamp_s, people.position_m, people.velocity_mps)
-            else:
-                guard.receive_scan(each.value)
-        guard.receive_command(now_s, command)
-        output = guard.step(now_s)
+        if self._guard is None:
+            return command
+        output = guarded(self._guard, messages, command, now_s)
         self._count(output)
         return output.command
 

@@ -7,41 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
 from sim.errors import SimError
 from sim.safety.motion import Pose
 from sim.safety.reasons import Source
 from sim.safety.scan import Scan
+from sim.safety.world_guard import Message
 from storage.nearest import hint
 
 _NOISE_M = 0.05
 _JUMP_M = 2.0
-
-
-@dataclass(frozen=True, eq=False)
-class OdometryMessage:
-    """Pose by the wheels, and speeds (m/s, rad/s)."""
-
-    pose: Pose
-    speeds: tuple[float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class PeopleMessage:
-    """position_m, velocity_mps: (N, 2); identity: (N,)."""
-
-    position_m: FloatArray
-    velocity_mps: FloatArray
-    identity: Any
-
-
-@dataclass(frozen=True, eq=False)
-class Message:
-    """value: Pose of `robot_pose`, OdometryMessage, PeopleMessage or Scan."""
-
-    source: Source
-    stamp_s: float
-    value: Any
 
 
 Messages = list[Message]

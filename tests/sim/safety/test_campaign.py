@@ -1,17 +1,19 @@
 """The fault campaign: rows of single episodes, and their summary."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from sim.safety.campaign import COLUMNS, FaultTask, run_fault, tasks_of
+from sim.episodes.batch import EpisodeTask
+from sim.safety.campaign import COLUMNS, run_fault, tasks_of
 from sim.safety.campaign_summary import arrival_price, summarise_faults
 
-CONDITION = {"scenario": "hallway", "n_people": 2, "seed": 1}
+CONDITION = EpisodeTask("hallway", 0, n_people=2)
 
 
 def _row(fault, guarded):
-    return run_fault(FaultTask(fault, guarded, **CONDITION))
+    return run_fault(tasks_of([fault], CONDITION, [1])[guarded])
 
 
 def test_with_the_guard_the_robot_stands_after_the_scan_stops_and_without_it_drives_on():
@@ -42,7 +44,7 @@ def test_without_a_fault_the_guard_changes_nothing():
 
 
 def test_every_fault_runs_with_and_without_the_guard_on_every_seed():
-    tasks = tasks_of(["none", "scan_nan"], range(2), n_people=3)
+    tasks = tasks_of(["none", "scan_nan"], replace(CONDITION, n_people=3), range(2))
     assert len(set(tasks)) == 8
     assert {task.n_people for task in tasks} == {3}
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.safety.faults import FAULTS, Message, fault_named
+from sim.safety.faults import FAULTS, fault_named
 from sim.safety.reasons import Source
 from sim.safety.scan import Scan, ScanGeometry
+from sim.safety.world_guard import Message
 
 PERIOD_S = 0.05
 GEOMETRY = ScanGeometry(-3.1, 0.02, 0.1, 10.0)
