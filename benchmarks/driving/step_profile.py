@@ -19,6 +19,8 @@ from sim.planning.recovery import RecoveringPlanner
 from sim.robot.contacts import ContactCounter
 from sim.robot.lidar import Lidar
 from sim.robot.robot import Robot
+from sim.safety.guard import Guard
+from sim.safety.world_guard import no_guard
 from sim.scenario.scenario import Scenario
 from sim.world.world import HallwayWorld
 
@@ -28,6 +30,7 @@ PARTS: dict[str, tuple[tuple[type, str], ...]] = {
     "physics": ((Robot, "drive"), (ContactCounter, "update")),
     "lidar": ((Lidar, "scan"),),
     "planner": ((RecoveringPlanner, "step"),),
+    "guard": ((Guard, "step"),),
 }
 REST = "world, clock and observation"
 
@@ -53,21 +56,18 @@ class StepProfile:
 def profile_steps(
     scenario: Scenario, *, seed: int, episodes: int, planner: str = "dwa", lidar: bool = True
 ) -> StepProfile:
-    """Drive some episodes, scanning at the lidar's rate when asked to, without warm-up time."""
+    """Drive some episodes, without warm-up time; lidar: with the guard, which uses the scans."""
     seconds: dict[str, float] = defaultdict(float)
     with HallwayWorld(scenario, seed=seed) as world:
         driver, local_planner = ScriptedExpert(scenario, seed), make_planner(planner, scenario)
-
-        def look(*_: Any) -> None:
-            if lidar and world.is_scan_tick:
-                world.scan()
+        guard = None if lidar else no_guard
 
         wall_s = 0.0
         n_ticks = 0
         for episode in range(episodes):
             with _timed_parts(seconds, world):
                 began_s = time.perf_counter()
-                record = run_episode(world, local_planner, driver, episode=episode, observer=look)
+                record = run_episode(world, local_planner, driver, episode=episode, guard=guard)
                 wall_s += time.perf_counter() - began_s - seconds.pop(_RESET, 0.0)
             n_ticks += record.n_ticks
     return _profile(scenario, seconds, wall_s, n_ticks)

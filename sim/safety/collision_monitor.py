@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
+from sim.robot.unicycle import limited_velocity
 from sim.safety.reasons import Fault, GuardAction, Reason, Source
 from sim.safety.settings import GuardSettings
 from sim.world.command import STOP, Command
@@ -50,7 +51,7 @@ class CollisionMonitor:
     """Returns the largest share of a command that is allowed."""
 
     def __init__(self, settings: GuardSettings) -> None:
-        self._settings = settings
+        self._settings, self._robot = settings, settings.robot()
         self._step_s = 1.0 / settings.controller_frequency
         self._n_follow = 1 + math.ceil(settings.reaction_time / self._step_s - 1e-9)
 
@@ -100,16 +101,13 @@ class CollisionMonitor:
 
     def _path(self, command: Command, speeds: tuple[float, float]) -> _Path:
         """The path of a robot that follows the command for a while and then brakes."""
-        settings, step_s = self._settings, self._step_s
+        step_s = self._step_s
         speed, turn = speeds
-        wanted_v = min(max(command.linear_mps, -settings.max_vel_x), settings.max_vel_x)
-        wanted_w = min(max(command.angular_radps, -settings.max_vel_theta), settings.max_vel_theta)
         x_m = y_m = yaw_rad = length_m = 0.0
         places: list[tuple[float, float]] = []
         while len(places) < self._n_follow or speed != 0.0:
-            follows = len(places) < self._n_follow
-            speed = _towards(speed, wanted_v if follows else 0.0, settings.acc_lim_x * step_s)
-            turn = _towards(turn, wanted_w if follows else 0.0, settings.acc_lim_theta * step_s)
+            wanted = command if len(places) < self._n_follow else STOP
+            speed, turn = limited_velocity(wanted, speed, turn, self._robot, step_s)
             middle = yaw_rad + 0.5 * turn * step_s
             x_m += speed * step_s * math.cos(middle)
             y_m += speed * step_s * math.sin(middle)
@@ -162,10 +160,6 @@ def _scaled(command: Command, share: float) -> Command:
     if share == 1.0:
         return command
     return Command(share * command.linear_mps, share * command.angular_radps)
-
-
-def _towards(value: float, wanted: float, largest_change: float) -> float:
-    return value + min(max(wanted - value, -largest_change), largest_change)
 
 
 def _reasons(people: object, points: object, fault: Fault) -> tuple[Reason, ...]:

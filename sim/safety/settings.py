@@ -126,6 +126,17 @@ class GuardSettings(StrictModel):
                 )
         return self
 
+    def robot(self) -> RobotSettings:
+        """The robot with these limits; backward as fast as forward."""
+        return RobotSettings(
+            radius_m=self.radius,
+            max_vel_x_mps=self.max_vel_x,
+            min_vel_x_mps=-self.max_vel_x,
+            max_vel_theta_radps=self.max_vel_theta,
+            acc_lim_x_mps2=self.acc_lim_x,
+            acc_lim_theta_radps2=self.acc_lim_theta,
+        )
+
     @classmethod
     def of_scenario(cls, scenario: Scenario, people_from: str = "given") -> "GuardSettings":
         """The guard of the robot of a scenario; people_from: where its planner gets people from."""

@@ -72,6 +72,7 @@ class HallwayWorld:
         )
         self._crowd: Crowd | None = None
         self._observation: Observation | None = None
+        self._scanned: tuple[Observation, NDArray[np.float32]] | None = None
 
     def reset(self, episode: int, start_area: str = "train") -> Observation:
         """Begin an episode: new people, warmed up, and the robot standing at a random start."""
@@ -147,14 +148,19 @@ class HallwayWorld:
     def scan(self, observation: Observation | None = None) -> NDArray[np.float32]:
         """(n_rays,) lidar ranges from the observed pose among the people as they are now.
 
-        Asked again at the same tick, the noise is the same.
+        Asked again at the same tick, the noise is the same. The scan of the present observation is
+        made once; do not write to it.
         """
         crowd = self._running()
         seen = observation if observation is not None else self.observation
+        if self._scanned is not None and self._scanned[0] is seen is self._observation:
+            return self._scanned[1]
         rng = None
         if self.scenario.lidar.noise_deviation_m > 0:
             rng = episode_rng(self.seed, self._episode, LIDAR, self.tick - self._first_tick)
-        return self._lidar.scan(seen.pose, crowd.x_m, crowd.y_m, rng)
+        ranges_m = self._lidar.scan(seen.pose, crowd.x_m, crowd.y_m, rng)
+        self._scanned = seen, ranges_m
+        return ranges_m
 
     def map_raster(self, resolution_m: float = 0.05) -> OccupancyRaster:
         """The map for people and planners."""
