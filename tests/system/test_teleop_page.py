@@ -165,6 +165,7 @@ class World:
 
     def drive_until(self, condition, *, press, release):
         """Press until the condition holds; anew while the robot stands, as a late page stops it."""
+        self.probe.spin_all()
         press()
         pressed_s = self.time_s
 
@@ -250,8 +251,8 @@ def hold_until(page, world, key, condition):
     """Hold a key until a condition holds, then release it."""
     world.drive_until(
         condition,
-        press=page.keys().key_down(key).perform,
-        release=page.keys().key_up(key).perform,
+        press=lambda: page.keys().key_down(key).perform(),
+        release=lambda: page.keys().key_up(key).perform(),
     )
     page.keys().key_up(key).perform()
 
@@ -300,8 +301,8 @@ def test_touch_drives_and_leaving_the_page_or_the_e_stop_stops_the_robot(driving
     north = page.browser.find_element(By.CSS_SELECTOR, "[data-direction=north]")
     world.drive_until(
         lambda: world.speed_mps > 0.25,
-        press=page.keys().click_and_hold(north).perform,
-        release=page.keys().release().perform,
+        press=lambda: page.keys().click_and_hold(north).perform(),
+        release=lambda: page.keys().release().perform(),
     )
     with world.stops_within(1.5):
         page.run("window.dispatchEvent(new Event('blur'))")
@@ -343,8 +344,8 @@ def press_anew(page, world, key):
     page.keys().key_up(key).perform()
     world.drive_until(
         lambda: world.speed_mps > 0.1,
-        press=page.keys().key_down(key).perform,
-        release=page.keys().key_up(key).perform,
+        press=lambda: page.keys().key_down(key).perform(),
+        release=lambda: page.keys().key_up(key).perform(),
     )
 
 
