@@ -50,11 +50,12 @@ class PlanarVector:
 
 
 @dataclass(frozen=True)
-class PlanarTransform:
-    """Where a child frame is in its parent frame."""
+class Transform:
+    """Where a child frame is in that of the header: x, y, z in m, quaternion x, y, z, w."""
 
-    pose: PlanarPose
+    header: Header
     child: str
+    placed: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -121,46 +122,18 @@ def pose_stamped(data: bytes) -> PlanarPose:
     return _pose(message.header, message.pose.position, message.pose.orientation)
 
 
-def pose_with_covariance_stamped(data: bytes) -> PlanarPose:
-    """geometry_msgs/PoseWithCovarianceStamped: its pose."""
-    message = decode(data, "geometry_msgs/msg/PoseWithCovarianceStamped")
-    return _pose(message.header, message.pose.pose.position, message.pose.pose.orientation)
-
-
-def odometry(data: bytes) -> PlanarPose:
-    """nav_msgs/Odometry: its pose."""
-    message = decode(data, "nav_msgs/msg/Odometry")
-    return _pose(message.header, message.pose.pose.position, message.pose.pose.orientation)
-
-
-def transforms(data: bytes) -> tuple[PlanarTransform, ...]:
-    """tf2_msgs/TFMessage."""
+def transforms(data: bytes, type_name: str, store: Typestore) -> tuple[Transform, ...]:
+    """tf2_msgs/TFMessage, or tf/tfMessage of ROS 1."""
     return tuple(
-        PlanarTransform(
-            _pose(each.header, each.transform.translation, each.transform.rotation),
-            each.child_frame_id,
-        )
-        for each in decode(data, "tf2_msgs/msg/TFMessage").transforms
+        Transform(header_of(each.header), each.child_frame_id, _placed(each.transform))
+        for each in decode(data, type_name, store).transforms
     )
 
 
 def vector3_stamped(data: bytes) -> PlanarVector:
     """geometry_msgs/Vector3Stamped."""
     message = decode(data, "geometry_msgs/msg/Vector3Stamped")
-    return PlanarVector(_header(message.header), message.vector.x, message.vector.y)
-
-
-def twist_stamped(data: bytes) -> PlanarVector:
-    """geometry_msgs/TwistStamped: linear velocity in the robot's frame, m/s."""
-    message = decode(data, "geometry_msgs/msg/TwistStamped")
-    linear = message.twist.linear
-    return PlanarVector(_header(message.header), linear.x, linear.y)
-
-
-def twist(data: bytes) -> tuple[float, float]:
-    """geometry_msgs/Twist: linear (x, y) in the robot's frame, m/s."""
-    linear = decode(data, "geometry_msgs/msg/Twist").linear
-    return linear.x, linear.y
+    return PlanarVector(header_of(message.header), message.vector.x, message.vector.y)
 
 
 def diagnostic_array(data: bytes) -> DiagnosticReport:
@@ -170,7 +143,7 @@ def diagnostic_array(data: bytes) -> DiagnosticReport:
         Status(each.name, each.message, {pair.key: pair.value for pair in each.values})
         for each in message.status
     )
-    return DiagnosticReport(_header(message.header), tuple(statuses))
+    return DiagnosticReport(header_of(message.header), tuple(statuses))
 
 
 def point_cloud(data: bytes, names: tuple[str, ...]) -> dict[str, FloatArray]:
@@ -205,8 +178,8 @@ def point_cloud(data: bytes, names: tuple[str, ...]) -> dict[str, FloatArray]:
     return {name: points[name].astype(np.float64) for name in names}
 
 
-def _header(header: Any) -> Header:
-    """std_msgs/Header."""
+def header_of(header: Any) -> Header:
+    """A decoded std_msgs/Header."""
     return Header(header.stamp.sec * _SECOND_NS + header.stamp.nanosec, header.frame_id)
 
 
@@ -217,4 +190,9 @@ def yaw_of_quaternion(x: float, y: float, z: float, w: float) -> float:
 
 def _pose(header: Any, position: Any, turned: Any) -> PlanarPose:
     yaw_rad = yaw_of_quaternion(turned.x, turned.y, turned.z, turned.w)
-    return PlanarPose(_header(header), position.x, position.y, yaw_rad)
+    return PlanarPose(header_of(header), position.x, position.y, yaw_rad)
+
+
+def _placed(transform: Any) -> tuple[float, ...]:
+    moved, turned = transform.translation, transform.rotation
+    return moved.x, moved.y, moved.z, turned.x, turned.y, turned.z, turned.w

@@ -28,6 +28,16 @@ _SEPARATOR = "=" * 80
 #: Characters of a definition without comments: rosbags takes a second for 10,000.
 _LONGEST_FIELDS = 20_000
 _SAME_PACKAGE = 0.85
+#: ackermann_msgs: common in sqlite3 bags, which hold no definitions, and not in rosbags.
+_STEERED = {
+    "ackermann_msgs/msg/AckermannDrive": (
+        "float32 steering_angle\nfloat32 steering_angle_velocity\n"
+        "float32 speed\nfloat32 acceleration\nfloat32 jerk\n"
+    ),
+    "ackermann_msgs/msg/AckermannDriveStamped": (
+        "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n"
+    ),
+}
 _TYPE_NAME = re.compile(r"\w+/msg/\w+")
 
 
@@ -103,8 +113,11 @@ def share_folders() -> tuple[Path, ...]:
 
 @cache
 def rosbags_types() -> Typestore:
-    """The message types of ROS 2 Jazzy that rosbags includes."""
-    return get_typestore(Stores.ROS2_JAZZY)
+    """The message types of ROS 2 Jazzy that rosbags includes, and those of steered vehicles."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in _STEERED.items():
+        store.register(get_types_from_msg(text, name))
+    return store
 
 
 def typestore_of(definition: MessageType) -> Typestore:

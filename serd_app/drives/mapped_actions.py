@@ -1,9 +1,11 @@
-"""Actions from the action topic of a mapping: intents, or directions of commands or waypoints.
+"""Actions by a mapping: intents, or directions of commands, of waypoints or of the motion itself.
 
 Velocity: a command holds until the next, at most `hold_s`; turned by the robot's heading and
 averaged over a decision period it is the direction of the action, WAIT below `minimum_speed_mps`.
 A period in which no command holds has no action, which need not mean to wait.
 Waypoint: the direction from the robot to it, WAIT where it is nearer than `reached_m`.
+Motion: the direction from the place of the robot to that one period later, WAIT below
+`minimum_speed_mps` on average.
 """
 
 from array import array
@@ -12,8 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bags.errors import BagError
-from bags.messages.plain import pose_stamped, twist, twist_stamped, vector3_stamped
-from bags.topic import RawMessage
+from bags.messages.fields import POSES, VECTORS, VELOCITIES, FieldReader, field_reader
+from bags.topic import RawMessage, Topic
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.recorded_drive import NOT_FINITE, actions_of_directions
@@ -22,6 +24,11 @@ from serd_core.grid.grid import Action, action_of_direction
 
 NO_COMMAND = "no command recorded then"
 _STAMP_TOLERANCE_S = 1e-6
+_CARRIED = {
+    "intent": (VECTORS, "a vector"),
+    "velocity": (VELOCITIES, "a twist, or the speed of a steered vehicle,"),
+    "waypoint": (POSES, "a pose"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,25 +61,37 @@ class MappedIntents:
 
 
 class MappedActions:
-    """Collects the messages of the action topic."""
+    """Collects the messages of the action topic; topic: None where actions come from motion."""
 
-    def __init__(self, mapping: BagMapping, topic: str, source: str) -> None:
-        self._mapping, self._topic, self._source = mapping, topic, source
+    def __init__(self, mapping: BagMapping, topic: Topic | None, source: str) -> None:
+        self._mapping, self._source = mapping, source
         self._rows = array("d")
+        self._read: FieldReader | None = None
+        self.topics: frozenset[str] = frozenset()
+        if topic is not None:
+            shapes, wanted = _CARRIED[mapping.action_from]
+            self.topics = frozenset({topic.name})
+            self._read = field_reader(topic, mapping.action_fields, shapes, "action_fields", wanted)
 
     def take(self, message: RawMessage) -> None:
-        """One of them; BagError where its type does not fit the mapping."""
-        self._rows.extend((message.log_time_ns / 1e9, *self._row(message)))
+        """One of them; BagError where it is damaged."""
+        assert self._read is not None
+        header, (x, *others) = self._read(message.data)
+        stamp_s = header.stamp_ns / 1e9 if header.stamp_ns else np.nan
+        self._rows.extend((message.log_time_ns / 1e9, stamp_s, x, others[0] if others else 0.0))
 
     def intents(
         self, track: PoseTrack, spans: tuple[EpisodeSpan, ...], period_s: float
     ) -> MappedIntents:
         """The decisions; BagError where the topic has no message."""
+        if self._read is None:
+            return self._moved(track, spans, period_s)
         rows = np.array(self._rows).reshape(-1, 4)
         if not len(rows):
             raise BagError(
-                f"{self._source}: action_topic {self._topic} must hold messages, it holds none;"
-                " name the topic in the mapping that the robot was driven by"
+                f"{self._source}: action_topic {', '.join(self.topics)} must hold messages, it"
+                " holds none; name the topic in the mapping that the robot was driven by, or set"
+                " action_from: motion"
             )
         at_s = np.where(np.isnan(rows[:, 1]), track.aligned(rows[:, 0]), rows[:, 1])
         order = np.argsort(at_s, kind="stable")
@@ -84,6 +103,20 @@ class MappedActions:
             return self._driven(at_s, vectors, n_unclear, track, _ticks(spans, period_s), period_s)
         dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
         return MappedIntents(at_s, self._stated(at_s, vectors, track), dropped)
+
+    def _moved(
+        self, track: PoseTrack, spans: tuple[EpisodeSpan, ...], period_s: float
+    ) -> MappedIntents:
+        """Where the robot was one period later, or at the end of its episode."""
+        ends = [np.full(len(_ticks((span,), period_s)), span.end_s) for span in spans]
+        start_s = _ticks(spans, period_s)
+        end_s = np.minimum(start_s + period_s, np.concatenate(ends) if ends else start_s)
+        actions = actions_of_waypoints(
+            position_m=track.at(start_s),
+            waypoint_m=track.at(end_s),
+            reached_m=self._mapping.minimum_speed_mps * period_s,
+        )
+        return MappedIntents(start_s, actions)
 
     def _stated(self, at_s: FloatArray, vectors: FloatArray, track: PoseTrack) -> IntArray:
         if self._mapping.action_from == "intent":
@@ -119,33 +152,11 @@ class MappedActions:
         dropped = {NO_COMMAND: n_silent} if n_silent else {}
         return MappedIntents(decided_s[commanded], actions[commanded], dropped, n_bad_commands)
 
-    def _row(self, message: RawMessage) -> tuple[float, float, float]:
-        """(stamp in s or NaN, x, y)."""
-        kind = self._mapping.action_from, message.type_name.rsplit("/", 1)[-1]
-        if kind == ("velocity", "Twist"):
-            return (np.nan, *twist(message.data))
-        if kind == ("waypoint", "PoseStamped"):
-            pose = pose_stamped(message.data)
-            return _stamp_s(pose.header.stamp_ns), pose.x_m, pose.y_m
-        if kind in (("velocity", "TwistStamped"), ("intent", "Vector3Stamped")):
-            read = twist_stamped if kind[0] == "velocity" else vector3_stamped
-            vector = read(message.data)
-            return _stamp_s(vector.header.stamp_ns), vector.x, vector.y
-        raise BagError(
-            f"action_topic {message.topic} must carry Twist or TwistStamped (velocity),"
-            f" PoseStamped (waypoint) or Vector3Stamped (intent), got {message.type_name} for"
-            f" {self._mapping.action_from}"
-        )
-
 
 def _ticks(spans: tuple[EpisodeSpan, ...], period_s: float) -> FloatArray:
     """Decision times: every period from the start of each episode."""
     ticks = [np.arange(span.start_s, span.end_s - _STAMP_TOLERANCE_S, period_s) for span in spans]
     return np.concatenate(ticks) if ticks else np.zeros(0)
-
-
-def _stamp_s(stamp_ns: int) -> float:
-    return stamp_ns / 1e9 if stamp_ns else float("nan")
 
 
 def actions_of_velocities(

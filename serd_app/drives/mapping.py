@@ -8,23 +8,31 @@ from storage.yaml_config import StrictModel
 
 
 class BagMapping(StrictModel):
-    """pose_topic: PoseStamped, PoseWithCovarianceStamped or Odometry.
+    """pose_topic: any message with a pose, or tf: then the pose is that of `robot_frame`.
 
+    pose_fields: field paths of x and y, or of x, y and yaw, or of one message with a pose; empty:
+    the pose nearest to the top of the message.
     frame: frame of the grid; poses in another are brought there by /tf; empty: as they are.
-    action_from, action_topic: `intent` (Vector3Stamped), `velocity` (Twist or TwistStamped) or
-    `waypoint` (PoseStamped).
+    action_from, action_topic: `intent` (a vector), `velocity` (a twist, or the speed of a steered
+    vehicle), `waypoint` (a pose), or `motion` (no topic): where the robot went within the period.
+    action_fields: field paths of two numbers, or one of a message; empty: as for pose_fields. Of a
+    velocity they are forward and left, or forward alone.
     episode_topic: marks as our recorder writes them; empty: every stretch without a gap is one.
     silence: what a decision period without any velocity command means: `unknown`, it is dropped and
     counted, or `wait`, where the robot is known to stop when nothing is sent.
+    minimum_speed_mps: mean speed of a period below which it is a wait.
     longest_gap_s: between poses across which places are interpolated, longer ones end an episode
     that is not marked; by default five usual steps between poses, at least 0.5 s.
     people_topic: PointCloud2 with x, y, vx, vy in the frame of the grid, where there is one.
     """
 
     pose_topic: str = "robot_pose"
+    pose_fields: tuple[str, ...] = Field(default=(), max_length=3)
     frame: str = ""
-    action_from: Literal["intent", "velocity", "waypoint"] = "intent"
+    robot_frame: str = "base_link"
+    action_from: Literal["intent", "velocity", "waypoint", "motion"] = "intent"
     action_topic: str = "intent"
+    action_fields: tuple[str, ...] = Field(default=(), max_length=2)
     episode_topic: str = ""
     people_topic: str = "pedestrians"
     hold_s: float = Field(default=0.5, gt=0)

@@ -1,20 +1,71 @@
-"""Transforms poses between frames, by recorded /tf and /tf_static, in the plane.
+"""Transforms poses between frames, by recorded /tf and /tf_static.
 
-A pose is (x, y, yaw). Frames form a tree; each moving edge is interpolated at the time asked for,
-and unknown more than a second before its first transform or after its last.
+Frames form a tree; each moving edge is interpolated at the time asked for (positions linearly,
+rotations along the shortest arc), and unknown more than a second before its first transform or
+after its last.
 """
 
 from array import array
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
 from bags.errors import BagError
-from bags.messages.plain import PlanarTransform
-from serd_core.arrays import FloatArray
+from bags.messages.plain import Transform
+from serd_core.arrays import FloatArray, IntArray
 from storage.nearest import hint
 
 _LONGEST_REACH_S = 1.0
+_COLUMNS = 9
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """position_m: (N, 3), NaN where it is unknown; rotation: N of them, or one for all."""
+
+    position_m: FloatArray
+    rotation: Rotation
+
+    @classmethod
+    def of_numbers(cls, rows: FloatArray) -> "Poses":
+        """From (N, 7) x, y, z and quaternion x, y, z, w, or (N, 3) x, y, yaw, or (N, 2) x, y.
+
+        A quaternion of zeros, which a sender without a heading leaves, is no rotation.
+        """
+        quaternion = np.tile([0.0, 0.0, 0.0, 1.0], (len(rows), 1))
+        position_m = np.zeros((len(rows), 3))
+        if rows.shape[1] == 7:
+            position_m[:] = rows[:, :3]
+            turned = rows[:, 3:].any(axis=1)
+            quaternion[turned] = rows[turned, 3:]
+            return cls(position_m, Rotation.from_quat(quaternion))
+        position_m[:, :2] = rows[:, :2]
+        yaw_rad = rows[:, 2] if rows.shape[1] == 3 else np.zeros(len(rows))
+        return cls(position_m, Rotation.from_rotvec(np.outer(yaw_rad, [0.0, 0.0, 1.0])))
+
+    def select(self, rows: IntArray) -> "Poses":
+        """Those of the rows."""
+        return Poses(self.position_m[rows], self.rotation[rows])
+
+    @property
+    def planar(self) -> FloatArray:
+        """(N, 3) x, y and heading, seen from above."""
+        matrix = np.broadcast_to(self.rotation.as_matrix(), (len(self.position_m), 3, 3))
+        yaw_rad = np.arctan2(matrix[:, 1, 0], matrix[:, 0, 0])
+        return np.column_stack([self.position_m[:, :2], yaw_rad])
+
+    @property
+    def inverse(self) -> "Poses":
+        """Poses of the parent in the child."""
+        back = self.rotation.inv()
+        return Poses(-back.apply(self.position_m), back)
+
+    def __matmul__(self, inner: "Poses") -> "Poses":
+        """Poses `inner`, given in the frames whose poses these are, in the outer frame."""
+        position_m = self.position_m + self.rotation.apply(inner.position_m)
+        return Poses(position_m, self.rotation * inner.rotation)
 
 
 class TransformTree:
@@ -30,37 +81,60 @@ class TransformTree:
         """All frames that occur."""
         return tuple(sorted({*self._parents, *self._parents.values()}))
 
-    def add(self, transform: PlanarTransform, *, static: bool) -> None:
+    def add(self, transform: Transform, *, log_time_ns: int = 0, static: bool) -> None:
         """One transform; a frame has one parent at a time, that of the latest transform."""
-        child, pose = _bare(transform.child), transform.pose
-        parent = _bare(pose.header.frame)
+        child, parent = transform.child.lstrip("/"), transform.header.frame.lstrip("/")
+        if not np.isfinite(transform.placed).all():
+            return
         if self._parents.get(child, parent) != parent:
             self._samples.pop(child, None)
         self._parents[child] = parent
+        stamp_ns = transform.header.stamp_ns or log_time_ns
         samples = self._samples.setdefault(child, array("d"))
-        samples.extend((pose.header.stamp_ns / 1e9, pose.x_m, pose.y_m, pose.yaw_rad))
+        samples.extend((log_time_ns / 1e9, stamp_ns / 1e9, *transform.placed))
         if static:
             self._static.add(child)
 
-    def into(self, target: str, source: str, poses: FloatArray, times_s: FloatArray) -> FloatArray:
-        """(N, 3) poses given in `source`, in `target`; NaN at times at which that is unknown.
+    def root(self, frame: str) -> str:
+        """The frame at the end of its chain of parents."""
+        return list(self._ancestry(frame))[-1]
+
+    def times(self, target: str, source: str) -> FloatArray:
+        """(N, 2) log times and stamps (s) of the edge between the frames that has most of them, in
+        the order of arrival; BagError where nothing moves between them."""
+        up, down = self._chain(target, source)
+        moving = [self._rows(frame) for frame in (*up, *down) if frame not in self._static]
+        if not moving:
+            raise BagError(
+                f"frame {source!r} must move in {target!r}, /tf_static holds it still;"
+                f" name another frame of {', '.join(self.frames)}"
+            )
+        return max(moving, key=len)[:, :2]
+
+    def into(self, target: str, source: str, poses: Poses, times_s: FloatArray) -> Poses:
+        """Poses given in `source`, in `target`; NaN at times at which that is unknown.
 
         BagError where no chain joins the frames.
         """
-        target, source = _bare(target), _bare(source)
-        up = list(self._ancestry(source))
-        down = list(self._ancestry(target))
+        up, down = self._chain(target, source)
+        for frame in up:
+            poses = self._edge(frame, times_s) @ poses
+        for frame in reversed(down):
+            poses = self._edge(frame, times_s).inverse @ poses
+        return poses
+
+    def _chain(self, target: str, source: str) -> tuple[list[str], list[str]]:
+        """Frames from the source, and from the target, up to the one above both."""
+        up, down = list(self._ancestry(source)), list(self._ancestry(target))
         shared = next((frame for frame in up if frame in down), None)
         if shared is None:
+            known = self.frames
+            unknown = next((name for name in (target, source) if name not in known), None)
+            fix = hint(unknown, known) if unknown else "record what joins them too"
             raise BagError(
-                f"frame {source!r} must be joined with {target!r} by /tf, it is not;"
-                f" {hint(target, self.frames)}"
+                f"frame {source!r} must be joined with {target!r} by /tf, it is not; {fix}"
             )
-        for frame in up[: up.index(shared)]:
-            poses = composed(self._edge(frame, times_s), poses)
-        for frame in reversed(down[: down.index(shared)]):
-            poses = composed(inverse(self._edge(frame, times_s)), poses)
-        return poses
+        return up[: up.index(shared)], down[: down.index(shared)]
 
     def _ancestry(self, frame: str) -> Iterator[str]:
         seen: set[str] = set()
@@ -69,33 +143,21 @@ class TransformTree:
             yield frame
             frame = self._parents.get(frame, frame)
 
-    def _edge(self, child: str, times_s: FloatArray) -> FloatArray:
-        rows: FloatArray = np.array(self._samples[child]).reshape(-1, 4)
+    def _rows(self, child: str) -> FloatArray:
+        return np.array(self._samples[child]).reshape(-1, _COLUMNS)
+
+    def _edge(self, child: str, times_s: FloatArray) -> Poses:
+        rows = self._rows(child)
         if child in self._static:
-            return np.repeat(rows[-1:, 1:], len(times_s), axis=0)
-        rows = rows[np.unique(rows[:, 0], return_index=True)[1]]
-        columns = (rows[:, 1], rows[:, 2], np.unwrap(rows[:, 3]))
-        edge = np.stack([np.interp(times_s, rows[:, 0], each) for each in columns], axis=1)
-        beyond_s = np.maximum(rows[0, 0] - times_s, times_s - rows[-1, 0])
-        edge[beyond_s > _LONGEST_REACH_S] = np.nan
-        return edge
-
-
-def composed(outer: FloatArray, inner: FloatArray) -> FloatArray:
-    """(N, 3) poses `inner`, given in the frames whose poses are `outer`, in the outer frame."""
-    cos, sin = np.cos(outer[:, 2]), np.sin(outer[:, 2])
-    x = outer[:, 0] + cos * inner[:, 0] - sin * inner[:, 1]
-    y = outer[:, 1] + sin * inner[:, 0] + cos * inner[:, 1]
-    return np.stack([x, y, outer[:, 2] + inner[:, 2]], axis=1)
-
-
-def inverse(poses: FloatArray) -> FloatArray:
-    """(N, 3) poses of the parent in the child."""
-    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    x = -cos * poses[:, 0] - sin * poses[:, 1]
-    y = sin * poses[:, 0] - cos * poses[:, 1]
-    return np.stack([x, y, -poses[:, 2]], axis=1)
-
-
-def _bare(frame: str) -> str:
-    return frame.lstrip("/")
+            last = Poses.of_numbers(rows[-1:, 2:])
+            return Poses(np.repeat(last.position_m, len(times_s), axis=0), last.rotation[0])
+        rows = rows[np.unique(rows[:, 1], return_index=True)[1]]
+        stamp_s, known = rows[:, 1], Poses.of_numbers(rows[:, 2:])
+        columns = [np.interp(times_s, stamp_s, each) for each in known.position_m.T]
+        position_m = np.stack(columns, axis=1)
+        beyond_s = np.maximum(stamp_s[0] - times_s, times_s - stamp_s[-1])
+        position_m[beyond_s > _LONGEST_REACH_S] = np.nan
+        if len(rows) == 1:
+            return Poses(position_m, known.rotation[0])
+        turning = Slerp(stamp_s, known.rotation)
+        return Poses(position_m, turning(np.clip(times_s, stamp_s[0], stamp_s[-1])))

@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bags.errors import BagError
-from bags.messages.plain import Header, PlanarPose, PlanarTransform
+from bags.messages.plain import Header, Transform
 from bags.reader import BagReader
+from bags.rosbag2.message_types import message_type, typestore_of
 from bags.writer import BagWriter
 from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.demonstrations.fitted_grid import grid_around
@@ -20,7 +21,7 @@ from serd_app.drives.mapped_actions import NO_COMMAND, actions_of_velocities, ac
 from serd_app.drives.mapped_drive import mapped_drive_in
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.recorded_drive import NOT_FINITE
-from serd_app.drives.transforms import TransformTree, composed, inverse
+from serd_app.drives.transforms import Poses, TransformTree
 from serd_core.grid.grid import Action
 from storage.yaml_config import yaml_model
 
@@ -36,7 +37,8 @@ pose_of_numbers = st.tuples(number, number, number)
 
 def transform(parent, child, time_s, x, y, yaw):
     header = Header(round(time_s * 1e9), parent)
-    return PlanarTransform(PlanarPose(header, x, y, yaw), child)
+    turned = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+    return Transform(header, child, (x, y, 0.0, *turned))
 
 
 def velocity_actions(commands, yaw_rad=0.0, hold_s=0.5):
@@ -86,9 +88,10 @@ def test_waypoints_mean_the_direction_to_them():
 
 @given(pose_of_numbers, pose_of_numbers)
 def test_a_transform_and_its_inverse_cancel(outer, inner):
-    outer, inner = np.array([outer]), np.array([inner])
-    back = composed(inverse(outer), composed(outer, inner))
-    np.testing.assert_allclose(back, inner, atol=1e-9)
+    outer, inner = Poses.of_numbers(np.array([outer])), Poses.of_numbers(np.array([inner]))
+    back = outer.inverse @ (outer @ inner)
+    np.testing.assert_allclose(back.position_m, inner.position_m, atol=1e-9)
+    np.testing.assert_allclose(back.rotation.as_matrix(), inner.rotation.as_matrix(), atol=1e-9)
 
 
 def test_poses_go_through_a_moving_and_a_static_frame():
@@ -96,19 +99,34 @@ def test_poses_go_through_a_moving_and_a_static_frame():
     tree.add(transform("map", "odom", 0.0, 1.0, 0.0, 0.0), static=False)
     tree.add(transform("map", "odom", 2.0, 1.0, 2.0, math.pi / 2), static=False)
     tree.add(transform("map", "other", 0.0, 0.0, 5.0, 0.0), static=True)
-    poses, times_s = np.array([[1.0, 0.0, 0.0]] * 2), np.array([0.0, 2.0])
-    into_map = tree.into("map", "/odom", poses, times_s)
-    np.testing.assert_allclose(into_map, [[2.0, 0.0, 0.0], [1.0, 3.0, math.pi / 2]], atol=1e-12)
+    numbers, times_s = np.array([[1.0, 0.0, 0.0]] * 2), np.array([0.0, 2.0])
+    poses = Poses.of_numbers(numbers)
+    into_map = tree.into("map", "odom", poses, times_s)
+    np.testing.assert_allclose(
+        into_map.planar, [[2.0, 0.0, 0.0], [1.0, 3.0, math.pi / 2]], atol=1e-12
+    )
     into_other = tree.into("other", "odom", poses, times_s)
-    np.testing.assert_allclose(into_other[:, :2], [[2.0, -5.0], [1.0, -2.0]], atol=1e-12)
-    np.testing.assert_allclose(tree.into("odom", "map", into_map, times_s), poses, atol=1e-12)
+    np.testing.assert_allclose(into_other.position_m[:, :2], [[2, -5], [1, -2]], atol=1e-12)
+    back = tree.into("odom", "map", into_map, times_s)
+    np.testing.assert_allclose(back.planar, numbers, atol=1e-12)
+
+
+def test_a_camera_that_looks_forward_is_placed_in_space_not_in_the_plane():
+    """Its optical frame has z forward and x to the right: 1 m ahead of a robot that looks north."""
+    tree = TransformTree()
+    tree.add(transform("map", "base", 0.0, 2.0, 3.0, math.pi / 2), static=True)
+    optical = (-0.5, 0.5, -0.5, 0.5)
+    tree.add(Transform(Header(0, "base"), "optical", (0.0, 0.0, 0.5, *optical)), static=True)
+    ahead = Poses.of_numbers(np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]]))
+    placed = tree.into("map", "optical", ahead, np.zeros(1))
+    np.testing.assert_allclose(placed.position_m, [[2.0, 4.0, 0.5]], atol=1e-12)
 
 
 def test_frames_that_are_not_joined_get_a_sentence():
     tree = TransformTree()
     tree.add(transform("map", "odom", 0.0, 0.0, 0.0, 0.0), static=False)
     with pytest.raises(BagError, match=r"'base' must be joined with 'mpa' by /tf.*mean 'map'"):
-        tree.into("mpa", "base", np.zeros((1, 3)), np.zeros(1))
+        tree.into("mpa", "base", Poses.of_numbers(np.zeros((1, 3))), np.zeros(1))
 
 
 @given(st.lists(st.tuples(number, number), min_size=1, max_size=20), st.integers(0, 2))
@@ -356,8 +374,28 @@ def test_simulated_time_and_frames_are_put_right(foreign_bag):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("pose_topic: /tf\naction_topic: cmd_vel", "pose_topic /tf must be of one of the types"),
-        ("pose_topic: pose\naction_topic: cmd_vel", "must carry Twist or TwistStamped .velocity."),
+        ("pose_topic: /robot/cmd_vel\naction_topic: pose", "/robot/cmd_vel must carry a pose, got"),
+        (
+            "pose_topic: pose\naction_topic: /tf",
+            "/tf must carry a vector, got tf2_msgs/msg/TFMessage with the fields transforms; name",
+        ),
+        (
+            "pose_topic: pose\npose_fields: [pose.position.x, pose.positon.y]",
+            "pose_fields 'pose.positon.y' must be a path .* got 'positon'; did you mean 'position'",
+        ),
+        (
+            "pose_topic: pose\npose_fields: [header.frame_id]",
+            "must be paths of numbers, or one of a message, got 'header.frame_id'",
+        ),
+        (
+            "pose_topic: pose\npose_fields: [pose.position]\naction_from: velocity\n"
+            "action_topic: cmd_vel",
+            "pose_topic pose must have a heading",
+        ),
+        (
+            "pose_topic: /tf\naction_from: motion",
+            "robot_frame must be a frame of /tf, got 'base_link'; ch",
+        ),
         ("pose_topic: nose\naction_topic: cmd_vel", "must hold the topic 'nose', it holds /rob"),
         (
             "pose_topic: pose\naction_from: velocity\naction_topic: cmd_vel\nframe: world",
@@ -368,6 +406,71 @@ def test_simulated_time_and_frames_are_put_right(foreign_bag):
 def test_a_mapping_that_does_not_fit_the_bag_gets_a_sentence(foreign_bag, text, sentence):
     with pytest.raises(BagError, match=sentence):
         mapped_drive_in(BagReader(foreign_bag), yaml_model(text, BagMapping, name="x.yaml"), 2.0)
+
+
+ACKERMANN = "ackermann_msgs/msg/AckermannDriveStamped"
+
+
+def test_the_motion_itself_is_the_action(foreign_bag):
+    """It drives north at 0.5 m/s for 8 s; the topic of its commands is not needed."""
+    mapping = BagMapping(pose_topic="/robot/pose", action_from="motion")
+    drive = mapped_drive_in(BagReader(foreign_bag), mapping, 2.0)
+    assert drive.intent_time_s.tolist() == [50.0, 52.0, 54.0, 56.0]
+    assert drive.intent_action.tolist() == [Action.NORTH] * 4
+    slow = mapping.model_copy(update={"minimum_speed_mps": 0.51})
+    assert set(mapped_drive_in(BagReader(foreign_bag), slow, 2.0).intent_action) == {Action.WAIT}
+
+
+def test_a_pose_from_tf_is_the_chain_from_the_frame_of_the_grid(tmp_path, messages):
+    """odom moves in map by /tf at 10 Hz, base_link is ahead of it by /tf_static."""
+    make = messages.make
+    ahead = make(
+        "geometry_msgs/msg/Transform",
+        make("geometry_msgs/msg/Vector3", 0.0, 2.0, 0.0),
+        make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
+    )
+    joint = make("geometry_msgs/msg/TransformStamped", messages.header(0.0, "odom"), "base", ahead)
+    static = messages.encode(make(TF, [joint]), TF)
+    rows = [("/tf_static", 50.0, static)]
+    rows += [("/tf", 50.0 + n / 10, tf(messages, 50.0 + n / 10, n / 10)) for n in range(81)]
+    path = written(tmp_path / "tf", {"/tf": TF, "/tf_static": TF}, *rows)
+    mapping = BagMapping(pose_topic="tf", action_from="motion", robot_frame="base")
+    for frame in ("map", ""):
+        known = mapping.model_copy(update={"frame": frame})
+        drive = mapped_drive_in(BagReader(path), known, 2.0)
+        np.testing.assert_allclose(drive.position_m[:, 0], np.arange(81) / 10, atol=1e-9)
+        np.testing.assert_allclose(drive.position_m[:, 1], 2.0)
+        assert drive.intent_action.tolist() == [Action.EAST] * 4
+    still = mapping.model_copy(update={"frame": "odom"})
+    with pytest.raises(BagError, match="frame 'base' must move in 'odom', /tf_static holds it"):
+        mapped_drive_in(BagReader(path), still, 2.0)
+
+
+def test_a_steered_vehicle_and_own_types_are_read_by_their_fields(tmp_path, messages):
+    """Speed of an AckermannDriveStamped; pose and speed in the lists of a Float64MultiArray."""
+    store = typestore_of(message_type(ACKERMANN))
+    state = "std_msgs/msg/Float64MultiArray"
+    layout = messages.make("std_msgs/msg/MultiArrayLayout", [], 0)
+    rows = []
+    for time_s in np.arange(50.0, 58.01, 0.1):
+        stamp = messages.header(time_s)
+        drive = store.types["ackermann_msgs/msg/AckermannDrive"](0.1, 0.0, 1.0, 0.0, 0.0)
+        data = bytes(store.serialize_cdr(store.types[ACKERMANN](stamp, drive), ACKERMANN))
+        rows.append(("/drive", time_s, data))
+        numbers = np.array([7.0, time_s - 50.0, 0.5, -math.pi / 2, 1.0])
+        rows.append(
+            ("/state", time_s, messages.encode(messages.make(state, layout, numbers), state))
+        )
+    path = written(tmp_path / "car", {"/drive": ACKERMANN, "/state": state}, *rows)
+    steered = BagMapping(
+        pose_topic="/state", pose_fields=("data.1", "data.2", "data.3"),
+        action_from="velocity", action_topic="/drive",
+    )  # fmt: skip
+    listed = steered.model_copy(update={"action_topic": "/state", "action_fields": ("data.4",)})
+    for mapping in (steered, listed):
+        drive = mapped_drive_in(BagReader(path), mapping, 2.0)
+        np.testing.assert_allclose(drive.position_m[[0, -1]], [[0.0, 0.5], [8.0, 0.5]], atol=1e-9)
+        assert drive.intent_action.tolist() == [Action.SOUTH] * 4
 
 
 @pytest.mark.skipif(

@@ -1,0 +1,141 @@
+"""Poses of the robot from the pose topic of a mapping, or from /tf, in the frame of the grid."""
+
+from array import array
+from collections.abc import Mapping
+
+import numpy as np
+
+from bags.errors import BagError
+from bags.messages.fields import POSES, FieldReader, field_reader, store_of
+from bags.messages.plain import transforms
+from bags.topic import RawMessage, Topic, topic_named
+from serd_app.drives.mapping import BagMapping
+from serd_app.drives.recorded_drive import finite_poses
+from serd_app.drives.transforms import Poses, TransformTree
+from serd_core.arrays import FloatArray, IntArray
+from storage.nearest import hint
+
+_TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+_LONGEST_STEP_BACK_S = 1.0
+_AT_FRAME = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+class MappedPoses:
+    """Collects messages of the pose topic and of /tf.
+
+    has_heading: whether the poses have one. n_bad: poses left out because a number in them is not
+    finite; see `rows`.
+    """
+
+    def __init__(self, known: Mapping[str, Topic], mapping: BagMapping, source: str) -> None:
+        self._mapping, self._source = mapping, source
+        self._topic = topic_named(known, mapping.pose_topic)
+        self._from_tf = known[self._topic].type_name in _TF_TYPES
+        tf = self._topic.removesuffix("_static") if self._from_tf else "/tf"
+        self._tf = {
+            name: (known[name].type_name, store_of(known[name]), name != tf)
+            for name in (tf, f"{tf}_static")
+            if name in known and known[name].type_name in _TF_TYPES
+        }
+        self._read: FieldReader | None = None
+        if not self._from_tf:
+            self._read = field_reader(
+                known[self._topic], mapping.pose_fields, POSES, "pose_fields", "a pose"
+            )
+        self.has_heading = self._read is None or len(self._read.numbers) > 2
+        self._frames: dict[str, int] = {}
+        self._rows = array("d")
+        self._tree = TransformTree()
+        self.n_bad = 0
+
+    @property
+    def topics(self) -> frozenset[str]:
+        """Those to take messages of."""
+        return frozenset({self._topic, *self._tf})
+
+    def take(self, message: RawMessage) -> None:
+        """A message; those of other topics are left."""
+        if message.topic in self._tf:
+            type_name, store, static = self._tf[message.topic]
+            for each in transforms(message.data, type_name, store):
+                self._tree.add(each, log_time_ns=message.log_time_ns, static=static)
+        elif message.topic == self._topic and self._read is not None:
+            header, numbers = self._read(message.data)
+            frame = self._frames.setdefault(header.frame.lstrip("/"), len(self._frames))
+            stamp_s = (header.stamp_ns or message.log_time_ns) / 1e9
+            self._rows.extend((message.log_time_ns / 1e9, stamp_s, frame, *numbers))
+
+    def rows(self) -> tuple[FloatArray, FloatArray]:
+        """(T, 2) log times and stamps in s, the stamps increasing, and (T, 3) x, y and yaw, NaN
+        where /tf does not reach."""
+        found = self._found()
+        rows = finite_poses(found, self._source)
+        self.n_bad = len(found) - len(rows)
+        self._require_one_clock(rows[:, 1])
+        rows = rows[np.unique(rows[:, 1], return_index=True)[1]]
+        if not len(rows):
+            raise BagError(f"{self._source} has no pose on {self._topic}; check the mapping")
+        poses = Poses.of_numbers(rows[:, 3:])
+        return rows[:, :2], self._in_frame(poses, rows[:, 1], rows[:, 2].astype(np.int64))
+
+    def _found(self) -> FloatArray:
+        """(N, n) log time, stamp, number of the frame, and the numbers of a pose."""
+        if self._read is not None:
+            return np.array(self._rows).reshape(-1, 3 + len(self._read.numbers))
+        robot = self._mapping.robot_frame.lstrip("/")
+        if robot not in self._tree.frames:
+            raise BagError(
+                f"{self._source}: robot_frame must be a frame of {self._topic}, got {robot!r};"
+                f" {hint(robot, self._tree.frames)}"
+            )
+        self._frames = {robot: 0}
+        times_s = self._tree.times(self._target, robot)
+        return np.column_stack([times_s, np.tile((0.0, *_AT_FRAME), (len(times_s), 1))])
+
+    @property
+    def _target(self) -> str:
+        """The frame of the grid; of /tf without one in the mapping, the topmost."""
+        given = self._mapping.frame.lstrip("/")
+        if given or not self._from_tf:
+            return given
+        return self._tree.root(self._mapping.robot_frame.lstrip("/"))
+
+    def _in_frame(self, poses: Poses, time_s: FloatArray, frame_of: IntArray) -> FloatArray:
+        """(N, 3) poses, each given in its own frame, in that of the grid; NaN where /tf does not
+        reach."""
+        target = self._target
+        if not target:
+            self._require_one_frame()
+            return poses.planar
+        into = poses.planar
+        for name, number in self._frames.items():
+            rows = np.flatnonzero(frame_of == number)
+            if name != target and len(rows):
+                into[rows] = self._tree.into(target, name, poses.select(rows), time_s[rows]).planar
+        if not np.isfinite(into).all(axis=1).any():
+            frames = " and ".join(map(repr, self._frames))
+            raise BagError(
+                f"{self._source}: /tf must join {frames} with {target!r} at the times of"
+                f" the poses, {time_s[0]:.1f} s to {time_s[-1]:.1f} s at least once; record /tf"
+                " all the time, and on one clock with the poses"
+            )
+        return into
+
+    def _require_one_frame(self) -> None:
+        if len(self._frames) > 1:
+            raise BagError(
+                f"{self._source}: poses on {self._topic} must be given in one frame where the"
+                f" mapping names none, got {', '.join(map(repr, self._frames))}; name the frame of"
+                " the grid as frame"
+            )
+
+    def _require_one_clock(self, stamp_s: FloatArray) -> None:
+        """Poses of two runs of a clock, put in order, would be a drive that never took place."""
+        back_s = np.maximum.accumulate(stamp_s) - stamp_s
+        if len(stamp_s) and back_s.max() > _LONGEST_STEP_BACK_S:
+            row = int(np.argmax(back_s > _LONGEST_STEP_BACK_S))
+            raise BagError(
+                f"{self._source}: stamps on {self._topic} must not fall back by more than"
+                f" {_LONGEST_STEP_BACK_S:g} s, that of pose {row + 1} does by {back_s[row]:.1f} s:"
+                " the world was started again; give each run as a bag of its own"
+            )
