@@ -8,8 +8,9 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import ReliabilityPolicy
 
+from bags.rosbag2.message_types import resolve_type_if_known
 from bags.rosbag2.qos import profile_to_offer
-from bags.topic import RawMessage, Topic
+from bags.topic import CDR, RawMessage, Topic
 from serd_ros.endpoints.qos import STATE_DEPTH, replay_qos
 from serd_ros.endpoints.topic_types import message_class
 from serd_ros.errors import NodeError
@@ -19,22 +20,22 @@ _UNCONFIRMED_AT_MOST = STATE_DEPTH // 2
 
 
 class ReplayPublishers:
-    """skipped: topics whose message package is not installed, with their types."""
+    """skipped: topics whose messages are not CDR, or of which there is no class; their types."""
 
     def __init__(self, node: Node, topics: Iterable[Topic]) -> None:
         self.skipped: dict[str, str] = {}
         self._of: dict[str, Publisher] = {}
         self._n_unconfirmed: Counter[str] = Counter()
         for topic in topics:
-            message = message_class(topic.type_name)
-            if message is None:
+            message = message_class(resolve_type_if_known(topic.message_type))
+            if message is None or topic.encoding != CDR:
                 self.skipped[topic.name] = topic.type_name
                 continue
             profile = replay_qos(profile_to_offer(topic.qos))
             self._of[topic.name] = node.create_publisher(message, topic.name, profile)
         if not self._of:
             types = ", ".join(sorted(set(self.skipped.values()))) or "nothing"
-            raise NodeError(f"bag must hold a topic of an installed message package, got {types}")
+            raise NodeError(f"bag must hold a topic of messages in CDR, got {types}")
 
     @property
     def topics(self) -> Collection[str]:

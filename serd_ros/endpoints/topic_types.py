@@ -4,19 +4,23 @@ A topic of this stack goes by its name, any other as `topic:package/msg/Type`.
 """
 
 import importlib
+import re
 from dataclasses import dataclass
 from typing import Any
 
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.qos import QoSProfile
 from rclpy.validate_topic_name import validate_topic_name
+from rosbags.interfaces import Nodetype
 
-from bags.rosbag2.message_types import message_type
+from bags.rosbag2.message_types import MessageType, message_type, typestore_of
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.raw_type import raw_message_class
 from serd_ros.errors import NodeError
 from storage.nearest import hint
 
-_TIMES = ("std_msgs/Header", "builtin_interfaces/Time")
+_TYPE_NAME = re.compile(r"\w+/\w+/\w+")
+_TIMES = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")
 
 
 @dataclass(frozen=True)
@@ -28,26 +32,28 @@ class TopicType:
 
     @property
     def message(self) -> Any:
-        """The message class; an error names what to install."""
-        found = message_class(message_type(self.name).name)
+        """The message class, for raw messages alone where the package is not installed."""
+        found = message_class(message_type(self.name))
         if found is None:
             package = self.name.partition("/")[0]
             raise NodeError(
                 f"message type {self.name} must be one Python can import, got none; install"
-                f" {package} or source a ROS installation that has it"
+                f" {package}, source a ROS installation that has it, or set"
+                " RMW_IMPLEMENTATION=rmw_fastrtps_cpp"
             )
         return found
 
     @property
     def stamped(self) -> bool:
         """Whether the message begins with a time stamp."""
-        fields = tuple(self.message.get_fields_and_field_types().values())
-        return fields[:1] in [(kind,) for kind in _TIMES]
+        fields = typestore_of(message_type(self.name)).fielddefs[self.name][1]
+        return bool(fields) and fields[0][1] in [(Nodetype.NAME, kind) for kind in _TIMES]
 
 
 _TWIST, _TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 _POSE, _BOOL = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/Bool"
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+_TF = "tf2_msgs/msg/TFMessage"
 _MARKERS = "visualization_msgs/msg/MarkerArray"
 _TYPES = {
     topics.CLOCK: TopicType("rosgraph_msgs/msg/Clock", qos.CLOCK),
@@ -79,6 +85,8 @@ _TYPES = {
     topics.MARKERS_VALUE: TopicType(_MARKERS, qos.LATCHED),
     topics.MARKERS_TRAPS: TopicType(_MARKERS, qos.LATCHED),
     topics.MARKERS_ARRIVAL: TopicType(_MARKERS, qos.LATCHED),
+    topics.TF: TopicType(_TF),
+    topics.TF_STATIC: TopicType(_TF),
 }
 
 
@@ -108,10 +116,13 @@ def named_topic(text: str, *, stamped_cmd_vel: bool) -> tuple[str, TopicType]:
     return topic, TopicType(type_name)
 
 
-def message_class(type_name: str) -> Any | None:
-    """The class of package/msg/Type, None where its package is not installed."""
-    package, _, name = type_name.split("/")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), name, None)
-    except ImportError:
+def message_class(kind: MessageType) -> Any | None:
+    """The installed class of a type, else one for raw messages; None where there can be neither."""
+    package, _, name = kind.name.partition("/msg/")
+    if not _TYPE_NAME.fullmatch(kind.name):
         return None
+    try:
+        installed = getattr(importlib.import_module(f"{package}.msg"), name, None)
+    except ImportError:
+        installed = None
+    return installed or raw_message_class(kind)

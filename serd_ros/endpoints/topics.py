@@ -37,6 +37,9 @@ START_RECORDING = "start_recording"
 STOP_RECORDING = "stop_recording"
 LEARN = "learn"
 
+TF = "tf"
+TF_STATIC = "tf_static"
+
 MAP_FRAME = "map"
 ODOM_FRAME = "odom"
 BASE_FRAME = "base_link"

@@ -41,7 +41,9 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
             wanted -= {topics.CLOCK}
         self._outlet = ReplayPublishers(self, [self._reader.topics[name] for name in wanted])
         for topic, kind in self._outlet.skipped.items():
-            self.get_logger().warning(f"{topic} is not played: {kind} is not installed")
+            self.get_logger().warning(
+                f"{topic} is not played: {kind} is not in CDR or not installed"
+            )
         self._excerpt = Excerpt(
             frozenset(self._outlet.topics), config.start_s, config.duration_s or math.inf
         )

@@ -1,0 +1,65 @@
+"""Types without a package, such as that of /tf, are recorded and played as bytes."""
+
+import signal
+
+import pytest
+from geometry_msgs.msg import TwistStamped
+
+from bags.reader import BagReader
+from bags.rosbag2.message_types import message_type
+from bags.writer import BagWriter
+from serd_cli.node_commands import node_command
+from serd_ros.endpoints import qos
+from serd_ros.endpoints.raw_type import raw_message_class
+from support.waiting import PATIENCE_S
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+TF = "tf2_msgs/msg/TFMessage"
+N_SENT = 50
+
+
+def transforms(messages, number):
+    make = messages.make
+    moved = make(
+        "geometry_msgs/msg/Transform",
+        make("geometry_msgs/msg/Vector3", 0.1 * number, 0.0, 0.0),
+        make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
+    )
+    header = messages.header(1.0 + 0.1 * number)
+    stamped = make("geometry_msgs/msg/TransformStamped", header, "base_link", moved)
+    return messages.encode(make(TF, [stamped]), TF)
+
+
+def test_raw_and_compiled_classes_of_one_type_exchange_messages(probe):
+    sent = TwistStamped()
+    sent.header.frame_id, sent.twist.linear.x = "b" * 300_000, 3.5
+    raw = raw_message_class(message_type("geometry_msgs/msg/TwistStamped"))
+    there, back = [], []
+    back_publisher = probe.node.create_publisher(raw, "back", qos.STATE)
+    probe.node.create_subscription(raw, "there", there.append, qos.STATE, raw=True)
+    probe.node.create_subscription(TwistStamped, "back", back.append, qos.STATE)
+    publisher = probe.node.create_publisher(TwistStamped, "there", qos.STATE)
+    probe.spin_until(lambda: publisher.get_subscription_count())
+    publisher.publish(sent)
+    probe.spin_until(lambda: there and back_publisher.get_subscription_count())
+    back_publisher.publish(there[0])
+    probe.spin_until(lambda: back)
+    assert back == [sent]
+
+
+def test_tf_is_played_from_one_bag_and_recorded_into_another(nodes, ros_env, messages, tmp_path):
+    sent = [transforms(messages, number) for number in range(N_SENT)]
+    with BagWriter(tmp_path / "played") as writer:
+        writer.add_topic("/tf", TF)
+        for number, data in enumerate(sent):
+            writer.write("/tf", data, 10**9 + number * 10**8)
+    given = {"output": str(tmp_path / "bag"), "topics": ["tf"], "minimum_free_mb": 0.0}
+    recorder = nodes.start(node_command("demo_recorder", given, {}, ros_env), "demo_recorder")
+    played = {"bag": str(tmp_path / "played"), "rate": 20.0, "wait_s": float(PATIENCE_S)}
+    replay = nodes.start(node_command("bag_replay", played, {}, ros_env), "bag_replay")
+    assert replay.wait(PATIENCE_S) == 0
+    recorder.send_signal(signal.SIGTERM)
+    assert recorder.wait(PATIENCE_S) == 0
+    reader = BagReader(tmp_path / "bag")
+    assert [each.data for each in reader.messages(["/tf"])] == sent
+    assert reader.topics["/tf"].message_type == message_type(TF)
