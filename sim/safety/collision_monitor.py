@@ -6,9 +6,10 @@ obstacle of radius r_j, the command is forbidden where for some t before the rob
 
     |p(t) - q_j(t)| - r - r_j < min(margin, gap_j(t) of a robot that stands)
 
-Scan points stand (u = 0, r_j = 0), people walk straight on. The second argument of the minimum
-lets the robot leave an obstacle that it touches. A robot that brakes from an allowed command stays
-on the path that was checked, so braking is always allowed.
+Scan points stand (u = 0, r_j = 0), people walk straight on. Where only the scan shows people, its
+points may come from every side: the margin grows by their speed times t. The second argument of the
+minimum lets the robot leave an obstacle that it touches. A robot that brakes from an allowed
+command stays on the path that was checked, so braking is always allowed.
 """
 
 import math
@@ -31,11 +32,15 @@ _NO_REASON: tuple[Reason, ...] = ()
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """In the robot's frame: scan points (N, 2), people (M, 2) and their velocities (M, 2)."""
+    """In the robot's frame: scan points (N, 2), people (M, 2) and their velocities (M, 2).
+
+    points_mps: speed at which points may come nearer.
+    """
 
     points_m: FloatArray
     people_m: FloatArray
     people_mps: FloatArray
+    points_mps: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,19 +126,20 @@ class CollisionMonitor:
         self, path: _Path, obstacles: Obstacles, radius_m: float, margin_m: float
     ) -> bool:
         """Whether enough scan points come within the margin, or nearer than they are."""
+        margins_m = margin_m + obstacles.points_mps * path.time_s[:, None]
         away_m = np.hypot(obstacles.points_m[:, 0], obstacles.points_m[:, 1])
-        near = away_m < radius_m + margin_m + path.length_m
+        near = away_m < radius_m + margins_m[-1] + path.length_m
         standing_m = away_m[near] - radius_m
         if len(standing_m) < self._settings.min_points:
             return False
         points_m, places_m = obstacles.points_m[near], path.places_m
         gap_m = np.hypot(
             points_m[:, 0] - places_m[:, :1], points_m[:, 1] - places_m[:, 1:]
-        ).min(axis=0) - radius_m  # fmt: skip
+        ) - radius_m  # fmt: skip
         # Along a wall that is nearer than the margin, the robot may keep its distance to it.
-        kept_m = min(max(float(standing_m.min()), 0.0), margin_m)
+        kept_m = np.minimum(max(float(standing_m.min()), 0.0), margins_m)
         limit_m = np.minimum(standing_m, kept_m) - _ROUNDING_M
-        return int((gap_m < limit_m).sum()) >= self._settings.min_points
+        return int((gap_m < limit_m).any(axis=0).sum()) >= self._settings.min_points
 
     def _comes_near_people(self, path: _Path, obstacles: Obstacles) -> bool:
         """Whether a person comes within the margin, and nearer than to a robot that stands."""

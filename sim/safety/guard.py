@@ -32,7 +32,7 @@ from sim.world.command import STOP, Command
 #: Scan points nearer than this (m) to the body of a person belong to that person.
 _BODY_MARGIN_M = 0.15
 _MOST_WAITING = 200
-_PEOPLE_UNKNOWN = Fault.FROZEN, Fault.INVALID
+_PEOPLE_UNKNOWN = Fault.FROZEN, Fault.INVALID, Fault.UNSEEN
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,8 @@ class Guard:
         observed = map(Source, self.settings.observation_sources)
         self.sources = (Source.ODOMETRY, *observed)
         self._reach_m = _reach_m(self.settings)
+        at = self.settings
+        self._sensor: Pose = at.sensor_x, at.sensor_y, at.sensor_yaw
         self._now_s: float | None = None
         self._override_s: float | None = None
         self.reset()
@@ -87,7 +89,7 @@ class Guard:
         }
         self._waiting_poses: deque[tuple[float, Pose]] = deque(maxlen=_MOST_WAITING)
         self._waiting_scans: deque[Scan] = deque(maxlen=_MOST_WAITING)
-        self._pose: Pose | None = None
+        self._pose: tuple[float, Pose] | None = None
         self._people: _People | None = None
         self._scan: tuple[FloatArray, Pose, float] | None = None
         self._command: tuple[float, Command] | None = None
@@ -102,8 +104,8 @@ class Guard:
     def receive_pose(self, stamp_s: float, pose: Pose) -> None:
         """Take the pose of the robot in the map."""
         if self._accepts(Source.POSE, stamp_s, is_finite(pose)):
-            self._pose = (*pose[:2], float(np.float32(pose[2])))
-            self._waiting_poses.append((stamp_s, self._pose))
+            self._pose = stamp_s, (*pose[:2], float(np.float32(pose[2])))
+            self._waiting_poses.append(self._pose)
 
     def receive_people(
         self, stamp_s: float, position_m: ArrayLike, velocity_mps: ArrayLike
@@ -194,14 +196,25 @@ class Guard:
             odometry = track.at(scan.stamp_s)
             self._scans.take(scan, odometry)
             self._scan = self._points(scan), odometry, scan.stamp_s
+            self._compare_people(scan, odometry)
+
+    def _compare_people(self, scan: Scan, odometry: Pose) -> None:
+        people = self._people
+        if people is None or self._pose is None:
+            return
+        stamp_s, pose = self._pose
+        moved = motion_between(self._odometry.track.at(stamp_s), odometry)
+        walked_m = (scan.stamp_s - people.stamp_s) * people.velocity_mps
+        place_m = in_frame(in_frame(people.position_m + walked_m, pose), moved)
+        self._crowd.compare(scan, in_frame(place_m, self._sensor))
 
     def _points(self, scan: Scan) -> FloatArray:
         """(N, 2) points near the robot, in its frame at the time of the scan."""
-        settings = self.settings
-        offset_m: FloatArray = np.array([settings.sensor_x, settings.sensor_y])
-        points_m = scan.points_within(self._reach_m + float(np.hypot(*offset_m)))
-        if settings.sensor_yaw != 0.0:
-            points_m = _rotated(points_m, settings.sensor_yaw)
+        x_m, y_m, yaw_rad = self._sensor
+        points_m = scan.points_within(self._reach_m + math.hypot(x_m, y_m))
+        if yaw_rad != 0.0:
+            points_m = _rotated(points_m, yaw_rad)
+        offset_m: FloatArray = np.array([x_m, y_m])
         return points_m + offset_m
 
     def _command_fault(self, now_s: float) -> Fault | None:
@@ -271,9 +284,11 @@ class Guard:
         if self._scan is not None:
             points_m, scanned_at, _ = self._scan
             points_m = in_frame(points_m, motion_between(scanned_at, self._odometry.track.pose))
-        if self._people is None or self._pose is None or not with_people:
+        if not with_people:
+            return Obstacles(points_m, people_m, people_mps, self.settings.person_speed)
+        if self._people is None or self._pose is None:
             return Obstacles(points_m, people_m, people_mps)
-        people, pose = self._people, self._pose
+        people, (_, pose) = self._people, self._pose
         place_m = in_frame(people.position_m, pose)
         velocity_mps = _rotated(people.velocity_mps, -pose[2])
         near = np.hypot(place_m[:, 0], place_m[:, 1]) < 2.0 * self._reach_m
@@ -288,11 +303,16 @@ class Guard:
 
 def _reach_m(settings: GuardSettings) -> float:
     """How far (m) from the centre a point can matter."""
-    speed = settings.max_vel_x
+    speed, slow = settings.max_vel_x, min(settings.linear_limit, settings.max_vel_x)
     follows_s = settings.reaction_time + 2.0 / settings.controller_frequency
-    braking_m = speed * (follows_s + settings.source_timeout) + 0.5 * speed**2 / settings.acc_lim_x
+    old_m = speed * settings.source_timeout
+    walked_m = settings.person_speed * (follows_s + slow / settings.acc_lim_x)
     zones_m = max(settings.radius + settings.collision_margin, settings.stop_radius)
-    return max(zones_m + braking_m, settings.slowdown_radius + speed * settings.source_timeout)
+    return old_m + max(
+        zones_m + speed * follows_s + 0.5 * speed**2 / settings.acc_lim_x,
+        zones_m + slow * follows_s + 0.5 * slow**2 / settings.acc_lim_x + walked_m,
+        settings.slowdown_radius,
+    )
 
 
 def in_frame(points_m: FloatArray, frame: Pose) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from sim.safety.motion import OdometryTrack, Pose, motion_between
 from sim.safety.reasons import Fault
-from sim.safety.scan import Scan
+from sim.safety.scan import Scan, shown_by
 from sim.safety.settings import GuardSettings
 
 #: Share of the speed that an input allows, and the fault where it is below 1.
@@ -174,13 +174,14 @@ class OdometryMonitor:
 
 
 class PeopleMonitor:
-    """People whose positions stay the same, bit for bit, although some of them walk."""
+    """People whose positions stay the same although they walk, or whom the scan does not show."""
 
     def __init__(self, settings: GuardSettings) -> None:
         self._settings = settings
         self._position_m: FloatArray = np.zeros((0, 2))
         self._n_same = 1
         self._is_finite = True
+        self._compared: deque[tuple[float, int, int]] = deque()
 
     def take(self, position_m: FloatArray, velocity_mps: FloatArray) -> None:
         """Take positions and velocities (N, 2)."""
@@ -190,12 +191,23 @@ class PeopleMonitor:
         self._position_m = position_m
         self._is_finite = bool(np.isfinite(position_m).all() and np.isfinite(velocity_mps).all())
 
+    def compare(self, scan: Scan, place_m: FloatArray) -> None:
+        """Take the places (N, 2) of the people in the frame of a scan, at its stamp."""
+        seen, unseen = shown_by(scan, place_m, self._settings.person_radius)
+        self._compared.append((scan.stamp_s, seen, unseen))
+        while self._compared[0][0] < scan.stamp_s - self._settings.consistency_window:
+            self._compared.popleft()
+
     def check(self) -> Check:
         """What the people allow."""
         if not self._is_finite:
             return _stand_at(Fault.INVALID)
-        frozen = self._n_same >= self._settings.frozen_messages
-        return _stand_at(Fault.FROZEN if frozen else None)
+        settings = self._settings
+        if self._n_same >= settings.frozen_messages:
+            return _stand_at(Fault.FROZEN)
+        seen, unseen = (sum(each[i] for each in self._compared) for i in (1, 2))
+        is_wrong = unseen >= max(settings.frozen_messages, settings.unseen_people * (seen + unseen))
+        return _stand_at(Fault.UNSEEN if is_wrong else None)
 
 
 class ScanMonitor:

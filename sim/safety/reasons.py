@@ -26,6 +26,7 @@ class Fault(str, Enum):
     FROZEN = "does not change"
     JUMP = "jump"
     INCONSISTENT = "contradicts odometry"
+    UNSEEN = "contradicts the scan"
     BLIND = "too few valid rays"
     LOST_RAYS = "lost rays"
     COLLISION = "collision ahead"

@@ -8,6 +8,11 @@ from numpy.typing import NDArray
 
 from serd_core.arrays import BoolArray, FloatArray
 
+#: Error (m) allowed between the place of a person and the points that show it.
+_PLACE_ERROR_M = 0.3
+#: People beyond this distance (m) are not looked for in a scan.
+_VIEW_M = 5.0
+
 
 @dataclass(frozen=True)
 class ScanGeometry:
@@ -51,3 +56,28 @@ class Scan:
         angle = self.geometry.angle_min_rad + self.geometry.angle_increment_rad * rays
         reach_m = self.ranges_m[rays].astype(np.float64)
         return np.stack([reach_m * np.cos(angle), reach_m * np.sin(angle)], axis=1)
+
+
+def shown_by(scan: Scan, place_m: FloatArray, radius_m: float) -> tuple[int, int]:
+    """How many people at places (N, 2) in the lidar's frame a scan shows, and how many it does not.
+
+    It does not show a person if all rays near the body go on behind it. Those who are hidden, far
+    away, or in no ray that has a range, count as neither.
+    """
+    geometry = scan.geometry
+    away_m = np.hypot(place_m[:, 0], place_m[:, 1])
+    reach_m = radius_m + _PLACE_ERROR_M
+    in_view = (away_m > reach_m) & (away_m < min(_VIEW_M, geometry.range_max_m))
+    away_m, place_m = away_m[in_view, None], place_m[in_view]
+    if not len(place_m):
+        return 0, 0
+    angle = geometry.angle_min_rad + geometry.angle_increment_rad * np.arange(len(scan.ranges_m))
+    direction = np.arctan2(place_m[:, 1], place_m[:, 0])[:, None]
+    aside = np.abs(np.remainder(angle - direction + np.pi, 2.0 * np.pi) - np.pi)
+    near_body = (aside <= np.arcsin(reach_m / away_m)) & scan.valid
+    on_body = near_body & (aside <= np.arcsin(radius_m / away_m))
+    beyond = np.where(near_body, scan.ranges_m - away_m, np.inf)
+    is_ray = on_body.any(axis=1)
+    seen = is_ray & (np.abs(beyond) <= reach_m).any(axis=1)
+    unseen = is_ray & (beyond > reach_m).all(axis=1)
+    return int(seen.sum()), int(unseen.sum())

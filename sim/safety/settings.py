@@ -59,6 +59,9 @@ class GuardSettings(StrictModel):
     linear_limit: float = setting(
         0.5, "largest speed while only the scan shows people", unit="m/s", gt=0
     )
+    person_speed: float = setting(
+        1.3, "speed of scan points towards the robot while only they show people", unit="m/s", ge=0
+    )
 
     source_timeout: float = setting(
         0.25, "zero speed when the newest stamp of an input is this old", unit="s", gt=0, le=2
@@ -90,6 +93,12 @@ class GuardSettings(StrictModel):
     )
     frozen_messages: int = setting(
         3, "messages with the same people, some of them walking, that are frozen", ge=2
+    )
+    unseen_people: float = setting(
+        0.05,
+        "share of people in view whom the scan does not show, from which they are wrong",
+        gt=0,
+        le=1,
     )
     pose_tolerance: float = setting(
         0.15, "error allowed between the motion of pose and odometry", unit="m", gt=0

@@ -1,6 +1,7 @@
 """The collision monitor: a robot that obeys it never touches what it could avoid."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -132,6 +133,20 @@ def test_a_person_who_walks_away_is_followed_and_one_who_comes_is_not():
 def test_a_person_who_runs_into_a_standing_robot_does_not_keep_it_from_leaving():
     seen = obstacles(people=[(-0.45, 0.0)], velocities=[(1.5, 0.0)])
     assert CollisionMonitor(SETTINGS).step(FORWARD, (0.0, 0.0), seen)[0] == FORWARD
+
+
+def test_points_that_may_come_nearer_keep_the_robot_further_away():
+    """Until a robot at 0.5 m/s stands, 0.3 s later, a person comes 0.39 m nearer."""
+    robot, command = Robot(speed_mps=0.5), Command(0.5, 0.0)
+    monitor = CollisionMonitor(SETTINGS)
+    ahead = obstacles(wall_ahead(0.6))
+    walking = replace(ahead, points_mps=1.3)
+    assert monitor.step(command, robot.speeds, ahead)[0] == command
+    assert monitor.step(command, robot.speeds, walking)[0].linear_mps < 0.5
+    far = replace(walking, points_m=wall_ahead(0.8))
+    assert monitor.step(command, robot.speeds, far)[0] == command
+    behind = replace(walking, points_m=-wall_ahead(0.4))
+    assert monitor.step(command, robot.speeds, behind)[0] == command
 
 
 def test_single_points_are_no_obstacle_where_more_are_wanted():

@@ -218,6 +218,51 @@ def test_frozen_people_without_a_scan_stand_the_robot():
     assert drive.until_zero_s() <= 0.2
 
 
+def scene_of_people(drive, error_m=0.0):
+    """Faults that show two standing people in the scan; positions are `error_m` off sideways."""
+    world_m = np.array([[drive.x_m + 2.5, 2.0], [drive.x_m + 3.0, -2.5]])
+
+    def shown(stamp_s, ranges_m):
+        ranges_m[:] = 8.0 + 0.1 * drive.rng.random(360)
+        angle = GEOMETRY.angle_min_rad + GEOMETRY.angle_increment_rad * np.arange(360)
+        for x_m, y_m in world_m - [drive.x_m, 0.0]:
+            away_m = math.hypot(x_m, y_m)
+            aside = np.remainder(angle - math.atan2(y_m, x_m) + math.pi, math.tau) - math.pi
+            ranges_m[np.abs(aside) < math.asin(0.25 / away_m)] = away_m - 0.25
+        return stamp_s, np.maximum(ranges_m, 0.2).astype(np.float32)
+
+    def stated(stamp_s, *_):
+        return stamp_s, np.stack([world_m[:, 0], world_m[:, 1] + error_m], axis=1), np.zeros((2, 2))
+
+    return {"people": stated, "scan": shown}
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 2.0])
+def test_people_whom_the_scan_shows_are_no_fault(yaw_rad):
+    drive = driving(GuardSettings(sensor_yaw=yaw_rad))
+    faults = scene_of_people(drive)
+    shift = round(yaw_rad / GEOMETRY.angle_increment_rad)
+    drive.faults = faults | {
+        "scan": lambda t, r: (t, np.roll(faults["scan"](t, r)[1], -shift)),
+    }
+    drive.run(1.0)
+    assert drive.output.reasons == ()
+    assert drive.speed_mps == 1.2
+
+
+def test_people_whom_the_scan_does_not_show_are_ignored():
+    """A pose that is wrong puts them where they are not."""
+    drive = driving()
+    drive.faults = scene_of_people(drive, error_m=np.array([-1.4, 1.4]))
+    drive.run(0.6)
+    assert drive.reasons() == {(PEOPLE, Fault.UNSEEN)}
+    assert drive.output.action is GuardAction.LIMIT
+    assert drive.output.command.linear_mps == pytest.approx(0.5)
+    drive.faults = {}
+    drive.run(2.5)
+    assert drive.output.reasons == ()
+
+
 def test_people_who_are_not_numbers_count_as_unknown():
     drive = driving(people=lambda t, place, velocity: (t, place * math.nan, velocity))
     drive.run(0.2)
