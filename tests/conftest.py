@@ -19,7 +19,7 @@ from sim.scenario.scenario import load_scenario
 from storage.model_file import FitRecord, GridSummary, ModelFile, OutcomeModel, save_model
 
 os.environ.update(ros_environment(os.environ))
-pytest_plugins = ["support.bag_messages"]
+pytest_plugins = ["support.bag_messages", "support.nav2_server"]
 settings.register_profile(
     "any speed of the machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )

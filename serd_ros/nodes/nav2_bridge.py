@@ -43,7 +43,7 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
         through = self.config.mode == "through_poses"
         kind = ros_type("nav2_msgs.action", "NavigateThroughPoses" if through else "NavigateToPose")
         name = "navigate_through_poses" if through else "navigate_to_pose"
-        self._kind, self._odom_pose, self._clock = kind, None, StampClock()
+        self._kind, self._odom_pose, self._stamp_clock = kind, None, StampClock()
         self._client = ActionClient(self, kind, name)
         self._goals = Nav2Goals(
             self._client, self._goal_message, timeout_s=self.config.waypoint_timeout_s
@@ -95,7 +95,7 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
 
     def _on_pose(self, message: PoseStamped) -> None:
         time_ns, pose = from_pose_stamped(message)
-        if self._clock.advance(time_ns) in (Jump.FORWARD, Jump.BACKWARD):
+        if self._stamp_clock.advance(time_ns) in (Jump.FORWARD, Jump.BACKWARD):
             self._goals.cancel()  # until the next waypoint
             self._odom_pose = None
         if self._odom_pose is None:

@@ -56,6 +56,7 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
     "teleop_page": [{"port": 0}],
     "demo_recorder": [{"compression": "zstd"}],
     "learner": [{"learn_on": "call"}],
+    "nav2_bridge": [{"publish_tf": True}, {"mode": "through_poses"}],
 }
 CASES = [
     pytest.param(
@@ -63,7 +64,7 @@ CASES = [
     )
     for kind in load_graph().nodes
     for parameters in VARIANTS.get(kind, [{}])
-    if load_graph().nodes[kind].subscribes and kind != "nav2_bridge"
+    if load_graph().nodes[kind].subscribes
 ]
 
 
@@ -182,6 +183,7 @@ def terminal() -> Iterator[str]:
 
 @pytest.mark.ros
 @pytest.mark.slow
+@pytest.mark.usefixtures("nav2_server")
 @pytest.mark.parametrize(("kind", "parameters"), CASES)
 def test_no_message_ends_a_node_or_fails_in_it(
     kind, parameters, tmp_path, save_model_of, terminal, capsys

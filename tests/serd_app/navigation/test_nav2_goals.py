@@ -1,71 +1,24 @@
 """Waypoints as goals of Nav2, against a stand-in for its action server.
 
-The wheels hold no nav2_msgs, so goals here are plain values and the server answers by rclpy's own
-futures; a real Nav2 was never part of these tests.
+A real Nav2 was never part of these tests.
 """
 
 import math
-from types import SimpleNamespace
 
 import pytest
-from rclpy.task import Future
 
 from serd_app.navigation.nav2_goals import SUCCEEDED, Nav2Goals
 from serd_core.errors import SerdError
 from serd_ros.convert.pose import odom_in_map, to_transform
 from serd_ros.nodes.nav2_bridge import ros_type
+from support.nav2_server import Nav2Server
 
 ABORTED = 6
 
 
-class Handle:
-    """A goal at the server."""
-
-    def __init__(self, accepted):
-        self.accepted, self.canceled, self.result = accepted, False, Future()
-
-    def get_result_async(self):
-        return self.result
-
-    def cancel_goal_async(self):
-        self.canceled = True
-
-    def end(self, status, error_code=0):
-        answer = SimpleNamespace(status=status, result=SimpleNamespace(error_code=error_code))
-        answered(self.result, answer)
-
-
-class Server:
-    """Takes goals and answers on request."""
-
-    def __init__(self):
-        self.ready, self.goals, self.answers = True, [], []
-
-    def server_is_ready(self):
-        return self.ready
-
-    def send_goal_async(self, goal):
-        self.goals.append(goal)
-        self.answers.append(Future())
-        return self.answers[-1]
-
-    def answer(self, accepted=True):
-        handle = Handle(accepted)
-        answered(self.answers[-1], handle)
-        return handle
-
-
-def answered(future, value):
-    """Set a future's result and run its callbacks, as a spinning node would."""
-    callbacks, future._callbacks = future._callbacks, []
-    future.set_result(value)
-    for callback in callbacks:
-        callback(future)
-
-
 @pytest.fixture
 def server():
-    return Server()
+    return Nav2Server()
 
 
 @pytest.fixture

@@ -22,8 +22,9 @@ START = 100.0
 
 
 def feed(running, time_s, *topics):
-    """The messages of these topics, then an observation, all at one time."""
-    for topic in (*topics, *OBSERVATION):
+    """The messages of these topics, then the subscribed ones of an observation, all at one time."""
+    subscribed = {each.topic_name.strip("/") for each in running.node.subscriptions}
+    for topic in (*topics, *(each for each in OBSERVATION if each in subscribed)):
         running.receive(topic, valid_message(topic, time_s))
 
 
@@ -234,6 +235,41 @@ def test_a_world_in_lock_step_answers_the_stamp_it_waits_for_and_no_other():
             assert stamp_s(running.sent["clock"].clock) == now_s
         running.receive("cmd_vel", to_twist_stamped(Command(0.4, 0.0), now_s))
         assert stamp_s(running.sent["clock"].clock) == pytest.approx(now_s + 0.05)
+        running.assert_alive()
+
+
+@pytest.mark.parametrize("later_s", [START + 1.5, START - 1.5])
+def test_nav2_drives_after_a_jump_only_to_the_next_waypoint(later_s, nav2_server):
+    with node_in_process("nav2_bridge") as running:
+        feed(running, START, "waypoint")
+        goal = nav2_server.answer()
+        feed(running, later_s)
+        assert goal.canceled
+        assert running.node._goals.state == "no goal"
+        feed(running, later_s + 0.1, "waypoint")
+        nav2_server.answer()
+        assert running.node._goals.state == "driving"
+        running.assert_alive()
+
+
+@pytest.mark.parametrize("later_s", [START + 1.5, START - 1.5])
+def test_the_guard_stands_the_robot_after_a_jump_until_every_input_has_come(later_s, monkeypatch):
+    with node_in_process("guard") as running:
+
+        def command_at(time_s, *topics):
+            monkeypatch.setattr(running.node, "_now_s", lambda: time_s)
+            running.node._guard.advance(time_s)
+            for topic in topics:
+                running.receive(topic, valid_message(topic, time_s))
+            running.node._guard.receive_command(time_s, Command(0.4, 0.0))
+            running.node._step()
+            return running.sent["cmd_vel"].linear.x
+
+        inputs = ("odom", "robot_pose", "pedestrians", "scan")
+        assert command_at(START, *inputs) == pytest.approx(0.4)
+        assert command_at(later_s) == 0.0
+        assert command_at(later_s + 0.05, *inputs[:3]) == 0.0
+        assert command_at(later_s + 0.1, *inputs) == pytest.approx(0.4)
         running.assert_alive()
 
 
