@@ -1,4 +1,4 @@
-"""Messages of any rosbag2, MCAP or sqlite3, compressed or not, with all damage found on the way.
+"""Messages of any rosbag2 or ROS 1 bag, compressed or not, with all damage found on the way.
 
 Three steps: scan the records of each file, decompress messages, compare counts with metadata.yaml.
 The order is that of the files; log times step back where the recorder received them so.
@@ -14,8 +14,9 @@ from bags.damage import Damage, FileCount, Losses, losses
 from bags.errors import BagError
 from bags.limits import MOST_FAULTS
 from bags.mcap.scan import McapScan
+from bags.ros1.scan import Ros1Scan
 from bags.rosbag2.compression import COMPRESSED_MESSAGE, DecompressedFiles, decompressed
-from bags.rosbag2.layout import BagLayout, bag_layout
+from bags.rosbag2.layout import ROS1_SUFFIX, BagLayout, bag_layout
 from bags.sqlite.scan import SqliteScan
 from bags.topic import RawMessage, Topic
 
@@ -81,11 +82,13 @@ class BagReader:
             if not self.tolerant:
                 self._report(scan.damage, file)
 
-    def _scans(self) -> Iterator[tuple[Path, McapScan | SqliteScan]]:
+    def _scans(self) -> Iterator[tuple[Path, McapScan | SqliteScan | Ros1Scan]]:
         """Each file of the bag and what reads it."""
         for file, path in zip(self.layout.files, self._files.paths, strict=True):
             if path.suffix == ".mcap":
                 yield file, McapScan(path, thorough=self._thorough, size=file.stat().st_size)
+            elif path.suffix == ROS1_SUFFIX:
+                yield file, Ros1Scan(path)
             else:
                 yield file, SqliteScan(path, thorough=self._thorough or self.tolerant)
 

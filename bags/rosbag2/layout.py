@@ -14,6 +14,8 @@ from storage.files import read_text
 COMPRESSED_FILE = ".zstd"
 _SUFFIXES = (".mcap", ".db3")
 _ENDINGS = (*_SUFFIXES, *(suffix + COMPRESSED_FILE for suffix in _SUFFIXES))
+#: Of ROS 1: one file without metadata.yaml.
+ROS1_SUFFIX = ".bag"
 
 
 @dataclass(frozen=True)
@@ -55,10 +57,10 @@ class BagLayout:
 def bag_layout(path: str | Path) -> BagLayout:
     """The layout of a bag folder or of a single storage file; BagError where there is no bag."""
     path = Path(path)
-    if path.is_file() and path.name.endswith(_ENDINGS):
+    if path.is_file() and path.name.endswith((*_ENDINGS, ROS1_SUFFIX)):
         return BagLayout(path, (path,), None)
     if not path.is_dir():
-        raise BagError(f"bag {path} must be a folder or a .mcap or .db3 file; check the path")
+        raise BagError(f"bag {path} must be a folder or a .mcap, .db3 or .bag file; check the path")
     metadata = None
     try:
         metadata = _metadata(path)
@@ -67,6 +69,12 @@ def bag_layout(path: str | Path) -> BagLayout:
         files = _found(path)
         if not files:
             kinds = " or ".join(_SUFFIXES)
+            ros1 = sorted(path.glob(f"*{ROS1_SUFFIX}"))
+            if ros1:
+                raise BagError(
+                    f"bag {path} must be a folder of {kinds} files, it holds bags of ROS 1; give"
+                    f" each of them, as {ros1[0]}"
+                ) from None
             raise BagError(f"bag {path} must hold {kinds} files, got none; {error}") from None
         return BagLayout(path, files, metadata, str(error))
 

@@ -1,0 +1,1 @@
+"""Bags of ROS 1, format 2.0."""

@@ -1,0 +1,161 @@
+"""All messages of one .bag file of ROS 1, as the ROS 2 messages of the same fields.
+
+rosbags reads the file and turns each message into CDR by the definition that its connection holds.
+The format has no checksums, and without its index, which a killed recorder does not write, rosbags
+reads nothing. Messages come in the order of their log times; reading ends at the first fault.
+"""
+
+import bz2
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import lz4.frame
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from bags.damage import Damage
+from bags.limits import LARGEST_CONTENT
+from bags.rosbag2.message_types import MessageType
+from bags.rosbag2.qos import RELIABLE
+from bags.topic import RawMessage, Topic
+
+_HEADER = "std_msgs/msg/Header"
+
+
+@dataclass(frozen=True)
+class _Converted:
+    """One connection: its topic, and the store that converts its messages, None where unknown."""
+
+    topic: Topic
+    store: Typestore | None
+
+
+class Ros1Scan:
+    """One pass through one file; `damage` and `counts` are complete after `messages`."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.damage: list[Damage] = []
+        self.counts: Counter[str] = Counter()
+        self.expected: int | None = None
+
+    def topics(self) -> list[Topic]:
+        """Topics of the file; of several types on one topic the first."""
+        found: dict[str, Topic] = {}
+        for reader in self._opened():
+            for connection in reader.connections:
+                topic = _converted(connection).topic
+                found.setdefault(topic.name, topic)
+        return list(found.values())
+
+    def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
+        """Messages of the given topics, None for all; publish times are the log times."""
+        n_broken = 0
+        for reader in self._opened():
+            known = {each.id: _converted(each) for each in reader.connections}
+            wanted = [
+                each
+                for each in reader.connections
+                if topics is None or known[each.id].topic.name in topics
+            ]
+            self.expected = reader.message_count
+            self._count_others(reader, known, wanted)
+            for connection, time_ns, data in self._until_fault(reader, wanted):
+                kind = known[connection.id]
+                converted = _cdr(kind, data)
+                if converted is None:
+                    n_broken += 1
+                    continue
+                self.counts[kind.topic.name] += 1
+                yield RawMessage(kind.topic.name, kind.topic.type_name, converted, time_ns, time_ns)
+        if n_broken:
+            self._note(f"{n_broken} messages do not fit the definition of their type")
+
+    def _opened(self) -> Iterator[Reader]:
+        """The open file, or nothing where it cannot be opened."""
+        reader = Reader(self.path)
+        try:
+            reader.open()
+        except Exception as error:  # rosbags raises errors of any kind for foreign bytes
+            self._note(f"{_reason(error)}; 'rosbag reindex' of ROS 1 may repair it")
+            return
+        for position, chunk in reader.chunks.items():
+            bounded = _bounded(chunk.decompressor)
+            reader.chunks[position] = chunk._replace(decompressor=bounded)
+        try:
+            yield reader
+        finally:
+            reader.close()
+
+    def _until_fault(
+        self, reader: Reader, wanted: list[Connection]
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        try:
+            if wanted:  # none would mean all
+                yield from reader.messages(wanted)
+        except GeneratorExit:
+            raise
+        except Exception as error:
+            self._note(f"a chunk cannot be read, nor what follows ({_reason(error)})")
+
+    def _count_others(
+        self, reader: Reader, known: dict[int, _Converted], wanted: list[Connection]
+    ) -> None:
+        read = {each.id for each in wanted}
+        for connection in reader.connections:
+            if connection.id not in read:
+                self.counts[known[connection.id].topic.name] += connection.msgcount
+
+    def _note(self, what: str) -> None:
+        self.damage.append(Damage(self.path, None, what))
+
+
+def _converted(connection: Connection) -> _Converted:
+    """rosbags normalises names: std_msgs/String is std_msgs/msg/String."""
+    name, text = connection.msgtype, connection.msgdef.data
+    recorded = MessageType(name, "", "", "")
+    topic_name = "/" + connection.topic.lstrip("/")
+    try:
+        store = _store(name, text)
+        definition, _ = store.generate_msgdef(name, ros_version=2)
+        recorded = MessageType(name, definition, store.hash_rihs01(name))
+    except Exception:  # a recorded text may be anything
+        return _Converted(Topic(topic_name, recorded, (RELIABLE,)), None)
+    return _Converted(Topic(topic_name, recorded, (RELIABLE,)), store)
+
+
+def _store(name: str, text: str) -> Typestore:
+    """The types with the Header of ROS 2, which has no `seq`."""
+    types = get_types_from_msg(text, name)
+    if _HEADER in types:
+        constants, fields = types[_HEADER]
+        types[_HEADER] = constants, [each for each in fields if each[0] != "seq"]
+    store = get_typestore(Stores.EMPTY)
+    store.register(types)
+    return store
+
+
+def _cdr(kind: _Converted, data: bytes) -> bytes | None:
+    if kind.store is None or len(data) > LARGEST_CONTENT:
+        return None
+    try:
+        return bytes(kind.store.ros1_to_cdr(data, kind.topic.type_name))
+    except Exception:  # generated code raises errors of any kind for foreign bytes
+        return None
+
+
+def _bounded(decompress: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]:
+    """The same for chunks of any size, of which no more than the limit is unpacked."""
+    if decompress is bz2.decompress:
+        return lambda data: bz2.BZ2Decompressor().decompress(data, LARGEST_CONTENT)
+    if decompress is lz4.frame.decompress:
+        return lambda data: lz4.frame.LZ4FrameDecompressor().decompress(data, LARGEST_CONTENT)
+    return decompress
+
+
+def _reason(error: Exception) -> str:
+    return str(error).strip().rstrip(".") or type(error).__name__
