@@ -143,6 +143,7 @@ class World:
     def __init__(self, probe):
         self.probe = probe
         self.pose, self.speed_mps, self.time_s = None, 0.0, 0.0
+        self.moved_s = 0.0
         self.speeds_mps, self.actions = [], []
         node = probe.node
         node.create_subscription(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
@@ -156,6 +157,8 @@ class World:
         self.time_s = stamp_s(message.header.stamp)
         self.speed_mps = abs(from_odometry(message)[2][0])
         self.speeds_mps.append(self.speed_mps)
+        if self.speed_mps >= STOPPED_MPS:
+            self.moved_s = self.time_s
 
     def _take_intent(self, message):
         self.actions.append(from_intent(message)[1])
@@ -183,16 +186,15 @@ class World:
 
     @contextmanager
     def stops_within(self, limit_s):
-        """What is done inside stops the robot for good.
+        """What is done inside stops the robot for good; at an obstacle it may stand before.
 
         limit_s: simulated, plus the time that threads wait for a processor.
         """
         self.probe.spin_all()
         since_s, waited = self.time_s, ProcessorWait()
         yield
-        self.until(lambda: self.speed_mps < STOPPED_MPS)
-        assert self.time_s - since_s <= limit_s + waited.total_s
-        self.stands_for(0.4)
+        self.until(lambda: self.time_s >= max(self.moved_s, since_s) + 0.4)
+        assert self.moved_s - since_s <= limit_s + waited.total_s
 
     def stands_for(self, duration_s):
         """It stands during so much simulated time from now on."""
