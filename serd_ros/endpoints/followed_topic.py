@@ -4,7 +4,11 @@ A subscription matches a publisher when it requests no more than is offered: rel
 messages from before it was made (transient local). So it requests what all publishers offer.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+import inspect
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -15,6 +19,17 @@ from serd_ros.endpoints.topic_types import TopicType
 
 _RELIABLE = ReliabilityPolicy.RELIABLE
 _LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
+
+
+@dataclass(frozen=True)
+class Received:
+    """A raw message; received_ns, sent_ns: by the clocks of this machine and the publisher's,
+    sent_ns 0 where the middleware does not state it."""
+
+    topic: str
+    data: bytes
+    received_ns: int
+    sent_ns: int
 
 
 def common_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
@@ -38,17 +53,17 @@ def requests_too_much(requested: QoSProfile, offered: QoSProfile) -> bool:
 class FollowedTopic:
     """Subscribes at once where the type says how, else as soon as there is a publisher.
 
-    name: in full; take: called with (name, message) for each message; offered: by the publishers
-    there were when it subscribed.
+    name: in full; take: called with each message, does not raise for a bad one; offered: by the
+    publishers there were when it subscribed.
     """
 
     def __init__(
-        self, node: Node, name: str, kind: TopicType, take: Callable[[str, bytes], None]
+        self, node: Node, name: str, kind: TopicType, take: Callable[[Received], None]
     ) -> None:
         self.name, self.kind, self.stamped = name, kind, kind.stamped
         self.offered: tuple[QoSProfile, ...] = ()
         self._others: list[str] = []
-        self._node, self._take = node, take
+        self._node, self.take = node, take
         self._subscription: Subscription | None = None
         if kind.qos is not None:
             self.offered = (kind.qos,)
@@ -82,26 +97,37 @@ class FollowedTopic:
 
     def _request_less(self, subscription: Subscription, offered: QoSProfile) -> None:
         if requests_too_much(subscription.qos_profile, offered):
-            for data in self.waiting():
-                self._take(self.name, data)
+            for message in self.waiting():
+                self.take(message)
             self._node.destroy_subscription(subscription)
             self._subscribe(offered)
 
-    def waiting(self) -> Iterator[bytes]:
+    def waiting(self) -> Iterator[Received]:
         """Messages that were received and not taken yet."""
-        return iter(()) if self._subscription is None else waiting_messages(self._subscription)
+        found = iter(()) if self._subscription is None else waiting_messages(self._subscription)
+        return (self._received(data, info) for data, info in found)
+
+    def _received(self, data: bytes, info: Mapping[str, int]) -> Received:
+        received_ns = info["received_timestamp"]
+        if received_ns <= 0:
+            received_ns = time.time_ns()
+        return Received(self.name, data, received_ns, info["source_timestamp"])
 
     def _subscribe(self, profile: QoSProfile) -> None:
+        def callback(*arguments: Any) -> None:
+            """EventsExecutor passes message and info as one tuple, other executors as two."""
+            data, info = arguments if len(arguments) == 2 else arguments[0]
+            self.take(self._received(data, info))
+
+        # rclpy delivers the info where the signature has two parameters.
+        callback.__signature__ = inspect.signature(self._received)  # type: ignore[attr-defined]
         self._subscription = self._node.create_subscription(
-            self.kind.message,
-            self.name,
-            lambda data: self._take(self.name, data),
-            profile,
-            raw=True,
+            self.kind.message, self.name, callback, profile, raw=True
         )
 
 
-def waiting_messages(subscription: Subscription) -> Iterator[bytes]:
-    """The raw messages that wait; works until the node is destroyed, also after a signal."""
+def waiting_messages(subscription: Subscription) -> Iterator[tuple[bytes, Mapping[str, int]]]:
+    """The raw messages that wait, with their info; works until the node is destroyed, also after a
+    signal."""
     while (found := subscription.handle.take_message(subscription.msg_type, True)) is not None:
-        yield bytes(found[0])
+        yield bytes(found[0]), found[1]

@@ -1,8 +1,8 @@
 """demo_recorder: writes topics as they come into a rosbag2 MCAP bag, as a ROS 2 node.
 
-The log time of a message is its own stamp, so that a bag of a world that ran many times faster than
-real time plays back in the time of that world; a message without a stamp gets that of /clock, or
-where there is none the newest one, and before any that of the system.
+The log time of a message is when it was received, its publish time when it was published. Where
+`use_sim_time` is true, or /clock has a publisher when the first message of a recording comes, both
+are simulated time instead (`bags/message_times.py`).
 """
 
 import sys
@@ -14,12 +14,13 @@ from pathlib import Path
 from std_srvs.srv import Trigger
 
 from bags.errors import BagError
+from bags.message_times import RecordingClock
 from bags.messages.plain import message_stamp_ns
 from bags.recorder import BagRecorder, RecorderSettings
 from serd_core.errors import SerdError
 from serd_ros.convert.diagnostics import ERROR, OK, WARN
 from serd_ros.endpoints import topics
-from serd_ros.endpoints.followed_topic import FollowedTopic
+from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.qos import bag_qos
 from serd_ros.endpoints.topic_types import named_topic
 from serd_ros.errors import MessageError, NodeError
@@ -39,7 +40,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
     def __init__(self) -> None:
         super().__init__("demo_recorder", DemoRecorderConfig)
         self._recorder: BagRecorder | None = None
-        self._now_ns = 0
+        self._clock: RecordingClock | None = None
         self._n_bags = 0
         self._topics: dict[str, FollowedTopic] = {}
         for topic in self.config.topics:
@@ -61,14 +62,10 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         self._finish_bag()
 
     def _record_what_waits(self) -> bool:
-        """Whether anything did; in the order of time, as it would have been recorded."""
-        waiting = [
-            (self._log_time_ns(name, data), name, data)
-            for name, topic in self._topics.items()
-            for data in topic.waiting()
-        ]
-        for time_ns, name, data in sorted(waiting, key=lambda each: each[0]):
-            self._record(name, data, time_ns)
+        """Whether anything did; in the order of receipt, as it would have been recorded."""
+        waiting = [each for topic in self._topics.values() for each in topic.waiting()]
+        for each in sorted(waiting, key=lambda each: each.received_ns):
+            self._topics[each.topic].take(each)
         return bool(waiting)
 
     def _finish_bag(self) -> None:
@@ -87,30 +84,28 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         name = self.resolve_topic_name(topic)
         if name in self._topics:
             raise NodeError(f"topics must name each topic once, got {name} twice; leave one out")
-        self._topics[name] = FollowedTopic(self, name, kind, self._take)
+        take = self.callbacks.of_messages(name, self._take)
+        self._topics[name] = FollowedTopic(self, name, kind, take)
 
-    def _take(self, name: str, data: bytes) -> None:
-        self._record(name, data, self._log_time_ns(name, data))
-
-    def _record(self, name: str, data: bytes, time_ns: int) -> None:
-        if self._recorder is not None and not self._recorder.record(name, data, time_ns):
-            self._end_with_the_problem(self._recorder)
-
-    def _log_time_ns(self, name: str, data: bytes) -> int:
-        """Follows /clock also where it falls back, because the world was started again."""
+    def _take(self, message: Received) -> None:
+        name = message.topic
         try:
-            stamp_ns = message_stamp_ns(data) if self._topics[name].stamped else 0
+            stamp_ns = message_stamp_ns(message.data) if self._topics[name].stamped else 0
         except BagError as error:
             raise MessageError("message must begin with a stamp", error, "correct it") from None
-        if stamp_ns <= 0:
-            return self._now_ns or self._ros_time_ns()
-        self._now_ns = stamp_ns if name == topics.CLOCK else max(self._now_ns, stamp_ns)
-        return stamp_ns
+        if self._clock is None:
+            self._clock = RecordingClock(simulated=self._is_simulated(name))
+        times_ns = self._clock.times_ns(
+            stamp_ns, message.received_ns, message.sent_ns, is_clock=name == topics.CLOCK
+        )
+        recorder = self._recorder
+        if recorder is not None and not recorder.record(name, message.data, *times_ns):
+            self._end_with_the_problem(recorder)
 
-    def _ros_time_ns(self) -> int:
-        """Before any stamp: a /clock, also an expected one, begins at 0; else the system's time."""
-        simulated = topics.CLOCK in self._topics or self.count_publishers(topics.CLOCK)
-        return 0 if simulated else time.time_ns()
+    def _is_simulated(self, first_topic: str) -> bool:
+        """Whether there is a /clock; its publisher is known before any message of a world."""
+        expected = bool(self.get_parameter("use_sim_time").value)
+        return expected or first_topic == topics.CLOCK or self.count_publishers(topics.CLOCK) > 0
 
     def _poll(self) -> None:
         self._look_at([topic for topic in self._topics.values() if not topic.is_subscribed])
@@ -142,6 +137,8 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
             compression=self.config.compression,
         )
         self._recorder = BagRecorder(self._free_folder(), settings=settings)
+        if self._clock is not None and not self._clock.simulated:
+            self._clock = None  # there may be a /clock now
         self._n_bags += 1
         for topic in self._topics.values():
             self._declare(topic)
@@ -185,7 +182,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
             return
         status, silences = self._recorder.status, "; ".join(self._silences())
         self.report(
-            self._now_ns * 1e-9,
+            self._clock.now_ns * 1e-9 if self._clock is not None else 0.0,
             {
                 "recording": status.recording,
                 "messages": status.n_messages,

@@ -9,6 +9,7 @@ import time
 import traceback
 from collections import Counter, defaultdict
 from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 from rclpy.node import Node
@@ -45,12 +46,13 @@ class CallbackGuard:
             values[f"rejected.{topic}"] = f"{by_rule}; last: {self._last_reason[topic]}"
         return values
 
-    def of_messages(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """The callback of a subscription, or of a future."""
+    def of_messages(self, topic: str, callback: Callable[..., None]) -> Callable[..., None]:
+        """The callback of a subscription, or of a future; its signature stays."""
 
-        def guarded(message: Any) -> None:
+        @wraps(callback)
+        def guarded(*arguments: Any) -> None:
             try:
-                callback(message)
+                callback(*arguments)
             except MessageError as error:
                 self._reject(topic, error.rule, str(error))
             except SerdError:

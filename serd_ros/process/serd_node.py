@@ -40,7 +40,7 @@ class SerdNode(Node, Generic[Config]):
         self.create_timer(_INPUT_REPORT_PERIOD_S, self._report_input, clock=self.wall_clock)
 
     def create_subscription(
-        self, msg_type: Any, topic: str, callback: Callable[[Any], None], *args: Any, **options: Any
+        self, msg_type: Any, topic: str, callback: Callable[..., None], *args: Any, **options: Any
     ) -> Subscription:
         """As rclpy's, with a guarded callback; that of /clock gets sound stamps only."""
         if msg_type is ClockMessage and not options.get("raw"):

@@ -26,7 +26,7 @@ from serd_ros.nodes.hallway_sim import HallwaySim
 from serd_ros.nodes.teleop_page import TeleopPageNode
 from sim.episodes.result import EpisodeStart
 from support.message_mutations import mutated, mutated_cdr
-from support.nodes_in_process import NodeInProcess, node_in_process
+from support.nodes_in_process import NodeInProcess, deliver, node_in_process
 from support.valid_messages import valid_message
 
 N_MUTATIONS = int(os.environ.get("SERD_FUZZ_CASES", "200"))
@@ -133,7 +133,7 @@ class Session:
     def send(self, subscription, message: object) -> None:
         """Call the subscription; raw ones take bytes."""
         raw = subscription.raw and not isinstance(message, bytes)
-        subscription.callback(serialize_message(message) if raw else message)
+        deliver(subscription, serialize_message(message) if raw else message)
         self._n_recorded += 1
 
     def send_mutated(self, subscription, rng: random.Random) -> None:

@@ -4,6 +4,7 @@ Callbacks of subscriptions and timers are called by hand, so that a test of thou
 waits for nothing.
 """
 
+import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -14,8 +15,18 @@ import rclpy
 import yaml
 from domain_coordinator import domain_id
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 
 from serd_ros.process.serd_node import SerdNode
+
+
+def deliver(subscription: Subscription, message: Any) -> None:
+    """Call a subscription as an executor does with a message that was received just now."""
+    if subscription._callback_type is Subscription.CallbackType.WithMessageInfo:
+        info = {"received_timestamp": time.time_ns(), "source_timestamp": 0}
+        subscription.callback(message, info)
+    else:
+        subscription.callback(message)
 
 
 def node_class(kind: str) -> type[SerdNode[Any]]:
@@ -56,7 +67,7 @@ class NodeInProcess:
         found = [each for each in self.node.subscriptions if each.topic_name.strip("/") == topic]
         assert found, f"{self.node.get_name()} does not subscribe to {topic}"
         for subscription in found:
-            subscription.callback(message)
+            deliver(subscription, message)
 
     def call_timers(self) -> None:
         """Call every timer that runs once."""

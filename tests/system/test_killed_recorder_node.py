@@ -13,6 +13,7 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from rclpy.time import Time
 
+from bags.messages.plain import message_stamp_ns
 from bags.reader import BagReader
 from bags.rewrite import recover
 from serd_cli.node_commands import node_command
@@ -78,7 +79,7 @@ def recorded_stamps_ns(bag):
     reader = BagReader(bag, tolerant=True)
     found = {topic: [] for topic in TOPICS}
     for message in reader.messages():
-        found[message.topic].append(message.log_time_ns)
+        found[message.topic].append(message_stamp_ns(message.data))
     assert reader.damage  # the reader does not take the bag for complete
     return found
 

@@ -5,11 +5,14 @@ import time
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Header, String
 
+from bags.messages.plain import message_stamp_ns
 from bags.reader import BagReader
 from bags.rosbag2.qos import profile_to_offer
 from serd_cli.executables import find_command
@@ -69,11 +72,12 @@ def test_topics_of_another_robot_are_recorded_with_what_their_publishers_offer(
     probe.spin_until(lambda: recorder_report.n_messages == 21)
     assert ended(process) == 0
     found = list(bag().messages())
-    times_s = [each.log_time_ns * 1e-9 for each in found if each.topic == "/base/imu"]
-    assert times_s == pytest.approx([0.1 * n for n in range(1, 21)])
-    (name,) = [each for each in found if each.topic == "/base/name"]
-    assert name.type_name == "std_msgs/msg/String"
-    assert started_s < name.log_time_ns * 1e-9 < time.time()  # without /clock, the system's time
+    assert [each.topic for each in found] == ["/base/name", *["/base/imu"] * 20]
+    times_s = [each.log_time_ns * 1e-9 for each in found]
+    assert times_s == sorted(times_s)  # those of receipt
+    assert started_s < times_s[0]
+    assert times_s[-1] < time.time()
+    assert found[0].type_name == "std_msgs/msg/String"
     infos = bag().topics
     assert set(infos) == {"/base/imu", "/base/name"}
     assert profile_to_offer(infos["/base/imu"].qos).reliability == "best_effort"
@@ -91,17 +95,67 @@ def test_a_topic_of_the_stack_is_recorded_also_from_a_publisher_that_offers_less
     def publish(time_s):
         odometry.publish(Odometry(header=Header(stamp=to_stamp(time_s))))
 
-    def first_is_recorded():
+    def is_recorded():
         publish(0.05)  # best effort: lost until the recorder has matched the publisher
         return recorder_report.n_messages > 0
 
-    probe.spin_until(first_is_recorded)
-    for number in range(1, 11):
-        publish(0.1 * number)
-    probe.spin_until(lambda: recorder_report.time_s == pytest.approx(1.0))
+    probe.spin_until(is_recorded)
+    n_before = recorder_report.n_messages
+
+    def all_are_recorded():
+        publish(1.0)
+        return recorder_report.n_messages >= n_before + 10
+
+    probe.spin_until(all_are_recorded)
     assert ended(process) == 0
-    times_s = [message.log_time_ns * 1e-9 for message in bag().messages()]
-    assert times_s[-10:] == pytest.approx([0.1 * number for number in range(1, 11)])
+    stamps_s = [message_stamp_ns(message.data) * 1e-9 for message in bag().messages()]
+    assert stamps_s[-10:] == pytest.approx([1.0] * 10)
+
+
+#: Stamps of a faulty sensor: seconds after the present, and from one message to the next.
+STAMPS = {"an hour ahead": (3600, 0), "backwards": (0, -100), "zero or before": (-(10**10), 0)}
+
+
+@pytest.mark.parametrize("fault", STAMPS)
+def test_log_time_is_the_time_of_receipt_whatever_the_stamps_are(fault, record, probe, bag):
+    process = record("odom", "cmd_vel")
+    odometry = probe.node.create_publisher(Odometry, "odom", qos.STATE)
+    commands = probe.node.create_publisher(Twist, "cmd_vel", qos.STATE)
+    probe.spin_until(matched(odometry))
+    probe.spin_until(matched(commands))
+    sent: dict[str, list[tuple[int, int]]] = {"/odom": [], "/cmd_vel": []}
+    for number in range(20):
+        message = Odometry()
+        ahead_s, step_s = STAMPS[fault]
+        message.header.stamp.sec = max(int(time.time()) + ahead_s + step_s * number, -number)
+        for name, publisher, data in (
+            ("/odom", odometry, message),
+            ("/cmd_vel", commands, Twist()),
+        ):
+            before_ns = time.time_ns()
+            publisher.publish(data)
+            assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE_S))
+            sent[name].append((before_ns, time.time_ns()))
+    assert ended(process) == 0
+    found = list(bag().messages())
+    assert [each.topic for each in found] == ["/odom", "/cmd_vel"] * 20
+    for name, spans_ns in sent.items():
+        times = [(each.publish_time_ns, each.log_time_ns) for each in found if each.topic == name]
+        for (published_ns, log_ns), (before_ns, after_ns) in zip(times, spans_ns, strict=True):
+            assert before_ns <= published_ns <= log_ns <= after_ns
+
+
+def test_a_message_too_short_for_a_stamp_is_left_out_also_at_the_end(record, probe, bag):
+    process = record("odom")
+    odometry = probe.node.create_publisher(Odometry, "odom", qos.STATE)
+    probe.spin_until(matched(odometry))
+    process.send_signal(signal.SIGSTOP)
+    odometry.publish(bytes([0, 1, 0, 0, 1, 0]))
+    odometry.publish(Odometry())
+    process.send_signal(signal.SIGTERM)
+    process.send_signal(signal.SIGCONT)
+    assert process.wait(PATIENCE_S) == 0
+    assert len(list(bag().messages())) == 1
 
 
 def test_recording_goes_on_when_a_second_publisher_offers_less(record, probe, recorder_report, bag):
