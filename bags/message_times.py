@@ -12,6 +12,8 @@ from serd_core.arrays import BoolArray, FloatArray
 _SECOND_NS = 1_000_000_000
 #: Clocks agree when the median difference is at most this (s).
 AGREEMENT_S = 1.0
+#: And this share of the stamps is not ahead of the receipt nor too old.
+_SHARE = 0.75
 #: A stamp may be older than its message's receipt by this time (s): the message was late.
 _LATEST_S = 10.0
 #: A stamp that is further ahead of /clock is of another clock.
@@ -55,12 +57,29 @@ class RecordingClock:
         return 0 < self._clock_ns < stamp_ns - _SIMULATED_LEAD_NS
 
 
+class TimesOnClock:
+    """Another clock as a function of log times, from (T,) log times and times of that clock."""
+
+    def __init__(self, log_s: FloatArray, time_s: FloatArray) -> None:
+        order = np.argsort(log_s, kind="stable")
+        self._log_s, self._time_s = log_s[order], time_s[order]
+
+    def of(self, log_s: FloatArray) -> FloatArray:
+        """(N,) times of the clock when messages were received, at any rate between the two."""
+        if not len(self._log_s):
+            return log_s
+        return np.asarray(np.interp(log_s, self._log_s, self._time_s))
+
+
 def agrees(clock_s: FloatArray, stamp_s: FloatArray) -> bool:
     """Whether stamps (N,), NaN or 0 where none is set, are of the clock that shows clock_s (N,)
     when the messages are received; true where none is set."""
-    is_set = np.isfinite(stamp_s) & (stamp_s > 0)
+    is_set = stamp_s > 0
     delay_s = clock_s[is_set] - stamp_s[is_set]
-    return not len(delay_s) or bool(abs(np.median(delay_s)) <= AGREEMENT_S)
+    if not len(delay_s):
+        return True
+    usual_s = abs(float(np.median(delay_s)))
+    return usual_s <= AGREEMENT_S and float(_is_possible(delay_s).mean()) >= _SHARE
 
 
 def placed_s(clock_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
@@ -71,6 +90,13 @@ def placed_s(clock_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
     """
     if not agrees(clock_s, stamp_s):
         return clock_s
-    delay_s = clock_s - stamp_s
-    trusted: BoolArray = (stamp_s > 0) & (delay_s >= -AGREEMENT_S) & (delay_s <= _LATEST_S)
-    return np.where(trusted, stamp_s, clock_s)
+    return np.where((stamp_s > 0) & _is_possible(clock_s - stamp_s), stamp_s, clock_s)
+
+
+def falls_back_s(time_s: FloatArray) -> FloatArray:
+    """(N,) how far each time is behind the latest one before it."""
+    return np.maximum.accumulate(time_s) - time_s
+
+
+def _is_possible(delay_s: FloatArray) -> BoolArray:
+    return np.asarray((delay_s >= -AGREEMENT_S) & (delay_s <= _LATEST_S))

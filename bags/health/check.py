@@ -11,11 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from bags.damage import at_most
 from bags.errors import BagError
 from bags.health.topic_check import TopicCheck, check_topic
 from bags.health.two_clocks import TwoClocks
 from bags.limits import MOST_FAULTS
+from bags.message_times import AGREEMENT_S
 from bags.messages.plain import message_stamp_ns
 from bags.reader import BagReader
 from bags.rosbag2.layout import storage_name
@@ -120,7 +123,26 @@ def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
         if topic.n_stamp_steps_back:
             remarks.append(f"{topic.name}: stamps step back {_times(topic.n_stamp_steps_back)}")
         remarks += [f"{topic.name}: {remark}" for remark in _clock_remarks(topic.clocks)]
-    return remarks
+    return remarks + _offset_remarks(topics)
+
+
+def _offset_remarks(topics: Sequence[TopicCheck]) -> list[str]:
+    """Clocks that differ by a constant; that of log times may be the one that differs."""
+    compared = [topic for topic in topics if topic.clocks.span_s]
+    offsets_s = {each.name: each.clocks.offset_s for each in compared if each.clocks.offset_s}
+    ahead_s = list(offsets_s.values())
+    if len(compared) > 1 and len(ahead_s) == len(compared) and np.ptp(ahead_s) <= AGREEMENT_S:
+        return [
+            f"all stamps are {_ahead(ahead_s[0])} log times: those of another or simulated time"
+        ]
+    return [
+        f"{name}: stamps are {_ahead(offset_s)} log times: the clock of its sender is wrong"
+        for name, offset_s in offsets_s.items()
+    ]
+
+
+def _ahead(offset_s: float) -> str:
+    return f"{abs(offset_s):.2f} s {'ahead of' if offset_s > 0 else 'behind'}"
 
 
 def _clock_remarks(clocks: TwoClocks) -> list[str]:

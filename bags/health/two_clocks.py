@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bags.message_times import AGREEMENT_S
 from serd_core.arrays import FloatArray
 
 _BLOCK_S = 1.0
@@ -21,11 +22,15 @@ _CLEAR = 5.0
 
 @dataclass(frozen=True)
 class TwoClocks:
-    """Stamps against log times. jumps_s: forward above 0; drift_s: over span_s, ahead above 0."""
+    """Stamps against log times. jumps_s: forward above 0; drift_s: over span_s, ahead above 0.
+
+    offset_s: how far the clock of the stamps is ahead; 0 where it is the same one, jumps or drifts.
+    """
 
     jumps_s: tuple[float, ...] = ()
     drift_s: float = 0.0
     span_s: float = 0.0
+    offset_s: float = 0.0
 
 
 def two_clocks(log_s: FloatArray, delay_s: FloatArray) -> TwoClocks:
@@ -39,10 +44,14 @@ def two_clocks(log_s: FloatArray, delay_s: FloatArray) -> TwoClocks:
     jumped = np.abs(unusual_s) > _LEAST_JUMP_S
     jumps_s = np.where(jumped, unusual_s, 0.0)
     smooth_s = delay_s - np.concatenate([[0.0], np.cumsum(jumps_s)])
+    drift_s = -_trend(time_s, smooth_s)
+    offset_s = -float(np.median(delay_s))
+    is_offset = not jumped.any() and not drift_s and abs(offset_s) > AGREEMENT_S
     return TwoClocks(
         jumps_s=tuple(float(-jump_s) for jump_s in jumps_s[jumped]),
-        drift_s=-_trend(time_s, smooth_s),
+        drift_s=drift_s,
         span_s=float(time_s[-1] - time_s[0]),
+        offset_s=offset_s if is_offset else 0.0,
     )
 
 

@@ -41,10 +41,13 @@ class EpisodeMark:
     outcome: str = ""
 
 
-def marks_of(data: bytes, log_time_ns: int = 0) -> list[EpisodeMark]:
-    """Those in a diagnostic_msgs/DiagnosticArray, whose other statuses are left."""
+def marks_of(data: bytes, time_ns: int | None = None) -> list[EpisodeMark]:
+    """Those in a diagnostic_msgs/DiagnosticArray, whose other statuses are left.
+
+    time_ns: in place of the stamp.
+    """
     report = diagnostic_array(data)
-    time_s = (report.header.stamp_ns or log_time_ns) / 1e9
+    time_s = (report.header.stamp_ns if time_ns is None else time_ns) / 1e9
     return [
         EpisodeMark(time_s, each.message, _number(each.values), each.values.get("outcome", ""))
         for each in report.statuses

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bags.errors import BagError
+from bags.message_times import TimesOnClock, placed_s
 from bags.messages.fields import POSES, VECTORS, VELOCITIES, FieldReader, field_reader
 from bags.topic import RawMessage, Topic
 from serd_app.drives.episode_spans import EpisodeSpan
@@ -44,10 +45,11 @@ class PoseTrack:
         columns = [np.interp(time_s, self.time_s, each) for each in self.poses[:, :2].T]
         return np.stack(columns, axis=1)
 
-    def aligned(self, log_s: FloatArray) -> FloatArray:
-        """(N,) times on the clock of the poses of messages logged then."""
-        order = np.argsort(self.log_s, kind="stable")
-        return np.asarray(np.interp(log_s, self.log_s[order], self.time_s[order]))
+    def placed(self, log_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
+        """(N,) times on the clock of the poses of a topic's messages; stamps 0 without one."""
+        if np.array_equal(self.log_s, self.time_s):  # then all is placed by its receipt
+            return log_s
+        return placed_s(TimesOnClock(self.log_s, self.time_s).of(log_s), stamp_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +79,8 @@ class MappedActions:
         """One of them; BagError where it is damaged."""
         assert self._read is not None
         header, (x, *others) = self._read(message.data)
-        stamp_s = header.stamp_ns / 1e9 if header.stamp_ns else np.nan
-        self._rows.extend((message.log_time_ns / 1e9, stamp_s, x, others[0] if others else 0.0))
+        times_s = message.log_time_ns / 1e9, header.stamp_ns / 1e9
+        self._rows.extend((*times_s, x, others[0] if others else 0.0))
 
     def intents(
         self, track: PoseTrack, spans: tuple[EpisodeSpan, ...], period_s: float
@@ -93,7 +95,7 @@ class MappedActions:
                 " holds none; name the topic in the mapping that the robot was driven by, or set"
                 " action_from: motion"
             )
-        at_s = np.where(np.isnan(rows[:, 1]), track.aligned(rows[:, 0]), rows[:, 1])
+        at_s = track.placed(rows[:, 0], rows[:, 1])
         order = np.argsort(at_s, kind="stable")
         at_s, vectors = at_s[order], rows[order, 2:]
         clear = np.isfinite(vectors).all(axis=1)

@@ -1,10 +1,12 @@
 """A drive from any bag, by a mapping file: poses in the grid's frame, actions inferred.
 
-The clock is that of the pose stamps (wall or simulated). Messages without a stamp are put on it by
-their log time, through the log times and stamps of the poses, at any rate between the two.
+The clock is that of the pose stamps (wall or simulated). Messages without a stamp, or with a stamp
+of another clock, are put on it by their log time, through the log times and stamps of the poses, at
+any rate between the two (`bags/message_times.py`).
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,7 +44,7 @@ class _Collector:
         self._require_heading()
         marks = mapping.episode_topic
         self._mark_topic = topic_named(known, marks) if marks else ""
-        self._marks: list[EpisodeMark] = []
+        self._marks: list[tuple[float, EpisodeMark]] = []  # with log times
         wanted = {*self._poses.topics, *self._actions.topics, self._mark_topic}
         for message in reader.messages(wanted & set(known)):
             self._take(message)
@@ -53,7 +55,7 @@ class _Collector:
         placed = np.isfinite(poses).all(axis=1)
         track = PoseTrack(times_s[placed, 0], times_s[placed, 1], poses[placed])
         longest_gap_s = self._mapping.longest_gap_s or _usual_gap_s(times_s[:, 1])
-        spans = self._spans(track.time_s, longest_gap_s)
+        spans = self._spans(track, longest_gap_s)
         intents = self._actions.intents(track, spans, period_s)
         return RecordedDrive(
             pose_time_s=track.time_s,
@@ -87,11 +89,16 @@ class _Collector:
         if message.topic in self._actions.topics:
             self._actions.take(message)
         if message.topic == self._mark_topic:
-            self._marks += marks_of(message.data, message.log_time_ns)
+            log_s = message.log_time_ns / 1e9
+            self._marks += [(log_s, each) for each in marks_of(message.data)]
 
-    def _spans(self, time_s: FloatArray, longest_gap_s: float) -> tuple[EpisodeSpan, ...]:
+    def _spans(self, track: PoseTrack, longest_gap_s: float) -> tuple[EpisodeSpan, ...]:
+        time_s = track.time_s
         if self._mark_topic:
-            return spans_of_marks(self._marks, time_s, longest_gap_s)
+            rows = np.array([(log_s, mark.time_s) for log_s, mark in self._marks]).reshape(-1, 2)
+            placed = zip(track.placed(*rows.T), self._marks, strict=True)
+            marks = (replace(mark, time_s=float(at_s)) for at_s, (_, mark) in placed)
+            return spans_of_marks(marks, time_s, longest_gap_s)
         pieces = np.split(time_s, np.flatnonzero(np.diff(time_s) > longest_gap_s) + 1)
         return tuple(
             EpisodeSpan(number, float(piece[0]), float(piece[-1]), UNMARKED)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from bags.errors import BagError
+from bags.message_times import TimesOnClock, agrees, falls_back_s, placed_s
 from bags.messages.fields import POSES, FieldReader, field_reader, store_of
 from bags.messages.plain import transforms
 from bags.topic import RawMessage, Topic, topic_named
@@ -17,6 +18,8 @@ from storage.nearest import hint
 
 _TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _LONGEST_STEP_BACK_S = 1.0
+#: Earlier stamps (s since 1970) are of a simulated world, which begins near 0.
+_FIRST_REAL_STAMP_S = 1e8
 _AT_FRAME = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -29,6 +32,7 @@ class MappedPoses:
 
     def __init__(self, known: Mapping[str, Topic], mapping: BagMapping, source: str) -> None:
         self._mapping, self._source = mapping, source
+        self._has_clock = "/clock" in known
         self._topic = topic_named(known, mapping.pose_topic)
         self._from_tf = known[self._topic].type_name in _TF_TYPES
         tf = self._topic.removesuffix("_static") if self._from_tf else "/tf"
@@ -62,16 +66,16 @@ class MappedPoses:
         elif message.topic == self._topic and self._read is not None:
             header, numbers = self._read(message.data)
             frame = self._frames.setdefault(header.frame.lstrip("/"), len(self._frames))
-            stamp_s = (header.stamp_ns or message.log_time_ns) / 1e9
-            self._rows.extend((message.log_time_ns / 1e9, stamp_s, frame, *numbers))
+            times_s = message.log_time_ns / 1e9, header.stamp_ns / 1e9
+            self._rows.extend((*times_s, frame, *numbers))
 
     def rows(self) -> tuple[FloatArray, FloatArray]:
-        """(T, 2) log times and stamps in s, the stamps increasing, and (T, 3) x, y and yaw, NaN
-        where /tf does not reach."""
+        """(T, 2) log times and the times of the poses in s, these increasing, and (T, 3) x, y and
+        yaw, NaN where /tf does not reach."""
         found = self._found()
         rows = finite_poses(found, self._source)
         self.n_bad = len(found) - len(rows)
-        self._require_one_clock(rows[:, 1])
+        rows[:, 1] = self._placed(rows[:, 0], rows[:, 1])
         rows = rows[np.unique(rows[:, 1], return_index=True)[1]]
         if not len(rows):
             raise BagError(f"{self._source} has no pose on {self._topic}; check the mapping")
@@ -129,13 +133,27 @@ class MappedPoses:
                 " the grid as frame"
             )
 
-    def _require_one_clock(self, stamp_s: FloatArray) -> None:
+    def _placed(self, log_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
+        """(N,) times of poses: their stamps also where these are of another clock than log times,
+        of a simulated world or another machine, which is then the clock of the drive."""
+        if agrees(log_s, stamp_s):
+            return placed_s(log_s, stamp_s)
+        is_set = stamp_s > 0
+        between_s = TimesOnClock(log_s[is_set], stamp_s[is_set]).of(log_s)
+        by_stamp_s = np.where(is_set, stamp_s, between_s)
+        back_s = falls_back_s(by_stamp_s)
+        if not (back_s > _LONGEST_STEP_BACK_S).any():
+            return by_stamp_s
+        simulated = self._has_clock or bool(stamp_s.max() < _FIRST_REAL_STAMP_S)
+        if simulated or (falls_back_s(log_s) > _LONGEST_STEP_BACK_S).any():
+            self._refuse_two_runs(back_s)
+        return log_s
+
+    def _refuse_two_runs(self, back_s: FloatArray) -> None:
         """Poses of two runs of a clock, put in order, would be a drive that never took place."""
-        back_s = np.maximum.accumulate(stamp_s) - stamp_s
-        if len(stamp_s) and back_s.max() > _LONGEST_STEP_BACK_S:
-            row = int(np.argmax(back_s > _LONGEST_STEP_BACK_S))
-            raise BagError(
-                f"{self._source}: stamps on {self._topic} must not fall back by more than"
-                f" {_LONGEST_STEP_BACK_S:g} s, that of pose {row + 1} does by {back_s[row]:.1f} s:"
-                " the world was started again; give each run as a bag of its own"
-            )
+        row = int(np.argmax(back_s > _LONGEST_STEP_BACK_S))
+        raise BagError(
+            f"{self._source}: stamps on {self._topic} must not fall back by more than"
+            f" {_LONGEST_STEP_BACK_S:g} s, that of pose {row + 1} does by {back_s[row]:.1f} s:"
+            " the world was started again; give each run as a bag of its own"
+        )

@@ -55,15 +55,14 @@ class DriveBuilder:
         """A pose that was decoded already."""
         self._poses.extend((time_ns / 1e9, x_m, y_m))
 
-    def add_intent(self, data: bytes, log_time_ns: int) -> None:
-        """A geometry_msgs/Vector3Stamped."""
+    def add_intent(self, data: bytes, time_ns: int) -> None:
+        """A geometry_msgs/Vector3Stamped, placed at that time."""
         vector = vector3_stamped(data)
-        time_s = (vector.header.stamp_ns or log_time_ns) / 1e9
-        self._intents.extend((time_s, vector.x, vector.y))
+        self._intents.extend((time_ns / 1e9, vector.x, vector.y))
 
-    def add_mark(self, data: bytes, log_time_ns: int) -> None:
+    def add_mark(self, data: bytes, time_ns: int) -> None:
         """A diagnostic_msgs/DiagnosticArray with one status: start or end of an episode."""
-        self._marks += marks_of(data, log_time_ns)
+        self._marks += marks_of(data, time_ns)
 
     def drive(self) -> RecordedDrive:
         """Everything so far; BagError where there are poses and none is finite."""

@@ -4,15 +4,21 @@ A stamp that falls back within its topic begins another session: the world was r
 is played once more. Topics may run ahead of each other by any time, so each has its own session.
 """
 
+from array import array
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from bags.errors import BagError
+from bags.message_times import TimesOnClock, agrees, placed_s
 from bags.messages.plain import message_stamp_ns, pose_position
 from bags.reader import BagReader
 from bags.topic import RawMessage, topic_named
 from serd_app.drives.episode_spans import END, EPISODE, marks_of
 from serd_app.drives.recorded_drive import INTENT, POSE, DriveBuilder, RecordedDrive, source_of
+from serd_core.arrays import FloatArray
 
 #: A stamp that falls back by more belongs to another session.
 RESTART_NS = 1_000_000_000
@@ -42,15 +48,15 @@ class DriveSessions:
         self._session_of = dict.fromkeys((POSE, INTENT, EPISODE), 0)
         self._newest_ns = dict.fromkeys((POSE, INTENT, EPISODE), 0)
 
-    def take(self, topic: str, data: bytes, log_time_ns: int = 0) -> None:
+    def take(self, topic: str, data: bytes, time_ns: int | None = None) -> None:
         """One message of `robot_pose`, `intent` or `episode`; BagError for one that is damaged.
 
-        log_time_ns: stands in for a stamp of 0; live there is none, and worlds begin at 0.
+        time_ns: in place of its stamp.
         """
         if topic == POSE:
-            self._take_pose(data, log_time_ns)
+            self._take_pose(data, time_ns)
             return
-        stamp_ns = message_stamp_ns(data) or log_time_ns
+        stamp_ns = message_stamp_ns(data) if time_ns is None else time_ns
         session = self._session(topic, stamp_ns)
         if topic == INTENT:
             session.builder.add_intent(data, stamp_ns)
@@ -61,10 +67,11 @@ class DriveSessions:
                 session.newest_end_ns = max(session.newest_end_ns, stamp_ns)
                 self.n_ended += 1
 
-    def _take_pose(self, data: bytes, log_time_ns: int) -> None:
+    def _take_pose(self, data: bytes, time_ns: int | None) -> None:
         """Nearly all messages are poses: this decides how fast a bag is read."""
         stamp_ns, x_m, y_m = pose_position(data)
-        stamp_ns = stamp_ns or log_time_ns
+        if time_ns is not None:
+            stamp_ns = time_ns
         session = self._session_of_poses
         if stamp_ns < session.newest_pose_ns - RESTART_NS:
             session = self._session_of_poses = self._session(POSE, stamp_ns)
@@ -108,17 +115,58 @@ def read_drives(directory: str | Path, *, tolerant: bool = False) -> tuple[Recor
 
 
 def drives_in(reader: BagReader) -> tuple[RecordedDrive, ...]:
-    """The drives of an opened bag, whose `damage` then lists what could not be read."""
-    found = DriveSessions(source_of(reader.path))
+    """The drives of an opened bag, whose `damage` then lists what could not be read.
+
+    Where stamps of one of the topics are wrong, the bag is read again by its log times.
+    """
     kinds = {topic_named(reader.topics, kind): kind for kind in (POSE, INTENT, EPISODE)}
+    times = {kind: _Times() for kind in kinds.values()}
+    n_faults = len(reader.damage)
+    found = DriveSessions(source_of(reader.path))
     for message in reader.messages(kinds):
-        _take(found, kinds[message.topic], message)
+        _take(found, kinds[message.topic], message, times[kinds[message.topic]].add(message))
+    if not _stamps_agree(times):
+        del reader.damage[n_faults:]  # it is found again
+        found = DriveSessions(source_of(reader.path))
+        for message in reader.messages(kinds):
+            _take(found, kinds[message.topic], message, message.log_time_ns)
     return tuple(session.builder.drive() for session in found.sessions)
 
 
-def _take(found: DriveSessions, kind: str, message: RawMessage) -> None:
+class _Times:
+    """Log times and stamps (ns) of a topic's messages."""
+
+    def __init__(self) -> None:
+        self.log_ns, self.stamp_ns = array("q"), array("q")
+
+    def add(self, message: RawMessage) -> int | None:
+        """Those of one message; returns the time in place of a stamp that is not set."""
+        try:
+            stamp_ns = message_stamp_ns(message.data)
+        except BagError:
+            stamp_ns = 0  # what takes the message raises
+        self.log_ns.append(message.log_time_ns)
+        self.stamp_ns.append(stamp_ns)
+        return None if stamp_ns else message.log_time_ns
+
+    def in_s(self) -> tuple[FloatArray, FloatArray]:
+        """Log times and stamps, (N,) each."""
+        return np.array(self.log_ns) / 1e9, np.array(self.stamp_ns) / 1e9
+
+
+def _stamps_agree(times: Mapping[str, _Times]) -> bool:
+    """Whether the stamps of all topics are of one clock, which need not be that of the log times:
+    the bag may be of a simulated world, recorded by the clock of the machine."""
+    in_s = {kind: each.in_s() for kind, each in times.items()}
+    if agrees(*in_s[POSE]):
+        return all(np.array_equal(placed_s(*each), each[1]) for each in in_s.values())
+    clock = TimesOnClock(*in_s[POSE])
+    return all(agrees(clock.of(log_s), stamp_s) for log_s, stamp_s in in_s.values())
+
+
+def _take(found: DriveSessions, kind: str, message: RawMessage, time_ns: int | None) -> None:
     try:
-        found.take(kind, message.data, message.log_time_ns)
+        found.take(kind, message.data, time_ns)
     except BagError as error:
         where = f"{found.source}, {message.topic} at {message.log_time_ns} ns"
         raise BagError(f"{where}: {error}") from None

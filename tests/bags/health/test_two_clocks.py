@@ -27,6 +27,7 @@ def test_two_clocks_of_the_same_rate_have_no_jump_and_no_drift(seed):
     rng = np.random.default_rng(seed)
     found = compared(STAMP_S - 1e9, lateness_s(rng))
     assert (found.jumps_s, found.drift_s) == ((), 0.0)
+    assert found.offset_s == pytest.approx(-1e9, abs=0.1)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -43,6 +44,7 @@ def test_a_receiver_that_stalls_is_not_a_clock_that_jumps(seed):
 def test_a_jump_is_found_with_its_size_and_way(jump_s):
     rng = np.random.default_rng(3)
     found = compared(STAMP_S + np.where(STAMP_S > 30.0, jump_s, 0.0), lateness_s(rng))
+    assert found.offset_s == 0.0
     assert found.jumps_s == (pytest.approx(jump_s, abs=0.05),)
     assert found.drift_s == 0.0
 
@@ -80,3 +82,26 @@ def test_check_reports_jump_and_drift(tmp_path, messages):
         "/jumping: stamps jump against log times forward by 3600.00 s",
         "/running: stamps run ahead of log times by 37.00 s in 37 s",
     )
+
+
+@pytest.mark.parametrize(
+    ("offsets_s", "remarks"),
+    [
+        ((0.0, 3600.0), ("/1: stamps are 3600.00 s ahead of log times: the clock of its sender",)),
+        ((0.0, -2.0), ("/1: stamps are 2.00 s behind log times: the clock of its sender is",)),
+        ((-900.0, -900.0), ("all stamps are 900.00 s behind log times: those of another",)),
+        ((0.0, 0.9), ()),
+    ],
+)
+def test_check_reports_clocks_that_differ_by_a_constant(tmp_path, messages, offsets_s, remarks):
+    with BagWriter(tmp_path / "bag") as writer:
+        for name in range(len(offsets_s)):
+            writer.add_topic(f"/{name}", POSE)
+        for number in range(100):
+            log_s = 1000.0 + 0.1 * number
+            for name, offset_s in enumerate(offsets_s):
+                pose = messages.pose(log_s + offset_s, 0.0, 0.0)
+                writer.write(f"/{name}", pose, round(log_s * 1e9))
+    found = check_bag(tmp_path / "bag").remarks
+    assert len(found) == len(remarks)
+    assert all(line.startswith(start) for line, start in zip(found, remarks, strict=True))

@@ -264,7 +264,7 @@ def test_live_messages_give_the_same_drive_as_the_file(recorded_bag, messages):
     recorded_bag.close()
     live = DriveSessions("bag drive")
     for message in BagReader(recorded_bag.directory).messages():
-        live.take(message.topic[1:], message.data, message.log_time_ns)
+        live.take(message.topic[1:], message.data)
     from_file, from_topics = (
         read_drives(recorded_bag.directory)[0],
         live.sessions[0].builder.drive(),

@@ -126,7 +126,7 @@ def test_marks_are_read_by_name_and_their_numbers_checked(messages):
     assert marks_of(messages.mark(1.5, "end", 7, "timeout")) == [
         EpisodeMark(1.5, "end", 7, "timeout")
     ]
-    assert marks_of(messages.mark(0.0, "start", 7), 2 * 10**9) == [EpisodeMark(2.0, "start", 7)]
+    assert marks_of(messages.mark(1.0, "start", 7), 2 * 10**9) == [EpisodeMark(2.0, "start", 7)]
     assert marks_of(messages.mark(1.5, "pause", 7)) == []
     with pytest.raises(BagError, match=r"must carry the episode's number, .*, got '12345678901'"):
         marks_of(messages.mark(1.5, "end", 12345678901))

@@ -1,0 +1,121 @@
+"""Recordings whose stamps are wrong: log times are those of receipt, and no decision is lost."""
+
+import numpy as np
+import pytest
+
+from bags.health.check import check_bag
+from bags.message_times import RecordingClock
+from bags.messages.plain import message_stamp_ns
+from bags.reader import BagReader
+from bags.recorder import BagRecorder, RecorderSettings
+from serd_app.demonstrations.demonstrations import demonstrations_of_drives
+from serd_app.demonstrations.fitted_grid import grid_around
+from serd_app.drives.mapped_drive import mapped_drive_in
+from serd_app.drives.mapping import BagMapping
+from serd_app.drives.sessions import read_drives
+
+START_S = 1_700_000_000.0
+TOPICS = {
+    "/robot_pose": "geometry_msgs/msg/PoseStamped",
+    "/intent": "geometry_msgs/msg/Vector3Stamped",
+    "/episode": "diagnostic_msgs/msg/DiagnosticArray",
+    "/cmd_vel": "geometry_msgs/msg/Twist",
+    "/other": "geometry_msgs/msg/PoseStamped",
+}
+FAULTS = {
+    "an hour ahead": lambda time_s: time_s + 3600.0,
+    "an hour behind": lambda time_s: time_s - 3600.0,
+    "zero": lambda _: 0.0,
+    "backwards": lambda time_s: START_S - 3.0 * (time_s - START_S),
+    "an hour ahead for a while": lambda t: t + (3600.0 if t > START_S + 15.0 else 0.0),
+}
+GRID = grid_around(np.array([[0.5, 0.5 + row] for row in range(11)]), 1.0)
+
+
+def twist(messages):
+    speed = messages.make("geometry_msgs/msg/Vector3", 0.5, 0.0, 0.0)
+    still = messages.make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+    message = messages.make("geometry_msgs/msg/Twist", speed, still)
+    return messages.encode(message, "geometry_msgs/msg/Twist")
+
+
+@pytest.fixture
+def record(tmp_path, messages):
+    """Records 20 s of driving north, with wrong stamps on one topic, as the recorder node does."""
+
+    def make(topic="", fault=None):
+        recorder = BagRecorder(
+            tmp_path / f"{topic[1:]} {fault}",
+            settings=RecorderSettings(min_free_bytes=0, sync=False),
+        )
+        for name, kind in TOPICS.items():
+            recorder.add_topic(name, kind)
+        clock = RecordingClock(simulated=False)
+
+        def send(name, time_s, encode, *values):
+            stamp_s = FAULTS[fault](time_s) if name == topic else time_s
+            data = encode(stamp_s, *values) if name != "/cmd_vel" else encode
+            stamp_ns = message_stamp_ns(data) if name != "/cmd_vel" else 0
+            received_ns = round((time_s + 0.002) * 1e9)
+            times_ns = clock.times_ns(stamp_ns, received_ns, round((time_s + 0.001) * 1e9))
+            assert recorder.record(name, data, *times_ns)
+
+        command = twist(messages)
+        send("/episode", START_S, messages.mark, "start", 0)
+        for tick in range(201):
+            time_s = START_S + 0.1 * tick
+            send("/robot_pose", time_s, messages.pose, 0.5, 0.5 + 0.05 * tick)
+            send("/other", time_s, messages.pose, 0.5, 0.5 + 0.05 * tick)
+            send("/cmd_vel", time_s, command)
+            if tick % 20 == 0 and tick < 200:
+                send("/intent", time_s, messages.intent, 0.0, 1.0)
+        send("/episode", START_S + 20.0, messages.mark, "end", 0, "arrived")
+        recorder.close()
+        return recorder.directory
+
+    return make
+
+
+def decisions(drives):
+    found, _ = demonstrations_of_drives(drives, GRID, 2.0)
+    table = found.decisions
+    return table.state.tolist(), table.action.tolist(), table.next_state.tolist()
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("topic", ["/robot_pose", "/intent", "/episode", "/other"])
+def test_wrong_stamps_of_one_topic_cost_no_decision(record, topic, fault):
+    sound, faulty = record(), record(topic, fault)
+    expected = decisions(read_drives(sound))
+    assert len(expected[0]) == 10
+    assert decisions(read_drives(faulty)) == expected
+    for message in BagReader(faulty).messages({"/cmd_vel"}):
+        assert (message.log_time_ns - START_S * 1e9) % 1e8 == pytest.approx(2e6, abs=1e3)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("topic", ["/robot_pose", "/episode"])
+def test_wrong_stamps_of_a_mapped_bag_cost_no_decision(record, topic, fault):
+    mapping = BagMapping(
+        action_from="velocity", action_topic="/cmd_vel", episode_topic="/episode", hold_s=0.2
+    )
+    expected = decisions([mapped_drive_in(BagReader(record()), mapping, 2.0)])
+    assert len(expected[0]) == 10
+    drive = mapped_drive_in(BagReader(record(topic, fault)), mapping, 2.0)
+    assert decisions([drive]) == expected
+
+
+@pytest.mark.parametrize(
+    ("fault", "remark"),
+    [
+        ("an hour ahead", "/other: stamps are 3600.00 s ahead of log times: the clock of its"),
+        ("an hour behind", "/other: stamps are 3600.00 s behind log times: the clock of its"),
+        ("an hour ahead for a while", "/other: stamps jump against log times forward by 3600.00"),
+        ("backwards", "/other: stamps step back 200 times"),
+    ],
+)
+def test_check_finds_a_wrong_clock_in_a_recording_of_ours(record, fault, remark):
+    assert check_bag(record()).remarks == ()
+    found = check_bag(record("/other", fault)).remarks
+    assert found[0].startswith(remark)
+    assert all(line.startswith("/other: ") for line in found)
