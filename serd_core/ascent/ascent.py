@@ -12,6 +12,7 @@ from serd_core.posterior.derivatives.differences import gradient_differences
 
 #: Why an ascent ended.
 CONVERGED = "gradient within tolerance"
+AT_MAXIMUM = "Newton step within tolerance"
 AT_A_KINK = "gradients on the sides of a kink cancel within tolerance"
 STOPPED = "stopped by the callback"
 OUT_OF_STEPS = "not converged: out of steps"
@@ -140,13 +141,21 @@ class Climb:
             message = AT_A_KINK
         else:
             message = STOPPED if self.stopped else otherwise
+        return self._record(end, norm, min(norm, end.gradient_norm) <= tolerance, message)
+
+    def certified(self, end: Point, norm: float, at_maximum: bool, otherwise: str) -> AscentResult:
+        """The record of an ascent that its Newton step, of length `norm`, certifies or does not."""
+        missed = STOPPED if self.stopped else otherwise
+        return self._record(end, norm, at_maximum, AT_MAXIMUM if at_maximum else missed)
+
+    def _record(self, end: Point, norm: float, converged: bool, message: str) -> AscentResult:
         return AscentResult(
             vector=end.vector,
             objective=end.value,
             gradient_norm=norm,
             n_steps=len(self.trace),
             n_evaluations=self.n_evaluations,
-            converged=min(norm, end.gradient_norm) <= tolerance,
+            converged=converged,
             message=message,
             objective_trace=np.array(self.trace),
         )

@@ -62,8 +62,8 @@ class TrustRegion(Ascent):
                 eigen = np.linalg.eigh(-objective.hessian(here.vector))
             step = quadratic_step(here.gradient, eigen.eigenvalues, eigen.eigenvectors, radius)
             there = climb.evaluate(here.vector + step)
-            quality = _quality(here, there, step, eigen.eigenvalues, eigen.eigenvectors)
-            radius = self._next_radius(radius, quality, float(np.linalg.norm(step)))
+            quality = step_quality(here, there, step, eigen.eigenvalues, eigen.eigenvectors)
+            radius = self.next_radius(radius, quality, float(np.linalg.norm(step)))
             if radius < SHORTEST_RADIUS:
                 break
             if quality >= ACCEPT:
@@ -71,7 +71,8 @@ class TrustRegion(Ascent):
                 climb.accept(here)
         return climb.result(here, self.gradient_tolerance, NO_ROOM)
 
-    def _next_radius(self, radius: float, quality: float, length: float) -> float:
+    def next_radius(self, radius: float, quality: float, length: float) -> float:
+        """The radius after a step of that quality and length."""
         if not quality > SHRINK:
             return SHRINK * min(radius, length)
         if quality > 0.75 and length > 0.8 * radius:
@@ -111,7 +112,7 @@ def _shift(slopes: FloatArray, curvatures: FloatArray, radius: float, low: float
     return high
 
 
-def _quality(
+def step_quality(
     here: Point, there: Point, step: FloatArray, curvatures: FloatArray, directions: FloatArray
 ) -> float:
     """Gain over predicted gain; where both drown in rounding, whether the gradient shrank."""

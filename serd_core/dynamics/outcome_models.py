@@ -118,20 +118,23 @@ class OutcomeModels(TransitionModel):
 
     def local_jacobian(self, parameters: FloatArray) -> FloatArray:
         """(M*K, M*K) derivative of the probabilities by the energies (5.2)."""
-        probabilities = self.local_probabilities(parameters)
-        table = np.zeros((self.n_models, self.n_outcomes) * 2)
-        for m, p in enumerate(probabilities):
-            table[m, :, m, :] = self.beta * (np.diag(p) - np.outer(p, p))
-        return table.reshape(self.n_parameters, self.n_parameters)
+        p = self.local_probabilities(parameters)
+        same = np.eye(self.n_outcomes)
+        return self._by_model(self.beta * p[:, :, None] * (same - p[:, None, :]))
 
     def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(M*K, M*K) second derivatives of local_gradient . probabilities by the energies."""
-        probabilities = self.local_probabilities(parameters)
+        p = self.local_probabilities(parameters)
+        pull = p * (local_gradient - np.sum(p * local_gradient, axis=1, keepdims=True))
+        mixed = p[:, :, None] * pull[:, None, :]
+        own = np.eye(self.n_outcomes) * pull[:, :, None]
+        return self._by_model(self.beta**2 * (own - mixed - mixed.transpose(0, 2, 1)))
+
+    def _by_model(self, blocks: FloatArray) -> FloatArray:
+        """(M*K, M*K) matrix of (M, K, K) blocks on its diagonal."""
         table = np.zeros((self.n_models, self.n_outcomes) * 2)
-        for m, (p, c) in enumerate(zip(probabilities, local_gradient, strict=True)):
-            pull = p * (c - p @ c)
-            mixed = np.outer(p, pull)
-            table[m, :, m, :] = self.beta**2 * (np.diag(pull) - mixed - mixed.T)
+        each = np.arange(self.n_models)
+        table[each, :, each, :] = blocks
         return table.reshape(self.n_parameters, self.n_parameters)
 
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:

@@ -39,7 +39,9 @@ class FitResult:
     objective_trace: (n_steps,) the same after each step.
     gradient_norm: largest entry of the gradient over the numbers that were free, for SERD per
     decision; at a kink that of the smallest mean of the gradients around (`KinkedAscent`).
-    converged: gradient norm within the ascent's tolerance and the last Bellman solve certified.
+    converged: the gradient norm is within the ascent's tolerance, the last Bellman solve certified,
+    and where J is smooth Newton's method finds the only maximum there (`learners.certificate`).
+    undetermined: directions along which J is constant; a fit that has any did not converge.
     residual, error_bound: certificate of that solve (`BellmanSolution`), NaN where a file has none;
     assumptions: None where a file does not state them.
     """
@@ -64,6 +66,7 @@ class FitResult:
     residual: float
     error_bound: float
     assumptions: Assumptions | None
+    undetermined: tuple[str, ...] = ()
 
     @property
     def reward_weights(self) -> FloatArray:
@@ -82,6 +85,7 @@ def fit_result(
     n_decisions: int,
     objective: float,
     objective_trace: FloatArray,
+    undetermined: tuple[str, ...] = (),
 ) -> FitResult:
     """The record of an ascent that ended at `parameters`, where the posterior is `final`.
 
@@ -109,4 +113,5 @@ def fit_result(
         residual=final.solution.residual,
         error_bound=final.solution.error_bound,
         assumptions=assumptions,
+        undetermined=undetermined,
     )

@@ -19,6 +19,7 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.equations import SoftBellman
@@ -46,7 +47,7 @@ def fit_mdce_irl_by_likelihood(
     initial_weights: FloatArray | None = None,
     rng: np.random.Generator | None = None,
     dynamics: FloatArray | None = None,
-    prior: Prior = UNIFORM,
+    prior: Prior | PriorByEvidence = UNIFORM,
     ascent: Ascent = LBFGS,
     on_step: StepCallback | None = None,
 ) -> FitResult:

@@ -22,12 +22,15 @@ from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, Objective, StepCallback
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs
+from serd_core.bayes.evidence_fit import fit_by_evidence
+from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.bellman.bellman_solver import BellmanSolver
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.linear.linear_solver import LinearSolver
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
+from serd_core.learners.certificate import certificate
 from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
 from serd_core.learners.start import (
     TIED,
@@ -51,7 +54,7 @@ class SerdSettings:
     """How a SERD fit is done; every part can be exchanged by object."""
 
     belief: Belief = TIED
-    prior: Prior = UNIFORM
+    prior: Prior | PriorByEvidence = UNIFORM
     ascent: Ascent = LBFGS
     solver: BellmanSolver = field(default_factory=Newton)
     linear_solver: LinearSolver = field(default_factory=Automatic)
@@ -78,6 +81,11 @@ def fit_serd(
     M-estimate with a uniform prior.
     on_step: called after each step, with J per decision; returning True stops the fit.
     """
+    if isinstance(settings.prior, PriorByEvidence):
+        return _fit_by_evidence(
+            problem, decisions, policy_model, settings, settings.prior,
+            initial_weights, dynamics, on_step,
+        )  # fmt: skip
     weights = initial_weights_or_sample(problem, initial_weights, rng)
     given = dynamics_or_estimate(problem, decisions, dynamics)
     observations = observe(problem.mdp, decisions)
@@ -91,8 +99,9 @@ def fit_serd(
     )
     objective = _LogPosterior(posterior, settings.belief, start, observations.n_decisions)
     ascended = settings.ascent.maximise(objective, settings.belief.pack(start), on_step)
-    parameters = settings.belief.unpack(ascended.vector, start)
-    final = objective.at(parameters)
+    reached = settings.belief.unpack(ascended.vector, start)
+    found = certificate(posterior, settings.belief, reached, ascended)
+    parameters, final = found.parameters, objective.at(found.parameters)
     truth, belief = (
         _checked_probabilities(problem, theta) for theta in (parameters.truth, parameters.belief)
     )
@@ -101,11 +110,51 @@ def fit_serd(
         assumptions,
         parameters,
         final,
-        ascended,
+        found.ascended,
+        undetermined=found.undetermined,
         tables=(truth, belief, initial_probabilities),
         n_decisions=observations.n_decisions,
         objective=final.objective,
         objective_trace=ascended.objective_trace * observations.n_decisions,
+    )
+
+
+def _fit_by_evidence(
+    problem: Problem,
+    decisions: Decisions,
+    policy_model: PolicyModel,
+    settings: SerdSettings,
+    by_evidence: PriorByEvidence,
+    initial_weights: FloatArray | None,
+    dynamics: FloatArray | None,
+    on_step: StepCallback | None,
+) -> FitResult:
+    """Algorithm 1 with Newton's method and the prior of highest evidence."""
+    given = dynamics_or_estimate(problem, decisions, dynamics)
+    observations = observe(problem.mdp, decisions)
+    n_features = len(problem.feature_names)
+    weights = np.zeros(n_features) if initial_weights is None else initial_weights
+    start = starting_parameters(problem, policy_model, weights, given, settings.belief)
+    initial = problem.mdp.transitions.local_probabilities(start.truth)
+    require_possible(observations, problem.mdp, initial)
+    posterior = Posterior(
+        problem, observations, policy_model, UNIFORM, settings.solver, settings.linear_solver
+    )
+    found = fit_by_evidence(
+        posterior, settings.belief, by_evidence, start, on_step, staged=initial_weights is None
+    )
+    at, model = found.parameters, problem.mdp.transitions
+    final = found.objective.at(at)
+    return fit_result(
+        problem,
+        Assumptions(policy_model, settings.belief, found.prior),
+        at,
+        final,
+        found.ascended,
+        tables=(model.local_probabilities(at.truth), model.local_probabilities(at.belief), initial),
+        n_decisions=observations.n_decisions,
+        objective=final.objective,
+        objective_trace=found.ascended.objective_trace,
     )
 
 
@@ -117,7 +166,7 @@ def fit_mdce_serd(
     rng: np.random.Generator | None = None,
     dynamics: FloatArray | None = None,
     belief: Belief = TIED,
-    prior: Prior = UNIFORM,
+    prior: Prior | PriorByEvidence = UNIFORM,
     ascent: Ascent = LBFGS,
     on_step: StepCallback | None = None,
 ) -> FitResult:

@@ -107,6 +107,16 @@ class CoupledBelief(FreeBelief):
 
 
 @dataclass(frozen=True)
+class BeliefAroundTruth(FreeBelief):
+    """Two blocks, the belief drawn from a Dirichlet distribution around the truth.
+
+    concentration: of that distribution; None where it is chosen by evidence.
+    """
+
+    concentration: float | None = None
+
+
+@dataclass(frozen=True)
 class FixedBelief(Belief):
     """Dynamics are given and stay as they are: inverse reinforcement learning."""
 

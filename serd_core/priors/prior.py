@@ -9,7 +9,7 @@ from serd_core.arrays import FloatArray
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.derivatives.differences import gradient_differences
-from serd_core.posterior.parameters import Parameters
+from serd_core.posterior.parameters import Block, Parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +34,33 @@ class Prior(ABC):
             parameters.vector,
         )
 
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The blocks whose density this is, given those that it only refers to."""
+        raise SerdError(self._improper)
+
+    def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
+        """What makes value + constant a log density, over weights and coordinates of energies.
+
+        SerdError where the prior is improper, or where its constant has no formula.
+        """
+        del model, parameters
+        raise SerdError(self._improper)
+
+    def pseudo_observations(
+        self, model: TransitionModel, parameters: Parameters, block: Block
+    ) -> FloatArray:
+        """(M,) how many observations of each outcome model of a block the prior is worth."""
+        del model, parameters, block
+        return np.zeros(1)
+
+    @property
+    def _improper(self) -> str:
+        return (
+            "evidence and posteriors need priors that are densities, normalised to 1, got"
+            f" {type(self).__name__}; use GaussianPrior for rewards, DirichletPrior for dynamics"
+        )
+
     def anchored(self, initial_local_probabilities: FloatArray) -> "Prior":
         """The same prior, referring to the initial dynamics where no reference was given."""
         del initial_local_probabilities
@@ -51,6 +78,16 @@ class UniformPrior(Prior):
         """Zero everywhere."""
         del model
         return LogPrior(0.0, parameters.zeros())
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """None."""
+        return ()
+
+    def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
+        """0: no block has a density."""
+        del model, parameters
+        return 0.0
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         """Zero everywhere."""
@@ -75,6 +112,22 @@ class SumOfPriors(Prior):
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         """Sum of the terms' second derivatives."""
         return np.asarray(sum(term.hessian(model, parameters) for term in self.terms))
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """Those of all terms."""
+        return tuple(block for term in self.terms for block in term.blocks)
+
+    def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
+        """Sum of the terms' constants."""
+        return sum(term.log_constant(model, parameters) for term in self.terms)
+
+    def pseudo_observations(
+        self, model: TransitionModel, parameters: Parameters, block: Block
+    ) -> FloatArray:
+        """Sum of the terms'."""
+        counts = [term.pseudo_observations(model, parameters, block) for term in self.terms]
+        return np.asarray(sum(counts, np.zeros(1)))
 
     def anchored(self, initial_local_probabilities: FloatArray) -> "Prior":
         """Anchor every term."""

@@ -15,9 +15,9 @@ for given data is a property of this matrix, shown here by name.
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
 from serd_core.arrays import FloatArray, float_array
+from serd_core.posterior.coordinates import gauge_free_basis
 from serd_core.uncertainty.information import Information
 
 #: Eigenvalues below this share of the largest count as zero.
@@ -69,15 +69,6 @@ def spectrum(
     gauge = information.gauge
     own_units = loadings * scale
     return Spectrum(values, loadings, own_units - own_units @ gauge.T @ gauge, null_share)
-
-
-def gauge_free_basis(gauge: FloatArray) -> FloatArray:
-    """(n, n - g) orthonormal basis of what is orthogonal to (g, n) gauge directions."""
-    n_gauge, n_free = gauge.shape
-    if not n_gauge:
-        return np.eye(n_free)
-    complete = scipy.linalg.qr(gauge.T, mode="full")[0]
-    return np.asarray(complete[:, n_gauge:])
 
 
 def _scale(information: Information, matrix: FloatArray) -> FloatArray:

@@ -20,6 +20,7 @@ from serd_core.learners.fit_result import Assumptions, FitResult
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
+from serd_core.posterior.coordinates import free_gauge, free_names
 from serd_core.posterior.derivatives.posterior_hessian import (
     curvature_parts,
     posterior_hessian,
@@ -86,7 +87,7 @@ class Information:
 
     names: (n,); observed, outer_product: (n, n); gradient: (n,) of J there, 0 at an optimum.
     score_sizes: (n,) largest of the numbers whose differences are the scores of one decision.
-    n_decisions: how many; converged: whether the fit did.
+    n_decisions: how many; converged: whether the fit did, in what is determined.
     gauge: (g, n) directions that change nothing, such as a constant added to all energies of an
     outcome model. parameters: where they were taken; jacobian: (all blocks, n).
     """
@@ -129,14 +130,14 @@ def fit_information(
     sizes = score_sizes(posterior, fit.parameters, q, by_q)
     counts = observations.group_count
     return Information(
-        names=_free_names(problem, fit.parameters, jacobian),
+        names=free_names(problem, fit.parameters, jacobian),
         observed=-vector_hessian(assumed.belief, hessian, at.gradient, fit.parameters),
         outer_product=(free_scores * counts[:, None]).T @ free_scores,
         gradient=assumed.belief.pull_back(at.gradient, fit.parameters),
         score_sizes=np.max(np.abs(jacobian) * sizes[:, None], axis=0),
         n_decisions=float(counts.sum()),
-        converged=fit.converged,
-        gauge=_free_gauge(problem, fit.parameters, jacobian),
+        converged=fit.converged or bool(fit.undetermined),
+        gauge=free_gauge(problem, fit.parameters, jacobian),
         parameters=fit.parameters,
         jacobian=jacobian,
     )
@@ -172,35 +173,3 @@ def _require_fitting(problem: Problem, fit: FitResult, assumed: Assumptions) -> 
                 f"fit must have {wanted} {name} as the problem and policy model do, got {found}"
                 "; pass the problem and the policy model it was made with"
             )
-
-
-def _free_names(problem: Problem, parameters: Parameters, jacobian: FloatArray) -> tuple[str, ...]:
-    """Name each free number after the blocks it moves."""
-    dynamics = problem.mdp.transitions.parameter_names
-    rows = [f"reward {name}" for name in problem.feature_names]
-    rows += [f"belief {name}" for name in dynamics] + [f"truth {name}" for name in dynamics]
-    rows += ["log temperature"] * len(parameters.policy)
-    names = []
-    for column in jacobian.T:
-        moved = [rows[i] for i in np.flatnonzero(column)]
-        tied = len(moved) == 2
-        names.append(moved[1].replace("truth", "dynamics", 1) if tied else moved[0])
-    return tuple(names)
-
-
-def _free_gauge(problem: Problem, parameters: Parameters, jacobian: FloatArray) -> FloatArray:
-    """Gauge directions of each dynamics block in the free numbers, orthonormal rows."""
-    gauge = problem.mdp.transitions.gauge
-    found = []
-    for block in (Block.BELIEF, Block.TRUTH):
-        columns = np.any(jacobian[parameters.place(block)] != 0, axis=0)
-        if columns.any():
-            rows = np.zeros((len(gauge), jacobian.shape[1]))
-            rows[:, columns] = gauge
-            found.append(rows)
-    if not found:
-        return np.zeros((0, jacobian.shape[1]))
-    # Tied blocks give the same rows twice.
-    rows = np.unique(np.concatenate(found), axis=0)
-    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    return np.asarray(rows / lengths)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import scipy.integrate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -8,6 +9,7 @@ from serd_core.errors import SerdError
 from serd_core.posterior.derivatives.differences import gradient_differences
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.coupling import CouplingPrior
+from serd_core.priors.dirichlet import DirichletAroundTruth, DirichletPrior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.entropy import EntropyPrior
 from serd_core.priors.gaussian import GaussianPrior
@@ -29,6 +31,10 @@ PRIORS = [
     KldPrior(0.7, REFERENCE),
     KldPrior(0.7, REFERENCE, Block.BELIEF, np.array([[2.0], [0.5]])),
     CouplingPrior(0.7),
+    DirichletPrior(0.7),
+    DirichletPrior(0.3, Block.BELIEF),
+    DirichletAroundTruth(4.0),
+    GaussianPrior((0.5, 2.0), Block.REWARD),
     KldPrior(0.7, REFERENCE) + GaussianPrior(2.0, Block.REWARD) + UniformPrior(),
 ]
 
@@ -176,3 +182,38 @@ def test_a_reference_that_is_no_distribution_and_negative_pair_weights_are_refus
         KldPrior(1.0, np.array([[0.5, 0.5, 0.5]])).evaluate(MODEL, at)
     with pytest.raises(SerdError, match=r"state_action_weights\[1, 0\] must not be negative"):
         EntropyPrior(1.0, state_action_weights=np.array([[1.0], [-1.0]])).evaluate(MODEL, at)
+
+
+@pytest.mark.parametrize("beta", [1.0, 0.5])
+@pytest.mark.parametrize(
+    "prior", [DirichletPrior(0.7), DirichletPrior(2.0, Block.BELIEF), DirichletAroundTruth(4.0)]
+)
+def test_dirichlet_priors_are_densities_over_energies_without_gauge(prior, beta):
+    """Integrated over the plane of energies that sum to 0."""
+    model = OutcomeModels([[[0, 1, 0]]] * 2, [[0], [0]], np.ones((2, 1), bool), 1, beta)
+    basis = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]])
+    basis /= np.linalg.norm(basis, axis=1, keepdims=True)
+    truth = np.array([0.4, -0.3, -0.1])
+
+    def density(second: float, first: float) -> float:
+        moved = basis.T @ np.array([first, second]) / beta
+        own, other = (moved, truth) if prior.blocks == (Block.BELIEF,) else (truth, moved)
+        at = Parameters(np.zeros(0), own, other, np.zeros(0))
+        value = prior.evaluate(model, at).value + prior.log_constant(model, at)
+        return float(np.exp(value)) / beta**2
+
+    whole = scipy.integrate.dblquad(density, -25, 25, -25, 25, epsabs=1e-5)[0]
+    assert whole == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_maximum_under_a_dirichlet_prior_is_its_mean():
+    at = blocks(np.random.default_rng(0).normal(size=9))
+    slope = DirichletPrior(0.7).evaluate(MODEL, blocks(np.zeros(9))).gradient.truth
+    np.testing.assert_allclose(slope, 0.0, atol=1e-12)
+    same = DirichletAroundTruth(3.0).evaluate(MODEL, at.with_block(Block.BELIEF, at.truth))
+    np.testing.assert_allclose(same.gradient.belief, 0.0, atol=1e-12)
+
+
+def test_deviations_by_number_must_be_as_many_as_the_block_has():
+    with pytest.raises(SerdError, match="one number or 2, one per parameter of the block reward"):
+        GaussianPrior((1.0, 2.0, 3.0), Block.REWARD).evaluate(MODEL, blocks(np.zeros(9)))

@@ -57,9 +57,11 @@ def test_one_optimum_is_one_explanation(gridworld):
 
 
 def test_one_seed_gives_the_same_fits(minimum_example, always_a):
+    prior = KldPrior(1.0) + GaussianPrior(2.0, Block.REWARD)
+
     def run():
         return multi_start(
-            lambda rng: fit_mdce_serd(minimum_example, always_a, rng=rng, prior=KldPrior(1.0)),
+            lambda rng: fit_mdce_serd(minimum_example, always_a, rng=rng, prior=prior),
             1,
             np.random.default_rng(5),
         )

@@ -1,0 +1,1 @@
+"""Bayesian SERD: evidence, posterior distributions and their samples, calibration."""

@@ -1,0 +1,100 @@
+"""What follows from draws of a posterior: credible intervals and the policy averaged over them.
+
+    P(a | s, D) = E[ pi_theta(a | s) | D ]
+
+This average predicts the expert's next decision better than the policy of one point, as it admits
+what the demonstrations leave open (MacKay, Neural Computation 4, 1992, section 4.2).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.bayes.laplace import Laplace
+from serd_core.bellman.backup import BellmanProblem
+from serd_core.bellman.newton import Newton
+from serd_core.dynamics.transition_model import transitions_of
+from serd_core.errors import SerdError
+from serd_core.mdp.problem import Problem, rewards
+from serd_core.policies.policy_model import MdcePolicy
+from serd_core.posterior.coordinates import Coordinates
+
+#: Draws that a summary takes unless another number is asked for.
+N_DRAWS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class PosteriorDraws:
+    """n draws of what is learned.
+
+    coordinates: (n, d); reward: (n, F) weights; outcome_probabilities,
+    believed_outcome_probabilities: (n, M, K).
+    """
+
+    coordinates: FloatArray
+    reward: FloatArray
+    outcome_probabilities: FloatArray
+    believed_outcome_probabilities: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.reward)
+
+
+@dataclass(frozen=True, eq=False)
+class CredibleIntervals:
+    """Lowest and highest of each number, first axis: reward (2, F), outcome tables (2, M, K)."""
+
+    reward: FloatArray
+    outcome_probabilities: FloatArray
+    believed_outcome_probabilities: FloatArray
+
+
+def draws_at(problem: Problem, space: Coordinates, coordinates: FloatArray) -> PosteriorDraws:
+    """The draws at (n, d) coordinates."""
+    model = problem.mdp.transitions
+    at = [space.parameters(u) for u in coordinates]
+    return PosteriorDraws(
+        coordinates=np.asarray(coordinates),
+        reward=np.stack([each.reward for each in at]),
+        outcome_probabilities=np.stack([model.local_probabilities(each.truth) for each in at]),
+        believed_outcome_probabilities=np.stack(
+            [model.local_probabilities(each.belief) for each in at]
+        ),
+    )
+
+
+def laplace_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
+    """n draws of Laplace's approximation."""
+    if n < 2:
+        raise SerdError(f"n must be at least 2, got {n}; use {N_DRAWS}")
+    return draws_at(found.problem, found.coordinates, found.sample(n, rng))
+
+
+def credible_intervals(draws: PosteriorDraws, mass: float = 0.9) -> CredibleIntervals:
+    """Central intervals that hold this share of the draws."""
+    if not 0.0 < mass < 1.0:
+        raise SerdError(f"mass must be between 0 and 1, got {mass}; use 0.9")
+    ends = [(1.0 - mass) / 2.0, (1.0 + mass) / 2.0]
+    return CredibleIntervals(
+        *(
+            np.quantile(values, ends, axis=0)
+            for values in (
+                draws.reward,
+                draws.outcome_probabilities,
+                draws.believed_outcome_probabilities,
+            )
+        )
+    )
+
+
+def posterior_policy(problem: Problem, draws: PosteriorDraws) -> FloatArray:
+    """(S, A) soft policy averaged over the draws, of the problem they are of or of another task."""
+    equation, solver, value = MdcePolicy().equation, Newton(), None
+    total = np.zeros(problem.mdp.available.shape)
+    for weights, table in zip(draws.reward, draws.believed_outcome_probabilities, strict=True):
+        transitions = transitions_of(problem.mdp.transitions, table)
+        bellman = BellmanProblem(equation, rewards(problem, weights), transitions, problem.mdp)
+        solution = solver.solve(bellman, value)
+        total, value = total + solution.policy, solution.value
+    return np.asarray(total / len(draws))

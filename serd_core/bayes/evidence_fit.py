@@ -1,0 +1,249 @@
+"""MDCE SERD with the prior that the evidence chooses: the default of `fit_mdce_serd`.
+
+It starts without chance: reward weights from zero under the M-estimate of the dynamics, then both
+at once. From then on every change of the prior starts at the last maximum.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import scipy.optimize
+
+from serd_core.arrays import FloatArray
+from serd_core.ascent.ascent import STOPPED, AscentResult, Step, StepCallback
+from serd_core.ascent.newton_ascent import NewtonAscent
+from serd_core.bayes.laplace import Laplace, laplace_at
+from serd_core.bayes.strengths import PriorByEvidence, Strengths
+from serd_core.errors import SerdError
+from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
+from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
+from serd_core.posterior.parameters import Parameters
+from serd_core.posterior.posterior import Posterior
+from serd_core.priors.prior import Prior
+
+TIED = TiedBelief()
+#: Half-width of differences by logs of strengths; slope of the log evidence at its maximum.
+HALF_WIDTH, LEVEL = 0.05, 0.01
+#: Slope at which strengths are still good enough, and steps to find them.
+COARSE, MAX_STEPS = 0.2, 40
+#: Strengths stay within so many spreads of their hyperprior's median.
+FARTHEST = 4.0
+
+
+@dataclass(eq=False)
+class SearchRecord:
+    """Steps of all ascents of a fit; on_step: as in `fit_mdce_serd`."""
+
+    on_step: StepCallback | None
+    trace: list[float] = field(default_factory=list)
+    n_evaluations: int = 0
+    stopped: bool = False
+
+    def after_step(self, step: Step, vector: FloatArray) -> bool:
+        """Count the step, with the free vector it reached, and whether to stop there."""
+        self.trace.append(step.objective)
+        if self.on_step is not None:
+            called = replace(step, number=len(self.trace), vector=vector)
+            self.stopped = bool(self.on_step(called))
+        return self.stopped
+
+
+@dataclass(eq=False)
+class EvidenceSearch:
+    """Maxima of the posterior under priors of changing strength, each started at the last.
+
+    posterior: with any prior; start: parameters to begin with.
+    """
+
+    posterior: Posterior
+    belief: Belief
+    start: Parameters
+    record: SearchRecord
+    space: Coordinates = field(init=False)
+    mode: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.space = coordinates(self.posterior.problem, self.belief, self.start)
+        self.mode = self.space.of(self.start)
+
+    @property
+    def parameters(self) -> Parameters:
+        """Where the last ascent ended."""
+        return self.space.parameters(self.mode)
+
+    def objective(self, prior: Prior) -> LogPosterior:
+        """The log posterior under a prior."""
+        return LogPosterior(replace(self.posterior, prior=prior), self.space)
+
+    def maximise(self, objective: LogPosterior) -> AscentResult:
+        """Its maximum, from the last one; no step where a callback has stopped the fit."""
+        ascent = NewtonAscent(max_steps=0) if self.record.stopped else NewtonAscent()
+        found = ascent.maximise(objective, self.mode, self._after_step)
+        self.record.n_evaluations += found.n_evaluations
+        self.mode = found.vector
+        if self.record.stopped:
+            return replace(found, converged=False, message=STOPPED)
+        return found
+
+    def laplace(self, prior: Prior) -> Laplace:
+        """The approximation at the maximum; SerdError where the ascent does not reach it."""
+        objective = self.objective(prior)
+        found = self.maximise(objective)
+        if not found.converged:
+            raise SerdError(found.message)
+        return laplace_at(objective, self.mode)
+
+    def _after_step(self, step: Step) -> bool:
+        return self.record.after_step(step, self.space.table @ step.vector)
+
+
+@dataclass(eq=False)
+class EvidenceOfStrengths:
+    """Log evidence and log hyperprior as a function of (h,) logs of strengths.
+
+    The maximum u* of the posterior moves by du*/dlog = M^-1 d2J / du dlog. So the slope of the
+    evidence takes one Hessian on either side of each strength, and no search.
+    """
+
+    search: EvidenceSearch
+    strengths: Strengths
+    last: tuple[FloatArray, FloatArray] | None = None
+
+    def loss(self, logs: FloatArray) -> tuple[float, FloatArray]:
+        """Minus the sum, and its (h,) gradient."""
+        search, strengths = self.search, self.strengths
+        if self.last is not None:
+            before, moves = self.last
+            search.mode = search.mode + (logs - before) @ moves
+        problem = search.posterior.problem
+        here = search.laplace(strengths.prior(problem, logs))
+        slope, moves = np.zeros(len(logs)), np.zeros((len(logs), len(here.mode)))
+        for number, unit in enumerate(np.eye(len(logs)) * HALF_WIDTH):
+            sides = [search.objective(strengths.prior(problem, logs + d)) for d in (unit, -unit)]
+            pulls = [self._prior_pull(side, here.mode) for side in sides]
+            move = here.root @ (here.root.T @ (pulls[0] - pulls[1])) / 2.0
+            above, below = (
+                self._evidence_near(side, here.mode, way * move)
+                for side, way in zip(sides, (1.0, -1.0), strict=True)
+            )
+            slope[number] = (above - below) / (2.0 * HALF_WIDTH)
+            moves[number] = move / HALF_WIDTH
+        self.last = (logs.copy(), moves)
+        value, hyper_slope = strengths.log_density(logs)
+        return -here.log_evidence - value, -slope - hyper_slope
+
+    def _evidence_near(self, side: LogPosterior, mode: FloatArray, move: FloatArray) -> float:
+        """Log evidence where the tangent leads; where that is no maximum, after a search."""
+        try:
+            return laplace_at(side, mode + move, require_maximum=False).log_evidence
+        except SerdError:
+            self.search.mode = mode
+            self.search.maximise(side)
+            found = laplace_at(side, self.search.mode, require_maximum=False)
+            self.search.mode = mode
+            return found.log_evidence
+
+    def _prior_pull(self, objective: LogPosterior, mode: FloatArray) -> FloatArray:
+        """(d,) gradient of the prior alone."""
+        space, posterior = objective.coordinates, objective.posterior
+        at = space.parameters(mode)
+        gradient = posterior.prior.evaluate(posterior.problem.mdp.transitions, at).gradient
+        return np.asarray(space.table.T @ space.belief.pull_back(gradient, at))
+
+
+@dataclass(frozen=True, eq=False)
+class EvidenceFit:
+    """Where a fit by evidence ended.
+
+    prior: the one chosen; strengths: by name; objective: the log posterior under that prior.
+    ascended: the last ascent, with the steps and evaluations of all; its trace is of the log
+    posterior under the prior that each step had.
+    """
+
+    parameters: Parameters
+    prior: Prior
+    strengths: dict[str, float]
+    objective: LogPosterior
+    ascended: AscentResult
+
+
+def fit_by_evidence(
+    posterior: Posterior,
+    belief: Belief,
+    by_evidence: PriorByEvidence,
+    start: Parameters,
+    on_step: StepCallback | None = None,
+    *,
+    staged: bool,
+) -> EvidenceFit:
+    """The maximum of the posterior under the strengths of highest evidence.
+
+    posterior: with any prior; start: parameters to begin with. staged: whether to look for the
+    reward weights first, under the dynamics of the start, and for equal belief and truth before
+    they part. Where no maximum is found, or on_step stops, the last point is returned as one that
+    did not converge.
+    """
+    if len(start.policy):
+        raise SerdError(
+            "evidence is that of MdcePolicy, got a policy model with a temperature, whose posterior"
+            " has kinks; use fit_mdce_serd, or give a prior that is not PriorByEvidence"
+        )
+    record = SearchRecord(on_step)
+    search = EvidenceSearch(posterior, belief, start, record)
+    strengths = by_evidence.strengths(belief)
+    logs = strengths.start
+    for stage in _stages(belief) if staged else ():
+        earlier = EvidenceSearch(posterior, stage, search.parameters, record)
+        prepared = by_evidence.strengths(stage)
+        if stage.learns_dynamics:
+            found = best_strengths(earlier, prepared, prepared.start)[0]
+            logs = strengths.logs(prepared.values(found))
+        else:
+            earlier.maximise(earlier.objective(prepared.prior(posterior.problem, prepared.start)))
+        search.mode = search.space.of(earlier.parameters)
+    logs, failure = best_strengths(search, strengths, logs)
+    prior = strengths.prior(posterior.problem, logs)
+    objective = search.objective(prior)
+    ascended = search.maximise(objective)
+    if failure:
+        ascended = replace(ascended, converged=False, message=failure)
+    counted = replace(
+        ascended,
+        objective_trace=np.array(search.record.trace),
+        n_steps=len(search.record.trace),
+        n_evaluations=search.record.n_evaluations,
+    )
+    return EvidenceFit(search.parameters, prior, strengths.values(logs), objective, counted)
+
+
+def _stages(belief: Belief) -> tuple[Belief, ...]:
+    """Beliefs to fit before this one, as a start: each has more that is free."""
+    if not belief.learns_dynamics:
+        return ()
+    return (FixedBelief(),) if belief == TIED else (FixedBelief(), TIED)
+
+
+def best_strengths(
+    search: EvidenceSearch, strengths: Strengths, start: FloatArray
+) -> tuple[FloatArray, str]:
+    """(h,) logs of the strengths of highest evidence, and why they are not, where they are not."""
+    if not strengths.open:
+        return start, ""
+    evidence = EvidenceOfStrengths(search, strengths)
+    middle, reach = strengths.start, FARTHEST * strengths.spreads
+    try:
+        found = scipy.optimize.minimize(
+            evidence.loss,
+            start,
+            jac=True,
+            method="L-BFGS-B",
+            bounds=list(zip(middle - reach, middle + reach, strict=True)),
+            options={"gtol": LEVEL, "ftol": 0.0, "maxiter": MAX_STEPS},
+        )
+    except SerdError as error:
+        last = start if evidence.last is None else evidence.last[0]
+        return last, str(error)
+    slope = np.abs(found.jac)[np.abs(found.x - middle) < reach]
+    if np.any(slope > COARSE):
+        return np.asarray(found.x), f"not converged: strengths of the prior: {found.message}"
+    return np.asarray(found.x), ""

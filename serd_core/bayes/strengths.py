@@ -1,0 +1,136 @@
+"""How strong priors are, found from the data: the maximum of Laplace's evidence.
+
+    w_f ~ Normal(0, (sigma / range of f)^2),      P_m ~ Dirichlet(c, ..., c)
+
+sigma, c (and the concentration kappa of a belief around the truth) maximise log P(D | strengths)
+plus the log of a wide log-normal density of each (MacKay, Neural Computation 4, 1992). Without that
+density few decisions would drive strengths to infinity: where weights of 0 explain the data best,
+the evidence has its maximum at sigma = 0.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from serd_core.errors import SerdError
+from serd_core.mdp.problem import Problem
+from serd_core.posterior.beliefs import Belief, BeliefAroundTruth, CoupledBelief
+from serd_core.posterior.coordinates import feature_ranges
+from serd_core.posterior.parameters import Block
+from serd_core.priors.dirichlet import DirichletAroundTruth, DirichletPrior
+from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.prior import Prior
+
+
+@dataclass(frozen=True)
+class LogNormal:
+    """The density of log x, for a strength x of that median; spread: sd of log x."""
+
+    median: float
+    spread: float
+
+    def log_density(self, log_x: float) -> tuple[float, float]:
+        """At log x, and its slope."""
+        away = (log_x - np.log(self.median)) / self.spread
+        value = -0.5 * away**2 - np.log(self.spread * np.sqrt(2.0 * np.pi))
+        return float(value), float(-away / self.spread)
+
+
+#: sigma in nats over the range of a feature, c in observations, kappa in observations.
+DEVIATION, PSEUDO_COUNT = LogNormal(3.0, 0.7), LogNormal(1.0, 0.5)
+CONCENTRATION = LogNormal(30.0, 1.5)
+
+
+@dataclass(frozen=True)
+class PriorByEvidence:
+    """A normal prior on rewards and a Dirichlet prior on dynamics, both proper.
+
+    deviation: sigma; pseudo_count: c; None for the one of highest evidence.
+    """
+
+    deviation: float | None = None
+    pseudo_count: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("deviation", "pseudo_count"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise SerdError(
+                    f"{name} of PriorByEvidence must be finite and above 0, got {value}; use None"
+                    " to find it"
+                )
+
+    def strengths(self, belief: Belief) -> "Strengths":
+        """Those that a fit under the belief has."""
+        given: dict[str, float | None] = {"deviation": self.deviation}
+        if belief.learns_dynamics:
+            given["pseudo_count"] = self.pseudo_count
+        if isinstance(belief, CoupledBelief):
+            raise SerdError(
+                "CoupledBelief has a prior that is no density, so it has no evidence; use"
+                " BeliefAroundTruth(), or give fit_mdce_serd a prior"
+            )
+        if isinstance(belief, BeliefAroundTruth):
+            given["concentration"] = belief.concentration
+        return Strengths(belief, tuple(given.items()))
+
+
+HYPERPRIORS = {
+    "deviation": DEVIATION,
+    "pseudo_count": PSEUDO_COUNT,
+    "concentration": CONCENTRATION,
+}
+
+
+@dataclass(frozen=True)
+class Strengths:
+    """The strengths of a prior; given: by name, None for those to find."""
+
+    belief: Belief
+    given: tuple[tuple[str, float | None], ...]
+
+    @property
+    def open(self) -> tuple[str, ...]:
+        """Names of those to find."""
+        return tuple(name for name, value in self.given if value is None)
+
+    @property
+    def start(self) -> FloatArray:
+        """(h,) logs of the medians of those to find."""
+        return np.log([HYPERPRIORS[name].median for name in self.open])
+
+    @property
+    def spreads(self) -> FloatArray:
+        """(h,) spreads of the hyperpriors of those to find."""
+        return np.array([HYPERPRIORS[name].spread for name in self.open])
+
+    def log_density(self, logs: FloatArray) -> tuple[float, FloatArray]:
+        """Of the hyperprior at (h,) logs of those to find, and its gradient."""
+        pairs = zip(self.open, logs, strict=True)
+        each = np.array([HYPERPRIORS[name].log_density(float(log)) for name, log in pairs])
+        table = each.reshape(len(logs), 2)
+        return float(table[:, 0].sum()), table[:, 1]
+
+    def values(self, logs: FloatArray) -> dict[str, float]:
+        """All strengths by name, for (h,) logs of those to find."""
+        found = dict(zip(self.open, np.exp(logs).tolist(), strict=True))
+        return {name: found[name] if value is None else value for name, value in self.given}
+
+    def logs(self, values: dict[str, float]) -> FloatArray:
+        """(h,) logs of those to find, at the given values and otherwise at their medians."""
+        medians = {name: prior.median for name, prior in HYPERPRIORS.items()}
+        return np.log([(medians | values)[name] for name in self.open])
+
+    def prior(self, problem: Problem, logs: FloatArray) -> Prior:
+        """The prior of these strengths."""
+        values = self.values(logs)
+        deviations = values["deviation"] / feature_ranges(problem)
+        prior: Prior = GaussianPrior(tuple(deviations.tolist()), Block.REWARD)
+        if "pseudo_count" in values:
+            prior = prior + DirichletPrior(values["pseudo_count"], Block.TRUTH)
+        if "concentration" in values:
+            return prior + DirichletAroundTruth(values["concentration"])
+        if (Block.BELIEF,) in self.belief.groups:
+            return prior + DirichletPrior(values["pseudo_count"], Block.BELIEF)
+        return prior

@@ -1,0 +1,62 @@
+"""Whether a fit has converged: Newton's method goes on from where its ascent ended, and stays.
+
+The gradient alone does not show it. It is small where a feature has small values, where decisions
+agree so well that the likelihood grows without end (separable data), and along directions that no
+decision informs. The Newton step in standard errors distinguishes these
+(`serd_core.ascent.newton_ascent`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from serd_core.ascent.ascent import AT_A_KINK, AscentResult
+from serd_core.ascent.newton_ascent import STILL, NewtonAscent, newton_step
+from serd_core.posterior.beliefs import Belief
+from serd_core.posterior.coordinates import LogPosterior, coordinates
+from serd_core.posterior.parameters import Parameters
+from serd_core.posterior.posterior import Posterior
+
+#: Newton steps from the end of an ascent; from a maximum three suffice.
+FINAL_STEPS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """Where the ascent ends and what that is worth; undetermined: directions nothing determines."""
+
+    parameters: Parameters
+    ascended: AscentResult
+    undetermined: tuple[str, ...] = ()
+
+
+def certificate(
+    posterior: Posterior, belief: Belief, parameters: Parameters, ascended: AscentResult
+) -> Certificate:
+    """The maximum nearby, where there is one.
+
+    An ascent that did not converge, or ended at a kink, stays as it is. So do those of policies
+    over optimal Q-values, whose log posterior has kinks.
+    """
+    smooth = posterior.policy_model.equation.curved
+    if not (ascended.converged and smooth) or ascended.message == AT_A_KINK:
+        return Certificate(parameters, ascended)
+    space = coordinates(posterior.problem, belief, parameters)
+    objective = LogPosterior(posterior, space)
+    found = NewtonAscent(max_steps=FINAL_STEPS).maximise(objective, space.of(parameters))
+    counted = replace(ascended, n_evaluations=ascended.n_evaluations + found.n_evaluations)
+    if found.converged:
+        return Certificate(space.parameters(found.vector), counted)
+    values, vectors = np.linalg.eigh(-objective.hessian(found.vector))
+    step = newton_step(objective.evaluate(found.vector)[1], values, vectors)
+    if np.any(np.abs(step.move) > STILL):
+        reason = (
+            "not converged: the log posterior grows on and on along"
+            f" {space.describe(step.move)} (separable decisions); give these numbers a prior"
+        )
+        return Certificate(parameters, replace(counted, converged=False, message=reason))
+    flat = tuple(space.describe(direction) for direction in step.flat)
+    reason = f"not converged: Newton step of {step.standard_errors:.2g} standard errors"
+    if flat:
+        reason = f"not converged: nothing determines {flat[0]}; give these numbers a prior"
+    return Certificate(parameters, replace(counted, converged=False, message=reason), flat)

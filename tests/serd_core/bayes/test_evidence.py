@@ -1,0 +1,356 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.integrate
+import scipy.special
+
+from serd_core.bayes.draws import credible_intervals, laplace_draws, posterior_policy
+from serd_core.bayes.laplace import laplace, laplace_at
+from serd_core.bayes.strengths import PriorByEvidence
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.errors import SerdError
+from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
+from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
+from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import TabularProblem
+from serd_core.policies.policy_model import MdcePolicy
+from serd_core.policies.solved_policy import soft_policy
+from serd_core.posterior.beliefs import (
+    BeliefAroundTruth,
+    CoupledBelief,
+    FixedBelief,
+    FreeBelief,
+    TiedBelief,
+)
+from serd_core.posterior.coordinates import LogPosterior, coordinates, feature_ranges
+from serd_core.posterior.parameters import Block
+from serd_core.posterior.posterior import Posterior
+from serd_core.priors.dirichlet import DirichletPrior
+from serd_core.priors.divergence import KldPrior
+from serd_core.priors.gaussian import GaussianPrior
+
+BY_EVIDENCE = PriorByEvidence()
+PROPER = GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.7)
+
+
+def scaled(problem: TabularProblem, factors: list[float]) -> TabularProblem:
+    return TabularProblem(problem.mdp, problem.features * np.array(factors), problem.feature_names)
+
+
+def one_state_choices(n_first: int, n_second: int) -> tuple[TabularProblem, Decisions]:
+    """One state, two actions, one feature of the first action, discount 0: a logistic model.
+
+    A second state, which is never left, makes outcomes: both actions share one model of two.
+    """
+    successors = np.zeros((2, 2, 2), int)
+    successors[0], successors[1] = [0, 1], 1
+    models = OutcomeModels(successors, np.zeros((2, 2), int), np.ones((2, 2), bool), 1)
+    features = np.array([[[1.0], [0.0]], [[0.0], [0.0]]])
+    n = n_first + n_second
+    actions = np.repeat([0, 1], [n_first, n_second])
+    outcome = np.arange(n) % 3 == 0
+    decisions = Decisions(np.arange(n), np.zeros(n), np.zeros(n, int), actions, outcome * 1)
+    return TabularProblem(Mdp(models, 0.0), features, ("first",)), decisions
+
+
+def test_the_evidence_agrees_with_numerical_integration():
+    problem, decisions = one_state_choices(9, 4)
+    fit = fit_mdce_serd(problem, decisions, initial_weights=np.zeros(1), prior=PROPER)
+    found = laplace(problem, decisions, fit)
+
+    def choices(w: float) -> float:
+        normal = np.exp(-0.5 * (w / 2.0) ** 2) / (2.0 * np.sqrt(2.0 * np.pi))
+        return normal * scipy.special.expit(w) ** 9 * scipy.special.expit(-w) ** 4
+
+    by_reward = np.log(scipy.integrate.quad(choices, -40, 40)[0])
+    outcomes = scipy.special.betaln(8 + 0.7, 5 + 0.7) - scipy.special.betaln(0.7, 0.7)
+    assert found.log_evidence == pytest.approx(by_reward + outcomes, abs=0.03)
+
+
+def test_counted_transitions_have_their_exact_evidence(random_problem):
+    """Where choices do not depend on the dynamics: a Dirichlet-multinomial distribution."""
+    problem, _ = random_problem(3)
+    still = replace(problem.mdp, discount=0.0)
+    problem = TabularProblem(still, problem.features, problem.feature_names)
+    model = still.transitions
+    rng = np.random.default_rng(0)
+    state, action = np.argwhere(model.available)[rng.integers(model.available.sum(), size=30)].T
+    k = rng.integers(model.n_outcomes, size=30)
+    decisions = Decisions(
+        np.arange(30), np.zeros(30), state, action, model.successors[state, action, k]
+    )
+    prior = GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.4)
+    tied = laplace(
+        problem,
+        decisions,
+        fit_mdce_serd(problem, decisions, initial_weights=np.zeros(2), prior=prior),
+    )
+    alone = laplace(
+        problem,
+        decisions,
+        fit_mdce_serd(
+            problem,
+            decisions,
+            initial_weights=np.zeros(2),
+            belief=FixedBelief(),
+            prior=GaussianPrior(2.0, Block.REWARD),
+        ),
+    )
+    by_policy = alone.log_evidence - fit_value(problem, decisions)
+    exact = dirichlet_multinomial(problem, decisions, 0.4)
+    assert tied.log_evidence - by_policy == pytest.approx(exact, abs=1e-6)
+
+
+def fit_value(problem: TabularProblem, decisions: Decisions) -> float:
+    """Log-likelihood of the transitions under the M-estimate, which fixed dynamics have."""
+    fit = fit_mdce_serd(
+        problem,
+        decisions,
+        initial_weights=np.zeros(2),
+        belief=FixedBelief(),
+        prior=GaussianPrior(2.0, Block.REWARD),
+    )
+    return fit.dynamics_log_likelihood
+
+
+def dirichlet_multinomial(problem: TabularProblem, decisions: Decisions, count: float) -> float:
+    """By the chain rule over draws; needs pairs whose outcomes have different successors."""
+    model = problem.mdp.transitions
+    total, seen = 0.0, np.full((model.n_models, model.n_outcomes), count)
+    for s, a, following in zip(
+        decisions.state, decisions.action, decisions.next_state, strict=True
+    ):
+        explaining = model.successors[s, a] == following
+        if explaining.sum() != 1:
+            pytest.skip("the random problem has outcomes with equal successors")
+        row = seen[model.model_of[s, a]]
+        total += float(np.log(row[explaining].sum() / row.sum()))
+        row[explaining] += 1.0
+    return total
+
+
+@pytest.mark.parametrize("factors", [[1e8, 1.0], [1e-8, 1e8]])
+def test_units_of_features_do_not_matter(gridworld, factors):
+    fit = fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
+    other = scaled(gridworld.problem, factors)
+    same = fit_mdce_serd(other, gridworld.decisions, prior=BY_EVIDENCE)
+    found = laplace(gridworld.problem, gridworld.decisions, fit)
+    errors = np.sqrt(np.diag(found.covariance))[:2]
+    assert fit.converged
+    assert same.converged
+    away = same.reward_weights * factors - fit.reward_weights
+    assert np.all(np.abs(away) <= 1e-6 * errors)
+    again = laplace(other, gridworld.decisions, same)
+    assert again.log_evidence == pytest.approx(found.log_evidence, abs=1e-6)
+
+
+def test_the_gauge_of_the_energies_does_not_matter(gridworld):
+    fit = fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
+    shifted = fit.parameters.truth + np.repeat(np.arange(9.0), 5)
+    moved = replace(fit, parameters=replace(fit.parameters, truth=shifted, belief=shifted))
+    first = laplace(gridworld.problem, gridworld.decisions, fit)
+    second = laplace(gridworld.problem, gridworld.decisions, moved)
+    assert second.log_evidence == pytest.approx(first.log_evidence, abs=1e-8)
+
+
+def test_names_of_actions_do_not_matter(gridworld):
+    order = np.array([3, 0, 4, 1, 2])
+    given, model = gridworld.problem, gridworld.problem.mdp.transitions
+    models = OutcomeModels(
+        model.successors[:, order], model.model_of[:, order], model.available[:, order], 9
+    )
+    problem = TabularProblem(
+        Mdp(models, given.mdp.discount), given.features[:, order], given.feature_names
+    )
+    seen = gridworld.decisions
+    renamed = replace(seen, action=np.argsort(order)[seen.action])
+    first = fit_mdce_serd(given, seen, prior=BY_EVIDENCE)
+    second = fit_mdce_serd(problem, renamed, prior=BY_EVIDENCE)
+    np.testing.assert_allclose(second.reward_weights, first.reward_weights, rtol=1e-7)
+
+
+def test_an_outcome_model_that_no_one_uses_adds_no_evidence(gridworld):
+    given, model = gridworld.problem, gridworld.problem.mdp.transitions
+    more = OutcomeModels(model.successors, model.model_of, model.available, 10)
+    problem = TabularProblem(Mdp(more, given.mdp.discount), given.features, given.feature_names)
+    prior = GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.3)
+    values = [
+        laplace(
+            one,
+            gridworld.decisions,
+            fit_mdce_serd(one, gridworld.decisions, initial_weights=np.zeros(2), prior=prior),
+        ).log_evidence
+        for one in (given, problem)
+    ]
+    assert values[1] == pytest.approx(values[0], abs=1e-8)
+
+
+def test_strengths_are_where_the_evidence_is_highest(gridworld):
+    fit = fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
+    normal, dirichlet = fit.assumptions.prior.terms
+    deviation = normal.standard_deviation[0] * feature_ranges(gridworld.problem)[0]
+    strengths = BY_EVIDENCE.strengths(fit.assumptions.belief)
+    best = np.log([deviation, dirichlet.pseudo_count])
+
+    def worth(logs: np.ndarray) -> float:
+        given = PriorByEvidence(*np.exp(logs))
+        one = fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=given)
+        evidence = laplace(gridworld.problem, gridworld.decisions, one).log_evidence
+        return evidence + strengths.log_density(logs)[0]
+
+    highest = worth(best)
+    for move in ([0.3, 0.0], [-0.3, 0.0], [0.0, 0.3], [0.0, -0.3]):
+        assert worth(best + np.array(move)) < highest - 1e-3
+
+
+def test_fits_start_without_chance(gridworld):
+    seeds = [np.random.default_rng(seed) for seed in (1, 2)]
+    fits = [
+        fit_mdce_serd(gridworld.problem, gridworld.decisions, rng=rng, prior=BY_EVIDENCE)
+        for rng in seeds
+    ]
+    np.testing.assert_array_equal(fits[0].reward_weights, fits[1].reward_weights)
+
+
+@pytest.mark.parametrize("belief", [FreeBelief(), BeliefAroundTruth(), FixedBelief()])
+def test_every_relation_of_belief_and_truth_has_evidence(gridworld, belief):
+    fit = fit_mdce_serd(gridworld.problem, gridworld.decisions, belief=belief, prior=BY_EVIDENCE)
+    assert fit.converged
+    assert np.isfinite(laplace(gridworld.problem, gridworld.decisions, fit).log_evidence)
+
+
+def test_inverse_reinforcement_learning_has_evidence_too(gridworld):
+    fit = fit_mdce_irl_by_likelihood(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
+    assert fit.converged
+    assert fit.gradient_norm <= 1e-7
+
+
+def test_draws_have_the_moments_of_the_approximation(gridworld):
+    fit = fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
+    found = laplace(gridworld.problem, gridworld.decisions, fit)
+    draws = laplace_draws(found, np.random.default_rng(0), 4000)
+    np.testing.assert_allclose(draws.reward.mean(axis=0), fit.reward_weights, rtol=1e-9)
+    errors = np.sqrt(np.diag(found.covariance))[:2]
+    np.testing.assert_allclose(draws.reward.std(axis=0), errors, rtol=0.06)
+    intervals = credible_intervals(draws)
+    normal = fit.reward_weights + 1.645 * errors
+    np.testing.assert_allclose(intervals.reward[1], normal, atol=0.15 * errors.max())
+    table = intervals.outcome_probabilities
+    assert np.all(table[0] <= fit.outcome_probabilities)
+    assert np.all(table[1] >= fit.outcome_probabilities)
+
+
+def test_the_averaged_policy_is_the_mean_of_the_policies(gridworld):
+    fit = fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
+    found = laplace(gridworld.problem, gridworld.decisions, fit)
+    draws = laplace_draws(found, np.random.default_rng(0), 6)
+    each = [
+        soft_policy(gridworld.problem, w, p).probabilities
+        for w, p in zip(draws.reward, draws.believed_outcome_probabilities, strict=True)
+    ]
+    policy = posterior_policy(gridworld.problem, draws)
+    np.testing.assert_allclose(policy, np.mean(each, axis=0), atol=1e-9)
+
+
+@pytest.mark.parametrize("belief", [FreeBelief(), BeliefAroundTruth(5.0), FixedBelief()])
+def test_coordinates_have_the_right_derivatives(gridworld, belief):
+    prior = BY_EVIDENCE.strengths(belief)
+    start = fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE).parameters
+    posterior = Posterior(
+        gridworld.problem,
+        observe(gridworld.problem.mdp, gridworld.decisions),
+        MdcePolicy(),
+        prior.prior(gridworld.problem, prior.start),
+    )
+    space = coordinates(gridworld.problem, belief, start)
+    objective = LogPosterior(posterior, space)
+    rng = np.random.default_rng(1)
+    at = space.of(start) + 0.1 * rng.normal(size=space.table.shape[1])
+    along = rng.normal(size=len(at))
+    above, below = (objective.evaluate(at + step * 1e-5 * along) for step in (1.0, -1.0))
+    slope = (above[0] - below[0]) / 2e-5
+    assert objective.evaluate(at)[1] @ along == pytest.approx(slope, rel=1e-5)
+    bend = (above[1] - below[1]) / 2e-5
+    np.testing.assert_allclose(objective.hessian(at) @ along, bend, rtol=1e-4, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("prior", "message"),
+    [
+        (GaussianPrior(2.0, Block.REWARD) + KldPrior(1.0), "normalised to 1, got KldPrior"),
+        (GaussianPrior(2.0, Block.REWARD), "density over the block belief or truth too"),
+        (DirichletPrior(1.0), "density over the block reward too, got none"),
+        (PROPER + GaussianPrior(2.0, Block.REWARD, mean=9.0), "reward must have one prior, got 2"),
+        (PROPER + DirichletPrior(3.0, Block.BELIEF), "belief or truth must have one prior, got 2"),
+    ],
+)
+def test_priors_that_are_no_densities_have_no_evidence(gridworld, prior, message):
+    fit = fit_mdce_serd(
+        gridworld.problem, gridworld.decisions, initial_weights=np.ones(2), prior=PROPER
+    )
+    assumed = replace(fit, assumptions=replace(fit.assumptions, prior=prior))
+    with pytest.raises(SerdError, match=message):
+        laplace(gridworld.problem, gridworld.decisions, assumed)
+
+
+def test_a_prior_of_what_is_not_learned_is_rejected(gridworld):
+    fit = fit_mdce_irl_by_likelihood(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
+    assumed = replace(fit, assumptions=replace(fit.assumptions, prior=PROPER))
+    with pytest.raises(SerdError, match="which FixedBelief does not learn; leave it out"):
+        laplace(gridworld.problem, gridworld.decisions, assumed)
+
+
+def test_a_direction_that_bends_up_is_named(minimum_example):
+    """Between the two explanations of section 4.6.1 the posterior has a saddle."""
+    zeros = np.zeros(30, int)
+    decisions = Decisions(np.arange(30), zeros * 1.0, zeros, zeros, np.array([0, 1, 1] * 10))
+    observations = observe(minimum_example.mdp, decisions)
+    posterior = Posterior(minimum_example, observations, MdcePolicy(), PROPER)
+    start = fit_mdce_serd(minimum_example, decisions, prior=BY_EVIDENCE).parameters
+    space = coordinates(minimum_example, TiedBelief(), start)
+    with pytest.raises(SerdError, match=r"information is -.* along .*reward state"):
+        laplace_at(LogPosterior(posterior, space), np.zeros(3))
+
+
+def test_a_point_on_the_way_has_no_approximation(gridworld):
+    stopped = fit_mdce_serd(
+        gridworld.problem,
+        gridworld.decisions,
+        initial_weights=np.ones(2),
+        prior=PROPER,
+        on_step=lambda step: step.number == 4,
+    )
+    with pytest.raises(SerdError, match=r"Newton step is at most|bend down"):
+        laplace(gridworld.problem, gridworld.decisions, stopped)
+
+
+def test_what_has_no_evidence_is_rejected_before_the_fit(gridworld):
+    case = gridworld.problem, gridworld.decisions
+    with pytest.raises(SerdError, match="CoupledBelief has a prior that is no density"):
+        fit_mdce_serd(*case, belief=CoupledBelief(1.0), prior=BY_EVIDENCE)
+    with pytest.raises(SerdError, match="policy model with a temperature"):
+        fit_pm_serd(*case, prior=BY_EVIDENCE)
+    for wrong in (0.0, -1.0, np.inf, np.nan):
+        with pytest.raises(SerdError, match="deviation of PriorByEvidence must be finite and"):
+            PriorByEvidence(deviation=wrong)
+        with pytest.raises(SerdError, match="pseudo_count of DirichletPrior must be finite and"):
+            DirichletPrior(wrong)
+
+
+def test_a_callback_follows_and_stops_the_search(gridworld):
+    numbers = []
+
+    def stop_at_five(step):
+        numbers.append(step.number)
+        assert len(step.vector) in (2, 47)
+        return step.number == 5
+
+    fit = fit_mdce_serd(
+        gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE, on_step=stop_at_five
+    )
+    assert numbers == [1, 2, 3, 4, 5]
+    assert not fit.converged
+    assert "stopped" in fit.message

@@ -1,0 +1,100 @@
+"""`converged` holds at a maximum only, and its message names what is missing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
+from serd_core.learners.serd import fit_mdce_serd
+from serd_core.mdp.problem import TabularProblem
+from serd_core.posterior.parameters import Block
+from serd_core.priors.gaussian import GaussianPrior
+
+KNOWN = {"initial_weights": np.zeros(2)}
+
+
+def with_features(problem: TabularProblem, features: np.ndarray) -> TabularProblem:
+    return TabularProblem(problem.mdp, features, problem.feature_names)
+
+
+def test_a_small_feature_does_not_pass_for_a_small_gradient(gridworld):
+    """With values of 1e-8 the gradient at the start is within the tolerance of the ascent."""
+    factors = np.array([1e-8, 1.0])
+    small = with_features(gridworld.problem, gridworld.problem.features * factors)
+    fit = fit_mdce_irl_by_likelihood(gridworld.problem, gridworld.decisions, **KNOWN)
+    same = fit_mdce_irl_by_likelihood(small, gridworld.decisions, **KNOWN)
+    assert fit.converged
+    assert same.converged
+    np.testing.assert_allclose(same.reward_weights * factors, fit.reward_weights, rtol=1e-6)
+
+
+def test_decisions_that_all_agree_are_named_separable(gridworld):
+    """Everyone steps to the brightest neighbour, so a larger weight is always more likely."""
+    problem = gridworld.problem
+    brightness = problem.features[:, 0, 0]
+    model = problem.mdp.transitions
+    state = np.arange(problem.mdp.n_states)
+    ahead = model.successors[state[:, None], np.arange(5), np.arange(5)]
+    action = np.argmax(brightness[ahead], axis=1)
+    decisions = Decisions(
+        state, state * 1.0, state, action, ahead[state, action], "brightest neighbour"
+    )
+    certain = np.eye(5)[[0, 1, 2, 3, 4, 1, 2, 3, 4]]
+    still = replace(problem.mdp, discount=0.3)
+    only = TabularProblem(still, problem.features[:, :, :1], ("brightness",))
+    fit = fit_mdce_irl_by_likelihood(only, decisions, initial_weights=np.zeros(1), dynamics=certain)
+    assert not fit.converged
+    assert "grows on and on along +1.00 reward brightness (separable decisions)" in fit.message
+    prior = GaussianPrior(3.0, Block.REWARD)
+    kept = fit_mdce_irl_by_likelihood(
+        only, decisions, initial_weights=np.zeros(1), dynamics=certain, prior=prior
+    )
+    assert kept.converged
+    assert kept.reward_weights[0] > 0
+
+
+def test_a_feature_that_no_decision_depends_on_is_named(gridworld):
+    """A feature that is constant adds a constant to all values and changes no choice."""
+    features = gridworld.problem.features.copy()
+    features[:, :, 1] = 7.0
+    constant = with_features(gridworld.problem, features)
+    fit = fit_mdce_irl_by_likelihood(constant, gridworld.decisions, **KNOWN)
+    assert not fit.converged
+    assert "nothing determines" in fit.message
+    assert "reward goal" in fit.message
+    assert len(fit.undetermined) == 1
+
+
+def test_a_saddle_is_left(minimum_example):
+    """At equal dynamics the gradient by the reward vanishes, and the log posterior bends up."""
+    zeros = np.zeros(30, int)
+    decisions = Decisions(np.arange(30), zeros * 1.0, zeros, zeros, np.array([0, 1, 1] * 10))
+    prior = GaussianPrior(2.0, Block.REWARD) + GaussianPrior(1.0, Block.TRUTH)
+    fit = fit_mdce_serd(
+        minimum_example,
+        decisions,
+        initial_weights=np.zeros(1),
+        dynamics=np.full((2, 2), 0.5),
+        prior=prior,
+    )
+    assert fit.converged
+    assert abs(fit.reward_weights[0]) > 0.1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_converged_fit_is_a_maximum(gridworld, seed):
+    prior = GaussianPrior(2.0, Block.REWARD) + GaussianPrior(2.0, Block.TRUTH)
+    fit = fit_mdce_serd(
+        gridworld.problem, gridworld.decisions, rng=np.random.default_rng(seed), prior=prior
+    )
+    assert fit.converged
+    again = fit_mdce_serd(
+        gridworld.problem,
+        gridworld.decisions,
+        initial_weights=fit.reward_weights,
+        dynamics=fit.outcome_probabilities,
+        prior=prior,
+    )
+    np.testing.assert_allclose(again.reward_weights, fit.reward_weights, rtol=1e-6)
