@@ -32,6 +32,8 @@ NO_POSE = "no pose recorded then"
 OFF_GRID = "robot off the grid"
 UNEXPLAINED = "no neighbouring cell explains the move"
 REPEATED = "of an episode that was there before"
+#: Share of decisions to wait while the robot moves above which actions do not explain the motion.
+MOST_MOVING_WAITS = 0.02
 _STAMP_TOLERANCE_S = 1e-6
 
 
@@ -42,6 +44,7 @@ class DiscretisationReport:
     n_bad_poses: poses that were left out because a number in them is not finite.
     n_unplaced_poses: those left out because no transform was recorded about their time.
     n_bad_commands: velocity commands left out because a number in them is not finite.
+    n_moving_waits: decisions to wait in whose period the robot moved.
     """
 
     n_decisions: int
@@ -52,6 +55,7 @@ class DiscretisationReport:
     n_bad_poses: int = 0
     n_unplaced_poses: int = 0
     n_bad_commands: int = 0
+    n_moving_waits: int = 0
 
     @property
     def n_intents(self) -> int:
@@ -64,8 +68,13 @@ class DiscretisationReport:
         if not n_repeated:
             return self
         dropped = {**self.dropped, REPEATED: n_repeated}
-        n_episodes = len(kept.episodes)
-        return replace(self, n_decisions=len(kept), n_episodes=n_episodes, dropped=dropped)
+        return replace(
+            self,
+            n_decisions=len(kept),
+            n_episodes=len(kept.episodes),
+            dropped=dropped,
+            n_moving_waits=min(self.n_moving_waits, len(kept)),
+        )
 
     def __str__(self) -> str:
         """One sentence with every count."""
@@ -76,6 +85,7 @@ class DiscretisationReport:
             + (f"; {self.n_bad_poses} poses not finite" if self.n_bad_poses else "")
             + (f"; {self.n_unplaced_poses} poses without /tf" if self.n_unplaced_poses else "")
             + (f"; {self.n_bad_commands} commands not finite" if self.n_bad_commands else "")
+            + (f"; {self.n_moving_waits} waits while moving" if self.n_moving_waits else "")
         )
 
 
@@ -90,6 +100,7 @@ def joined_reports(reports: Sequence[DiscretisationReport]) -> DiscretisationRep
         n_bad_poses=sum(each.n_bad_poses for each in reports),
         n_unplaced_poses=sum(each.n_unplaced_poses for each in reports),
         n_bad_commands=sum(each.n_bad_commands for each in reports),
+        n_moving_waits=sum(each.n_moving_waits for each in reports),
     )
 
 
@@ -133,6 +144,7 @@ def decisions_from_drive(
     drops.drop((state < 0) | (reached < 0), OFF_GRID)
     moves = _assign(grid, state, reached, end_m, drops)
     kept = np.flatnonzero(drops.kept)
+    moved = np.hypot(*(end_m - start_m)[kept].T) >= drive.minimum_speed_mps * decision_period_s
     numbers = np.array([each.number for each in drive.episodes], dtype=np.int64)
     decisions = Decisions(
         episode=numbers[span[kept]],
@@ -151,6 +163,7 @@ def decisions_from_drive(
         n_bad_poses=drive.n_bad_poses,
         n_unplaced_poses=drive.n_unplaced_poses,
         n_bad_commands=drive.n_bad_commands,
+        n_moving_waits=int((moved & (decisions.action == Action.WAIT)).sum()),
     )
 
 

@@ -46,6 +46,7 @@ class BagRecord(StrictModel):
     n_bad_poses: int = Field(ge=0)
     n_unplaced_poses: int = Field(0, ge=0)
     n_bad_commands: int = Field(0, ge=0)
+    n_moving_waits: int = Field(0, ge=0)
     damage: tuple[str, ...] = ()
     n_lost: int = Field(0, ge=0)
     all_lost_known: bool = True

@@ -1,8 +1,8 @@
 """Actions by a mapping: intents, or directions of commands, of waypoints or of the motion itself.
 
-Velocity: a command holds until the next, at most `hold_s`; turned by the robot's heading and
-averaged over a decision period it is the direction of the action, WAIT below `minimum_speed_mps`.
-A period in which no command holds has no action, which need not mean to wait.
+Velocity: a command acts after `delay_s` and holds until the next, at most `hold_s`. Turned by the
+robot's heading and averaged over a decision period it is the direction of the action, WAIT below
+`minimum_speed_mps`. A period in which no command holds has no action, which need not mean to wait.
 Waypoint: the direction from the robot to it, WAIT where it is nearer than `reached_m`.
 Motion: the direction from the place of the robot to that one period later, WAIT below
 `minimum_speed_mps` on average.
@@ -88,6 +88,15 @@ class MappedActions:
         """The decisions; BagError where the topic has no message."""
         if self._read is None:
             return self._moved(track, spans, period_s)
+        at_s, vectors, n_unclear = self.stated(track)
+        if self._mapping.action_from == "velocity":
+            return self._driven(at_s, vectors, n_unclear, track, _ticks(spans, period_s), period_s)
+        dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
+        return MappedIntents(at_s, self._actions(at_s, vectors, track), dropped)
+
+    def stated(self, track: PoseTrack) -> tuple[FloatArray, FloatArray, int]:
+        """Times (N,) on the clock of the poses, vectors (N, 2), and how many more are not finite;
+        BagError where the topic has no message."""
         rows = np.array(self._rows).reshape(-1, 4)
         if not len(rows):
             raise BagError(
@@ -99,12 +108,7 @@ class MappedActions:
         order = np.argsort(at_s, kind="stable")
         at_s, vectors = at_s[order], rows[order, 2:]
         clear = np.isfinite(vectors).all(axis=1)
-        n_unclear = int((~clear).sum())
-        at_s, vectors = at_s[clear], vectors[clear]
-        if self._mapping.action_from == "velocity":
-            return self._driven(at_s, vectors, n_unclear, track, _ticks(spans, period_s), period_s)
-        dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
-        return MappedIntents(at_s, self._stated(at_s, vectors, track), dropped)
+        return at_s[clear], vectors[clear], int((~clear).sum())
 
     def _moved(
         self, track: PoseTrack, spans: tuple[EpisodeSpan, ...], period_s: float
@@ -120,7 +124,7 @@ class MappedActions:
         )
         return MappedIntents(start_s, actions)
 
-    def _stated(self, at_s: FloatArray, vectors: FloatArray, track: PoseTrack) -> IntArray:
+    def _actions(self, at_s: FloatArray, vectors: FloatArray, track: PoseTrack) -> IntArray:
         if self._mapping.action_from == "intent":
             return actions_of_directions(vectors)
         return actions_of_waypoints(
@@ -141,11 +145,11 @@ class MappedActions:
         actions, commanded = actions_of_velocities(
             decision_time_s=decided_s,
             period_s=period_s,
-            command_time_s=at_s,
+            command_time_s=at_s + self._mapping.delay_s,
             command_mps=commands_mps,
             pose_time_s=track.time_s,
             yaw_rad=track.poses[:, 2],
-            hold_s=self._mapping.hold_s,
+            hold_s=self._mapping.hold_s or np.inf,
             minimum_speed_mps=self._mapping.minimum_speed_mps,
         )
         if self._mapping.silence == "wait":

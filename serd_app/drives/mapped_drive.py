@@ -69,6 +69,7 @@ class _Collector:
             n_bad_commands=intents.n_bad_commands,
             dropped=intents.dropped,
             longest_gap_s=longest_gap_s,
+            minimum_speed_mps=self._mapping.minimum_speed_mps,
         )
 
     def _action_topic(self, known: Mapping[str, Topic]) -> Topic | None:

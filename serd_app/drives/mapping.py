@@ -18,6 +18,8 @@ class BagMapping(StrictModel):
     action_fields: field paths of two numbers, or one of a message; empty: as for pose_fields. Of a
     velocity they are forward and left, or forward alone.
     episode_topic: marks as our recorder writes them; empty: every stretch without a gap is one.
+    hold_s: how long the robot follows a velocity command; null: until the next one.
+    delay_s: how long after a velocity command the robot begins to follow it.
     silence: what a decision period without any velocity command means: `unknown`, it is dropped and
     counted, or `wait`, where the robot is known to stop when nothing is sent.
     minimum_speed_mps: mean speed of a period below which it is a wait.
@@ -35,7 +37,8 @@ class BagMapping(StrictModel):
     action_fields: tuple[str, ...] = Field(default=(), max_length=2)
     episode_topic: str = ""
     people_topic: str = "pedestrians"
-    hold_s: float = Field(default=0.5, gt=0)
+    hold_s: float | None = Field(default=0.5, gt=0)
+    delay_s: float = Field(default=0.0, ge=0)
     silence: Literal["unknown", "wait"] = "unknown"
     minimum_speed_mps: float = Field(default=0.05, ge=0)
     waypoint_reached_m: float = Field(default=0.25, ge=0)

@@ -27,6 +27,7 @@ class RecordedDrive:
     n_unplaced_poses: those left out because no transform was recorded about their time.
     dropped: intents that are none already, by why.
     longest_gap_s: between two poses across which the place is still interpolated.
+    minimum_speed_mps: mean speed of a period from which on the robot moves.
     """
 
     pose_time_s: FloatArray
@@ -40,6 +41,7 @@ class RecordedDrive:
     n_bad_commands: int = 0
     dropped: Mapping[str, int] = field(default_factory=dict)
     longest_gap_s: float = LONGEST_GAP_S
+    minimum_speed_mps: float = 0.05
 
 
 class DriveBuilder:

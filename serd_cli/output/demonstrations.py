@@ -11,7 +11,7 @@ from rich.table import Table
 from report.figures.map_axes import layout_of
 from report.figures.maps import draw_flow_map, draw_visitation
 from report.style import counted, png_bytes
-from serd_app.demonstrations.discretise import OFF_GRID
+from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID
 from serd_app.demonstrations.flow_field import FlowField
 from serd_app.demonstrations.recorded import (
     Place,
@@ -59,7 +59,12 @@ def remarks(found: Sequence[RecordedDemonstrations]) -> Iterable[str]:
         if count:
             yield f"left out {counted(count, what)} {why}"
     for name, each in zip(short_names([each.bag for each in found]), found, strict=True):
-        for line in (*_damage(each.recording), *_pieces(each.recording), *_place(each)):
+        for line in (
+            *_damage(each.recording),
+            *_pieces(each.recording),
+            *_place(each),
+            *_waits(each),
+        ):
             yield f"{name}: {line}"
 
 
@@ -88,6 +93,17 @@ def _place(found: RecordedDemonstrations) -> Iterable[str]:
         yield (
             f"{outside} of {counted(found.report.n_intents, 'intent')} with the robot off the"
             " grid; is it this scenario?"
+        )
+
+
+def _waits(found: RecordedDemonstrations) -> Iterable[str]:
+    report = found.report
+    if report.n_moving_waits > MOST_MOVING_WAITS * report.n_decisions:
+        yield (
+            f"{report.n_moving_waits} of {counted(report.n_decisions, 'decision')} wait while the"
+            " robot moves, so its actions do not explain its motion; 'serd bag suggest"
+            f" {found.bag}' finds how long it follows a command, or set action_from: motion in the"
+            " mapping"
         )
 
 
