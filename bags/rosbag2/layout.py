@@ -54,10 +54,15 @@ class BagLayout:
         return counts
 
 
+def is_bag_file(path: Path) -> bool:
+    """Whether the name is that of a storage file."""
+    return path.name.endswith((*_ENDINGS, ROS1_SUFFIX))
+
+
 def bag_layout(path: str | Path) -> BagLayout:
     """The layout of a bag folder or of a single storage file; BagError where there is no bag."""
     path = Path(path)
-    if path.is_file() and path.name.endswith((*_ENDINGS, ROS1_SUFFIX)):
+    if path.is_file() and is_bag_file(path):
         return BagLayout(path, (path,), None)
     if not path.is_dir():
         raise BagError(f"bag {path} must be a folder or a .mcap, .db3 or .bag file; check the path")

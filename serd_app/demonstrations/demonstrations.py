@@ -74,10 +74,20 @@ def demonstrations_of_drives(
     decision_period_s: float,
     *,
     seen: set[bytes] | None = None,
+    agents: bool = False,
 ) -> tuple[Demonstrations, DiscretisationReport]:
-    """Those of all drives of one recording, at least one. seen: see `fresh_from_drive`."""
+    """Those of all drives of one recording, at least one.
+
+    seen: see `fresh_from_drive`; agents: the drives are of different agents, of whom two may decide
+    the same at the same times.
+    """
     seen = set() if seen is None else seen
-    found = [fresh_from_drive(drive, grid, decision_period_s, seen) for drive in drives]
+    known = frozenset(seen)
+    found = []
+    for drive in drives:
+        seen_here = set(known) if agents else seen
+        found.append(fresh_from_drive(drive, grid, decision_period_s, seen_here))
+        seen |= seen_here
     return joined([here for here, _ in found]), joined_reports([report for _, report in found])
 
 

@@ -16,6 +16,8 @@ from bags.errors import BagError
 from bags.messages.plain import point_cloud
 from bags.reader import BagReader
 from bags.topic import topic_named, topics_named
+from serd_app.drives.recording import Recording, is_table
+from serd_app.drives.table_drives import Crowd
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.grid import Grid, action_of_direction
 from serd_core.grid.navigation import NO_FLOW
@@ -75,26 +77,37 @@ class FlowEstimator:
         return FlowField(flow, mean, order, self._count.copy())
 
 
-def flow_from_bags(
-    paths: Sequence[str | Path],
+def flow_from_recordings(
+    recordings: Sequence[Recording],
     grid: Grid,
     *,
     topic: str = PEDESTRIANS,
     rule: FlowRule | None = None,
     tolerant: bool = False,
 ) -> FlowField | None:
-    """The flow of the people in all bags that hold the topic; None where none of them does.
+    """The flow of the people in all bags that hold the topic, and of the agents of all tables; None
+    where there are none.
 
-    A cloud that several of them hold, or one holds twice, counts once.
+    A cloud or table that several of them hold, or one holds twice, counts once.
 
     topic: a PointCloud2 with the fields x, y, vx, vy in the frame of the grid. tolerant: use what
     broken bags still hold.
     """
     estimator = FlowEstimator(grid)
     seen: set[bytes] = set()
-    for path in paths:
-        _add_bag(estimator, path, topic, tolerant, seen)
+    for each in recordings:
+        if each.crowd is not None:
+            _add_crowd(estimator, each.crowd, seen)
+        elif not is_table(each.bag):
+            _add_bag(estimator, each.bag, topic, tolerant, seen)
     return estimator.field(rule) if seen else None
+
+
+def _add_crowd(estimator: FlowEstimator, crowd: Crowd, seen: set[bytes]) -> None:
+    digest = blake2b(crowd.position_m.tobytes(), digest_size=16).digest()
+    if digest not in seen:
+        seen.add(digest)
+        estimator.add(crowd.position_m, crowd.velocity_mps)
 
 
 def _add_bag(

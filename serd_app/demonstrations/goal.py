@@ -3,18 +3,49 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.ndimage import binary_dilation, label
 
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.grid import Grid
 
 _ROUNDING_S = 1e-6
 
 
-def last_states(decisions: Decisions) -> IntArray:
-    """The states in which the episodes end, each once."""
-    last = [np.flatnonzero(decisions.episode == each)[-1] for each in decisions.episodes]
-    return np.unique(decisions.next_state[last])
+def usual_goal_states(decisions: Decisions, grid: Grid) -> IntArray:
+    """The states in which the episodes end, or of these the neighbouring ones that leave more
+    decisions before the goal: on round trips and in crowds, some begin where others end."""
+    best = np.unique(list(_ends(decisions).values()))
+    most = len(until_goal(decisions, best))
+    for group in _neighbouring(best, grid):
+        n_left = len(until_goal(ending_in(decisions, group), group))
+        if n_left > most:
+            best, most = group, n_left
+    return best
+
+
+def ending_in(decisions: Decisions, states: IntArray) -> Decisions:
+    """The decisions of the episodes that end in one of the states."""
+    wanted = set(states.tolist())
+    return decisions.select_episodes(
+        episode for episode, end in _ends(decisions).items() if end in wanted
+    )
+
+
+def _ends(decisions: Decisions) -> dict[int, int]:
+    """The last state of each episode."""
+    return dict(zip(decisions.episode.tolist(), decisions.next_state.tolist(), strict=True))
+
+
+def _neighbouring(states: IntArray, grid: Grid) -> list[IntArray]:
+    """The states in groups, between which there are two cells or more."""
+    picture = np.zeros(grid.walkable.shape, dtype=bool)
+    rows, columns = grid.cells[states].T
+    picture[rows, columns] = True
+    around = np.ones((3, 3))
+    labels, count = label(binary_dilation(picture, around), around)
+    return [states[labels[rows, columns] == group + 1] for group in range(count)]
 
 
 def until_goal(decisions: Decisions, goal_states: IntArray) -> Decisions:

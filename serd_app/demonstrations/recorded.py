@@ -118,7 +118,9 @@ def demonstrations_of_all(
     seen: set[bytes] = set()
     found = []
     for each in recordings:
-        here, report = demonstrations_of_drives(each.drives, grid, period_s, seen=seen)
+        here, report = demonstrations_of_drives(
+            each.drives, grid, period_s, seen=seen, agents=each.crowd is not None
+        )
         tracks = tuple(track for drive in each.drives for track in tracks_of(drive, grid))
         found.append(
             RecordedDemonstrations(each, here.decisions, report, tracks, here.goal_entry_s)

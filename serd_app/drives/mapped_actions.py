@@ -87,7 +87,7 @@ class MappedActions:
     ) -> MappedIntents:
         """The decisions; BagError where the topic has no message."""
         if self._read is None:
-            return self._moved(track, spans, period_s)
+            return motion_intents(track, spans, period_s, self._mapping.minimum_speed_mps)
         at_s, vectors, n_unclear = self.stated(track)
         if self._mapping.action_from == "velocity":
             return self._driven(at_s, vectors, n_unclear, track, _ticks(spans, period_s), period_s)
@@ -109,20 +109,6 @@ class MappedActions:
         at_s, vectors = at_s[order], rows[order, 2:]
         clear = np.isfinite(vectors).all(axis=1)
         return at_s[clear], vectors[clear], int((~clear).sum())
-
-    def _moved(
-        self, track: PoseTrack, spans: tuple[EpisodeSpan, ...], period_s: float
-    ) -> MappedIntents:
-        """Where the robot was one period later, or at the end of its episode."""
-        ends = [np.full(len(_ticks((span,), period_s)), span.end_s) for span in spans]
-        start_s = _ticks(spans, period_s)
-        end_s = np.minimum(start_s + period_s, np.concatenate(ends) if ends else start_s)
-        actions = actions_of_waypoints(
-            position_m=track.at(start_s),
-            waypoint_m=track.at(end_s),
-            reached_m=self._mapping.minimum_speed_mps * period_s,
-        )
-        return MappedIntents(start_s, actions)
 
     def _actions(self, at_s: FloatArray, vectors: FloatArray, track: PoseTrack) -> IntArray:
         if self._mapping.action_from == "intent":
@@ -157,6 +143,21 @@ class MappedActions:
         n_silent = int((~commanded).sum())
         dropped = {NO_COMMAND: n_silent} if n_silent else {}
         return MappedIntents(decided_s[commanded], actions[commanded], dropped, n_bad_commands)
+
+
+def motion_intents(
+    track: PoseTrack, spans: tuple[EpisodeSpan, ...], period_s: float, minimum_speed_mps: float
+) -> MappedIntents:
+    """Each period's action is where the robot is at its end, or at that of its episode."""
+    ends = [np.full(len(_ticks((span,), period_s)), span.end_s) for span in spans]
+    start_s = _ticks(spans, period_s)
+    end_s = np.minimum(start_s + period_s, np.concatenate(ends) if ends else start_s)
+    actions = actions_of_waypoints(
+        position_m=track.at(start_s),
+        waypoint_m=track.at(end_s),
+        reached_m=minimum_speed_mps * period_s,
+    )
+    return MappedIntents(start_s, actions)
 
 
 def _ticks(spans: tuple[EpisodeSpan, ...], period_s: float) -> FloatArray:

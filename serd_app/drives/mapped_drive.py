@@ -17,12 +17,8 @@ from serd_app.drives.episode_spans import EpisodeMark, EpisodeSpan, marks_of, sp
 from serd_app.drives.mapped_actions import MappedActions, PoseTrack
 from serd_app.drives.mapped_poses import MappedPoses
 from serd_app.drives.mapping import BagMapping
-from serd_app.drives.recorded_drive import LONGEST_GAP_S, RecordedDrive, source_of
-from serd_core.arrays import FloatArray
-
-UNMARKED = "unmarked"
-#: Without one in the mapping, the longest gap is so many usual steps between poses.
-_GAP_STEPS = 5.0
+from serd_app.drives.recorded_drive import RecordedDrive, source_of
+from serd_app.drives.unmarked import unmarked_spans, usual_gap_s
 
 
 def mapped_drive_in(
@@ -54,8 +50,8 @@ class _Collector:
         times_s, poses = self._poses.rows()
         placed = np.isfinite(poses).all(axis=1)
         track = PoseTrack(times_s[placed, 0], times_s[placed, 1], poses[placed])
-        longest_gap_s = self._mapping.longest_gap_s or _usual_gap_s(times_s[:, 1])
-        spans = self._spans(track, longest_gap_s)
+        longest_gap_s = self._mapping.longest_gap_s or usual_gap_s(times_s[:, 1])
+        spans, cuts = self._spans(track, longest_gap_s)
         intents = self._actions.intents(track, spans, period_s)
         return RecordedDrive(
             pose_time_s=track.time_s,
@@ -70,6 +66,7 @@ class _Collector:
             dropped=intents.dropped,
             longest_gap_s=longest_gap_s,
             minimum_speed_mps=self._mapping.minimum_speed_mps,
+            cuts=cuts,
         )
 
     def _action_topic(self, known: Mapping[str, Topic]) -> Topic | None:
@@ -93,22 +90,13 @@ class _Collector:
             log_s = message.log_time_ns / 1e9
             self._marks += [(log_s, each) for each in marks_of(message.data)]
 
-    def _spans(self, track: PoseTrack, longest_gap_s: float) -> tuple[EpisodeSpan, ...]:
-        time_s = track.time_s
-        if self._mark_topic:
-            rows = np.array([(log_s, mark.time_s) for log_s, mark in self._marks]).reshape(-1, 2)
-            placed = zip(track.placed(*rows.T), self._marks, strict=True)
-            marks = (replace(mark, time_s=float(at_s)) for at_s, (_, mark) in placed)
-            return spans_of_marks(marks, time_s, longest_gap_s)
-        pieces = np.split(time_s, np.flatnonzero(np.diff(time_s) > longest_gap_s) + 1)
-        return tuple(
-            EpisodeSpan(number, float(piece[0]), float(piece[-1]), UNMARKED)
-            for number, piece in enumerate(pieces)
-            if len(piece) > 1
-        )
-
-
-def _usual_gap_s(time_s: FloatArray) -> float:
-    """The longest gap for poses that come as often as these: slow topics miss some as well."""
-    usual_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
-    return max(LONGEST_GAP_S, _GAP_STEPS * usual_s)
+    def _spans(
+        self, track: PoseTrack, longest_gap_s: float
+    ) -> tuple[tuple[EpisodeSpan, ...], Mapping[str, int]]:
+        """Episodes, and what those without marks were cut at."""
+        if not self._mark_topic:
+            return unmarked_spans(track.time_s, track.poses[:, :2], longest_gap_s, self._mapping)
+        rows = np.array([(log_s, mark.time_s) for log_s, mark in self._marks]).reshape(-1, 2)
+        placed = zip(track.placed(*rows.T), self._marks, strict=True)
+        marks = (replace(mark, time_s=float(at_s)) for at_s, (_, mark) in placed)
+        return spans_of_marks(marks, track.time_s, longest_gap_s), {}

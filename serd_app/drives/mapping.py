@@ -1,13 +1,37 @@
-"""The mapping file: which topics of a bag hold the poses, actions and episodes."""
+"""The mapping file: which topics of a bag, or columns of a table, hold what; where episodes end."""
 
 from typing import Literal
 
 from pydantic import Field
 
+from storage.trajectories.columns import TableColumns
 from storage.yaml_config import StrictModel
 
 
-class BagMapping(StrictModel):
+class DriveMapping(StrictModel):
+    """What holds for every recording without marks of episodes.
+
+    minimum_speed_mps: mean speed of a period below which it is a wait.
+    longest_gap_s: between poses across which places are interpolated, longer ones end an episode
+    that is not marked; by default five usual steps between poses, at least 0.5 s.
+    goals_m, goal_radius_m: circles in which an episode ends.
+    stop_s: an episode ends where the robot stands for so long; null: none does.
+    round_trips: whether a drive that comes back to its start is cut where it turns.
+    """
+
+    minimum_speed_mps: float = Field(default=0.05, ge=0)
+    longest_gap_s: float | None = Field(default=None, gt=0)
+    goals_m: tuple[tuple[float, float], ...] = ()
+    goal_radius_m: float = Field(default=0.5, gt=0)
+    stop_s: float | None = Field(default=10.0, ge=1.0)
+    round_trips: bool = True
+
+
+class TableMapping(DriveMapping, TableColumns):
+    """A table of trajectories; see `DriveMapping` and `TableColumns`."""
+
+
+class BagMapping(DriveMapping):
     """pose_topic: any message with a pose, or tf: then the pose is that of `robot_frame`.
 
     pose_fields: field paths of x and y, or of x, y and yaw, or of one message with a pose; empty:
@@ -17,14 +41,11 @@ class BagMapping(StrictModel):
     vehicle), `waypoint` (a pose), or `motion` (no topic): where the robot went within the period.
     action_fields: field paths of two numbers, or one of a message; empty: as for pose_fields. Of a
     velocity they are forward and left, or forward alone.
-    episode_topic: marks as our recorder writes them; empty: every stretch without a gap is one.
+    episode_topic: marks as our recorder writes them; empty: see `DriveMapping`.
     hold_s: how long the robot follows a velocity command; null: until the next one.
     delay_s: how long after a velocity command the robot begins to follow it.
     silence: what a decision period without any velocity command means: `unknown`, it is dropped and
     counted, or `wait`, where the robot is known to stop when nothing is sent.
-    minimum_speed_mps: mean speed of a period below which it is a wait.
-    longest_gap_s: between poses across which places are interpolated, longer ones end an episode
-    that is not marked; by default five usual steps between poses, at least 0.5 s.
     people_topic: PointCloud2 with x, y, vx, vy in the frame of the grid, where there is one.
     """
 
@@ -40,6 +61,4 @@ class BagMapping(StrictModel):
     hold_s: float | None = Field(default=0.5, gt=0)
     delay_s: float = Field(default=0.0, ge=0)
     silence: Literal["unknown", "wait"] = "unknown"
-    minimum_speed_mps: float = Field(default=0.05, ge=0)
     waypoint_reached_m: float = Field(default=0.25, ge=0)
-    longest_gap_s: float | None = Field(default=None, gt=0)

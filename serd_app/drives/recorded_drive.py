@@ -28,6 +28,7 @@ class RecordedDrive:
     dropped: intents that are none already, by why.
     longest_gap_s: between two poses across which the place is still interpolated.
     minimum_speed_mps: mean speed of a period from which on the robot moves.
+    cuts: how many episodes without marks end at a gap, a goal, a stop or a turn.
     """
 
     pose_time_s: FloatArray
@@ -42,6 +43,7 @@ class RecordedDrive:
     dropped: Mapping[str, int] = field(default_factory=dict)
     longest_gap_s: float = LONGEST_GAP_S
     minimum_speed_mps: float = 0.05
+    cuts: Mapping[str, int] = field(default_factory=dict)
 
 
 class DriveBuilder:

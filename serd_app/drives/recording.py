@@ -1,4 +1,4 @@
-"""One bag of demonstrations: the drives in it, and what of it could not be read."""
+"""One recording of demonstrations, a bag or a table: its drives, and what could not be read."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -7,12 +7,14 @@ from typing import Any
 
 from bags.damage import Losses
 from bags.reader import BagReader
+from bags.rosbag2.layout import is_bag_file
 from bags.topic import topics_named
 from serd_app.drives.episode_spans import EPISODE
 from serd_app.drives.mapped_drive import mapped_drive_in
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapping import BagMapping, DriveMapping, TableMapping
 from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive
 from serd_app.drives.sessions import drives_in
+from serd_app.drives.table_drives import Crowd, drives_of_table
 from serd_app.errors import AppError
 
 _OWN_TOPICS = (POSE, INTENT, EPISODE)
@@ -20,15 +22,19 @@ _OWN_TOPICS = (POSE, INTENT, EPISODE)
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A drive for each run of the clock; damage: sentences about what could not be read.
+    """A drive for each run of the clock, or each agent of a table; damage: sentences about what
+    could not be read.
 
-    losses: messages that are missing.
+    losses: messages that are missing. crowd: the agents of a table as people, assumed: what the
+    table does not state.
     """
 
     bag: Path
     drives: tuple[RecordedDrive, ...]
     damage: tuple[str, ...]
     losses: Losses
+    crowd: Crowd | None = None
+    assumed: tuple[str, ...] = ()
 
     def values(self) -> dict[str, Any]:
         """What of the bag could not be read, as plain values."""
@@ -36,15 +42,28 @@ class Recording:
             "damage": list(self.damage),
             "n_lost": self.losses.n_messages,
             "all_lost_known": self.losses.all_known,
+            "assumed": list(self.assumed),
         }
 
 
+def is_table(path: Path) -> bool:
+    """Whether it is a file that is no storage file of a bag."""
+    return path.is_file() and not is_bag_file(path)
+
+
 def read_recording(
-    bag: Path, period_s: float, *, mapping: BagMapping | None, tolerant: bool
+    bag: Path, period_s: float, *, mapping: DriveMapping | None, tolerant: bool
 ) -> Recording:
-    """A bag of our recorder, or with a mapping any bag; tolerant: read what a damaged one holds."""
+    """A bag of our recorder, or with a mapping any bag, or a table of trajectories.
+
+    tolerant: read what a damaged bag holds.
+    """
+    if is_table(bag):
+        table = mapping if isinstance(mapping, TableMapping) else TableMapping()
+        found = drives_of_table(bag, table, period_s)
+        return Recording(bag, found.drives, (), Losses(), found.crowd, found.assumed)
     reader = BagReader(bag, tolerant=tolerant)
-    if mapping is None:
+    if not isinstance(mapping, BagMapping):
         _require_own(reader)
         drives = drives_in(reader)
     else:

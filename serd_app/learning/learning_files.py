@@ -10,7 +10,7 @@ import numpy as np
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.demonstrations.flow_table import load_flow
-from serd_app.demonstrations.goal import last_states, n_reaching, until_goal
+from serd_app.demonstrations.goal import ending_in, n_reaching, until_goal, usual_goal_states
 from serd_app.demonstrations.grid_file import load_grid
 from serd_app.demonstrations.recorded import DemonstrationRecord, files_beside
 from serd_app.errors import AppError
@@ -29,8 +29,8 @@ FlowSource = Literal["auto", "scenario", "recorded", "none"]
 
 @dataclass(frozen=True, eq=False)
 class LearningFiles:
-    """task: where it was; flow_from: scenario, recorded or none; n_after_goal: decisions left out.
-
+    """task: where it was; flow_from: scenario, recorded or none; n_after_goal: decisions left out;
+    n_elsewhere: those of episodes that end in other places than the goal, also left out.
     goals_m: centres (x, y) of the goal cells; n_reaching_goal: episodes that come to one.
     """
 
@@ -39,6 +39,7 @@ class LearningFiles:
     flow_from: str
     goals_m: tuple[tuple[float, float], ...]
     n_after_goal: int
+    n_elsewhere: int
     n_reaching_goal: int
 
     def remarks(self) -> Iterable[str]:
@@ -62,7 +63,7 @@ def read_learning_files(
     """Everything learning needs; FileError and AppError where the files contradict each other.
 
     scenario: in place of the one the record names. goals_m: places of the goal, by default the
-    scenario's goal area, or without a scenario the cells in which the episodes end.
+    scenario's goal area, or without a scenario where most of the episodes end.
     """
     files = files_beside(table)
     decisions, grid = load_decisions(table), load_grid(files["grid"])
@@ -73,6 +74,9 @@ def read_learning_files(
     usual = _usual_goal_states(grid, known, decisions)
     goals = _goal_states(grid, goals_m) if goals_m else usual
     chosen, source = _flow(files["flow"], grid, known, flow)
+    n_all = len(decisions)
+    if known is None and not goals_m:
+        decisions = ending_in(decisions, goals)
     kept = until_goal(decisions, goals)
     problem = build_navigation_problem(
         grid=grid,
@@ -91,6 +95,7 @@ def read_learning_files(
         flow_from=source,
         goals_m=tuple((float(x), float(y)) for x, y in grid.centers_m[goals]),
         n_after_goal=len(decisions) - len(kept),
+        n_elsewhere=n_all - len(decisions),
         n_reaching_goal=n_reaching(decisions, goals),
     )
 
@@ -127,7 +132,9 @@ def _require_states(table: Path, decisions: Decisions, grid: Grid) -> None:
 
 
 def _usual_goal_states(grid: Grid, scenario: Scenario | None, decisions: Decisions) -> IntArray:
-    return last_states(decisions) if scenario is None else goal_states_of(scenario, grid)
+    if scenario is None:
+        return usual_goal_states(decisions, grid)
+    return goal_states_of(scenario, grid)
 
 
 def _goal_states(grid: Grid, goals_m: tuple[tuple[float, float], ...]) -> IntArray:

@@ -8,7 +8,7 @@ import typer
 
 from serd_app.demonstrations.discretise import OFF_GRID
 from serd_app.demonstrations.fitted_grid import fitted_grid
-from serd_app.demonstrations.flow_field import PEDESTRIANS, flow_from_bags
+from serd_app.demonstrations.flow_field import PEDESTRIANS, flow_from_recordings
 from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,
@@ -16,8 +16,8 @@ from serd_app.demonstrations.recorded import (
     files_beside,
     save_demonstrations,
 )
-from serd_app.drives.mapping import BagMapping
-from serd_app.drives.recording import read_recording
+from serd_app.drives.mapping import BagMapping, TableMapping
+from serd_app.drives.recording import is_table, read_recording
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.demonstrations import (
@@ -43,7 +43,10 @@ def register(app: typer.Typer) -> None:
 
 def demos(
     bags: Annotated[
-        list[Path], typer.Argument(metavar="BAG", help="bag folders, or .mcap or .db3 files")
+        list[Path],
+        typer.Argument(
+            metavar="BAG", help="bag folders, .mcap, .db3 or .bag files, or tables of trajectories"
+        ),
     ],
     scenario: Annotated[
         str, typer.Option(help="built-in scenario or YAML file they were recorded in")
@@ -60,7 +63,7 @@ def demos(
     ),
     mapping: Annotated[
         Path | None,
-        typer.Option(help="YAML file that maps the topics of a bag of another recorder"),
+        typer.Option(help="YAML file that maps the topics of a bag or the columns of a table"),
     ] = None,
     tolerant: Annotated[
         bool, typer.Option("--tolerant", help="use what damaged bags still hold")
@@ -80,19 +83,24 @@ def demos(
     way they walk in each cell. 'serd learn decisions.csv' learns from it.
 
     A place without a scenario: --cell-size-m 0.5 in place of --scenario.
+
+    A table (CSV, text as TUM, KITTI, ETH/UCY and PeTrack write it, Parquet)
+    has a time, x and y, and where there are several agents their ids: each
+    is a demonstration, and all of them are the people.
     """
     require_suffix(output, ".csv")
     require_apart(output, files_beside(output).values(), (scenario, mapping or ""))
     _require_place(scenario, cell_size_m, period_s)
     known = load_scenario(scenario) if scenario else None
     period = known.decision_period_s if known else (period_s or _USUAL_PERIOD_S)
-    chosen = load_yaml_model(mapping, BagMapping) if mapping else None
+    tables = all(is_table(bag) for bag in bags)
+    chosen = load_yaml_model(mapping, TableMapping if tables else BagMapping) if mapping else None
     recordings = [read_recording(bag, period, mapping=chosen, tolerant=tolerant) for bag in bags]
     grid = grid_of(known) if known else fitted_grid(recordings, cell_size_m or 0.0)
     found = demonstrations_of_all(recordings, grid, period)
     _require_decisions(found)
-    people = chosen.people_topic if chosen else PEDESTRIANS
-    flow = flow_from_bags(bags, grid, topic=people, tolerant=tolerant)
+    people = chosen.people_topic if isinstance(chosen, BagMapping) else PEDESTRIANS
+    flow = flow_from_recordings(recordings, grid, topic=people, tolerant=tolerant)
     place = Place(grid, period, known)
     save_demonstrations(output, place, found, flow)
     save_pictures(output, place, found, flow)

@@ -127,7 +127,11 @@ def _fitted(files: LearningFiles, settings: LearningSettings) -> FitOutcome:
 
 def _print(files: LearningFiles, outcome: FitOutcome, certainty: Certainty, output: Path) -> None:
     decisions = files.demonstrations.decisions
-    left_out = f", {files.n_after_goal} after the goal left out" if files.n_after_goal else ""
+    reasons = (
+        (files.n_after_goal, "after the goal"),
+        (files.n_elsewhere, "of episodes that end elsewhere"),
+    )
+    left_out = "".join(f", {count} {why} left out" for count, why in reasons if count)
     place = f"scenario {files.task.scenario}" if files.task.scenario else "fitted grid"
     console.print(
         f"{counted(len(decisions), 'decision')} in {counted(len(decisions.episodes), 'episode')}"
@@ -156,6 +160,7 @@ def _values(
         "flow": files.flow_from,
         "goals_m": files.goals_m,
         "n_after_goal": files.n_after_goal,
+        "n_elsewhere": files.n_elsewhere,
         "n_reaching_goal": files.n_reaching_goal,
         "model": str(output.resolve()),
     }

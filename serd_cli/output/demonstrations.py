@@ -19,8 +19,8 @@ from serd_app.demonstrations.recorded import (
     concatenated,
     files_beside,
 )
-from serd_app.drives.mapped_drive import UNMARKED
 from serd_app.drives.recording import Recording
+from serd_app.drives.unmarked import GAP, GOAL, STOP, TURN
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.navigation import NO_FLOW
@@ -76,15 +76,24 @@ def _damage(recording: Recording) -> Iterable[str]:
 
 
 def _pieces(recording: Recording) -> Iterable[str]:
-    """A drive without marks is one episode unless it has gaps, whose edges are no goals."""
-    for drive in recording.drives:
-        pieces = [span for span in drive.episodes if span.outcome == UNMARKED]
-        if len(pieces) > 1:
-            yield (
-                f"cut into {len(pieces)} episodes where no pose came for more than"
-                f" {drive.longest_gap_s:.2g} s; where they end need be no goal, so name one to"
-                " 'serd learn' with --goal, or a longer longest_gap_s in the mapping"
-            )
+    """Where drives without marks were cut, and what a table does not state."""
+    yield from recording.assumed
+    cuts = sum((Counter(drive.cuts) for drive in recording.drives), Counter[str]())
+    if not cuts:
+        return
+    gap_s = max(drive.longest_gap_s for drive in recording.drives)
+    kinds = {
+        GAP: ("gap", f" of more than {gap_s:.2g} s between poses"),
+        GOAL: ("goal", ""),
+        STOP: ("stop", ""),
+        TURN: ("end", " of the ways of round trips"),
+    }
+    where = [counted(cuts[kind], what) + more for kind, (what, more) in kinds.items() if cuts[kind]]
+    n_episodes = sum(len(drive.episodes) for drive in recording.drives)
+    yield (
+        f"cut into {counted(n_episodes, 'episode')} at {' and '.join(where)}; longest_gap_s,"
+        " goals_m, stop_s and round_trips in the mapping set others, 'serd learn --goal' the goal"
+    )
 
 
 def _place(found: RecordedDemonstrations) -> Iterable[str]:

@@ -228,7 +228,7 @@ def test_a_drive_that_gaps_cut_into_pieces_is_said_to_be_so(serd, drive_bag, tmp
                 writer.write(message.topic, message.data, message.log_time_ns)
     options = ("--scenario", "hallway", "--mapping", mapping)
     ended = serd("demos", tmp_path / "gaps", *options)
-    assert "gaps: cut into 2 episodes where no pose came for more than 0.5 s" in ended.out
+    assert "gaps: cut into 2 episodes at 1 gap of more than 0.5 s between poses; " in ended.out
     assert "cut into" not in serd("demos", bag, *options).out
 
 
@@ -238,3 +238,28 @@ def test_a_wrong_key_in_a_mapping_file_gets_the_nearest_right_one(serd, drive_ba
     ended = serd("demos", drive_bag(), "--scenario", "hallway", "--mapping", mapping)
     assert ended.code == 2
     assert "did you mean 'pose_topic'?" in ended.err
+
+
+def test_each_agent_of_a_table_is_a_demonstration_among_the_others(serd, tmp_path):
+    """20 people side by side walk east along y = 0.25 m and 0.75 m, in equal cells at one time."""
+    path, table = tmp_path / "people.csv", tmp_path / "decisions.csv"
+    lines = [
+        f"{agent},{0.2 * step},{0.25 * step},{0.25 + 0.5 * (agent % 2)}"
+        for agent in range(20)
+        for step in range(41)
+    ]
+    path.write_text("id,t,x,y\n" + "\n".join(lines))
+    ended = serd("demos", path, "--cell-size-m", 1, "--period-s", 1, "--output", table, "--json")
+    assert ended.code == 0, ended.err
+    values = json.loads(ended.out)
+    assert (values["bags"][0]["n_decisions"], values["bags"][0]["n_episodes"]) == (160, 20)
+    assert set(load_decisions(table).action.tolist()) == {Action.EAST}
+    assert values["flow"]["n_known"] == 11
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text("unit: cm\nstop_s: 5\n")
+    ended = serd("demos", path, path, "--mapping", mapping, "--cell-size-m", 0.01, "--json")
+    first, again = json.loads(ended.out)["bags"]
+    assert (first["n_episodes"], again["n_episodes"]) == (20, 0)
+    mapping.write_text("pose_topic: odom\n")
+    ended = serd("demos", path, "--mapping", mapping, "--cell-size-m", 1)
+    assert "pose_topic is not a known key" in ended.err

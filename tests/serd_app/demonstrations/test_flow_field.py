@@ -5,10 +5,12 @@ import array
 import numpy as np
 import pytest
 
+from bags.damage import Losses
 from bags.errors import BagError
 from bags.messages.plain import point_cloud
 from bags.writer import BagWriter
-from serd_app.demonstrations.flow_field import FlowEstimator, FlowRule, flow_from_bags
+from serd_app.demonstrations.flow_field import FlowEstimator, FlowRule, flow_from_recordings
+from serd_app.drives.recording import Recording
 from serd_core.grid.grid import Action, Grid
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
@@ -85,7 +87,7 @@ def people_bag(tmp_path, messages):
             for number in range(15):
                 rows = [[0.5, 0.5, 0, -1, 0], [3.5, 0.5, 0, 0, 1]]
                 writer.write(topic, cloud(messages, rows), begins_ns + number)
-        return tmp_path / name
+        return Recording(tmp_path / name, (), (), Losses())
 
     return make
 
@@ -96,17 +98,17 @@ def test_the_flow_is_added_up_over_all_bags_that_hold_people(people_bag):
         people_bag("two", begins_ns=99),
         people_bag("other", "/crowd"),
     )
-    assert flow_from_bags([one], GRID).flow.tolist() == [-1] * 4  # too few sightings
-    found = flow_from_bags([one, other, two], GRID)
+    assert flow_from_recordings([one], GRID).flow.tolist() == [-1] * 4  # too few sightings
+    found = flow_from_recordings([one, other, two], GRID)
     assert found.flow.tolist() == [Action.WEST, -1, -1, Action.NORTH]
     assert found.count.tolist() == [30, 0, 0, 30]
-    assert flow_from_bags([one, other, two, one], GRID).count.tolist() == [30, 0, 0, 30]
-    assert flow_from_bags([other], GRID) is None
-    assert flow_from_bags([other], GRID, topic="crowd").count.sum() == 30
+    assert flow_from_recordings([one, other, two, one], GRID).count.tolist() == [30, 0, 0, 30]
+    assert flow_from_recordings([other], GRID) is None
+    assert flow_from_recordings([other], GRID, topic="crowd").count.sum() == 30
 
 
 def test_people_of_another_message_type_are_refused(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic("/pedestrians", "geometry_msgs/msg/Twist")
     with pytest.raises(BagError, match="must be of type sensor_msgs/msg/PointCloud2, got geometry"):
-        flow_from_bags([tmp_path / "bag"], GRID)
+        flow_from_recordings([Recording(tmp_path / "bag", (), (), Losses())], GRID)

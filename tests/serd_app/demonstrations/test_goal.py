@@ -4,9 +4,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from serd_app.demonstrations.goal import goal_entries_s, last_states, n_reaching, until_goal
+from serd_app.demonstrations.goal import (
+    ending_in,
+    goal_entries_s,
+    n_reaching,
+    until_goal,
+    usual_goal_states,
+)
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.grid import Grid
 
 
 def table(*episodes):
@@ -31,8 +38,22 @@ def test_an_episode_that_starts_in_the_goal_gives_nothing():
     assert len(until_goal(table([3, 2, 1]), np.array([3]))) == 0
 
 
-def test_the_last_state_of_every_episode_counts_once():
-    assert last_states(table([0, 1, 2], [5, 4], [3, 2])).tolist() == [2, 4]
+ROW_OF_TEN = Grid((0.0, 0.0), 1.0, np.ones((1, 10), dtype=bool))
+
+
+def test_all_states_in_which_episodes_end_are_the_goal():
+    decisions = table([0, 1, 2], [5, 4], [3, 2])
+    assert usual_goal_states(decisions, ROW_OF_TEN).tolist() == [2, 4]
+    assert len(ending_in(decisions, np.array([2, 4]))) == len(decisions)
+
+
+def test_of_episodes_there_and_back_the_way_with_more_decisions_counts():
+    """Three episodes end at 8 or 9, where one begins that ends at 0, where they begin."""
+    there = [[0, 1, 2, 3, 4, 5, 6, 7, 8], [0, 2, 4, 6, 8, 9], [0, 3, 6, 9]]
+    decisions = table(*there, [9, 6, 3, 0])
+    goal = usual_goal_states(decisions, ROW_OF_TEN)
+    assert goal.tolist() == [8, 9]
+    assert ending_in(decisions, goal).episodes.tolist() == [0, 1, 2]
 
 
 def test_what_follows_the_goal_is_left_out_also_where_the_decision_in_it_was_dropped():

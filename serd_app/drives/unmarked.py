@@ -1,0 +1,158 @@
+"""Episodes of a drive without marks: cut at gaps, at goals, at stops and where a round trip turns.
+
+Gap: no pose for longer than the longest gap. Goal: an episode ends on entering a goal's circle, the
+next begins on leaving it. Stop: an episode ends where the robot comes to stand for `stop_s` or
+longer, the next begins when it moves on. Round trip: where a robot comes back to its start, each
+lap is cut at its place farthest from the start, so that the way out is one demonstration and the
+way back another.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from serd_app.drives.episode_spans import EpisodeSpan
+from serd_app.drives.mapping import DriveMapping
+from serd_app.drives.recorded_drive import LONGEST_GAP_S
+from serd_core.arrays import BoolArray, FloatArray
+
+UNMARKED, ARRIVED = "unmarked", "arrived"
+GAP, GOAL, STOP, TURN = "gap", "goal", "stop", "turn"
+#: Without one in the mapping, the longest gap is so many usual steps between poses.
+_GAP_STEPS = 5.0
+#: A robot that stays within this distance stands.
+_STANDING_M = 0.1
+_SAMPLES_OF_A_STOP = 10
+#: Shares of the largest distance from the start within which a lap ends, and beyond which one is.
+_BACK, _AWAY = 0.25, 0.5
+_SHORTEST_TRIP_M = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """time_s (T,), position_m (T, 2); ended_by: what it was cut at, empty at the end."""
+
+    time_s: FloatArray
+    position_m: FloatArray
+    ended_by: str = ""
+
+    def part(self, start: int, stop: int, ended_by: str) -> "_Piece":
+        """Rows from start to before stop."""
+        rows = slice(start, stop)
+        return _Piece(self.time_s[rows], self.position_m[rows], ended_by)
+
+
+def unmarked_spans(
+    time_s: FloatArray, position_m: FloatArray, longest_gap_s: float, mapping: DriveMapping
+) -> tuple[tuple[EpisodeSpan, ...], Counter[str]]:
+    """The episodes in order, numbered from 0, and how many of them end at what."""
+    pieces = list(_at_gaps(_Piece(time_s, position_m), longest_gap_s))
+    if mapping.goals_m:
+        pieces = [part for each in pieces for part in _at_goals(each, mapping)]
+    if mapping.stop_s is not None:
+        pieces = [part for each in pieces for part in _at_stops(each, mapping.stop_s)]
+    if mapping.round_trips and not mapping.goals_m:
+        pieces = [part for each in pieces for part in _at_turns(each)]
+    pieces = [each for each in pieces if len(each.time_s) > 1]
+    spans = tuple(
+        EpisodeSpan(
+            number,
+            float(each.time_s[0]),
+            float(each.time_s[-1]),
+            UNMARKED if each.ended_by in ("", GAP) else ARRIVED,
+        )
+        for number, each in enumerate(pieces)
+    )
+    return spans, Counter(each.ended_by for each in pieces if each.ended_by)
+
+
+def usual_gap_s(time_s: FloatArray) -> float:
+    """The longest gap for poses that come as often as these: slow topics miss some as well."""
+    usual_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
+    return max(LONGEST_GAP_S, _GAP_STEPS * usual_s)
+
+
+def _at_gaps(piece: _Piece, longest_gap_s: float) -> Iterator[_Piece]:
+    edges = [0, *(np.flatnonzero(np.diff(piece.time_s) > longest_gap_s) + 1), len(piece.time_s)]
+    for start, stop in pairwise(edges):
+        yield piece.part(start, stop, "" if stop == len(piece.time_s) else GAP)
+
+
+def _at_goals(piece: _Piece, mapping: DriveMapping) -> Iterator[_Piece]:
+    goals = np.array(mapping.goals_m)
+    away_m = np.linalg.norm(piece.position_m[:, None] - goals, axis=2).min(axis=1)
+    for start, stop in _runs(away_m > mapping.goal_radius_m):
+        last = stop == len(piece.time_s)
+        yield piece.part(start, min(stop + 1, len(piece.time_s)), piece.ended_by if last else GOAL)
+
+
+def _at_stops(piece: _Piece, stop_s: float) -> Iterator[_Piece]:
+    """The parts in which it moves; the whole piece where it never does."""
+    standing = _standing(piece, stop_s)
+    moving = list(_runs(~standing))
+    if not moving:
+        yield piece
+    for start, stop in moving:
+        last = stop == len(piece.time_s)
+        yield piece.part(
+            max(start - 1, 0), min(stop + 1, len(piece.time_s)), piece.ended_by if last else STOP
+        )
+
+
+def _standing(piece: _Piece, stop_s: float) -> BoolArray:
+    """(T,) whether it stays within the standing distance for the time of a stop, around then."""
+    first_s, last_s = piece.time_s[0], piece.time_s[-1]
+    sample_s = np.arange(first_s, last_s, stop_s / _SAMPLES_OF_A_STOP)
+    place_m = np.stack([np.interp(sample_s, piece.time_s, each) for each in piece.position_m.T], 1)
+    standing = np.zeros(len(piece.time_s), dtype=bool)
+    row = 0
+    while row + _SAMPLES_OF_A_STOP < len(sample_s):
+        away_m = np.linalg.norm(place_m[row:] - place_m[row], axis=1)
+        left = np.flatnonzero(away_m > _STANDING_M)
+        end = row + (int(left[0]) if len(left) else len(away_m))
+        if end - row > _SAMPLES_OF_A_STOP:
+            until_s = sample_s[end - 1] if len(left) else last_s
+            standing |= (piece.time_s >= sample_s[row]) & (piece.time_s <= until_s)
+            row = end
+        else:
+            row += 1
+    return standing
+
+
+def _at_turns(piece: _Piece) -> Iterator[_Piece]:
+    away_m = np.linalg.norm(piece.position_m - piece.position_m[0], axis=1)
+    largest_m = float(away_m.max(initial=0.0))
+    laps = _laps(away_m, largest_m) if largest_m >= _SHORTEST_TRIP_M else []
+    if not laps:
+        yield piece
+        return
+    for start, home in laps:
+        turn = start + int(away_m[start : home + 1].argmax())
+        yield piece.part(start, turn + 1, TURN)
+        yield piece.part(turn, home + 1, TURN)
+    start = laps[-1][1]
+    if away_m[start:].max() > _AWAY * largest_m:
+        yield piece.part(start, len(away_m), piece.ended_by)
+
+
+def _laps(away_m: FloatArray, largest_m: float) -> list[tuple[int, int]]:
+    """(row of the start, row at which it is back) of each lap."""
+    laps, start = [], 0
+    is_away = away_m > _AWAY * largest_m
+    near = list(_runs(away_m < _BACK * largest_m))
+    for first, stop in near[1:]:
+        if is_away[start:first].any():
+            home = first + int(away_m[first:stop].argmin())
+            laps.append((start, home))
+            start = home
+    return laps
+
+
+def _runs(rows: BoolArray) -> Iterator[tuple[int, int]]:
+    """(first, one past the last) of each run of true rows."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(np.int8)))
+    for start, stop in edges.reshape(-1, 2):
+        yield int(start), int(stop)

@@ -1,0 +1,141 @@
+"""The cells of a table of any layout: separator, comments and names of columns are detected.
+
+Text: values separated by commas, semicolons (then a comma may be the decimal sign), tabs or spaces;
+lines that begin with #, % or // are comments, of which the last that fits names the columns, unless
+the first line of values does. Parquet: as its columns are named.
+"""
+
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from storage.errors import FileError
+from storage.files import read_bytes
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PARQUET = (".parquet", ".pq")
+_COMMENTS = ("#", "%", "//")
+_RATE = re.compile(r"(?:frame\s*-?rate|fps)\D{0,5}(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)\s*fps", re.I)
+_FEWEST_COLUMNS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """names: of the columns, empty where the file has none; fps: frames per s that it states."""
+
+    frame: "pd.DataFrame"
+    names: tuple[str, ...] = ()
+    fps: float | None = None
+    comments: tuple[str, ...] = field(default=())
+
+
+def read_cells(path: Path) -> Cells:
+    """The cells of a file; FileError where it holds no table."""
+    if path.suffix in PARQUET:
+        return _parquet(path)
+    text = read_bytes(path).decode("utf-8-sig", errors="replace")
+    if "\0" in text[:4096]:
+        raise FileError(f"{path} must be a table of text or Parquet, it is neither; check the path")
+    return _text(path, text)
+
+
+def _parquet(path: Path) -> Cells:
+    import pandas as pd
+
+    content = io.BytesIO(read_bytes(path))
+    try:
+        frame = pd.read_parquet(content)
+    except ImportError:
+        raise FileError(f"{path} needs pyarrow; install it: pip install pyarrow") from None
+    except Exception as error:  # pyarrow raises errors of any kind for foreign bytes
+        reason = str(error).splitlines()[0]
+        raise FileError(f"{path} must be a Parquet file, but {reason}; write it again") from None
+    frame = frame.reset_index() if frame.index.names != [None] else frame
+    return Cells(frame, tuple(map(str, frame.columns)))
+
+
+def _text(path: Path, text: str) -> Cells:
+    lines = [line.strip() for line in text.splitlines()]
+    comments = tuple(line for line in lines if line.startswith(_COMMENTS))
+    rows = [line for line in lines if line and not line.startswith(_COMMENTS)]
+    if not rows:
+        raise FileError(f"{path} must hold rows of values, it holds none; check the path")
+    separator, decimal = _separator(rows[-1])
+    names = _split(rows[0], separator)
+    if _is_values(names, decimal):
+        names = _named_in_comments(comments, separator, len(names))
+    else:
+        rows = rows[1:]
+    frame = _frame(path, rows, separator, decimal)
+    if frame.shape[1] < _FEWEST_COLUMNS:
+        raise FileError(
+            f"{path} must have columns of time, x and y, got {frame.shape[1]} column; separate them"
+            " by commas, semicolons, tabs or spaces"
+        )
+    return Cells(frame, tuple(names), _rate(comments), comments)
+
+
+def _frame(path: Path, rows: Sequence[str], separator: str, decimal: str) -> "pd.DataFrame":
+    import pandas as pd
+
+    try:
+        return pd.read_csv(
+            io.StringIO("\n".join(rows)),
+            sep=r"\s+" if separator == " " else separator,
+            decimal=decimal,
+            header=None,
+            skipinitialspace=True,
+            on_bad_lines="skip",
+            low_memory=False,
+        )
+    except (ValueError, OverflowError) as error:  # pandas' parser errors are ValueErrors
+        reason = str(error).splitlines()[0]
+        raise FileError(f"{path} must be a table, but {reason}; export it again") from None
+
+
+def _separator(line: str) -> tuple[str, str]:
+    """(separator, decimal sign)."""
+    if ";" in line:
+        return ";", "," if "," in line else "."
+    for each in (",", "\t"):
+        if each in line:
+            return each, "."
+    return " ", "."
+
+
+def _split(line: str, separator: str) -> list[str]:
+    cells = line.split() if separator == " " else line.split(separator)
+    return [cell.strip().strip("\"'") for cell in cells]
+
+
+def _is_values(cells: Sequence[str], decimal: str) -> bool:
+    """Whether most of the cells are numbers; agents may have names."""
+    n_numbers = sum(_is_number(cell.replace(decimal, ".")) for cell in cells)
+    return 2 * n_numbers >= len(cells)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _named_in_comments(comments: Sequence[str], separator: str, count: int) -> list[str]:
+    for line in reversed(comments):
+        text = line.lstrip("#%/ \t")
+        for names in (_split(text, separator), _split(text, " "), _split(text, ",")):
+            if len(names) == count >= _FEWEST_COLUMNS and not any(map(_is_number, names)):
+                return names
+    return []
+
+
+def _rate(comments: Sequence[str]) -> float | None:
+    found = _RATE.search("\n".join(comments))
+    return float(found[1] or found[2]) if found else None

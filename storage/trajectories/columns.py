@@ -1,0 +1,272 @@
+"""Which columns of a table are time, agent, x and y, and in which units.
+
+Columns are found by their names, or without names by their values: ids and frames are whole
+numbers, and along the right id the steps are short. What is assumed is listed in sentences.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from serd_core.arrays import FloatArray
+from storage.errors import FileError
+from storage.yaml_config import StrictModel
+
+Unit = Literal["m", "cm", "mm"]
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_NAMES = {
+    "frame": "frame frame_id frame_number frame_num frame_no frameid framenumber fr frameno",
+    "time": "t time timestamp stamp sec secs second seconds timestep datetime date_time simtime"
+    " sim_time rosbagtimestamp time_stamp elapsed __time",
+    "agent": "id ped ped_id pedid pedestrian pedestrian_id person person_id personid agent agent_id"
+    " agentid track track_id trackid tid object object_id obj_id objectid vehicle vehicle_id uid"
+    " pid tr_id traj_id trajectory_id name robot robot_id user user_id",
+    "x": "x pos_x posx px x_pos xpos position_x x_position tx xcenter x_center center_x x_est"
+    " local_x world_x x_world pose_x x_coord coord_x easting utm_x xloc loc_x",
+    "y": "y pos_y posy py y_pos ypos position_y y_position ty ycenter y_center center_y y_est"
+    " local_y world_y y_world pose_y y_coord coord_y northing utm_y yloc loc_y",
+}
+_ROLE_OF = {name: role for role, names in _NAMES.items() for name in names.split()}
+_POSITION = re.compile(r"(?:^|[./_])(?:position|translation|pos|p_[a-z_]+)[./_ ]+([xy])$")
+_UNIT = re.compile(r"[\[(/]\s*(m|cm|mm|s|sec|ms|us|ns)\s*[\])]?\s*$|_(m|cm|mm|s|ms|us|ns)$")
+_LARGEST_FRAME = 1e8
+_QUATERNION, _MATRIX = slice(4, 8), 12
+#: Steps between frames, as annotated; each stands for 0.4 s in the ETH and UCY data.
+_ANNOTATED_STEPS, _ANNOTATED_S = (6.0, 10.0, 12.0), 0.4
+_USUAL_FPS, _KITTI_FPS = 25.0, 10.0
+#: Median speeds above which places are in cm, and in mm; nothing on a floor is that fast in m/s.
+_CM_ABOVE, _MM_ABOVE = 40.0, 400.0
+
+
+class TableColumns(StrictModel):
+    """Names of the columns, or their numbers from 1; empty: found by names or values."""
+
+    time: str = ""
+    agent: str = ""
+    x: str = ""
+    y: str = ""
+    fps: float | None = Field(default=None, gt=0)
+    unit: Unit | None = None
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Indices of columns; agent: -1 for a single one, time: -1 for one row per frame.
+
+    frames: whether the time is a number of frames; time_s, place_m: units, None where unknown.
+    """
+
+    time: int
+    agent: int
+    x: int
+    y: int
+    frames: bool = False
+    time_s: float | None = None
+    place_m: float | None = None
+    assumed: tuple[str, ...] = ()
+
+
+def located(where: str, names: Sequence[str], values: FloatArray, wanted: TableColumns) -> Columns:
+    """The columns; FileError where x, y or time cannot be found. values: (R, C), text as NaN."""
+    by_name = _by_names(names)
+    by_name |= {
+        role: _index(where, names, values.shape[1], text, role)
+        for role in ("time", "agent", "x", "y")
+        if (text := getattr(wanted, role))
+    }
+    if "x" in by_name and "y" in by_name and ("time" in by_name or "frame" in by_name):
+        return _of_names(names, values, by_name)
+    if names or by_name:
+        missing = " and ".join(each for each in ("time", "x", "y") if each not in by_name)
+        raise FileError(
+            f"{where} must have columns of time, x and y, {missing} is not among"
+            f" {', '.join(names) or 'those named'}; name the columns in a --mapping file"
+            " (time:, agent:, x:, y:)"
+        )
+    return _of_values(where, values)
+
+
+def _by_names(names: Sequence[str]) -> dict[str, int]:
+    found: dict[str, int] = {}
+    for index, name in enumerate(names):
+        plain = _UNIT.sub("", name.strip().lower()).strip(" _%#")
+        plain = re.sub(r"[\s-]+", "_", plain)
+        position = _POSITION.search(plain)
+        role = _ROLE_OF.get(plain) or (position[1] if position else None)
+        if role is not None:
+            found.setdefault(role, index)
+    if not ("time" in found or "frame" in found):
+        stamps = [index for index, name in enumerate(names) if "time" in name.lower()]
+        found.update({"time": stamps[0]} if stamps else {})
+    return found
+
+
+def _index(where: str, names: Sequence[str], count: int, text: str, role: str) -> int:
+    if text in names:
+        return list(names).index(text)
+    if text.isdecimal() and 1 <= int(text) <= count:
+        return int(text) - 1
+    raise FileError(
+        f"{where}: {role} must be one of the columns {', '.join(names) or f'1 to {count}'}, got"
+        f" {text!r}; correct the mapping"
+    )
+
+
+def _of_names(names: Sequence[str], values: FloatArray, found: dict[str, int]) -> Columns:
+    frames = "time" not in found
+    time = found["frame"] if frames else found["time"]
+    unit = _unit(names[time], _SECONDS) if names else None
+    return Columns(
+        time=time,
+        agent=found.get("agent", -1),
+        x=found["x"],
+        y=found["y"],
+        frames=frames or (not names and _are_frames(values[:, time])),
+        time_s=None if frames else unit,
+        place_m=_unit(names[found["x"]], METRES) if names else None,
+    )
+
+
+def _unit(name: str, known: dict[str, float]) -> float | None:
+    found = _UNIT.search(name.strip().lower())
+    return known.get(found[1] or found[2]) if found else None
+
+
+def _of_values(where: str, values: FloatArray) -> Columns:
+    """Of a table without names."""
+    count = values.shape[1]
+    if count in (_MATRIX, _MATRIX + 1):
+        return _of_matrices(values, count - _MATRIX)
+    if count >= _QUATERNION.stop and _are_quaternions(values[:, _QUATERNION]):
+        x, y = _ground(values, (1, 2, 3))
+        plane = "" if (x, y) == (1, 2) else "the ground is taken as the plane of x and z"
+        return Columns(0, -1, x, y, place_m=1.0, assumed=(plane,) if plane else ())
+    whole = [_are_whole(values[:, column]) for column in range(min(count, 2))]
+    if count >= 4 and all(whole):
+        return _of_frames(values)
+    if count >= 4 and whole[1]:
+        return Columns(0, 1, 2, 3, assumed=("columns are taken as time, agent, x, y",))
+    if count >= 4 and whole[0] and not (np.diff(values[:, 0]) > 0).all():
+        return Columns(1, 0, 2, 3, assumed=("columns are taken as agent, time, x, y",))
+    if count >= 3:
+        return Columns(
+            0,
+            -1,
+            1,
+            2,
+            frames=_are_frames(values[:, 0]),
+            assumed=("columns are taken as time, x, y",),
+        )
+    raise FileError(
+        f"{where} must have columns of time, x and y, got {count} without names; name the columns"
+        " in its first line"
+    )
+
+
+def _of_matrices(values: FloatArray, before: int) -> Columns:
+    """Poses as rows of 3 x 4 matrices, as KITTI has them: place in columns 4, 8 and 12."""
+    x, y = _ground(values, (before + 3, before + 7, before + 11))
+    plane = "x and y" if y == before + 7 else "x and z"
+    assumed = (f"rows are taken as matrices of poses, the ground as the plane of {plane}",)
+    frames = not before or _are_frames(values[:, 0])
+    return Columns(0 if before else -1, -1, x, y, frames, place_m=1.0, assumed=assumed)
+
+
+def _ground(values: FloatArray, axes: tuple[int, int, int]) -> tuple[int, int]:
+    """x and y, or x and z of a camera, whose y points down."""
+    x, y, z = axes
+    spread = np.ptp(values[:, [x, y, z]], axis=0)
+    return (x, z) if 3.0 * spread[1] < min(spread[0], spread[2]) else (x, y)
+
+
+def _of_frames(values: FloatArray) -> Columns:
+    """Two columns of whole numbers: the agent is the one along which the steps are shorter.
+
+    Eight columns with a constant fourth are frame, agent, x, z, y and velocities (ETH).
+    """
+    x, y = (2, 4) if values.shape[1] == 8 and np.ptp(values[:, 3]) == 0.0 else (2, 3)
+    agent_first = _step(values, 0, 1, x, y) < _step(values, 1, 0, x, y)
+    agent, frame = (0, 1) if agent_first else (1, 0)
+    order = "agent, frame" if agent_first else "frame, agent"
+    frames = _are_frames(values[:, frame])
+    return Columns(
+        frame,
+        agent,
+        x,
+        y,
+        frames,
+        assumed=(f"columns are taken as {order}, x, {'z, ' * (y - 3)}y",),
+    )
+
+
+def _step(values: FloatArray, agent: int, frame: int, x: int, y: int) -> float:
+    """Median distance from row to row of one agent; infinite where there are no two."""
+    rows = values[np.lexsort((values[:, frame], values[:, agent]))]
+    same = (np.diff(rows[:, agent]) == 0) & (np.diff(rows[:, frame]) > 0)
+    steps = np.hypot(*np.diff(rows[:, [x, y]], axis=0)[same].T)
+    return float(np.median(steps)) if len(steps) else np.inf
+
+
+def _are_whole(column: FloatArray) -> bool:
+    known = column[np.isfinite(column)]
+    return bool(len(known)) and bool((known == np.floor(known)).all())
+
+
+def _are_frames(column: FloatArray) -> bool:
+    return _are_whole(column) and bool(np.nanmax(np.abs(column)) < _LARGEST_FRAME)
+
+
+def _are_quaternions(columns: FloatArray) -> bool:
+    norms = np.linalg.norm(columns, axis=1)
+    return bool(np.mean(np.abs(norms - 1.0) < 0.02) > 0.9)
+
+
+def times_of(
+    columns: Columns, numbers: FloatArray, steps: FloatArray, fps: float | None
+) -> tuple[FloatArray, Columns]:
+    """(R,) seconds; steps: between rows of one agent, in the units of the file."""
+    usual = float(np.median(steps)) if len(steps) else 1.0
+    if not columns.frames:
+        scale = columns.time_s or _scale_of_stamps(numbers)
+        return numbers * scale, columns
+    note = ""
+    if fps is None and columns.time < 0:
+        fps, note = _KITTI_FPS, f"{_KITTI_FPS:g} rows per second are assumed"
+    elif fps is None and usual in _ANNOTATED_STEPS:
+        fps = usual / _ANNOTATED_S
+        note = f"{usual:g} frames are taken as {_ANNOTATED_S:g} s, as in the ETH and UCY data"
+    elif fps is None:
+        fps, note = _USUAL_FPS, f"{_USUAL_FPS:g} frames per second are assumed"
+    if note:
+        note += "; 'fps:' in a --mapping file states others"
+        columns = replace(columns, assumed=(*columns.assumed, note))
+    return numbers / fps, columns
+
+
+def _scale_of_stamps(numbers: FloatArray) -> float:
+    """Unix times are recognised by their size: s, ms, us or ns."""
+    size = float(np.nanmedian(np.abs(numbers)))
+    return next(
+        (scale for least, scale in ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3)) if size > least), 1.0
+    )
+
+
+def metres_of(columns: Columns, speed: float, unit: Unit | None) -> tuple[float, Columns]:
+    """(m per unit, columns); speed: median of moving agents, in units per second."""
+    if unit is not None:
+        return METRES[unit], columns
+    if columns.place_m is not None:
+        return columns.place_m, columns
+    guess: Unit = "mm" if speed > _MM_ABOVE else "cm" if speed > _CM_ABOVE else "m"
+    if guess == "m":
+        return 1.0, columns
+    note = (
+        f"places are taken to be in {guess}, since agents usually move {speed:.3g} per second;"
+        " 'unit:' in a --mapping file states another"
+    )
+    return METRES[guess], replace(columns, assumed=(*columns.assumed, note))

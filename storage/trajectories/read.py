@@ -1,0 +1,124 @@
+"""Tracks of agents from a table in text or Parquet: TUM, KITTI, ETH/UCY, PeTrack and plain CSV."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, IntArray
+from storage.errors import FileError
+from storage.trajectories.cells import Cells, read_cells
+from storage.trajectories.columns import Columns, TableColumns, located, metres_of, times_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_TRANSPOSED_ROWS, _LEAST_TRANSPOSED = 4, 20
+_NANOSECONDS = 1e9
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One agent: time_s (T,) increasing, position_m (T, 2)."""
+
+    agent: str
+    time_s: FloatArray
+    position_m: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectories:
+    """assumed: sentences about what the file does not state; n_bad: rows that were left out."""
+
+    tracks: tuple[Track, ...]
+    assumed: tuple[str, ...] = ()
+    n_bad: int = 0
+
+
+def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> Trajectories:
+    """The tracks of at least two places; FileError where a file holds none."""
+    path, wanted = Path(path), wanted or TableColumns()
+    cells = read_cells(path)
+    values = _numbers(cells.frame)
+    if len(values) == _TRANSPOSED_ROWS and values.shape[1] > _LEAST_TRANSPOSED:
+        values, cells = values.T, Cells(cells.frame.T, (), cells.fps)
+    usable = values[np.isfinite(values).sum(axis=1) >= min(3, values.shape[1])]
+    if not len(usable):
+        raise FileError(f"{path} must hold numbers, it holds none; check the path")
+    columns = located(str(path), cells.names, usable, wanted)
+    return _tracks(path, cells, values, columns, wanted)
+
+
+def _tracks(
+    path: Path, cells: Cells, values: FloatArray, columns: Columns, wanted: TableColumns
+) -> Trajectories:
+    time = _time(cells.frame, values, columns)
+    agent, names = _agents(cells.frame, columns)
+    place = values[:, [columns.x, columns.y]]
+    good = np.isfinite(time) & np.isfinite(place).all(axis=1) & (agent >= 0)
+    rows = np.flatnonzero(good)
+    rows = rows[np.lexsort((time[rows], agent[rows]))]
+    same = (np.diff(agent[rows]) == 0) & (np.diff(time[rows]) > 0)
+    rows = rows[np.concatenate([[True], same | (np.diff(agent[rows]) != 0)])] if len(rows) else rows
+    time, agent, place = time[rows], agent[rows], place[rows]
+    same = np.diff(agent) == 0
+    fps = wanted.fps or cells.fps
+    time_s, columns = times_of(columns, time, np.diff(time)[same], fps)
+    scale, columns = metres_of(columns, _speed(time_s, place, same), wanted.unit)
+    pieces = np.split(np.arange(len(rows)), np.flatnonzero(~same) + 1)
+    tracks = tuple(
+        Track(names[agent[piece[0]]], time_s[piece], place[piece] * scale)
+        for piece in pieces
+        if len(piece) > 1
+    )
+    if not tracks:
+        raise FileError(
+            f"{path} must hold agents with two places at least, it holds none in"
+            f" {len(values)} rows; name its columns in a --mapping file (time:, agent:, x:, y:)"
+        )
+    return Trajectories(tracks, columns.assumed, int((~good).sum()))
+
+
+def _numbers(frame: "pd.DataFrame") -> FloatArray:
+    """(R, C) with NaN for text."""
+    import pandas as pd
+
+    columns = [pd.to_numeric(frame[name], errors="coerce") for name in frame.columns]
+    return np.column_stack([column.to_numpy(dtype=np.float64) for column in columns])
+
+
+def _time(frame: "pd.DataFrame", values: FloatArray, columns: Columns) -> FloatArray:
+    """(R,) as in the file; dates in s."""
+    import pandas as pd
+
+    if columns.time < 0:
+        return np.arange(len(values), dtype=np.float64)
+    numbers = values[:, columns.time]
+    if np.isfinite(numbers).any() and not pd.api.types.is_datetime64_any_dtype(
+        frame.iloc[:, columns.time]
+    ):
+        return numbers
+    dates = pd.to_datetime(frame.iloc[:, columns.time], errors="coerce", utc=True)
+    since = (dates - dates.min()).dt.total_seconds()
+    return np.asarray(since.to_numpy(dtype=np.float64))
+
+
+def _agents(frame: "pd.DataFrame", columns: Columns) -> tuple[IntArray, list[str]]:
+    """(R,) number of the agent, -1 where there is none, and their names."""
+    import pandas as pd
+
+    if columns.agent < 0:
+        return np.zeros(len(frame), dtype=np.int64), ["0"]
+    numbers, names = pd.factorize(frame.iloc[:, columns.agent], sort=True)
+    return numbers.astype(np.int64), [
+        f"{name:g}" if isinstance(name, float) else str(name) for name in names
+    ]
+
+
+def _speed(time_s: FloatArray, place: FloatArray, same: FloatArray) -> float:
+    """Median over steps in which an agent moved, in units of the file per second."""
+    step_s = np.diff(time_s)[same]
+    moved = np.hypot(*np.diff(place, axis=0)[same].T)
+    moving = (moved > 0) & (step_s > 0)
+    return float(np.median(moved[moving] / step_s[moving])) if moving.any() else 0.0

@@ -1,0 +1,189 @@
+"""Tables of trajectories in the layouts in which other programs write them."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from storage.errors import FileError
+from storage.trajectories.columns import TableColumns
+from storage.trajectories.read import read_trajectories
+
+PEDESTRIANS = Path(__file__).parents[3].parent / "shared" / "data" / "pedestrians"
+#: Two agents: 1 walks east at 1.25 m/s from (0, 1), 2 north at 1 m/s from (3, 0).
+N_STEPS = 12
+
+
+def rows(step_s=0.4):
+    """(time, agent, x, y) in the order of time."""
+    for step in range(N_STEPS):
+        time_s = step * step_s
+        yield time_s, 1, 1.25 * time_s, 1.0
+        yield time_s, 2, 3.0, 1.0 * time_s
+
+
+def eth(separator="\t"):
+    return "\n".join(
+        separator.join(map(str, (round(time_s * 25) + 780, agent, x, y)))
+        for time_s, agent, x, y in rows()
+    )
+
+
+def obsmat():
+    lines = (f"{round(t * 15) + 6:e} {a:e} {x:e} 0.0e+00 {y:e} 1 0 1" for t, a, x, y in rows())
+    return "\n".join(lines)
+
+
+def petrack(header):
+    by_agent = sorted(rows(0.04), key=lambda row: (row[1], row[0]))
+    lines = (f"{a} {round(t * 25) + 94} {100 * x:.4f} {100 * y:.4f} 176" for t, a, x, y in by_agent)
+    return header + "\n".join(lines)
+
+
+def named(header, separator, scale=1.0, time_scale=1.0, decimal="."):
+    lines = (
+        separator.join(
+            str(each).replace(".", decimal) for each in (a, t * time_scale, x * scale, y * scale)
+        )
+        for t, a, x, y in rows()
+    )
+    return header + "\n" + "\n".join(lines)
+
+
+LAYOUTS = {
+    "ETH/UCY as SGAN has it": eth(),
+    "ETH/UCY with spaces": eth(" "),
+    "obsmat of ETH": obsmat(),
+    "PeTrack": petrack("# framerate: 25 fps\n# id frame x/cm y/cm z/cm\n"),
+    "PeTrack without header": petrack(""),
+    "names": named("track_id,time_s,x_m,y_m", ","),
+    "names with units": named("person;t [ms];x [cm];y [cm]", ";", 100.0, 1000.0),
+    "decimal commas": named("ID;Zeit time;X;Y", ";", decimal=","),
+    "centimetres unsaid": named("id\tt\tpos_x\tpos_y", "\t", 100.0),
+    "unix time in ns": "agent,timestamp,px,py\n"
+    + "\n".join(f"{a},{round(t * 1e9) + 17 * 10**17},{x},{y}" for t, a, x, y in rows()),
+    "exported from ROS": named("name,%time,field.pose.pose.position.x,position.y", ","),
+    "no names, time is no whole number": "\n".join(
+        f"{t + 0.05},{a},{x},{y},0" for t, a, x, y in rows()
+    ),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_two_agents_are_read_from_every_layout(tmp_path, layout):
+    path = tmp_path / "table.txt"
+    path.write_text(LAYOUTS[layout])
+    found = read_trajectories(path)
+    assert [track.agent for track in found.tracks] == ["1", "2"]
+    first, second = found.tracks
+    step_s = 0.04 if "PeTrack" in layout else 0.4
+    np.testing.assert_allclose(np.diff(first.time_s), step_s, rtol=1e-6)
+    np.testing.assert_allclose(first.position_m[:, 1], 1.0, rtol=1e-6)
+    speed = np.diff(first.position_m[:, 0]) / np.diff(first.time_s)
+    np.testing.assert_allclose(speed, 1.25, rtol=1e-3)
+    np.testing.assert_allclose(second.position_m[:, 0], 3.0, rtol=1e-6)
+    assert found.n_bad == 0
+
+
+def test_a_parquet_file_is_read_by_its_names(tmp_path):
+    pytest.importorskip("pyarrow")
+    path = tmp_path / "tracks.parquet"
+    pd.DataFrame(rows(), columns=["timestamp", "ped_id", "x", "y"]).to_parquet(path)
+    found = read_trajectories(path)
+    assert [len(track.time_s) for track in found.tracks] == [N_STEPS, N_STEPS]
+
+
+def test_a_tum_trajectory_is_one_agent(tmp_path):
+    lines = [f"{1305031102.1 + 0.1 * n:.4f} {0.1 * n} 2.0 0.3 0 0 0.6 0.8" for n in range(30)]
+    path = tmp_path / "groundtruth.txt"
+    path.write_text(
+        "# ground truth trajectory\n# timestamp tx ty tz qx qy qz qw\n" + "\n".join(lines)
+    )
+    (track,) = read_trajectories(path).tracks
+    path.write_text("\n".join(lines))
+    (unnamed,) = read_trajectories(path).tracks
+    for each in (track, unnamed):
+        np.testing.assert_allclose(each.position_m[[0, -1]], [[0.0, 2.0], [2.9, 2.0]])
+        np.testing.assert_allclose(each.time_s[[0, -1]] - 1305031102.1, [0.0, 2.9], atol=1e-6)
+
+
+def test_a_kitti_trajectory_lies_in_the_plane_of_the_camera_s_x_and_z(tmp_path):
+    path = tmp_path / "00.txt"
+    path.write_text("\n".join(f"1 0 0 {0.2 * n} 0 1 0 0.01 0 0 1 {0.8 * n}" for n in range(20)))
+    found = read_trajectories(path)
+    np.testing.assert_allclose(found.tracks[0].position_m[-1], [3.8, 15.2])
+    np.testing.assert_allclose(found.tracks[0].time_s[-1], 1.9)
+    assert found.assumed == (
+        "rows are taken as matrices of poses, the ground as the plane of x and z",
+        "10 rows per second are assumed; 'fps:' in a --mapping file states others",
+    )
+
+
+def test_what_the_file_does_not_state_is_assumed_and_listed_or_given(tmp_path):
+    path = tmp_path / "uo.txt"
+    path.write_text(petrack(""))
+    assumed = " ".join(read_trajectories(path).assumed)
+    assert "agent, frame, x, y" in assumed
+    assert "25 frames per second are assumed" in assumed
+    assert "places are taken to be in cm" in assumed
+    given = read_trajectories(path, TableColumns(fps=16.0, unit="cm"))
+    np.testing.assert_allclose(np.diff(given.tracks[0].time_s), 1 / 16)
+    assert given.assumed == ("columns are taken as agent, frame, x, y",)
+    swapped = TableColumns(time="2", agent="1", x="4", y="3", fps=25.0, unit="cm")
+    np.testing.assert_allclose(read_trajectories(path, swapped).tracks[0].position_m[:, 0], 1.0)
+
+
+def test_rows_without_numbers_and_lines_cut_off_are_left_out_and_counted(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("id,t,x,y\n1,0.0,1,1\n1,0.1,nan,1\n1,0.2,,1\n1,0.3,2,1\n1,0.3,9,9\n1,0.4,3")
+    found = read_trajectories(path)
+    assert found.tracks[0].position_m.tolist() == [[1.0, 1.0], [2.0, 1.0]]
+    assert found.n_bad == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "must hold rows of values, it holds none"),
+        ("# only a comment\n", "must hold rows of values, it holds none"),
+        ("name,colour\na,b\nc,d\n", "must hold numbers, it holds none"),
+        ("hello\nworld\n", "must have columns of time, x and y, got 1 column"),
+        (
+            "state,action,next\n1,2,3\n2,3,4\n",
+            "time and x and y is not among state, action, next; na",
+        ),
+        ("id,t,x,y\n1,0,1,1\n2,0,1,1\n", "must hold agents with two places at least"),
+        ("1 2\n3 4\n", "got 2 without names; name the columns in its first line"),
+        ("a\0b", "must be a table of text or Parquet"),
+    ],
+)
+def test_what_is_no_table_gets_a_sentence(tmp_path, text, sentence):
+    path = tmp_path / "table.csv"
+    path.write_text(text)
+    with pytest.raises(FileError, match=sentence):
+        read_trajectories(path)
+
+
+def test_a_column_that_is_not_there_gets_a_sentence(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text(LAYOUTS["names"])
+    with pytest.raises(
+        FileError, match=r"x must be one of the columns track_id, .* got 'east'; cor"
+    ):
+        read_trajectories(path, TableColumns(x="east"))
+
+
+@pytest.mark.skipif(not PEDESTRIANS.is_dir(), reason="../shared/data/pedestrians is missing")
+@pytest.mark.parametrize(
+    ("name", "n_agents", "fps"),
+    [("bi_corr_400_b_03", 480, None), ("uo-100-180-180", 121, 16.0), ("uo-180-180-120", 170, 16.0)],
+)
+def test_real_crowds_walk_at_the_speed_of_people(name, n_agents, fps):
+    found = read_trajectories(PEDESTRIANS / f"{name}.txt", TableColumns(fps=fps))
+    assert len(found.tracks) == n_agents
+    speeds = [
+        np.linalg.norm(track.position_m[-1] - track.position_m[0]) / np.ptp(track.time_s)
+        for track in found.tracks
+    ]
+    assert 0.3 < np.median(speeds) < 1.5
