@@ -14,16 +14,24 @@ from serd_core.ascent.ascent import STOPPED, AscentResult, Step, StepCallback
 from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.bayes.laplace import Laplace, laplace_at
 from serd_core.bayes.strengths import PriorByEvidence, Strengths
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError
+from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
+from serd_core.learners.start import dynamics_or_estimate, starting_parameters
+from serd_core.mdp.problem import Problem
+from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
 from serd_core.posterior.parameters import Parameters
-from serd_core.posterior.posterior import Posterior
+from serd_core.posterior.posterior import Posterior, require_possible
 from serd_core.priors.prior import Prior
 
 TIED = TiedBelief()
 #: Half-width of differences by logs of strengths; slope of the log evidence at its maximum.
 HALF_WIDTH, LEVEL = 0.05, 0.01
+#: Half-width of differences for the curvature by logs of strengths.
+WIDE = 0.2
 #: Slope at which strengths are still good enough, and steps to find them.
 COARSE, MAX_STEPS = 0.2, 40
 #: Strengths stay within so many spreads of their hyperprior's median.
@@ -155,16 +163,60 @@ class EvidenceOfStrengths:
 class EvidenceFit:
     """Where a fit by evidence ended.
 
-    prior: the one chosen; strengths: by name; objective: the log posterior under that prior.
-    ascended: the last ascent, with the steps and evaluations of all; its trace is of the log
-    posterior under the prior that each step had.
+    start: parameters it began with; logs: (h,) of the strengths found; prior: the one of these;
+    objective: the log posterior under it. ascended: the last ascent, with the steps and evaluations
+    of all; its trace is of the log posterior under the prior that each step had.
     """
 
     parameters: Parameters
+    start: Parameters
+    belief: Belief
+    strengths: Strengths
+    logs: FloatArray
     prior: Prior
-    strengths: dict[str, float]
     objective: LogPosterior
     ascended: AscentResult
+
+    def result(self) -> FitResult:
+        """The record of the fit."""
+        posterior, at = self.objective.posterior, self.parameters
+        problem, final = posterior.problem, self.objective.at(self.parameters)
+        truth, belief, initial = (
+            problem.mdp.transitions.local_probabilities(theta)
+            for theta in (at.truth, at.belief, self.start.truth)
+        )
+        return fit_result(
+            problem,
+            Assumptions(posterior.policy_model, self.belief, self.prior),
+            at,
+            final,
+            self.ascended,
+            tables=(truth, belief, initial),
+            n_decisions=posterior.observations.n_decisions,
+            objective=final.objective,
+            objective_trace=self.ascended.objective_trace,
+        )
+
+    def log_evidence(self) -> float:
+        """log P(D), the strengths integrated out by Laplace's approximation over their logs."""
+        record = SearchRecord(None)
+        search = EvidenceSearch(self.objective.posterior, self.belief, self.parameters, record)
+        evidence = EvidenceOfStrengths(search, self.strengths)
+        value = -evidence.loss(self.logs)[0]
+        n = len(self.logs)
+        if not n:
+            return value
+        steps = np.eye(n) * WIDE
+        bends = [
+            (evidence.loss(self.logs + step)[1] - evidence.loss(self.logs - step)[1]) / (2 * WIDE)
+            for step in steps
+        ]
+        # Where the evidence hardly depends on a strength, its hyperprior alone bounds it.
+        least = 0.1 / self.strengths.spreads**2
+        values, vectors = np.linalg.eigh((np.array(bends) + np.array(bends).T) / 2.0)
+        floor = np.sum(least[:, None] * vectors**2, axis=0)
+        log_det = float(np.sum(np.log(np.maximum(values, floor))))
+        return value + 0.5 * (n * float(np.log(2.0 * np.pi)) - log_det)
 
 
 def fit_by_evidence(
@@ -213,7 +265,28 @@ def fit_by_evidence(
         n_steps=len(search.record.trace),
         n_evaluations=search.record.n_evaluations,
     )
-    return EvidenceFit(search.parameters, prior, strengths.values(logs), objective, counted)
+    return EvidenceFit(search.parameters, start, belief, strengths, logs, prior, objective, counted)
+
+
+def evidence_start(
+    problem: Problem,
+    decisions: Decisions,
+    policy_model: PolicyModel,
+    belief: Belief,
+    initial_weights: FloatArray | None,
+    dynamics: FloatArray | None,
+) -> Parameters:
+    """Given weights and dynamics, otherwise 0 and the M-estimate; they must explain the decisions.
+
+    SerdError where they do not.
+    """
+    given = dynamics_or_estimate(problem, decisions, dynamics)
+    n_features = len(problem.feature_names)
+    weights = np.zeros(n_features) if initial_weights is None else initial_weights
+    start = starting_parameters(problem, policy_model, weights, given, belief)
+    table = problem.mdp.transitions.local_probabilities(start.truth)
+    require_possible(observe(problem.mdp, decisions), problem.mdp, table)
+    return start
 
 
 def _stages(belief: Belief) -> tuple[Belief, ...]:

@@ -91,6 +91,12 @@ def laplace_at(
 
 def laplace(problem: Problem, decisions: Decisions, fit: FitResult) -> Laplace:
     """At a fit whose prior is a density; SerdError where it is none, or no maximum."""
+    objective = log_posterior_of(problem, decisions, fit)
+    return laplace_at(objective, objective.coordinates.of(fit.parameters))
+
+
+def log_posterior_of(problem: Problem, decisions: Decisions, fit: FitResult) -> LogPosterior:
+    """The log posterior that a fit maximised; SerdError where its prior is no density."""
     if fit.assumptions is None:
         raise SerdError("the fit must record what it assumed, got none; fit again")
     prior, belief = fit.assumptions.whole_prior, fit.assumptions.belief
@@ -98,7 +104,7 @@ def laplace(problem: Problem, decisions: Decisions, fit: FitResult) -> Laplace:
     require_densities(prior, space)
     observations = observe(problem.mdp, decisions)
     posterior = Posterior(problem, observations, fit.assumptions.policy_model, prior)
-    return laplace_at(LogPosterior(posterior, space), space.of(fit.parameters))
+    return LogPosterior(posterior, space)
 
 
 def stirling(posterior: Posterior, space: Coordinates, parameters: Parameters) -> float:

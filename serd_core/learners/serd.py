@@ -22,7 +22,7 @@ from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, Objective, StepCallback
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs
-from serd_core.bayes.evidence_fit import fit_by_evidence
+from serd_core.bayes.evidence_fit import evidence_start, fit_by_evidence
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.bellman.bellman_solver import BellmanSolver
 from serd_core.bellman.linear.automatic import Automatic
@@ -82,10 +82,21 @@ def fit_serd(
     on_step: called after each step, with J per decision; returning True stops the fit.
     """
     if isinstance(settings.prior, PriorByEvidence):
-        return _fit_by_evidence(
-            problem, decisions, policy_model, settings, settings.prior,
-            initial_weights, dynamics, on_step,
-        )  # fmt: skip
+        start = evidence_start(
+            problem, decisions, policy_model, settings.belief, initial_weights, dynamics
+        )
+        posterior = Posterior(
+            problem,
+            observe(problem.mdp, decisions),
+            policy_model,
+            UNIFORM,
+            settings.solver,
+            settings.linear_solver,
+        )
+        staged = initial_weights is None
+        return fit_by_evidence(
+            posterior, settings.belief, settings.prior, start, on_step, staged=staged
+        ).result()
     weights = initial_weights_or_sample(problem, initial_weights, rng)
     given = dynamics_or_estimate(problem, decisions, dynamics)
     observations = observe(problem.mdp, decisions)
@@ -116,45 +127,6 @@ def fit_serd(
         n_decisions=observations.n_decisions,
         objective=final.objective,
         objective_trace=ascended.objective_trace * observations.n_decisions,
-    )
-
-
-def _fit_by_evidence(
-    problem: Problem,
-    decisions: Decisions,
-    policy_model: PolicyModel,
-    settings: SerdSettings,
-    by_evidence: PriorByEvidence,
-    initial_weights: FloatArray | None,
-    dynamics: FloatArray | None,
-    on_step: StepCallback | None,
-) -> FitResult:
-    """Algorithm 1 with Newton's method and the prior of highest evidence."""
-    given = dynamics_or_estimate(problem, decisions, dynamics)
-    observations = observe(problem.mdp, decisions)
-    n_features = len(problem.feature_names)
-    weights = np.zeros(n_features) if initial_weights is None else initial_weights
-    start = starting_parameters(problem, policy_model, weights, given, settings.belief)
-    initial = problem.mdp.transitions.local_probabilities(start.truth)
-    require_possible(observations, problem.mdp, initial)
-    posterior = Posterior(
-        problem, observations, policy_model, UNIFORM, settings.solver, settings.linear_solver
-    )
-    found = fit_by_evidence(
-        posterior, settings.belief, by_evidence, start, on_step, staged=initial_weights is None
-    )
-    at, model = found.parameters, problem.mdp.transitions
-    final = found.objective.at(at)
-    return fit_result(
-        problem,
-        Assumptions(policy_model, settings.belief, found.prior),
-        at,
-        final,
-        found.ascended,
-        tables=(model.local_probabilities(at.truth), model.local_probabilities(at.belief), initial),
-        n_decisions=observations.n_decisions,
-        objective=final.objective,
-        objective_trace=found.ascended.objective_trace,
     )
 
 

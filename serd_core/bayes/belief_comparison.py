@@ -1,0 +1,152 @@
+"""Whether the expert's belief is the truth: relations of belief and truth compared by evidence.
+
+    P(relation | D) ~ P(D | relation) P(relation),     Bayes factor of two = ratio of their P(D)
+
+P(D | relation) integrates over rewards, dynamics and the strengths of their priors, so a relation
+with more freedom pays for it (MacKay 1992; Kass and Raftery, J. Am. Stat. Assoc. 90, 1995). Where
+no relation is sure, predictions are averaged over all, in shares of their probability (Hoeting et
+al., Statistical Science 14, 1999).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.special
+
+from serd_core.arrays import FloatArray
+from serd_core.bayes.draws import N_DRAWS, PosteriorDraws, laplace_draws
+from serd_core.bayes.evidence_fit import EvidenceFit, evidence_start, fit_by_evidence
+from serd_core.bayes.laplace import Laplace, laplace_at
+from serd_core.bayes.strengths import PriorByEvidence
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
+from serd_core.errors import SerdError
+from serd_core.learners.fit_result import FitResult
+from serd_core.mdp.problem import Problem
+from serd_core.policies.policy_model import MdcePolicy
+from serd_core.posterior.beliefs import (
+    Belief,
+    BeliefAroundTruth,
+    FixedBelief,
+    FreeBelief,
+    TiedBelief,
+)
+from serd_core.posterior.posterior import Posterior
+from serd_core.priors.prior import UniformPrior
+
+#: Probability from which one relation stands for all.
+DECIDED = 0.95
+RELATIONS: tuple[Belief, ...] = (TiedBelief(), FreeBelief())
+NAMES = {
+    TiedBelief: "equal to the truth",
+    FreeBelief: "independent of the truth",
+    BeliefAroundTruth: "near the truth",
+    FixedBelief: "as given",
+}
+BY_EVIDENCE = PriorByEvidence()
+
+
+@dataclass(frozen=True, eq=False)
+class BeliefComparison:
+    """Fits under each relation, the most probable first.
+
+    probabilities: (r,); log_evidences: (r,); approximations: Laplace's, of each.
+    """
+
+    problem: Problem
+    relations: tuple[Belief, ...]
+    fits: tuple[FitResult, ...]
+    approximations: tuple[Laplace, ...]
+    log_evidences: FloatArray
+    probabilities: FloatArray
+
+    @property
+    def best(self) -> FitResult:
+        """The fit under the most probable relation."""
+        return self.fits[0]
+
+    @property
+    def decided(self) -> bool:
+        """Whether one relation stands for all."""
+        return bool(self.probabilities[0] >= DECIDED)
+
+    def draws(self, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
+        """n draws of the best where it is decided, otherwise of all by their probability."""
+        if self.decided:
+            return laplace_draws(self.approximations[0], rng, n)
+        counts = np.maximum(rng.multinomial(n, self.probabilities), 2)
+        parts = [
+            laplace_draws(one, rng, int(count))
+            for one, count in zip(self.approximations, counts, strict=True)
+        ]
+        names = ("reward", "outcome_probabilities", "believed_outcome_probabilities")
+        tables = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
+        # Coordinates differ from relation to relation.
+        return PosteriorDraws(np.zeros((len(tables[0]), 0)), *tables)
+
+    def sentence(self) -> str:
+        """What the decisions say about the belief, with the Bayes factor."""
+        first, second = (NAMES[type(one)] for one in self.relations[:2])
+        factor = np.log10(np.e) * (self.log_evidences[0] - self.log_evidences[1])
+        shown = f"{10**factor:.2g}" if factor < 4 else f"10^{factor:.0f}"
+        share = f"probability {self.probabilities[0]:.3g}"
+        if self.decided:
+            return (
+                f"The expert's belief is {first} ({share}, Bayes factor {shown} against {second})."
+            )
+        return (
+            f"Undecided: the expert's belief is {first} ({share}) or {second} (Bayes factor"
+            f" {shown}); predictions are averaged."
+        )
+
+
+def compare_beliefs(
+    problem: Problem,
+    decisions: Decisions,
+    relations: Sequence[Belief] = RELATIONS,
+    *,
+    prior: PriorByEvidence = BY_EVIDENCE,
+    dynamics: FloatArray | None = None,
+) -> BeliefComparison:
+    """Fit under each relation, all equally probable beforehand.
+
+    dynamics: (M, K) known ones, which `FixedBelief` takes as they are; others start there.
+    """
+    if len(relations) < 2 or len(set(relations)) < len(relations):
+        raise SerdError(
+            f"relations must be at least two different beliefs, got {len(set(relations))}"
+            "; pass for example TiedBelief() and FreeBelief()"
+        )
+    if dynamics is None and FixedBelief() in relations:
+        raise SerdError(
+            "FixedBelief can be compared for known dynamics only, got none; pass dynamics, as an"
+            " estimate has seen the decisions already"
+        )
+    found = [_fit(problem, decisions, one, prior, dynamics) for one in relations]
+    evidences = np.array([one.log_evidence() for one in found])
+    order = np.argsort(-evidences, kind="stable")
+    return BeliefComparison(
+        problem=problem,
+        relations=tuple(relations[i] for i in order),
+        fits=tuple(found[i].result() for i in order),
+        approximations=tuple(
+            laplace_at(found[i].objective, found[i].objective.coordinates.of(found[i].parameters))
+            for i in order
+        ),
+        log_evidences=evidences[order],
+        probabilities=np.asarray(scipy.special.softmax(evidences[order])),
+    )
+
+
+def _fit(
+    problem: Problem,
+    decisions: Decisions,
+    belief: Belief,
+    prior: PriorByEvidence,
+    dynamics: FloatArray | None,
+) -> EvidenceFit:
+    policy_model = MdcePolicy()
+    start = evidence_start(problem, decisions, policy_model, belief, None, dynamics)
+    posterior = Posterior(problem, observe(problem.mdp, decisions), policy_model, UniformPrior())
+    return fit_by_evidence(posterior, belief, prior, start, staged=True)

@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+
+from serd_core.bayes.belief_comparison import compare_beliefs
+from serd_core.bayes.draws import posterior_policy
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.errors import SerdError
+from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import TabularProblem
+from serd_core.policies.solved_policy import soft_policy
+from serd_core.posterior.beliefs import FixedBelief, FreeBelief, TiedBelief
+
+N_STATES, N_MODELS = 12, 4
+
+
+def random_world(seed: int, n_episodes: int, *, wrong: bool):
+    """States with random successors, whose outcomes the expert knows or not."""
+    rng = np.random.default_rng(seed)
+    models = OutcomeModels(
+        rng.integers(N_STATES, size=(N_STATES, 3, 3)),
+        rng.integers(N_MODELS, size=(N_STATES, 3)),
+        np.ones((N_STATES, 3), bool),
+        N_MODELS,
+    )
+    features = np.repeat(rng.normal(size=(N_STATES, 1, 2)), 3, axis=1)
+    problem = TabularProblem(Mdp(models, 0.9), features, ("one", "two"))
+    truth, other = rng.dirichlet(np.ones(3), (2, N_MODELS))
+    policy = soft_policy(problem, np.array([2.0, -1.0]), other if wrong else truth)
+    decisions = sample_decisions(
+        problem.mdp,
+        policy.probabilities,
+        truth,
+        np.full(N_STATES, 1.0 / N_STATES),
+        n_episodes=n_episodes,
+        n_steps=15,
+        rng=rng,
+    )
+    return problem, decisions, truth
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("wrong", [False, True])
+def test_the_evidence_finds_whether_the_belief_is_the_truth(seed, wrong):
+    problem, decisions, _ = random_world(seed, 40, wrong=wrong)
+    found = compare_beliefs(problem, decisions)
+    assert found.relations[0] == (FreeBelief() if wrong else TiedBelief())
+    assert found.decided
+    named = "independent of the truth" if wrong else "equal to the truth"
+    assert found.sentence().startswith(f"The expert's belief is {named} (probability ")
+    assert "Bayes factor" in found.sentence()
+    assert len(found.draws(np.random.default_rng(0), 10).coordinates[0])
+
+
+def test_what_is_undecided_is_averaged():
+    problem, decisions, _ = random_world(3, 1, wrong=False)
+    found = compare_beliefs(problem, decisions.select(np.arange(2)))
+    assert not found.decided
+    assert found.sentence().startswith("Undecided: the expert's belief is ")
+    draws = found.draws(np.random.default_rng(0), 20)
+    policy = posterior_policy(problem, draws)
+    np.testing.assert_allclose(policy.sum(axis=1), 1.0)
+
+
+def test_known_dynamics_are_a_relation_too():
+    problem, decisions, truth = random_world(0, 10, wrong=False)
+    relations = (FixedBelief(), TiedBelief())
+    found = compare_beliefs(problem, decisions, relations, dynamics=truth)
+    assert found.relations[0] == FixedBelief()
+
+
+def test_bad_comparisons_are_rejected():
+    problem, decisions, _ = random_world(0, 2, wrong=False)
+    with pytest.raises(SerdError, match="at least two different beliefs, got 1"):
+        compare_beliefs(problem, decisions, (TiedBelief(), TiedBelief()))
+    with pytest.raises(SerdError, match="FixedBelief can be compared for known dynamics only"):
+        compare_beliefs(problem, decisions, (TiedBelief(), FixedBelief()))
