@@ -13,6 +13,7 @@ from benchmarks import bags_throughput, speed_figure
 from benchmarks.driving import closed_loop, crowd_peers, lockstep
 from benchmarks.faults import kill_matrix
 from benchmarks.learning import gradient, growth, peers
+from benchmarks.sources import run as sources
 
 BENCHMARKS = {
     "bags_throughput": bags_throughput.run,
@@ -23,6 +24,7 @@ BENCHMARKS = {
     "kill_matrix": kill_matrix.run,
     "learning_peers": peers.run,
     "lockstep": lockstep.run,
+    "sources": sources.run,
     "speed_figure": speed_figure.run,
 }
 

@@ -1,0 +1,1 @@
+"""Recordings of many kinds, from the file to the held-out likelihood."""
