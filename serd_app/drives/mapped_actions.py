@@ -94,6 +94,11 @@ class MappedActions:
         dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
         return MappedIntents(at_s, self._actions(at_s, vectors, track), dropped)
 
+    @property
+    def n_taken(self) -> int:
+        """Messages so far."""
+        return len(self._rows) // 4
+
     def stated(self, track: PoseTrack) -> tuple[FloatArray, FloatArray, int]:
         """Times (N,) on the clock of the poses, vectors (N, 2), and how many more are not finite;
         BagError where the topic has no message."""

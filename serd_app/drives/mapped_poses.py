@@ -2,6 +2,7 @@
 
 from array import array
 from collections.abc import Mapping
+from copy import copy
 
 import numpy as np
 
@@ -26,23 +27,23 @@ _AT_FRAME = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 class MappedPoses:
     """Collects messages of the pose topic and of /tf.
 
-    has_heading: whether the poses have one. n_bad: poses left out because a number in them is not
-    finite; see `rows`.
+    from_tf: whether the poses are those of `robot_frame`. has_heading: whether they have one.
+    n_bad: poses left out because a number in them is not finite; see `rows`.
     """
 
     def __init__(self, known: Mapping[str, Topic], mapping: BagMapping, source: str) -> None:
         self._mapping, self._source = mapping, source
         self._has_clock = "/clock" in known
         self._topic = topic_named(known, mapping.pose_topic)
-        self._from_tf = known[self._topic].type_name in _TF_TYPES
-        tf = self._topic.removesuffix("_static") if self._from_tf else "/tf"
+        self.from_tf = known[self._topic].type_name in _TF_TYPES
+        tf = self._topic.removesuffix("_static") if self.from_tf else "/tf"
         self._tf = {
             name: (known[name].type_name, store_of(known[name]), name != tf)
             for name in (tf, f"{tf}_static")
             if name in known and known[name].type_name in _TF_TYPES
         }
         self._read: FieldReader | None = None
-        if not self._from_tf:
+        if not self.from_tf:
             self._read = field_reader(
                 known[self._topic], mapping.pose_fields, POSES, "pose_fields", "a pose"
             )
@@ -56,6 +57,17 @@ class MappedPoses:
     def topics(self) -> frozenset[str]:
         """Those to take messages of."""
         return frozenset({self._topic, *self._tf})
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Those of /tf so far."""
+        return self._tree.frames
+
+    def under(self, mapping: BagMapping) -> "MappedPoses":
+        """The same messages with another `frame` and `robot_frame`."""
+        other = copy(self)
+        other._mapping = mapping
+        return other
 
     def take(self, message: RawMessage) -> None:
         """A message; those of other topics are left."""
@@ -100,7 +112,7 @@ class MappedPoses:
     def _target(self) -> str:
         """The frame of the grid; of /tf without one in the mapping, the topmost."""
         given = self._mapping.frame.lstrip("/")
-        if given or not self._from_tf:
+        if given or not self.from_tf:
             return given
         return self._tree.root(self._mapping.robot_frame.lstrip("/"))
 

@@ -20,6 +20,7 @@ from bags.rewrite import recover as recover_bag
 from bags.rosbag2.layout import storage_name
 from report.style import counted, seconds_in_words
 from serd_cli.commands.bag_play import play
+from serd_cli.commands.bag_suggest import suggest
 from serd_cli.errors import FAILED, UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.terminal import console, print_json, progress_console
@@ -43,7 +44,7 @@ def register(app: typer.Typer) -> None:
         suggest_commands=True,
         help="Inspect, check, repair and play recordings.",
     )
-    for command in (info, check, recover, convert, play):
+    for command in (info, check, suggest, recover, convert, play):
         group.command()(command)
     app.add_typer(group, name="bag")
 

@@ -1,0 +1,139 @@
+"""The likeliest topics of a bag for poses and commands, with their messages."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from bags.errors import BagError
+from bags.reader import BagReader
+from bags.topic import RawMessage, Topic
+from serd_app.demonstrations.fitted_grid import grid_around
+from serd_app.demonstrations.suggestion.names import (
+    command_candidates,
+    pose_candidates,
+    robot_frames,
+)
+from serd_app.drives.mapped_actions import MappedActions, PoseTrack
+from serd_app.drives.mapped_poses import MappedPoses
+from serd_app.drives.mapping import BagMapping
+from serd_app.drives.recorded_drive import source_of
+
+PERIOD_S = 1.0
+_CELL_SIZES_M = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 5.0)
+_MOST_CANDIDATES = 6
+_FEWEST_POSES = 10
+_SHORTEST_WAY_M = 0.2
+_USUAL_SPEED_MPS = 0.05
+#: Of the speed of the fastest tenth of the motion, from which on a slower robot moves.
+_SLOW_SHARE = 1 / 3
+_Made = TypeVar("_Made")
+
+
+@dataclass(frozen=True, eq=False)
+class PoseCandidate:
+    """A pose topic that moves. mapping: with its pose keys alone."""
+
+    topic: Topic
+    mapping: BagMapping
+    track: PoseTrack
+
+    @property
+    def way(self) -> str:
+        """What of the robot's motion it shows."""
+        span_s = self.track.time_s[-1] - self.track.time_s[0]
+        way_m = float(np.hypot(*np.diff(self.track.poses[:, :2], axis=0).T).sum())
+        number = len(self.track.time_s)
+        return f"{number} poses in {span_s:.0f} s, {way_m:.1f} m ({self.topic.type_name})"
+
+
+class Candidates:
+    """Messages of the likeliest topics, collected in one pass over the bag.
+
+    actions: by topic, those with messages. rejected: why topics were left out.
+    """
+
+    def __init__(self, reader: BagReader) -> None:
+        self._source, self._known = source_of(reader.path), reader.topics
+        self.rejected: list[str] = []
+        poses = pose_candidates(self._known.values())[:_MOST_CANDIDATES]
+        actions = command_candidates(self._known.values())[:_MOST_CANDIDATES]
+        self._poses = {each.name: self._made(self._pose_reader, each) for each in poses}
+        readers = {each.name: self._made(self._action_reader, each) for each in actions}
+        self.actions = {name: each for name, each in readers.items() if each is not None}
+        wanted = {name for each in self._poses.values() if each for name in each.topics}
+        for message in reader.messages((wanted | self.actions.keys()) & self._known.keys()):
+            self._take(message)
+        self.actions = {name: each for name, each in self.actions.items() if each.n_taken}
+
+    def poses(self) -> list[PoseCandidate]:
+        """Those that move, the likeliest first."""
+        found = [
+            self._made(_pose_candidate, self._known[name], each)
+            for name, each in self._poses.items()
+            if each is not None
+        ]
+        return [each for each in found if each is not None]
+
+    def _made(self, make: Callable[..., _Made], *arguments: object) -> _Made | None:
+        """None, with the reason in `rejected`, where a rule of its kind is broken."""
+        try:
+            return make(*arguments)
+        except BagError as error:
+            self.rejected.append(str(error).removeprefix(f"{self._source}: "))
+            return None
+
+    def _pose_reader(self, topic: Topic) -> MappedPoses:
+        return MappedPoses(self._known, BagMapping(pose_topic=topic.name), self._source)
+
+    def _action_reader(self, topic: Topic) -> MappedActions:
+        mapping = BagMapping(action_from="velocity", action_topic=topic.name)
+        return MappedActions(mapping, topic, self._source)
+
+    def _take(self, message: RawMessage) -> None:
+        try:
+            for each in self._poses.values():
+                if each is not None:
+                    each.take(message)
+            if message.topic in self.actions:
+                self.actions[message.topic].take(message)
+        except BagError:
+            pass  # a damaged message, which `serd demos` names
+
+
+def _pose_candidate(topic: Topic, collected: MappedPoses) -> PoseCandidate:
+    """BagError where it shows no motion of one robot."""
+    mapping = BagMapping(pose_topic=topic.name)
+    frames = robot_frames(collected.frames)
+    if collected.from_tf and frames:
+        mapping = mapping.model_copy(update={"robot_frame": frames[0]})
+        collected = collected.under(mapping)
+    times_s, poses = collected.rows()
+    placed = np.isfinite(poses).all(axis=1)
+    track = PoseTrack(times_s[placed, 0], times_s[placed, 1], poses[placed])
+    if len(track.time_s) < _FEWEST_POSES:
+        raise BagError(f"{topic.name} has {len(track.time_s)} poses, too few")
+    way_m = float(np.ptp(track.poses[:, :2], axis=0).max())
+    if not way_m >= _SHORTEST_WAY_M:
+        raise BagError(f"{topic.name} does not move, it stays within {way_m:.2f} m")
+    grid_around(track.poses[:, :2], cell_size_m(track))
+    return PoseCandidate(topic, mapping, track)
+
+
+def _speed_mps(track: PoseTrack) -> float:
+    """The speed that the robot exceeds in a tenth of its motion."""
+    time_s = np.arange(track.time_s[0], track.time_s[-1], 0.5)[:100_000]
+    speeds_mps = np.hypot(*np.diff(track.at(time_s), axis=0).T) / 0.5
+    moving = speeds_mps[speeds_mps > 0.01]
+    return float(np.quantile(moving, 0.9)) if len(moving) else _USUAL_SPEED_MPS
+
+
+def minimum_speed_mps(track: PoseTrack) -> float:
+    return min(_USUAL_SPEED_MPS, round(_SLOW_SHARE * _speed_mps(track), 4))
+
+
+def cell_size_m(track: PoseTrack) -> float:
+    """Of a cell that the robot crosses in about a period."""
+    way_m = _speed_mps(track) * PERIOD_S
+    return min(_CELL_SIZES_M, key=lambda size_m: abs(np.log(size_m / way_m)))

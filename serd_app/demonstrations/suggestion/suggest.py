@@ -1,0 +1,230 @@
+"""`serd bag suggest`: a mapping for a bag of any robot, tested on what it gives.
+
+Topics are ranked by type and name. Each pose topic must move, and each pair of a pose and a command
+topic is tested: how often do command and motion disagree, by hold and delay? The mapping is then
+used as `serd demos` uses it. Where the robot moves in more than 2 % of the decisions to wait, its
+commands do not explain its motion, and the motion itself becomes the action.
+"""
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from bags.errors import BagError
+from bags.reader import BagReader
+from bags.topic import Topic, topics_named
+from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, DiscretisationReport
+from serd_app.demonstrations.fitted_grid import fitted_grid
+from serd_app.demonstrations.recorded import demonstrations_of_all
+from serd_app.demonstrations.suggestion.candidates import (
+    PERIOD_S,
+    Candidates,
+    PoseCandidate,
+    cell_size_m,
+    minimum_speed_mps,
+)
+from serd_app.demonstrations.suggestion.command_fit import USUAL_HOLD_S, CommandFit, fit_commands
+from serd_app.demonstrations.suggestion.names import in_one_namespace
+from serd_app.drives.mapped_actions import MappedActions
+from serd_app.drives.mapping import BagMapping
+from serd_app.drives.recorded_drive import INTENT, POSE
+from serd_app.drives.recording import read_recording
+from serd_app.errors import AppError
+
+#: Periods with which a mapping is tested: the suggested and the usual one.
+_PERIODS_S = (PERIOD_S, 2.0)
+_MOST_DISAGREEMENT = 0.25
+#: Pairs that disagree more than the best one by less than this are taken by their names.
+_EQUAL = 0.03
+_STILL = 0.98
+#: Of the usual minimum speed: a period of little motion is then no wait.
+_SPEED_SHARES = (1.0, 0.4, 0.2)
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """comments: by key of the mapping, or of the whole file where the key is empty.
+
+    reports: what the mapping gives, by decision period in s. cell_size_m: that fits the speed.
+    """
+
+    bag: Path
+    mapping: BagMapping
+    comments: dict[str, tuple[str, ...]]
+    reports: dict[float, DiscretisationReport]
+    cell_size_m: float
+
+    def command(self, mapping: Path) -> str:
+        """The next command."""
+        size = f"--cell-size-m {self.cell_size_m:g} --period-s {PERIOD_S:g}"
+        return f"serd demos {self.bag} --mapping {mapping} {size}"
+
+    def yaml(self, path: Path) -> str:
+        """The mapping file, with everything that was assumed as comments."""
+        head = (
+            f"Written by 'serd bag suggest {self.bag}'; correct what is wrong, then run",
+            f"  {self.command(path)}",
+            *self.comments.get("", ()),
+        )
+        lines = [f"# {line}" for line in head]
+        values = self.mapping.model_dump(mode="json")
+        defaults = BagMapping().model_dump(mode="json")
+        for key, value in values.items():
+            if key in self.comments or value != defaults[key]:
+                lines += ["", *(f"# {line}" for line in self.comments.get(key, ()))]
+                lines.append(f"{key}: {json.dumps(value)}")
+        return "\n".join(lines) + "\n"
+
+
+def suggest_mapping(bag: Path) -> Suggestion:
+    """A mapping that gives decisions; AppError where the bag has no pose of a robot that moves."""
+    reader = BagReader(bag, tolerant=True)
+    collected = Candidates(reader)
+    poses, actions, rejected = collected.poses(), collected.actions, collected.rejected
+    if not poses:
+        raise AppError(
+            f"bag {bag} must hold poses of a robot that moves, as Odometry, PoseStamped or /tf;"
+            f" it holds {_listed(reader.topics.values())}"
+            + (f"; {'; '.join(rejected)}" if rejected else "")
+        )
+    ranked = tuple(f"pose on {each.topic.name}: {each.way}" for each in poses)
+    comments = {"": (*ranked, *(f"left out: {line}" for line in rejected))}
+    if topics_named(list(reader.topics), POSE) and topics_named(list(reader.topics), INTENT):
+        mapping = BagMapping(episode_topic="episode" if _has(reader, "episode") else "")
+        comments["pose_topic"] = ("as the recorder of this project writes it",)
+        return _tested(bag, mapping, comments, poses[0])
+    return _by_velocity(bag, poses, actions, comments) or _by_motion(bag, poses, comments)
+
+
+def _by_velocity(
+    bag: Path,
+    poses: Sequence[PoseCandidate],
+    actions: dict[str, MappedActions],
+    comments: dict[str, tuple[str, ...]],
+) -> Suggestion | None:
+    """None where no command topic explains the motion; the comments then state how far."""
+    pairs = list(_fitted(poses, actions))
+    if not pairs:
+        comments["action_from"] = ("no velocity commands were found: the motion is the action",)
+        return None
+    pairs = [each for each in pairs if in_one_namespace(each[0].topic.name, each[1])] or pairs
+    least = min(fit.disagreement for *_, fit in pairs)
+    pose, name, fit = next(each for each in pairs if each[2].disagreement <= least + _EQUAL)
+    others = tuple(
+        f"or {other.topic.name} with {topic}: they disagree in {100 * each.disagreement:.1f} %"
+        for other, topic, each in pairs
+        if (other, topic) != (pose, name)
+    )
+    comments["action_from"] = (
+        f"commands on {name} and the motion of {pose.topic.name} disagree in"
+        f" {100 * fit.disagreement:.1f} % of the time,",
+        f"with the defaults (a command holds for {USUAL_HOLD_S:g} s) in {100 * fit.usual:.1f} %",
+        *others,
+    )
+    if fit.disagreement > _MOST_DISAGREEMENT:
+        comments["action_from"] += ("so the commands are of no use, and the motion is the action",)
+        return None
+    least_waits = 1.0
+    for mapping in _velocity_mappings(pose, name, fit):
+        found = _tested(bag, mapping, {**comments, **_hold_comments(fit)}, pose)
+        least_waits = min(least_waits, _moving_waits(found))
+        if least_waits <= MOST_MOVING_WAITS:
+            return found
+    comments["action_from"] += (
+        f"{100 * least_waits:.1f} % of the decisions would be waits while the robot moves,"
+        " so the motion is the action",
+    )
+    return None
+
+
+def _fitted(
+    poses: Sequence[PoseCandidate], actions: dict[str, MappedActions]
+) -> Iterator[tuple[PoseCandidate, str, CommandFit]]:
+    for pose in poses:
+        for name, each in actions.items():
+            at_s, commands_mps, _ = each.stated(pose.track)
+            if len(at_s):
+                yield (
+                    pose,
+                    name,
+                    fit_commands(pose.track, at_s, commands_mps, minimum_speed_mps(pose.track)),
+                )
+
+
+def _velocity_mappings(pose: PoseCandidate, name: str, fit: CommandFit) -> Iterator[BagMapping]:
+    """To be tried one after the other."""
+    still = fit.still_in_silence is not None and fit.still_in_silence >= _STILL
+    for silence in ("wait", "unknown") if still else ("unknown",):
+        for share in _SPEED_SHARES:
+            yield pose.mapping.model_copy(
+                update={
+                    "action_from": "velocity",
+                    "action_topic": name,
+                    "hold_s": fit.hold_s,
+                    "delay_s": fit.delay_s,
+                    "silence": silence,
+                    "minimum_speed_mps": round(share * minimum_speed_mps(pose.track), 4),
+                }
+            )
+
+
+def _hold_comments(fit: CommandFit) -> dict[str, tuple[str, ...]]:
+    found: dict[str, tuple[str, ...]] = {"delay_s": ("from a command to the motion",)}
+    if fit.hold_s is None:
+        found["hold_s"] = ("the robot keeps the last command until the next one",)
+    else:
+        found["hold_s"] = ("a command acts this long, then the robot stops",)
+    if fit.still_in_silence is not None:
+        share = f"{100 * fit.still_in_silence:.0f} %"
+        found["silence"] = (f"where no command acts, the robot stands in {share} of the time",)
+    return found
+
+
+def _by_motion(
+    bag: Path, poses: Sequence[PoseCandidate], comments: dict[str, tuple[str, ...]]
+) -> Suggestion:
+    """By the likeliest pose; AppError where no pose gives a decision."""
+    for pose in poses:
+        values = {"action_from": "motion", "minimum_speed_mps": minimum_speed_mps(pose.track)}
+        mapping = pose.mapping.model_copy(update=values)
+        found = _tested(bag, mapping, comments, pose)
+        if found.reports:
+            return found
+    raise AppError(
+        f"bag {bag} must hold a drive of at least {PERIOD_S:g} s without gaps, its poses"
+        f" ({', '.join(each.topic.name for each in poses)}) give no decision; record a longer one"
+    )
+
+
+def _tested(
+    bag: Path, mapping: BagMapping, comments: dict[str, tuple[str, ...]], pose: PoseCandidate
+) -> Suggestion:
+    """The mapping as `serd demos` uses it; without reports where it gives no decision."""
+    size_m = cell_size_m(pose.track)
+    reports = {}
+    for period_s in _PERIODS_S:
+        try:
+            recording = read_recording(bag, period_s, mapping=mapping, tolerant=True)
+            grid = fitted_grid([recording], size_m)
+            (found,) = demonstrations_of_all([recording], grid, period_s)
+        except BagError as error:
+            comments = {**comments, "": (*comments.get("", ()), str(error))}
+            continue
+        if found.report.n_decisions:
+            reports[period_s] = found.report
+    return Suggestion(bag, mapping, comments, reports, size_m)
+
+
+def _moving_waits(found: Suggestion) -> float:
+    shares = [each.n_moving_waits / each.n_decisions for each in found.reports.values()]
+    return max(shares, default=1.0)
+
+
+def _has(reader: BagReader, name: str) -> bool:
+    return bool(topics_named(list(reader.topics), name))
+
+
+def _listed(topics: Iterable[Topic]) -> str:
+    names = sorted(f"{each.name} ({each.type_name})" for each in topics)
+    return ", ".join(names) or "nothing"

@@ -1,0 +1,155 @@
+"""A suggested mapping gives decisions at the first attempt, and they explain the motion."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from serd_app.demonstrations.discretise import MOST_MOVING_WAITS
+from serd_app.demonstrations.suggestion.names import robot_frames
+from serd_app.demonstrations.suggestion.suggest import suggest_mapping
+from serd_app.drives.mapping import BagMapping
+from serd_app.errors import AppError
+from storage.yaml_config import yaml_model
+from support.foreign_bags import ForeignBag, Robot, held_keys, key_presses
+
+REAL_BAG = Path(__file__).parents[4].parent / "shared" / "data" / "bags" / "test-bag"
+
+
+@pytest.fixture
+def bag(messages):
+    return ForeignBag(messages)
+
+
+def suggested(bag, tmp_path):
+    """The suggestion, which every test of it must pass."""
+    found = suggest_mapping(bag.write(tmp_path / "bag"))
+    assert set(found.reports) == {1.0, 2.0}
+    for report in found.reports.values():
+        assert report.n_decisions >= 5
+        assert report.n_moving_waits <= MOST_MOVING_WAITS * report.n_decisions
+    text = found.yaml(tmp_path / "mapping.yaml")
+    assert yaml_model(text, BagMapping, name="mapping.yaml") == found.mapping
+    return found
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_robot_that_keeps_the_last_command_is_found(bag, tmp_path, seed):
+    commands = key_presses(np.random.default_rng(seed))
+    track = Robot(delay_s=0.2).drive(commands, commands[-1][0] + 5.0)
+    bag.add_odometry("/odom", track)
+    bag.add_commands("/cmd_vel", commands)
+    mapping = suggested(bag, tmp_path).mapping
+    assert (mapping.pose_topic, mapping.action_topic) == ("/odom", "/cmd_vel")
+    assert (mapping.action_from, mapping.hold_s) == ("velocity", None)
+    assert 0.1 <= mapping.delay_s <= 0.5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_robot_that_stops_by_a_timeout_is_found(bag, tmp_path, seed):
+    commands = held_keys(np.random.default_rng(seed))
+    track = Robot(hold_s=0.5).drive(commands, commands[-1][0] + 5.0)
+    bag.add_odometry("/odom", track)
+    bag.add_commands("/cmd_vel", commands)
+    mapping = suggested(bag, tmp_path).mapping
+    assert (mapping.action_from, mapping.silence) == ("velocity", "wait")
+    assert 0.25 <= mapping.hold_s <= 1.0
+
+
+def test_topics_of_one_namespace_with_stamped_commands_are_found(bag, tmp_path):
+    rng = np.random.default_rng(1)
+    for robot, offset_m in (("alpha", 0.0), ("beta", 5.0)):
+        commands = key_presses(rng)
+        track = Robot().drive(commands, 70.0)
+        bag.add_odometry(f"/{robot}/odom", track, offset_m=offset_m)
+        bag.add_commands(f"/{robot}/cmd_vel", commands, stamped=True)
+    mapping = suggested(bag, tmp_path).mapping
+    assert mapping.pose_topic.split("/")[1] == mapping.action_topic.split("/")[1]
+    assert mapping.action_from == "velocity"
+
+
+def test_of_several_poses_one_that_moves_with_the_commands_is_taken(bag, tmp_path):
+    commands = key_presses(np.random.default_rng(2))
+    track = Robot().drive(commands, 70.0)
+    still = track.copy()
+    still[:, 1:] = 0.0
+    bag.add_odometry("/camera/odom/sample", still)
+    bag.add_odometry("/wheel/odometry", track)
+    bag.add_odometry("/odometry/filtered", track)
+    bag.add_odometry("/amcl_pose", track, every=100)
+    for time_s in (3.0, 20.0):
+        bag.add_pose("/goal_pose", time_s, 9.0, 9.0)
+    bag.add_commands("/cmd_vel", commands)
+    bag.add_commands("/cmd_vel_nav", [(time_s, -speed, 0.0) for time_s, speed, _ in commands])
+    found = suggested(bag, tmp_path)
+    assert found.mapping.pose_topic in ("/wheel/odometry", "/odometry/filtered")
+    assert found.mapping.action_topic == "/cmd_vel"
+    text = found.yaml(tmp_path / "mapping.yaml")
+    for line in ("# pose on /odometry/filtered: ", "# or /wheel/odometry with /cmd_vel: they"):
+        assert line in text or "# or /odometry/filtered with /cmd_vel: they" in text
+
+
+def test_odometry_with_a_clock_an_hour_ahead_is_no_hindrance(bag, tmp_path):
+    commands = key_presses(np.random.default_rng(3))
+    bag.add_odometry("/odom", Robot().drive(commands, 70.0), ahead_s=3600.0)
+    bag.add_commands("/cmd_vel", commands, stamped=True)
+    assert suggested(bag, tmp_path).mapping.action_from == "velocity"
+
+
+def test_without_commands_the_motion_is_the_action(bag, tmp_path):
+    bag.add_odometry("/odom", Robot().drive(key_presses(np.random.default_rng(4)), 70.0))
+    found = suggested(bag, tmp_path)
+    assert found.mapping.action_from == "motion"
+    assert "no velocity commands were found" in found.comments["action_from"][0]
+
+
+def test_commands_that_do_not_explain_the_motion_are_not_taken(bag, tmp_path):
+    rng = np.random.default_rng(5)
+    bag.add_odometry("/odom", Robot().drive(key_presses(rng), 70.0))
+    bag.add_commands("/cmd_vel", [(0.5 * n, rng.normal(), 0.0) for n in range(140)])
+    found = suggested(bag, tmp_path)
+    assert found.mapping.action_from == "motion"
+    assert "disagree in" in found.comments["action_from"][0]
+
+
+def test_a_pose_from_tf_alone_is_found_in_a_namespace(bag, tmp_path):
+    commands = key_presses(np.random.default_rng(6))
+    track = Robot().drive(commands, 70.0)
+    bag.add_tf("/tf", track, "map", "husky/base_link")
+    bag.add_commands("/husky/cmd_vel", commands)
+    mapping = suggested(bag, tmp_path).mapping
+    assert (mapping.pose_topic, mapping.robot_frame) == ("/tf", "husky/base_link")
+    assert mapping.action_from == "velocity"
+
+
+def test_frames_of_a_body_are_ranked():
+    frames = ("map", "r1/base_footprint", "laser", "base_link", "odom")
+    assert robot_frames(frames) == ["base_link", "r1/base_footprint"]
+
+
+@pytest.mark.parametrize(
+    ("speed", "sentence"),
+    [(0.0, "/odom does not move, it stays within 0.00 m"), (math.nan, "must hold poses")],
+)
+def test_a_bag_without_a_robot_that_moves_is_refused_with_its_topics(
+    bag, tmp_path, speed, sentence
+):
+    track = Robot().drive([(0.0, 0.0, 0.0)], 20.0)
+    track[:, 1] = speed
+    bag.add_odometry("/odom", track)
+    bag.add_commands("/cmd_vel", [(1.0, 0.0, 0.0)])
+    with pytest.raises(AppError, match=r"it holds /cmd_vel .geometry_msgs/msg/Twist.*") as caught:
+        suggest_mapping(bag.write(tmp_path / "bag"))
+    assert sentence in str(caught.value)
+
+
+@pytest.mark.skipif(
+    not REAL_BAG.exists(), reason="the real robot bag is not in ../shared/data/bags"
+)
+def test_the_real_bag_keeps_the_last_command():
+    found = suggest_mapping(REAL_BAG)
+    assert (found.mapping.action_from, found.mapping.hold_s) == ("velocity", None)
+    for report in found.reports.values():
+        assert report.n_decisions > 25
+        assert report.n_moving_waits <= MOST_MOVING_WAITS * report.n_decisions
