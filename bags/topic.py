@@ -49,7 +49,7 @@ def topic_named(topics: Collection[str], name: str) -> str:
     if found:
         raise BagError(f"topic {name!r} must be one topic, the bag holds {known}; name it in full")
     fix = nearest_topic(topics, name)
-    fix = f"did you mean {fix!r}?" if fix else "record it too"
+    fix = f"did you mean {fix!r}?" if fix else "name one of them"
     raise BagError(f"bag must hold the topic {name!r}, it holds {known}; {fix}")
 
 

@@ -35,7 +35,7 @@ def messages_of(directory: Path, names: Sequence[str]) -> Iterator[tuple[str, An
         if name not in found:
             filled = {_short(message.topic) for message in reader.messages()}
             known = ", ".join(sorted(filled)) or "nothing"
-            raise BagError(f"bag {directory} must hold {name}, it holds {known}; record it too")
+            raise BagError(f"bag {directory} must hold {name}, it holds {known}; give another bag")
 
 
 def _short(topic: str) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from bags.damage import Losses
+from bags.errors import BagError
 from bags.reader import BagReader
 from bags.rosbag2.layout import is_bag_file
 from bags.topic import topics_named
@@ -67,9 +68,20 @@ def read_recording(
         _require_own(reader)
         drives = drives_in(reader)
     else:
-        drives = (mapped_drive_in(reader, mapping, period_s),)
+        drives = (_mapped_drive(reader, mapping, period_s),)
     damage = tuple(each.sentence() for each in reader.damage)
     return Recording(bag, drives, damage, reader.losses if damage else Losses())
+
+
+def _mapped_drive(reader: BagReader, mapping: BagMapping, period_s: float) -> RecordedDrive:
+    """AppError that names the command which writes a mapping where this one does not fit."""
+    try:
+        return mapped_drive_in(reader, mapping, period_s)
+    except BagError as error:
+        if "serd bag " in str(error):
+            raise
+        sentence = f"{error}; 'serd bag suggest {reader.path}' writes a mapping that fits"
+        raise AppError(sentence) from None
 
 
 def _require_own(reader: BagReader) -> None:
@@ -83,5 +95,6 @@ def _require_own(reader: BagReader) -> None:
     if lacking:
         raise AppError(
             f"bag {reader.path} must hold {', '.join(_OWN_TOPICS)} as our recorder writes them, it"
-            f" holds no {' and no '.join(lacking)} but {known}; name the topics in a --mapping file"
+            f" holds no {' and no '.join(lacking)} but {known}; for a bag of another robot,"
+            f" 'serd bag suggest {reader.path}' writes a mapping.yaml for --mapping"
         )

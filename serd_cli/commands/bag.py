@@ -35,6 +35,8 @@ Output = Annotated[
 
 #: Of a column of names: rich narrows these first where the table is wider than the terminal.
 _LEAST_TEXT_WIDTH = 12
+#: Longer ones are those of another clock, of which digits after the point state nothing.
+_LONG_DELAY_S = 100.0
 
 
 def register(app: typer.Typer) -> None:
@@ -260,8 +262,11 @@ def _rate(hz: float | None) -> str:
 def _delay(topic: TopicCheck) -> str:
     if topic.stamp_delay_s is None:
         return "no stamps"
-    least, greatest = topic.stamp_delay_s
-    return f"{least:.3f}…{greatest:.3f}"
+    return "…".join(map(_seconds, topic.stamp_delay_s))
+
+
+def _seconds(delay_s: float) -> str:
+    return f"{delay_s:.3f}" if abs(delay_s) < _LONG_DELAY_S else f"{delay_s:.3g}"
 
 
 def _table(texts: Iterable[str], numbers: Iterable[str]) -> Table:

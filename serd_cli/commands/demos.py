@@ -84,6 +84,13 @@ def demos(
 
     A place without a scenario: --cell-size-m 0.5 in place of --scenario.
 
+    A bag of another robot needs a mapping, which 'serd bag suggest BAG' writes.
+    Its keys: pose_topic, pose_fields, frame, robot_frame; action_from (intent,
+    velocity, waypoint or motion), action_topic, action_fields; of velocities
+    hold_s, delay_s, silence (unknown or wait), minimum_speed_mps; of waypoints
+    waypoint_reached_m; episode_topic, or goals_m, goal_radius_m, stop_s, round_trips;
+    longest_gap_s; people_topic.
+
     A table (CSV, text as TUM, KITTI, ETH/UCY and PeTrack write it, Parquet)
     has a time, x and y, and where there are several agents their ids: each
     is a demonstration, and all of them are the people.
@@ -122,7 +129,7 @@ def _require_decisions(found: list[RecordedDemonstrations]) -> None:
     if not any(len(each.decisions) for each in found):
         counts = "; ".join(f"{each.bag}: {each.report}" for each in found)
         outside = any(OFF_GRID in each.report.dropped for each in found)
-        fix = "is it this scenario?" if outside else "record episodes with decisions"
+        fix = "is it this scenario?" if outside else "'serd bag check' lists what they hold"
         raise UsageError(f"there is no decision to learn from in {counts}; {fix}")
 
 

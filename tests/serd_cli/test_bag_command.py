@@ -3,11 +3,16 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from bags.mcap.writer import McapWriter
 from bags.reader import BagReader
 from bags.writer import BagWriter
+from serd_app.drives.mapping import BagMapping
+from storage.yaml_config import load_yaml_model
+from support.bag_messages import POSE
+from support.foreign_bags import ForeignBag, Robot, key_presses
 
 
 def damage(bag):
@@ -164,7 +169,7 @@ def test_a_folder_in_use_is_not_written_to(serd, drive_bag):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("info", "nowhere"), "bag nowhere must be a folder or a .mcap or .db3 file"),
+        (("info", "nowhere"), "bag nowhere must be a folder or a .mcap, .db3 or .bag file"),
         (("recover", "one", "two", "--output", "new"), "--output must be left out for several"),
         (("chek", "one"), "Did you mean 'check'?"),
         (("info", "one", "--jsno"), "--json"),
@@ -176,3 +181,33 @@ def test_bad_input_prints_an_error_and_exits_with_2(serd, words, message):
     assert ended.code == 2
     assert message in ended.err
     assert ended.out == ""
+
+
+def test_a_suggested_mapping_is_printed_written_and_given_as_json(serd, messages, tmp_path):
+    commands = key_presses(np.random.default_rng(1))
+    foreign = ForeignBag(messages)
+    foreign.add_odometry("/odom", Robot().drive(commands, commands[-1][0] + 3.0))
+    foreign.add_commands("/cmd_vel", commands)
+    bag, mapping = foreign.write(tmp_path / "foreign"), tmp_path / "mapping.yaml"
+    ended = serd("bag", "suggest", bag, "--output", mapping)
+    assert ended.code == 0
+    assert mapping.read_text().rstrip() in ended.out
+    command = next(line for line in ended.out.splitlines() if line.startswith("next: serd demos"))
+    assert serd(*command.removeprefix("next: serd ").split()).code == 0
+    values = json.loads(serd("bag", "suggest", bag, "--json").out)
+    assert values["mapping"] == load_yaml_model(mapping, BagMapping).model_dump(mode="json")
+    assert values["reports"]["1.0"]["n_moving_waits"] == 0
+
+
+def test_topics_have_width_in_80_columns_also_beside_long_delays(
+    serd, messages, tmp_path, monkeypatch
+):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/a/rather/long/name", POSE)
+        for number in range(50):
+            pose = messages.pose(number, 0.0, 0.0)
+            writer.write("/a/rather/long/name", pose, round((1.7e9 + 1.5 * number) * 1e9))
+    monkeypatch.setenv("COLUMNS", "80")
+    out = serd("bag", "check", tmp_path / "bag").out
+    assert max(map(len, out.splitlines()[1:6])) <= 80
+    assert "│ /a/rather/" in out

@@ -1,8 +1,10 @@
 """`serd demos`: recordings become decisions, a grid and a picture, and nothing is lost unsaid."""
 
 import json
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bags.reader import BagReader
@@ -11,10 +13,12 @@ from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.flow_table import load_flow
 from serd_app.demonstrations.grid_file import load_grid
 from serd_app.demonstrations.recorded import DemonstrationRecord
+from serd_app.drives.mapping import BagMapping
 from serd_core.grid.grid import Action
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from storage.yaml_config import load_yaml_model
+from support.foreign_bags import ForeignBag, Robot, key_presses
 
 
 def test_a_recording_becomes_a_table_beside_its_grid_and_picture(serd, drive_bag, tmp_path):
@@ -199,13 +203,51 @@ def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence):
     assert sentence in ended.err
 
 
-def test_a_foreign_bag_without_a_mapping_is_told_of_one(serd, drive_bag):
-    ended = serd("demos", drive_bag(pose="/amcl"), "--scenario", "hallway")
+def test_a_foreign_bag_without_a_mapping_gets_the_command_that_writes_one(serd, drive_bag):
+    bag = drive_bag(pose="/amcl")
+    ended = serd("demos", bag, "--scenario", "hallway")
     assert ended.code == 2
-    assert (
-        "it holds no robot_pose but /amcl, /episode, /intent; name the topics in a --mapping"
-        in ended.err
+    assert "it holds no robot_pose but /amcl, /episode, /intent; " in ended.err
+    assert f"'serd bag suggest {bag}' writes a mapping.yaml" in ended.err
+
+
+def test_a_mapping_that_does_not_fit_gets_the_command_that_writes_one(serd, drive_bag, tmp_path):
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text("pose_topic: /nowhere\n")
+    bag = drive_bag()
+    ended = serd("demos", bag, "--scenario", "hallway", "--mapping", mapping)
+    assert ended.code == 2
+    assert "bag must hold the topic '/nowhere'" in ended.err
+    assert f"'serd bag suggest {bag}' writes a mapping that fits" in ended.err
+
+
+def test_waits_while_the_robot_moves_are_reported_with_the_command_that_helps(
+    serd, messages, tmp_path
+):
+    commands = key_presses(np.random.default_rng(1))
+    foreign = ForeignBag(messages)
+    foreign.add_odometry("/odom", Robot().drive(commands, commands[-1][0] + 3.0))
+    foreign.add_commands("/cmd_vel", commands)
+    bag = foreign.write(tmp_path / "foreign")
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text(
+        "pose_topic: odom\naction_from: velocity\naction_topic: cmd_vel\nsilence: wait\n"
     )
+    words = ("demos", bag, "--cell-size-m", "0.5", "--period-s", "1", "--mapping", mapping)
+    (found,) = json.loads(serd(*words, "--json").out)["bags"]
+    assert found["n_moving_waits"] > 0.1 * found["n_decisions"]
+    sentence = f"{found['n_moving_waits']} of {found['n_decisions']} decisions wait while the robot"
+    assert sentence in serd(*words).out
+    assert f"'serd bag suggest {bag}' finds how long it follows a command" in serd(*words).out
+    assert serd("bag", "suggest", bag, "--output", mapping).code == 0
+    ended = serd(*words)
+    assert ended.code == 0
+    assert "while the robot moves" not in ended.out
+
+
+def test_the_help_names_every_key_of_a_mapping(serd):
+    shown = set(re.findall(r"\w+", serd("demos", "--help").out))
+    assert shown >= set(BagMapping.model_fields)
 
 
 def test_of_a_bag_of_which_nothing_is_left_the_damage_is_told(serd, tmp_path):

@@ -29,7 +29,7 @@ from serd_app.demonstrations.suggestion.names import in_one_namespace
 from serd_app.drives.mapped_actions import MappedActions
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.recorded_drive import INTENT, POSE
-from serd_app.drives.recording import read_recording
+from serd_app.drives.recording import is_table, read_recording
 from serd_app.errors import AppError
 
 #: Periods with which a mapping is tested: the suggested and the usual one.
@@ -79,6 +79,11 @@ class Suggestion:
 
 def suggest_mapping(bag: Path) -> Suggestion:
     """A mapping that gives decisions; AppError where the bag has no pose of a robot that moves."""
+    if is_table(bag):
+        raise AppError(
+            f"{bag} must be a bag, got another file; a table of trajectories needs no mapping, run"
+            f" 'serd demos {bag} --cell-size-m 0.5'"
+        )
     reader = BagReader(bag, tolerant=True)
     collected = Candidates(reader)
     poses, actions, rejected = collected.poses(), collected.actions, collected.rejected
@@ -208,7 +213,7 @@ def _tested(
             recording = read_recording(bag, period_s, mapping=mapping, tolerant=True)
             grid = fitted_grid([recording], size_m)
             (found,) = demonstrations_of_all([recording], grid, period_s)
-        except BagError as error:
+        except (BagError, AppError) as error:
             comments = {**comments, "": (*comments.get("", ()), str(error))}
             continue
         if found.report.n_decisions:

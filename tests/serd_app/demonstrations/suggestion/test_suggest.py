@@ -151,5 +151,11 @@ def test_the_real_bag_keeps_the_last_command():
     found = suggest_mapping(REAL_BAG)
     assert (found.mapping.action_from, found.mapping.hold_s) == ("velocity", None)
     for report in found.reports.values():
-        assert report.n_decisions > 25
+        assert report.n_decisions > 15
         assert report.n_moving_waits <= MOST_MOVING_WAITS * report.n_decisions
+
+
+def test_a_table_needs_no_mapping(tmp_path):
+    (tmp_path / "tracks.csv").write_text("t,x,y\n0,0,0\n1,1,0\n")
+    with pytest.raises(AppError, match="a table of trajectories needs no mapping, run 'serd demos"):
+        suggest_mapping(tmp_path / "tracks.csv")
