@@ -10,10 +10,13 @@ from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.recipe import learn, require_enough
 from serd_app.learning.settings import LearningSettings
+from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.selection.evaluation import validation_log_likelihood
 
-_EVERY, _SHARE = 4, 0.25
+_FOLDS = 4
+#: With more decisions than these, one fold is held out instead of each in turn.
+_FEW = 200
 
 
 @dataclass(frozen=True)
@@ -29,25 +32,25 @@ def held_out(table: Path) -> HeldOut:
     """Learn from the other decisions as 'serd learn' does; SerdError where all are too few."""
     settings = LearningSettings()
     files = read_learning_files(table, discount=settings.discount)
+    decisions, problem = files.demonstrations.decisions, files.task.problem
     require_enough(files.demonstrations, settings)
-    kept, left = _split(files.demonstrations.decisions)
     settings = settings.model_copy(update={"minimum_decisions": 1})
-    fit = learn(files.task, Demonstrations(kept), settings).fit
-    problem = files.task.problem
-    return HeldOut(
-        len(left),
-        validation_log_likelihood(problem, left, fit),
-        -log(problem.mdp.transitions.available.shape[1]),
-    )
+    fold = _folds(decisions)
+    total, n = 0.0, 0
+    for each in range(_FOLDS if len(decisions) < _FEW else 1):
+        kept, left = (decisions.select(rows) for rows in (fold != each, fold == each))
+        fit = learn(files.task, Demonstrations(kept), settings).fit
+        total += len(left) * validation_log_likelihood(problem, left, fit)
+        n += len(left)
+    return HeldOut(n, total / n, -log(problem.mdp.transitions.available.shape[1]))
 
 
-def _split(decisions: Decisions) -> tuple[Decisions, Decisions]:
-    """Every fourth episode is held out; of fewer, the last quarter of all decisions."""
-    episodes = decisions.episodes
-    if len(episodes) >= _EVERY:
-        out = np.isin(decisions.episode, episodes[_EVERY - 1 :: _EVERY])
-    else:
-        order = np.lexsort((decisions.time_s, decisions.episode))
-        out = np.zeros(len(decisions), dtype=bool)
-        out[order[len(order) - round(_SHARE * len(order)) :]] = True
-    return decisions.select(~out), decisions.select(out)
+def _folds(decisions: Decisions) -> IntArray:
+    """(N,) every fourth episode is of one fold; of fewer episodes, a quarter of the time."""
+    number = np.searchsorted(decisions.episodes, decisions.episode)
+    if len(decisions.episodes) >= _FOLDS:
+        return np.asarray(number % _FOLDS)
+    order = np.lexsort((decisions.time_s, decisions.episode))
+    fold = np.empty(len(decisions), dtype=np.int64)
+    fold[order] = np.arange(len(decisions)) * _FOLDS // len(decisions)
+    return fold

@@ -9,6 +9,7 @@ import typer
 from serd_app.demonstrations.discretise import OFF_GRID
 from serd_app.demonstrations.fitted_grid import fitted_grid
 from serd_app.demonstrations.flow_field import PEDESTRIANS, flow_from_recordings
+from serd_app.demonstrations.lerobot import save_lerobot
 from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,
@@ -65,6 +66,9 @@ def demos(
         Path | None,
         typer.Option(help="YAML file that maps the topics of a bag or the columns of a table"),
     ] = None,
+    lerobot: Annotated[
+        Path | None, typer.Option(help="new folder for a LeRobot dataset (v3.0) of all episodes")
+    ] = None,
     tolerant: Annotated[
         bool, typer.Option("--tolerant", help="use what damaged bags still hold")
     ] = False,
@@ -111,7 +115,10 @@ def demos(
     place = Place(grid, period, known)
     save_demonstrations(output, place, found, flow)
     save_pictures(output, place, found, flow)
+    if lerobot is not None:
+        save_lerobot(lerobot, [drive for each in recordings for drive in each.drives], period)
     files = {name: path for name, path in files_beside(output).items() if path.exists()}
+    files |= {"LeRobot dataset": lerobot} if lerobot is not None else {}
     if as_json:
         written = {name: str(path.resolve()) for name, path in files.items()}
         bags_found = [each.values() for each in found]
