@@ -20,11 +20,13 @@ from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.entropy import EntropyPrior
 from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import Prior
+from serd_core.priors.prior import Prior, UniformPrior
 
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=150)
 #: Hoeffding's thresholds themselves allow all weights to be 0 up to fifty demonstrations.
 THRESHOLD_SHARE = 0.1
+#: The thesis's estimates have no prior.
+NONE = UniformPrior()
 FIXED = FixedBelief()
 #: Policy matching has its maxima on kinks.
 PM_ASCENT = KinkedAscent(smooth=ASCENT, gradient_tolerance=1e-5)
@@ -63,9 +65,11 @@ Learner = Callable[[LearnerInput], Estimate]
 
 def _mdce_serd(given: LearnerInput) -> Estimate:
     problem, seen = given.problem, given.decisions
-    first = fit_mdce_serd(problem, seen, rng=given.rng, belief=FIXED, ascent=ASCENT)
+    first = fit_mdce_serd(problem, seen, rng=given.rng, belief=FIXED, prior=NONE, ascent=ASCENT)
     return Estimate.of(
-        fit_mdce_serd(problem, seen, initial_weights=first.reward_weights, ascent=ASCENT)
+        fit_mdce_serd(
+            problem, seen, initial_weights=first.reward_weights, prior=NONE, ascent=ASCENT
+        )
     )
 
 

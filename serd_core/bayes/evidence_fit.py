@@ -29,7 +29,7 @@ from serd_core.priors.prior import Prior
 
 TIED = TiedBelief()
 #: Half-width of differences by logs of strengths; slope of the log evidence at its maximum.
-HALF_WIDTH, LEVEL = 0.05, 0.01
+HALF_WIDTH, LEVEL = 0.05, 0.03
 #: Half-width of differences for the curvature by logs of strengths.
 WIDE = 0.2
 #: Slope at which strengths are still good enough, and steps to find them.
@@ -40,12 +40,16 @@ FARTHEST = 4.0
 
 @dataclass(eq=False)
 class SearchRecord:
-    """Steps of all ascents of a fit; on_step: as in `fit_mdce_serd`."""
+    """Steps of all ascents of a fit; on_step: as in `fit_mdce_serd`.
+
+    value: (S,) where the next Bellman solve starts.
+    """
 
     on_step: StepCallback | None
     trace: list[float] = field(default_factory=list)
     n_evaluations: int = 0
     stopped: bool = False
+    value: FloatArray | None = None
 
     def after_step(self, step: Step, vector: FloatArray) -> bool:
         """Count the step, with the free vector it reached, and whether to stop there."""
@@ -81,13 +85,15 @@ class EvidenceSearch:
 
     def objective(self, prior: Prior) -> LogPosterior:
         """The log posterior under a prior."""
-        return LogPosterior(replace(self.posterior, prior=prior), self.space)
+        posterior = replace(self.posterior, prior=prior)
+        return LogPosterior(posterior, self.space, self.record.value)
 
     def maximise(self, objective: LogPosterior) -> AscentResult:
         """Its maximum, from the last one; no step where a callback has stopped the fit."""
         ascent = NewtonAscent(max_steps=0) if self.record.stopped else NewtonAscent()
         found = ascent.maximise(objective, self.mode, self._after_step)
         self.record.n_evaluations += found.n_evaluations
+        self.record.value = objective.last_value
         self.mode = found.vector
         if self.record.stopped:
             return replace(found, converged=False, message=STOPPED)

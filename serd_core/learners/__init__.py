@@ -4,7 +4,8 @@ Every learner of rewards is called alike and returns a `FitResult`:
 
     fit(problem, decisions, *, initial_weights=None, rng=None, dynamics=None, ..., on_step=None)
 
-`initial_weights` (F,) is where the search starts; without it a start is drawn from `rng`.
+`initial_weights` (F,) is where the search starts; without it a start is drawn from `rng`, except
+by `fit_mdce_serd` without a prior, whose default is chosen by evidence and starts without chance.
 `dynamics` are (M, K) outcome probabilities (for a SparseModel its parameters) and the M-estimate
 where not given: SERD learns on from them, the others take them as known. `on_step` is called with
 a `Step` after each step and stops the fit by returning True. All but relative entropy IRL, which

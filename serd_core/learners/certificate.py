@@ -10,13 +10,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_core.ascent.ascent import AT_A_KINK, AscentResult
+from serd_core.ascent.ascent import AT_A_KINK, AscentResult, Step, StepCallback
 from serd_core.ascent.newton_ascent import STILL, NewtonAscent, newton_step
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.coordinates import LogPosterior, coordinates
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
 
+#: Distance from the maximum, in standard errors, at which the end of an ascent is left as it is.
+CLOSE = 1e-3
 #: Newton steps from the end of an ascent; from a maximum three suffice.
 FINAL_STEPS = 20
 
@@ -31,22 +33,39 @@ class Certificate:
 
 
 def certificate(
-    posterior: Posterior, belief: Belief, parameters: Parameters, ascended: AscentResult
+    posterior: Posterior,
+    belief: Belief,
+    parameters: Parameters,
+    ascended: AscentResult,
+    on_step: StepCallback | None = None,
 ) -> Certificate:
-    """The maximum nearby, where there is one.
+    """The end of the ascent, or the maximum nearby where that is not the same.
 
-    An ascent that did not converge, or ended at a kink, stays as it is. So do those of policies
-    over optimal Q-values, whose log posterior has kinks.
+    on_step: called once where the fit moves on to that maximum. An ascent that did not converge, or
+    ended at a kink, stays as it is. So do those of policies over optimal Q-values, whose log
+    posterior has kinks.
     """
     smooth = posterior.policy_model.equation.curved
     if not (ascended.converged and smooth) or ascended.message == AT_A_KINK:
         return Certificate(parameters, ascended)
     space = coordinates(posterior.problem, belief, parameters)
     objective = LogPosterior(posterior, space)
-    found = NewtonAscent(max_steps=FINAL_STEPS).maximise(objective, space.of(parameters))
+    start = space.of(parameters)
+    found = NewtonAscent(max_steps=FINAL_STEPS).maximise(objective, start)
     counted = replace(ascended, n_evaluations=ascended.n_evaluations + found.n_evaluations)
     if found.converged:
-        return Certificate(space.parameters(found.vector), counted)
+        move = found.vector - start
+        if float(np.sqrt(move @ -objective.hessian(found.vector) @ move)) <= CLOSE:
+            return Certificate(parameters, counted)
+        mean, number = found.objective / posterior.observations.n_decisions, ascended.n_steps + 1
+        if on_step is not None:
+            vector = space.table @ found.vector
+            on_step(Step(number, mean, ascended.gradient_norm, counted.n_evaluations, vector))
+        trace = np.append(ascended.objective_trace, mean)
+        return Certificate(
+            space.parameters(found.vector),
+            replace(counted, n_steps=number, objective_trace=trace),
+        )
     values, vectors = np.linalg.eigh(-objective.hessian(found.vector))
     step = newton_step(objective.evaluate(found.vector)[1], values, vectors)
     if np.any(np.abs(step.move) > STILL):

@@ -51,7 +51,7 @@ def fit_mdce_irl_by_likelihood(
     ascent: Ascent = LBFGS,
     on_step: StepCallback | None = None,
 ) -> FitResult:
-    """Reward weights of highest likelihood.
+    """Reward weights of highest likelihood; with `prior=PriorByEvidence()` of highest posterior.
 
     dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate. They may hold
     zeros, except where a decision was observed that they would rule out.

@@ -10,6 +10,7 @@ all rewards and theta_P by one factor changes nothing, so demonstrations determi
 A prior that holds theta_P near a value fixes the scale and does not change the likelihood; one that
 only shrinks rewards and temperature has no maximum, as both then go to zero together.
 
+    fit = fit_mdce_serd(problem, decisions)
     fit = fit_mdce_serd(problem, decisions, rng=rng, prior=KldPrior(weight=1.0))
     fit = fit_pm_serd(problem, decisions, rng=rng, prior=GaussianPrior(0.1, Block.POLICY, 1.0))
 """
@@ -40,13 +41,14 @@ from serd_core.learners.start import (
 )
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy, PolicyModel
-from serd_core.posterior.beliefs import Belief
+from serd_core.posterior.beliefs import Belief, FixedBelief
 from serd_core.posterior.derivatives.posterior_hessian import posterior_hessian, vector_hessian
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue, require_possible
 from serd_core.priors.prior import Prior, UniformPrior
 
-UNIFORM, LBFGS, KINKED = UniformPrior(), Lbfgs(), KinkedAscent()
+UNIFORM, BY_EVIDENCE = UniformPrior(), PriorByEvidence()
+LBFGS, KINKED = Lbfgs(), KinkedAscent()
 
 
 @dataclass(frozen=True)
@@ -76,15 +78,17 @@ def fit_serd(
 ) -> FitResult:
     """Algorithm 1.
 
-    initial_weights: (F,), or None for a sample of U[-10, 10] from `rng`.
+    initial_weights: (F,); None for a sample of U[-10, 10] from `rng`, and for 0 with a prior by
+    evidence, which has its own ascent.
     dynamics: (M, K) probabilities to start from, or the parameters of a SparseModel; None for the
     M-estimate with a uniform prior.
     on_step: called after each step, with J per decision; returning True stops the fit.
     """
     if isinstance(settings.prior, PriorByEvidence):
-        start = evidence_start(
-            problem, decisions, policy_model, settings.belief, initial_weights, dynamics
-        )
+        # Without parameters there are no dynamics to learn, or to have a prior.
+        learns = problem.mdp.transitions.n_parameters > 0
+        belief = settings.belief if learns else FixedBelief()
+        start = evidence_start(problem, decisions, policy_model, belief, initial_weights, dynamics)
         posterior = Posterior(
             problem,
             observe(problem.mdp, decisions),
@@ -95,7 +99,7 @@ def fit_serd(
         )
         staged = initial_weights is None
         return fit_by_evidence(
-            posterior, settings.belief, settings.prior, start, on_step, staged=staged
+            posterior, belief, settings.prior, start, on_step, staged=staged
         ).result()
     weights = initial_weights_or_sample(problem, initial_weights, rng)
     given = dynamics_or_estimate(problem, decisions, dynamics)
@@ -111,9 +115,9 @@ def fit_serd(
     objective = _LogPosterior(posterior, settings.belief, start, observations.n_decisions)
     ascended = settings.ascent.maximise(objective, settings.belief.pack(start), on_step)
     reached = settings.belief.unpack(ascended.vector, start)
-    found = certificate(posterior, settings.belief, reached, ascended)
+    found = certificate(posterior, settings.belief, reached, ascended, on_step)
     parameters, final = found.parameters, objective.at(found.parameters)
-    truth, belief = (
+    truth, believed = (
         _checked_probabilities(problem, theta) for theta in (parameters.truth, parameters.belief)
     )
     return fit_result(
@@ -123,7 +127,7 @@ def fit_serd(
         final,
         found.ascended,
         undetermined=found.undetermined,
-        tables=(truth, belief, initial_probabilities),
+        tables=(truth, believed, initial_probabilities),
         n_decisions=observations.n_decisions,
         objective=final.objective,
         objective_trace=ascended.objective_trace * observations.n_decisions,
@@ -138,19 +142,24 @@ def fit_mdce_serd(
     rng: np.random.Generator | None = None,
     dynamics: FloatArray | None = None,
     belief: Belief = TIED,
-    prior: Prior | PriorByEvidence = UNIFORM,
-    ascent: Ascent = LBFGS,
+    prior: Prior | PriorByEvidence | None = None,
+    ascent: Ascent | None = None,
     on_step: StepCallback | None = None,
 ) -> FitResult:
     """Learn reward weights and dynamics at once from the decisions of a soft expert.
 
-    Arguments as in `fit_serd`, which also takes the solvers by object.
+    prior: None for `PriorByEvidence()`, proper priors whose strengths the decisions choose; the
+    search then starts without chance at weights of 0 unless `initial_weights` are given. A point
+    estimate without a prior is `prior=UniformPrior()`, which is also what a given `ascent` without
+    a prior climbs. Other arguments as in `fit_serd`, which also takes the solvers by object.
     """
+    if prior is None:
+        prior = BY_EVIDENCE if ascent is None else UNIFORM
     return fit_serd(
         problem,
         decisions,
         MdcePolicy(),
-        SerdSettings(belief=belief, prior=prior, ascent=ascent),
+        SerdSettings(belief=belief, prior=prior, ascent=ascent or LBFGS),
         initial_weights=initial_weights,
         rng=rng,
         dynamics=dynamics,

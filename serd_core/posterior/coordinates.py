@@ -94,12 +94,12 @@ class LogPosterior(Objective):
     posterior: Posterior
     coordinates: Coordinates
     last_value: FloatArray | None = None
+    _last: tuple[FloatArray, Parameters, PosteriorValue] | None = None
     _last_hessian: tuple[FloatArray, FloatArray] | None = None
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
         """J and its (d,) gradient."""
-        parameters = self.coordinates.parameters(vector)
-        found = self.at(parameters)
+        parameters, found = self._found(vector)
         by_free = self.coordinates.belief.pull_back(found.gradient, parameters)
         return found.objective, np.asarray(self.coordinates.table.T @ by_free)
 
@@ -107,13 +107,19 @@ class LogPosterior(Objective):
         """Exact (d, d) second derivatives of J; those of the last vector are kept."""
         if self._last_hessian is not None and np.array_equal(self._last_hessian[0], vector):
             return self._last_hessian[1]
-        parameters = self.coordinates.parameters(vector)
-        found = self.at(parameters)
+        parameters, found = self._found(vector)
         blocks = posterior_hessian(self.posterior, parameters, found)
         by_free = vector_hessian(self.coordinates.belief, blocks, found.gradient, parameters)
         hessian = np.asarray(self.coordinates.table.T @ by_free @ self.coordinates.table)
         self._last_hessian = (vector.copy(), hessian)
         return hessian
+
+    def _found(self, vector: FloatArray) -> tuple[Parameters, PosteriorValue]:
+        """What was found at a vector; the last is kept."""
+        if self._last is None or not np.array_equal(self._last[0], vector):
+            parameters = self.coordinates.parameters(vector)
+            self._last = (vector.copy(), parameters, self.at(parameters))
+        return self._last[1:]
 
     def at(self, parameters: Parameters) -> PosteriorValue:
         """The posterior at given parameters."""

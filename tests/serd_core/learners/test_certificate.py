@@ -27,7 +27,7 @@ def test_a_small_feature_does_not_pass_for_a_small_gradient(gridworld):
     same = fit_mdce_irl_by_likelihood(small, gridworld.decisions, **KNOWN)
     assert fit.converged
     assert same.converged
-    np.testing.assert_allclose(same.reward_weights * factors, fit.reward_weights, rtol=1e-6)
+    np.testing.assert_allclose(same.reward_weights * factors, fit.reward_weights, rtol=1e-3)
 
 
 def test_decisions_that_all_agree_are_named_separable(gridworld):
@@ -97,4 +97,4 @@ def test_a_converged_fit_is_a_maximum(gridworld, seed):
         dynamics=fit.outcome_probabilities,
         prior=prior,
     )
-    np.testing.assert_allclose(again.reward_weights, fit.reward_weights, rtol=1e-6)
+    np.testing.assert_allclose(again.reward_weights, fit.reward_weights, rtol=1e-3)

@@ -17,6 +17,7 @@ from serd_core.posterior.beliefs import CoupledBelief, FixedBelief, FreeBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.prior import UniformPrior
 from serd_core.uncertainty.identifiability import identifiability
 from serd_core.uncertainty.information import fit_information
 
@@ -94,7 +95,11 @@ def test_a_heavy_divergence_prior_turns_serd_into_irl_with_the_estimated_dynamic
         ascent=Lbfgs(gradient_tolerance=1e-3),
     )
     fixed = fit_mdce_serd(
-        gridworld.problem, gridworld.decisions, initial_weights=np.ones(2), belief=FixedBelief()
+        gridworld.problem,
+        gridworld.decisions,
+        initial_weights=np.ones(2),
+        belief=FixedBelief(),
+        prior=UniformPrior(),
     )
     estimate = estimate_dynamics(gridworld.problem, gridworld.decisions)
     np.testing.assert_allclose(heavy.outcome_probabilities, estimate, atol=1e-3)
@@ -168,7 +173,11 @@ def test_progress_is_reported_and_a_fit_can_be_stopped(gridworld):
         return len(seen) == 3
 
     fit = fit_mdce_serd(
-        gridworld.problem, gridworld.decisions, initial_weights=np.zeros(2), on_step=stop_at_three
+        gridworld.problem,
+        gridworld.decisions,
+        initial_weights=np.zeros(2),
+        prior=UniformPrior(),
+        on_step=stop_at_three,
     )
     assert len(seen) == 3
     assert fit.n_steps == 3
@@ -249,7 +258,7 @@ def test_a_general_sparse_model_with_its_own_parameters_fits_the_same_learner():
 def test_wrong_starts_are_refused_by_name(gridworld):
     problem, decisions = gridworld.problem, gridworld.decisions
     with pytest.raises(SerdError, match="initial_weights or rng must be given, got neither"):
-        fit_mdce_serd(problem, decisions)
+        fit_mdce_serd(problem, decisions, prior=UniformPrior())
     with pytest.raises(SerdError, match=r"initial_weights must have shape \(2\), got \(3,\)"):
         fit_mdce_serd(problem, decisions, initial_weights=np.zeros(3))
     with pytest.raises(SerdError, match=r"initial_weights\[1\] must be finite, got nan"):

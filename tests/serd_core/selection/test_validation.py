@@ -10,6 +10,7 @@ from serd_core.learners.serd import SerdSettings, fit_mdce_serd
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief, TiedBelief
 from serd_core.priors.divergence import KldPrior
+from serd_core.priors.prior import UniformPrior
 from serd_core.selection.early_stopping import (
     EarlyStopping,
     fit_serd_with_early_stopping,
@@ -79,7 +80,11 @@ def test_no_other_step_of_the_fit_explains_the_validation_set_better(make_gridwo
     )
     score = validation_score(case.problem, validation, MdcePolicy(), TiedBelief(), fit.parameters)
     fit_mdce_serd(
-        case.problem, training, on_step=lambda step: scores.append(score(step.vector)), **start
+        case.problem,
+        training,
+        prior=UniformPrior(),
+        on_step=lambda step: scores.append(score(step.vector)),
+        **start,
     )
     reached = validation_log_likelihood(case.problem, validation, fit)
     assert reached == pytest.approx(max(scores[: fit.n_steps + 15]), abs=1e-6)
