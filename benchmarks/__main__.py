@@ -12,7 +12,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from benchmarks import bags_throughput, speed_figure
 from benchmarks.driving import closed_loop, crowd_peers, lockstep
 from benchmarks.faults import kill_matrix
-from benchmarks.learning import gradient, growth, peers
+from benchmarks.learning import gradient, growth, peers, scarce_data
 from benchmarks.sources import run as sources
 
 BENCHMARKS = {
@@ -25,6 +25,7 @@ BENCHMARKS = {
     "learning_peers": peers.run,
     "lockstep": lockstep.run,
     "sources": sources.run,
+    "scarce_data": scarce_data.run,
     "speed_figure": speed_figure.run,
 }
 

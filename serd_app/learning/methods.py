@@ -19,6 +19,7 @@ from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Step
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
+from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import trajectories_of
@@ -172,6 +173,17 @@ def mdce_serd(data: FitData) -> MethodResult:
     return _with_best_weight(data, fit_tied, "KLD to the M-estimate")
 
 
+def mdce_serd_evidence(data: FitData) -> MethodResult:
+    """MDCE SERD, belief and truth tied, with the prior of highest evidence: all episodes train."""
+    fit = fit_mdce_serd(
+        data.problem,
+        data.decisions,
+        initial_weights=data.initial_weights,
+        on_step=data.reporter(),
+    )
+    return MethodResult(fit, _described(fit, data.problem))
+
+
 def mdce_serd_coupled(data: FitData) -> MethodResult:
     """MDCE SERD, belief coupled to the truth."""
     return _with_best_weight(data, _fit_coupled, "KLD between belief and truth")
@@ -259,6 +271,7 @@ def relative_entropy_irl(data: FitData) -> MethodResult:
 
 METHODS: dict[MethodName, Callable[[FitData], MethodResult]] = {
     "mdce_serd": mdce_serd,
+    "mdce_serd_evidence": mdce_serd_evidence,
     "mdce_serd_coupled": mdce_serd_coupled,
     "mdce_serd_free": mdce_serd_free,
     "pm_serd": pm_serd,
@@ -384,6 +397,19 @@ def _fit_relative_entropy(
         dynamics=estimate,
         rng=data.rng,
         on_step=on_step,
+    )
+
+
+def _described(fit: FitResult, problem: NavigationProblem) -> str:
+    """The prior that a fit by evidence chose."""
+    assumed = fit.assumptions
+    if assumed is None:
+        return "by evidence"
+    strengths = strengths_of(assumed.prior, problem)
+    return (
+        f"by evidence: normal on reward weights, standard deviation {strengths['deviation']:.3g}"
+        " nats over the range of a feature; Dirichlet on outcomes, pseudo-count"
+        f" {strengths['pseudo_count']:.3g}"
     )
 
 

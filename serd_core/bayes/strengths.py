@@ -20,7 +20,7 @@ from serd_core.posterior.coordinates import feature_ranges
 from serd_core.posterior.parameters import Block
 from serd_core.priors.dirichlet import DirichletAroundTruth, DirichletPrior
 from serd_core.priors.gaussian import GaussianPrior
-from serd_core.priors.prior import Prior
+from serd_core.priors.prior import Prior, SumOfPriors
 
 
 @dataclass(frozen=True)
@@ -134,3 +134,19 @@ class Strengths:
         if (Block.BELIEF,) in self.belief.groups:
             return prior + DirichletPrior(values["pseudo_count"], Block.BELIEF)
         return prior
+
+
+def strengths_of(prior: Prior, problem: Problem) -> dict[str, float]:
+    """The strengths by name that a prior by evidence has."""
+    found: dict[str, float] = {}
+    for term in prior.terms if isinstance(prior, SumOfPriors) else (prior,):
+        if isinstance(term, SumOfPriors):
+            found |= strengths_of(term, problem)
+        elif isinstance(term, GaussianPrior):
+            widths = np.atleast_1d(term.standard_deviation) * feature_ranges(problem)
+            found["deviation"] = float(widths[0])
+        elif isinstance(term, DirichletPrior):
+            found["pseudo_count"] = term.pseudo_count
+        elif isinstance(term, DirichletAroundTruth):
+            found["concentration"] = term.concentration
+    return found

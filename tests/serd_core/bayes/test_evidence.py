@@ -7,7 +7,7 @@ import scipy.special
 
 from serd_core.bayes.draws import credible_intervals, laplace_draws, posterior_policy
 from serd_core.bayes.laplace import laplace, laplace_at
-from serd_core.bayes.strengths import PriorByEvidence
+from serd_core.bayes.strengths import PriorByEvidence, strengths_of
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -25,7 +25,7 @@ from serd_core.posterior.beliefs import (
     FreeBelief,
     TiedBelief,
 )
-from serd_core.posterior.coordinates import LogPosterior, coordinates, feature_ranges
+from serd_core.posterior.coordinates import LogPosterior, coordinates
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.dirichlet import DirichletPrior
@@ -190,10 +190,9 @@ def test_an_outcome_model_that_no_one_uses_adds_no_evidence(gridworld):
 
 def test_strengths_are_where_the_evidence_is_highest(gridworld):
     fit = fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE)
-    normal, dirichlet = fit.assumptions.prior.terms
-    deviation = normal.standard_deviation[0] * feature_ranges(gridworld.problem)[0]
+    found = strengths_of(fit.assumptions.prior, gridworld.problem)
     strengths = BY_EVIDENCE.strengths(fit.assumptions.belief)
-    best = np.log([deviation, dirichlet.pseudo_count])
+    best = np.log([found["deviation"], found["pseudo_count"]])
 
     def worth(logs: np.ndarray) -> float:
         given = PriorByEvidence(*np.exp(logs))
