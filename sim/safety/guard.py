@@ -191,6 +191,8 @@ class Guard:
         while self._waiting_poses:
             stamp_s, pose = self._waiting_poses.popleft()
             self._poses.take(stamp_s, pose, track.at(stamp_s))
+            if self._poses.has_leapt and Source.SCAN in self.sources:
+                self._crowd.doubt(stamp_s)
         while self._waiting_scans:
             scan = self._waiting_scans.popleft()
             odometry = track.at(scan.stamp_s)

@@ -94,6 +94,8 @@ class PoseMonitor:
         self._window: deque[tuple[float, Pose, Pose]] = deque()
         self._fault: Fault | None = None
         self._faulty_since_s = 0.0
+        #: Whether the newest pose is another place than speed can explain.
+        self.has_leapt = False
 
     def begin_session(self) -> None:
         """Discard what the pose was, after a gap in the clock."""
@@ -102,6 +104,8 @@ class PoseMonitor:
     def take(self, stamp_s: float, pose: Pose, odometry: Pose) -> None:
         """Take a pose, and the pose by odometry at its stamp."""
         self._frozen.take(np.array(pose).tobytes(), odometry)
+        last = self._window[-1] if self._window else (stamp_s, pose, odometry)
+        self.has_leapt = _leaps(last[1], pose, stamp_s - last[0], self._settings)
         fault = self._contradiction(pose, odometry)
         if fault is not None:
             self._window.clear()
@@ -155,9 +159,7 @@ class OdometryMonitor:
         """Take a pose by the wheels and the speeds (m/s, rad/s)."""
         settings = self._settings
         if len(self.track) and self._stamp_s is not None:
-            x_m, y_m, _ = motion_between(self.track.pose, pose)
-            reach_m = _JUMP_RATIO * settings.max_vel_x * (stamp_s - self._stamp_s)
-            if math.hypot(x_m, y_m) > reach_m + settings.pose_tolerance:
+            if _leaps(self.track.pose, pose, stamp_s - self._stamp_s, settings):
                 self._jumped_s = stamp_s
             same = pose == self.track.pose and abs(speeds[0]) > _WALKS_MPS
             self._n_same = self._n_same + 1 if same else 0
@@ -182,6 +184,7 @@ class PeopleMonitor:
         self._n_same = 1
         self._is_finite = True
         self._compared: deque[tuple[float, int, int]] = deque()
+        self._doubted_s: float | None = None
 
     def take(self, position_m: FloatArray, velocity_mps: FloatArray) -> None:
         """Take positions and velocities (N, 2)."""
@@ -195,19 +198,28 @@ class PeopleMonitor:
         """Take the places (N, 2) of the people in the frame of a scan, at its stamp."""
         seen, unseen = shown_by(scan, place_m, self._settings.person_radius)
         self._compared.append((scan.stamp_s, seen, unseen))
-        while self._compared[0][0] < scan.stamp_s - self._settings.consistency_window:
+        settings = self._settings
+        while self._compared[0][0] < scan.stamp_s - settings.consistency_window:
             self._compared.popleft()
+        n_seen, n_unseen = (sum(each[i] for each in self._compared) for i in (1, 2))
+        share = n_unseen / max(n_seen + n_unseen, 1)
+        are_wrong = n_unseen >= settings.frozen_messages and share >= settings.unseen_people
+        if unseen and (are_wrong or self._doubted_s is not None):
+            self.doubt(scan.stamp_s)
+        elif self._doubted_s is not None and scan.stamp_s - self._doubted_s > settings.people_look:
+            self._doubted_s = None
+
+    def doubt(self, stamp_s: float) -> None:
+        """Ignore the people until the scan has shown all of them for `people_look`."""
+        self._doubted_s = stamp_s
 
     def check(self) -> Check:
         """What the people allow."""
         if not self._is_finite:
             return _stand_at(Fault.INVALID)
-        settings = self._settings
-        if self._n_same >= settings.frozen_messages:
+        if self._n_same >= self._settings.frozen_messages:
             return _stand_at(Fault.FROZEN)
-        seen, unseen = (sum(each[i] for each in self._compared) for i in (1, 2))
-        is_wrong = unseen >= max(settings.frozen_messages, settings.unseen_people * (seen + unseen))
-        return _stand_at(Fault.UNSEEN if is_wrong else None)
+        return _stand_at(None if self._doubted_s is None else Fault.UNSEEN)
 
 
 class ScanMonitor:
@@ -234,6 +246,13 @@ class ScanMonitor:
         span = settings.blind_rays - settings.lost_rays
         share = min(max(settings.blind_rays - self.lost_share, 0.0) / span, 1.0)
         return share, Fault.LOST_RAYS if share < 1.0 else None
+
+
+def _leaps(before: Pose, after: Pose, duration_s: float, settings: GuardSettings) -> bool:
+    """Whether a motion is longer than the largest speed explains."""
+    x_m, y_m, _ = motion_between(before, after)
+    reach_m = _JUMP_RATIO * settings.max_vel_x * duration_s + settings.pose_tolerance
+    return math.hypot(x_m, y_m) > reach_m
 
 
 def _stand_at(fault: Fault | None) -> Check:

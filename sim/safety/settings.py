@@ -100,6 +100,13 @@ class GuardSettings(StrictModel):
         gt=0,
         le=1,
     )
+    people_look: float = setting(
+        10.0,
+        "time for which the scan must show all people in view after it did not, or after a jump"
+        " of the pose",
+        unit="s",
+        ge=0,
+    )
     pose_tolerance: float = setting(
         0.15, "error allowed between the motion of pose and odometry", unit="m", gt=0
     )

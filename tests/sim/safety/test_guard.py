@@ -259,8 +259,23 @@ def test_people_whom_the_scan_does_not_show_are_ignored():
     assert drive.output.action is GuardAction.LIMIT
     assert drive.output.command.linear_mps == pytest.approx(0.5)
     drive.faults = {}
-    drive.run(2.5)
+    drive.run(9.0)
+    assert drive.reasons() == {(PEOPLE, Fault.UNSEEN)}
+    drive.run(2.0)
     assert drive.output.reasons == ()
+
+
+def test_after_a_jump_of_the_pose_people_count_once_the_scan_has_shown_them():
+    drive = driving(pose=lambda t, pose: (t, (pose[0] + 2.0, *pose[1:])))
+    drive.run(4.0)
+    assert drive.reasons() == {(PEOPLE, Fault.UNSEEN)}
+    assert drive.speed_mps == pytest.approx(0.5)
+    drive.run(8.0)
+    assert drive.output.reasons == ()
+    alone = driving(GuardSettings(observation_sources=("robot_pose", "pedestrians")))
+    alone.faults = drive.faults
+    alone.run(3.0)
+    assert alone.output.reasons == ()
 
 
 def test_people_who_are_not_numbers_count_as_unknown():
