@@ -7,8 +7,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from report.figures.charts import OUTCOME_LABELS
 from report.inputs import FileLink, ReportInputs
-from report.style import counted, in_words, percent, seconds_in_words
+from report.style import in_words, percent
 from report.summary import Summary, headline_of
+from storage.quantities import counted, seconds_in_words
 
 
 def render_page(

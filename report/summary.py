@@ -6,12 +6,13 @@ import numpy as np
 
 from report.figures.arrival import measured_curve, predicted_curve, time_reaching
 from report.inputs import ReportInputs
-from report.style import counted, percent, seconds_in_words
+from report.style import percent
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.law import largest_gap
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
+from storage.quantities import counted, seconds_in_words
 
 
 @dataclass(frozen=True)

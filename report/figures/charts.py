@@ -7,9 +7,10 @@ from matplotlib.ticker import MaxNLocator
 
 from report import style
 from report.errors import ReportError
-from report.style import counted, in_words, new_figure
+from report.style import in_words, new_figure
 from serd_core.arrays import FloatArray, IntArray, float_array
 from serd_core.grid.grid import Outcome
+from storage.quantities import counted
 
 
 def draw_weights(feature_names: tuple[str, ...], reward_weights: FloatArray) -> Figure:

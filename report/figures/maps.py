@@ -19,10 +19,11 @@ from report.figures.map_axes import (
     outline_cells,
     place_figure,
 )
-from report.style import counted, in_words
+from report.style import in_words
 from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from serd_core.grid.navigation import NO_FLOW
+from storage.quantities import counted
 
 
 def draw_visitation(

@@ -6,12 +6,12 @@ from typing import Annotated
 
 import typer
 
-from report.style import counted
 from serd_app.demonstrations.suggestion.suggest import Suggestion, suggest_mapping
 from serd_cli.options import AsJson
 from serd_cli.output.paths import require_suffix
 from serd_cli.output.terminal import console, print_json
 from storage.files import atomic_write_text
+from storage.quantities import counted
 
 
 def suggest(

@@ -6,7 +6,6 @@ from typing import Annotated, Any
 import typer
 from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from report.style import counted
 from serd_app.demonstrations.recorded import files_beside
 from serd_app.learning.certainty import Certainty, certainty_of
 from serd_app.learning.learning_files import FlowSource, LearningFiles, read_learning_files
@@ -25,6 +24,7 @@ from serd_cli.output.fit import (
 from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import WorkProgress, console, print_json
 from sim.scenario.goal import point_of
+from storage.quantities import counted
 
 
 def register(app: typer.Typer) -> None:

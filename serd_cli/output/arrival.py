@@ -7,11 +7,11 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from report.figures.arrival import draw_arrival, measured_curve, predicted_curve, shown_until_s
-from report.style import counted
 from serd_app.navigation.comparison import Comparison, predicted_law
 from serd_app.navigation.drive import DriveSettings
 from serd_app.navigation.strategy import Strategy
 from storage.episode_table import EpisodeResult
+from storage.quantities import counted
 
 
 def comparison_figure(

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from report.figures.map_axes import layout_of
 from report.figures.maps import draw_flow_map, draw_visitation
-from report.style import counted, png_bytes
+from report.style import png_bytes
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID
 from serd_app.demonstrations.flow_field import FlowField
 from serd_app.demonstrations.recorded import (
@@ -25,6 +25,7 @@ from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.navigation import NO_FLOW
 from storage.files import atomic_write_bytes
+from storage.quantities import counted
 
 #: Share of decisions off the grid above which a bag may be that of another place.
 _MANY_OUTSIDE = 0.1

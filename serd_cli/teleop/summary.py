@@ -4,13 +4,14 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from report.style import counted, in_words
+from report.style import in_words
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
 from serd_app.drives.episode_spans import DISCARDED
 from serd_app.drives.sessions import read_drives
 from serd_core.errors import SerdError
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
+from storage.quantities import counted
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 import pytest
 
-from report.style import counted, in_words, percent, seconds_in_words
+from report.style import in_words, percent
+from storage.quantities import counted, seconds_in_words
 
 
 @pytest.mark.parametrize(

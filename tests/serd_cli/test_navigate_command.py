@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import sim.scenario.scenario
-from report.style import counted
 from serd_app.navigation.arrival_log import load_arrivals
 from serd_app.navigation.comparison import compare
 from serd_app.navigation.drive import DriveSettings
@@ -17,6 +16,7 @@ from serd_core.arrival.law import law_in_seconds
 from sim.scenario.goal import with_goal
 from sim.scenario.scenario import load_scenario
 from storage.episode_table import EpisodeResult, load_episodes
+from storage.quantities import counted
 
 
 def test_it_drives_to_a_goal_and_prints_predicted_and_measured(serd, save_model_of):

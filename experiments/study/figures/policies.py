@@ -15,9 +15,9 @@ from experiments.study.tables.results import Results
 from report import style
 from report.figures.map_axes import colour_bar, draw_areas, draw_cells, map_figure, outline_cells
 from report.figures.maps import draw_arrows
-from report.style import counted
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.trap_states import trap_states
+from storage.quantities import counted
 
 
 def rows(results: Results) -> pd.DataFrame:

@@ -1,0 +1,140 @@
+"""What the commands print about bags: tables, sentences and plain values."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from bags.health.check import BagCheck
+from bags.health.contents import BagContents
+from bags.health.topic_check import TopicCheck
+from bags.rewrite import RewriteReport
+from storage.quantities import counted, seconds_in_words
+
+Style = Literal["good", "notable", "bad"]
+
+#: Longer ones are those of another clock, of which digits after the point state nothing.
+_LONG_DELAY_S = 100.0
+
+
+@dataclass(frozen=True)
+class Table:
+    """texts: indices of the columns that may be folded; the others hold numbers."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    texts: tuple[int, ...] = (0,)
+
+
+@dataclass(frozen=True)
+class Line:
+    """One sentence below a table."""
+
+    text: str
+    style: Style
+
+
+def bag_heading(found: BagCheck | BagContents) -> str:
+    """The line above the table of a bag."""
+    n_filled = sum(topic.n_messages > 0 for topic in found.topics)
+    if not n_filled:
+        return f"{found.path}: no message"
+    messages, topics = counted(found.n_messages, "message"), counted(n_filled, "topic")
+    return f"{found.path}: {messages} on {topics} in {seconds_in_words(found.span_s)}"
+
+
+def rewrite_heading(report: RewriteReport) -> str:
+    """The line above the table of a new bag."""
+    messages = counted(report.n_messages, "message")
+    left_out = f", {report.n_left_out} left out" if report.n_left_out else ""
+    return f"{report.source} -> {report.target}: {messages}{left_out}"
+
+
+def contents_table(found: BagContents) -> Table:
+    """One row per topic: type, messages and rate."""
+    rows = (
+        (topic.name, topic.type_name, str(topic.n_messages), _rate(topic.mean_hz))
+        for topic in found.topics
+    )
+    return Table(("topic", "type", "messages", "mean\nHz"), tuple(rows), texts=(0, 1))
+
+
+def check_table(found: BagCheck) -> Table:
+    """One row per topic: rates, gaps and the two clocks."""
+    columns = (
+        *("topic", "messages", "mean\nHz", "usual\nHz"),
+        *("longest\ngap [s]", "gaps", "log time -\nstamp [s]"),
+    )
+    rows = (
+        (
+            *(topic.name, str(topic.n_messages), _rate(topic.mean_hz), _rate(topic.rate_hz)),
+            *(f"{topic.longest_gap_s:.2f}", str(topic.n_gaps), _delay(topic)),
+        )
+        for topic in found.topics
+    )
+    return Table(columns, tuple(rows))
+
+
+def rewrite_table(report: RewriteReport) -> Table:
+    """One row per topic of the new bag, and per topic left out with the reason."""
+    kept = [(name, str(count)) for name, count in sorted(report.counts.items())]
+    if not report.skipped:
+        return Table(("topic", "messages"), tuple(kept))
+    left_out = [
+        (name, f"0 of {report.left_out[name]}", reason)
+        for name, reason in sorted(report.skipped.items())
+    ]
+    rows = (*((*row, "") for row in kept), *left_out)
+    return Table(("topic", "messages", "left out because"), rows, texts=(0, 2))
+
+
+def verdict(found: BagCheck) -> Iterator[Line]:
+    """Faults, remarks and one last line."""
+    yield from (Line(f"fault: {fault}", "bad") for fault in found.faults)
+    yield from (Line(f"note: {remark}", "notable") for remark in found.remarks)
+    if found.sound:
+        yield Line(f"sound: {found.path}", "good")
+    else:
+        yield Line(f"not sound: {found.path} ({counted(len(found.faults), 'fault')})", "bad")
+
+
+def loss_lines(report: RewriteReport) -> Iterator[Line]:
+    """The damage found, and the messages lost by it."""
+    yield from (Line(f"damage: {damage}", "notable") for damage in report.damage)
+    if report.n_lost is None:
+        yield Line("messages lost: unknown, the damaged bag has no count", "notable")
+    elif report.damage:
+        at_least = "" if report.all_lost_known else "at least "
+        yield Line(f"messages lost: {at_least}{report.n_lost}", "notable")
+
+
+def contents_values(found: BagContents) -> dict[str, Any]:
+    """All that was found."""
+    return {**asdict(found), "n_messages": found.n_messages}
+
+
+def check_values(found: BagCheck) -> dict[str, Any]:
+    """All results of a check."""
+    return {**asdict(found), "sound": found.sound, "n_messages": found.n_messages}
+
+
+def rewrite_values(report: RewriteReport) -> dict[str, Any]:
+    """All values of the report."""
+    sums = {"n_messages": report.n_messages, "n_left_out": report.n_left_out}
+    return {**asdict(report), **sums}
+
+
+def _rate(hz: float | None) -> str:
+    """At least three digits: map and marks are sent less than once a second."""
+    if hz is None:
+        return "-"
+    return f"{hz:.1f}" if hz >= 1 else f"{hz:.3f}"
+
+
+def _delay(topic: TopicCheck) -> str:
+    if topic.stamp_delay_s is None:
+        return "no stamps"
+    return "…".join(map(_seconds, topic.stamp_delay_s))
+
+
+def _seconds(delay_s: float) -> str:
+    return f"{delay_s:.3f}" if abs(delay_s) < _LONG_DELAY_S else f"{delay_s:.3g}"

@@ -1,0 +1,72 @@
+"""`serd-bag`, the command without ROS."""
+
+import json
+
+import pytest
+
+from bags.command.main import main
+from bags.reader import BagReader
+
+
+def cut_short(bag):
+    (bag / "metadata.yaml").unlink()
+    (file,) = bag.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    return bag
+
+
+def test_a_sound_bag_is_shown_and_checked(small_bag, capsys):
+    bag = small_bag()
+    assert main(["info", str(bag)]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith(f"{bag}: 69 messages on 2 topics in 3.0 s\n")
+    assert "/robot_pose  geometry_msgs/msg/PoseStamped" in shown
+    assert main(["check", str(bag), "--require", "intent"]) == 0
+    assert capsys.readouterr().out.endswith(f"sound: {bag}\n")
+    assert main(["check", str(bag), "--require", "scan"]) == 1
+    assert "fault: topic scan has no message\n" in capsys.readouterr().out
+
+
+def test_the_values_of_a_check_are_json(small_bag, capsys):
+    bag = small_bag()
+    assert main(["check", str(bag), "--json"]) == 0
+    (values,) = json.loads(capsys.readouterr().out)
+    assert (values["sound"], values["n_messages"]) == (True, 69)
+    assert [topic["name"] for topic in values["topics"]] == ["/intent", "/robot_pose"]
+
+
+def test_a_damaged_bag_is_recovered_and_converted(small_bag, capsys, tmp_path):
+    bag = cut_short(small_bag())
+    assert main(["check", str(bag)]) == 1
+    assert main(["recover", str(bag)]) == 0
+    assert "messages lost: " in capsys.readouterr().out
+    recovered = bag.with_name("small_recovered")
+    n_messages = len(list(BagReader(recovered).messages()))
+    assert 0 < n_messages < 69
+    target = tmp_path / "compressed"
+    assert main(["convert", str(recovered), "--output", str(target), "--compression", "zstd"]) == 0
+    assert len(list(BagReader(target).messages())) == n_messages
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("info", "nowhere"), "bag nowhere must be a folder or a .mcap, .db3 or .bag file"),
+        (("recover", "a", "b", "--output", "c"), "--output must be left out for several bags"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(words, sentence, capsys):
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"serd-bag: {sentence}")
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("columns", [200, 80, 50])
+def test_names_are_folded_to_the_width_of_the_terminal(small_bag, capsys, monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    assert main(["info", str(small_bag())]) == 0
+    _, *table = capsys.readouterr().out.splitlines()
+    assert max(map(len, table)) <= columns
+    assert any("geometry_msgs/msg/PoseStamped" in line for line in table) == (columns >= 80)
+    assert any("geometry_msgs/msg/Pos" in line for line in table)
