@@ -133,7 +133,7 @@ def test_missing_and_foreign_files_raise(small_bag, tmp_path):
     (folder / "small_0.mcap").rename(folder / "other_0.mcap")
     with pytest.raises(BagError, match=r"lists small_0.mcap, which is missing"):
         read(folder, False)
-    with pytest.raises(BagError, match=r"must be a folder or a .mcap or .db3 file"):
+    with pytest.raises(BagError, match=r"must be a folder or a .mcap, .db3 or .bag file"):
         read(tmp_path / "nowhere", False)
     (tmp_path / "empty").mkdir()
     with pytest.raises(BagError, match=r"must hold .mcap or .db3 files, got none"):
