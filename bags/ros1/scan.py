@@ -9,6 +9,7 @@ import bz2
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import lz4.frame
@@ -116,9 +117,13 @@ class Ros1Scan:
 
 def _converted(connection: Connection) -> _Converted:
     """rosbags normalises names: std_msgs/String is std_msgs/msg/String."""
-    name, text = connection.msgtype, connection.msgdef.data
+    topic = "/" + connection.topic.lstrip("/")
+    return _converted_type(topic, connection.msgtype, connection.msgdef.data)
+
+
+@lru_cache(maxsize=256)
+def _converted_type(topic_name: str, name: str, text: str) -> _Converted:
     recorded = MessageType(name, "", "", "")
-    topic_name = "/" + connection.topic.lstrip("/")
     try:
         store = _store(name, text)
         definition, _ = store.generate_msgdef(name, ros_version=2)

@@ -26,7 +26,7 @@ from storage.files import atomic_write_text, read_text
 _ROOT = Path(__file__).absolute().parents[2]
 _DOCUMENT = _ROOT / "docs" / "sources.md"
 _REAL = _ROOT.parent / "shared" / "data"
-_OWN = _ROOT / "bags" / "data" / "hallway" / "training"
+_OWN = _ROOT / "bags" / "data" / "hallway" / "test"
 #: The rows below the head of the table.
 _ROWS = re.compile(r"(\| source \|.*\n\|.*\n)(?:\|.*\n)*")
 _REAL_BAG = _REAL / "bags" / "test-bag"

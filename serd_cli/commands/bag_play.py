@@ -19,7 +19,9 @@ _NODE = "bag_replay"
 
 
 def play(
-    bag: Annotated[Path, typer.Argument(metavar="BAG", help="bag folder, or .mcap or .db3 file")],
+    bag: Annotated[
+        Path, typer.Argument(metavar="BAG", help="bag folder, or .mcap, .db3 or .bag file")
+    ],
     rate: float = option(BagReplayConfig, "rate"),
     start: float = option(BagReplayConfig, "start_s"),
     duration: float = option(BagReplayConfig, "duration_s"),

@@ -191,7 +191,7 @@ class DemoRecorderConfig(NodeConfig):
 class BagReplayConfig(NodeConfig):
     """Parameters of bag_replay."""
 
-    bag: str = setting("recording", "bag folder, or .mcap or .db3 file", min_length=1)
+    bag: str = setting("recording", "bag folder, or .mcap, .db3 or .bag file", min_length=1)
     topics: tuple[str, ...] = setting(_NONE, "topics to play; all when empty")
     rate: float = setting(1.0, "bag seconds per second", gt=0)
     start_s: float = setting(0.0, "skip this much bag time", unit="s", ge=0)

@@ -25,7 +25,8 @@ _NAMES = {
     " sim_time rosbagtimestamp time_stamp elapsed __time",
     "agent": "id ped ped_id pedid pedestrian pedestrian_id person person_id personid agent agent_id"
     " agentid track track_id trackid tid object object_id obj_id objectid vehicle vehicle_id uid"
-    " pid tr_id traj_id trajectory_id name robot robot_id user user_id",
+    " pid persid pers_id ped_nr person_nr tr_id traj_id trajectory_id name robot robot_id user"
+    " user_id walker participant subject",
     "x": "x pos_x posx px x_pos xpos position_x x_position tx xcenter x_center center_x x_est"
     " local_x world_x x_world pose_x x_coord coord_x easting utm_x xloc loc_x",
     "y": "y pos_y posy py y_pos ypos position_y y_position ty ycenter y_center center_y y_est"
@@ -35,6 +36,8 @@ _ROLE_OF = {name: role for role, names in _NAMES.items() for name in names.split
 _POSITION = re.compile(r"(?:^|[./_])(?:position|translation|pos|p_[a-z_]+)[./_ ]+([xy])$")
 _UNIT = re.compile(r"[\[(/]\s*(m|cm|mm|s|sec|ms|us|ns)\s*[\])]?\s*$|_(m|cm|mm|s|ms|us|ns)$")
 _LARGEST_FRAME = 1e8
+#: Share of different times below which rows are of several agents.
+_FEW_REPEATED = 0.9
 _QUATERNION, _MATRIX = slice(4, 8), 12
 #: Steps between frames, as annotated; each stands for 0.4 s in the ETH and UCY data.
 _ANNOTATED_STEPS, _ANNOTATED_S = (6.0, 10.0, 12.0), 0.4
@@ -80,7 +83,7 @@ def located(where: str, names: Sequence[str], values: FloatArray, wanted: TableC
         if (text := getattr(wanted, role))
     }
     if "x" in by_name and "y" in by_name and ("time" in by_name or "frame" in by_name):
-        return _of_names(names, values, by_name)
+        return _with_agent(names, values, _of_names(names, values, by_name))
     if names or by_name:
         missing = " and ".join(each for each in ("time", "x", "y") if each not in by_name)
         raise FileError(
@@ -130,6 +133,26 @@ def _of_names(names: Sequence[str], values: FloatArray, found: dict[str, int]) -
         time_s=None if frames else unit,
         place_m=_unit(names[found["x"]], METRES) if names else None,
     )
+
+
+def _with_agent(names: Sequence[str], values: FloatArray, columns: Columns) -> Columns:
+    """The same with the column of whole numbers along which steps are shortest as the agent, where
+    none is known and times come more than once."""
+    time = values[:, columns.time]
+    if columns.agent >= 0 or len(np.unique(time)) > _FEW_REPEATED * len(time):
+        return columns
+    others = set(range(values.shape[1])) - {columns.time, columns.x, columns.y}
+    steps = {
+        each: _step(values, each, columns.time, columns.x, columns.y)
+        for each in others
+        if _are_whole(values[:, each])
+    }
+    agent = min(steps, key=steps.__getitem__, default=-1)
+    if agent < 0 or not np.isfinite(steps[agent]):
+        return columns
+    name = names[agent] if names else str(agent + 1)
+    assumed = f"the column {name} is taken as the agent"
+    return replace(columns, agent=agent, assumed=(*columns.assumed, assumed))
 
 
 def _unit(name: str, known: dict[str, float]) -> float | None:

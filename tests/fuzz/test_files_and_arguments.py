@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -31,6 +32,7 @@ from storage.episode_table import EpisodeResult, load_episodes, save_episodes
 from storage.model_file import load_model
 from storage.row_table import RowTable
 from storage.table import write_table
+from storage.trajectories.read import read_trajectories
 from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
 from support.fuzzing import (
     CSV_PIECES,
@@ -107,6 +109,17 @@ def _save_rows(path: Path) -> None:
     write_table(path, COLUMNS, [[cells[column.kind] for column in COLUMNS]] * 2)
 
 
+def _save_tracks(path: Path) -> None:
+    table = pd.DataFrame([(n % 2, n / 5, 0.5 * n, 1.0) for n in range(12)], columns=[*"itxy"])
+    table = table.rename(columns={"i": "id"})
+    _ = table.to_parquet(path) if path.suffix == ".parquet" else table.to_csv(path, index=False)
+
+
+def _save_unnamed_tracks(path: Path) -> None:
+    lines = (f"{n % 2} {n // 2} {5.5 * n} 7.5 170\n" for n in range(12))
+    path.write_text(f"# framerate: 25 fps\n{''.join(lines)}")
+
+
 #: Writer of a valid table and loader, by name.
 _TABLES: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = {
     "decisions": (_save_decisions, load_decisions),
@@ -114,6 +127,8 @@ _TABLES: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = 
     "episodes": (_save_episodes, load_episodes),
     "arrivals": (_save_arrivals, load_arrivals),
     "rows": (_save_rows, lambda path: RowTable(path, COLUMNS, TASK_COLUMNS).close()),
+    "tracks": (_save_tracks, read_trajectories),
+    "unnamed tracks": (_save_unnamed_tracks, read_trajectories),
     "recorded paths": (
         lambda path: path.write_text("".join(f"1 {n} 5.5 {n} 7\n" for n in range(5))),
         load_petrack,
@@ -155,7 +170,7 @@ def test_a_mutated_yaml_file_loads_or_is_refused_in_one_line(name, tmp_path, sav
 def test_a_mutated_table_loads_or_is_refused_in_one_line(name, suffix, tmp_path):
     save, load = _TABLES[name]
     path = tmp_path / f"case.{suffix}"
-    if suffix == "parquet" and name in ("arrivals", "recorded paths"):
+    if suffix == "parquet" and name in ("arrivals", "recorded paths", "unnamed tracks"):
         pytest.skip("this format has no Parquet file")
     save(path)
     load(path)

@@ -63,6 +63,7 @@ LAYOUTS = {
     "centimetres unsaid": named("id\tt\tpos_x\tpos_y", "\t", 100.0),
     "unix time in ns": "agent,timestamp,px,py\n"
     + "\n".join(f"{a},{round(t * 1e9) + 17 * 10**17},{x},{y}" for t, a, x, y in rows()),
+    "an unknown name of the agent": named("wanderer,time,x,y", ","),
     "exported from ROS": named("name,%time,field.pose.pose.position.x,position.y", ","),
     "no names, time is no whole number": "\n".join(
         f"{t + 0.05},{a},{x},{y},0" for t, a, x, y in rows()
