@@ -1,6 +1,9 @@
 """`serd bag`: contents and faults of recordings, and new ones made of them."""
 
 import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -199,15 +202,16 @@ def test_a_suggested_mapping_is_printed_written_and_given_as_json(serd, messages
     assert values["reports"]["1.0"]["n_moving_waits"] == 0
 
 
-def test_topics_have_width_in_80_columns_also_beside_long_delays(
-    serd, messages, tmp_path, monkeypatch
-):
+def test_topics_have_width_in_a_pipe_also_beside_long_delays(messages, tmp_path, root):
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic("/a/rather/long/name", POSE)
         for number in range(50):
             pose = messages.pose(number, 0.0, 0.0)
             writer.write("/a/rather/long/name", pose, round((1.7e9 + 1.5 * number) * 1e9))
-    monkeypatch.setenv("COLUMNS", "80")
-    out = serd("bag", "check", tmp_path / "bag").out
+    environment = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
+    command = [sys.executable, "-m", "serd_cli.main", "bag", "check", tmp_path / "bag"]
+    out = subprocess.run(
+        command, check=True, capture_output=True, text=True, env=environment, cwd=root
+    ).stdout
     assert max(map(len, out.splitlines()[1:6])) <= 80
     assert "│ /a/rather/" in out
