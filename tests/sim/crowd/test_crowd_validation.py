@@ -152,7 +152,7 @@ def test_twenty_people_go_round_a_corner_and_nobody_through_the_wall(model, n_ar
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", model_names())
-def test_nobody_passes_a_wall_in_a_hundred_thousand_steps_at_3_people_per_square_metre(model):
+def test_nobody_passes_a_wall_in_twenty_thousand_steps_at_3_people_per_square_metre(model):
     crowd = ring_corridor_crowd(
         width_m=2.0,
         length_m=4.0,
@@ -161,7 +161,7 @@ def test_nobody_passes_a_wall_in_a_hundred_thousand_steps_at_3_people_per_square
         model_name=model,
         rng=np.random.default_rng(4),
     )
-    for _ in range(100_000):
+    for _ in range(20_000):
         crowd.step(0.05)
         if not (crowd.y_m.min() > 0.0 and crowd.y_m.max() < 2.0):
             pytest.fail(f"a person is at y = {crowd.y_m.min()} or {crowd.y_m.max()} m")
