@@ -28,7 +28,7 @@ _DOCUMENT = _ROOT / "docs" / "sources.md"
 _REAL = _ROOT.parent / "shared" / "data"
 _OWN = _ROOT / "bags" / "data" / "hallway" / "test"
 #: The rows below the head of the table.
-_ROWS = re.compile(r"(\| source \|.*\n\|.*\n)(?:\|.*\n)*")
+_ROWS = re.compile(r"(\| source \| kind \|.*\n\|.*\n)(?:\|.*\n)*")
 _REAL_BAG = _REAL / "bags" / "test-bag"
 _CORRIDOR = _REAL / "pedestrians" / "bi_corr_400_b_03.txt"
 _HALL = ("--scenario", "hallway")
@@ -137,7 +137,11 @@ def run() -> None:
         with tempfile.TemporaryDirectory() as folder:
             rows.append(_measured(each, Path(folder)))
         print(rows[-1].line(), end="", flush=True)
-    lines = "".join(row.line() for row in rows)
+    write("".join(row.line() for row in rows))
+
+
+def write(lines: str) -> None:
+    """Replace the rows of the document."""
     text = read_text(_DOCUMENT)
     atomic_write_text(_DOCUMENT, _ROWS.sub(lambda found: found[1] + lines, text))
 
