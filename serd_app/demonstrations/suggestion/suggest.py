@@ -97,8 +97,10 @@ def suggest_mapping(bag: Path) -> Suggestion:
     comments = {"": (*ranked, *(f"left out: {line}" for line in rejected))}
     if topics_named(list(reader.topics), POSE) and topics_named(list(reader.topics), INTENT):
         mapping = BagMapping(episode_topic="episode" if _has(reader, "episode") else "")
-        comments["pose_topic"] = ("as the recorder of this project writes it",)
-        return _tested(bag, mapping, comments, poses[0])
+        own = {**comments, "pose_topic": ("as the recorder of this project writes it",)}
+        found = _tested(bag, mapping, own, poses[0])
+        if found.reports:
+            return found
     return _by_velocity(bag, poses, actions, comments) or _by_motion(bag, poses, comments)
 
 

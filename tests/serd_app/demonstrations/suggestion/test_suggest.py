@@ -12,7 +12,7 @@ from serd_app.demonstrations.suggestion.suggest import suggest_mapping
 from serd_app.drives.mapping import BagMapping
 from serd_app.errors import AppError
 from storage.yaml_config import yaml_model
-from support.foreign_bags import ForeignBag, Robot, held_keys, key_presses
+from support.foreign_bags import START_S, ForeignBag, Robot, held_keys, key_presses
 
 REAL_BAG = Path(__file__).parents[4].parent / "shared" / "data" / "bags" / "test-bag"
 
@@ -153,6 +153,21 @@ def test_the_real_bag_keeps_the_last_command():
     for report in found.reports.values():
         assert report.n_decisions > 15
         assert report.n_moving_waits <= MOST_MOVING_WAITS * report.n_decisions
+
+
+@pytest.mark.parametrize("robots", [("",), ("/a", "/b")])
+def test_recordings_of_ours_get_their_intents_unless_they_are_of_several_robots(
+    bag, messages, tmp_path, robots
+):
+    for robot in robots:
+        for number in range(300):
+            bag.add_pose(f"{robot}/robot_pose", 0.1 * number, 0.05 * number, 0.0)
+        for number in range(15):
+            data = messages.intent(START_S + 2.0 * number, 1.0, 0.0)
+            kind = "geometry_msgs/msg/Vector3Stamped"
+            bag.add(f"{robot}/intent", kind, 2.0 * number + 0.001, data)
+    found = suggested(bag, tmp_path)
+    assert found.mapping.action_from == ("intent" if len(robots) == 1 else "motion")
 
 
 def test_a_table_needs_no_mapping(tmp_path):
