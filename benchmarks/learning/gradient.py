@@ -23,6 +23,8 @@ from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.ascent.trust_region import TrustRegion
+from serd_core.bayes.draws import credible_intervals, laplace_draws, posterior_policy
+from serd_core.bayes.laplace import laplace
 from serd_core.bellman.value_iteration import ValueIteration
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
@@ -116,18 +118,31 @@ def _fits(problem: Problem, decisions: Decisions) -> list[Row]:
     rows: list[Row] = []
     for name, ascent in (("trust region", TrustRegion()), ("L-BFGS", Lbfgs())):
         seconds, found = best_of(lambda ascent=ascent: fit(ascent), calls=2)  # type: ignore[misc]
-        rows.append(
-            {
-                "ascent": name,
-                "s": seconds,
-                "steps": found.n_steps,
-                "evaluations": found.n_evaluations,
-                "converged": found.converged,
-                "log posterior per decision": found.objective / found.n_decisions,
-                "largest gradient": found.gradient_norm,
-            }
-        )
+        rows.append(_row(name, seconds, found))
+    seconds, found = best_of(lambda: fit_mdce_serd(problem, decisions), calls=2)
+    rows.append(_row("priors by evidence", seconds, found))
+    draw_s, _ = best_of(lambda: _summary(problem, decisions, found), calls=2)
+    rows.append({"ascent": "Laplace's posterior: intervals and averaged policy", "s": draw_s})
     return rows
+
+
+def _summary(problem: Problem, decisions: Decisions, fit: FitResult) -> FloatArray:
+    """What a command shows of the posterior."""
+    draws = laplace_draws(laplace(problem, decisions, fit), np.random.default_rng(0))
+    credible_intervals(draws)
+    return posterior_policy(problem, draws)
+
+
+def _row(name: str, seconds: float, found: FitResult) -> Row:
+    return {
+        "ascent": name,
+        "s": seconds,
+        "steps": found.n_steps,
+        "evaluations": found.n_evaluations,
+        "converged": found.converged,
+        "log posterior per decision": found.objective / found.n_decisions,
+        "largest gradient": found.gradient_norm,
+    }
 
 
 def _in_hallway(problem: Problem) -> Decisions:

@@ -32,8 +32,8 @@ TIED = TiedBelief()
 HALF_WIDTH, LEVEL = 0.05, 0.03
 #: Half-width of differences for the curvature by logs of strengths.
 WIDE = 0.2
-#: Slope at which strengths are still good enough, and steps to find them.
-COARSE, MAX_STEPS = 0.2, 40
+#: Slope at which strengths are still good enough, steps to find them, tolerance at a kink.
+COARSE, MAX_STEPS, AT_A_KINK = 0.2, 40, 0.01
 #: Strengths stay within so many spreads of their hyperprior's median.
 FARTHEST = 4.0
 
@@ -319,10 +319,17 @@ def best_strengths(
             bounds=list(zip(middle - reach, middle + reach, strict=True)),
             options={"gtol": LEVEL, "ftol": 0.0, "maxiter": MAX_STEPS},
         )
+        inside = np.abs(found.x - middle) < reach
+        if np.any(np.abs(found.jac)[inside] > COARSE):
+            # Where one maximum gives way to another the evidence has a kink.
+            found = scipy.optimize.minimize(
+                lambda logs: evidence.loss(logs)[0],
+                found.x,
+                method="Nelder-Mead",
+                bounds=list(zip(middle - reach, middle + reach, strict=True)),
+                options={"xatol": AT_A_KINK, "fatol": AT_A_KINK, "maxiter": MAX_STEPS},
+            )
     except SerdError as error:
         last = start if evidence.last is None else evidence.last[0]
         return last, str(error)
-    slope = np.abs(found.jac)[np.abs(found.x - middle) < reach]
-    if np.any(slope > COARSE):
-        return np.asarray(found.x), f"not converged: strengths of the prior: {found.message}"
     return np.asarray(found.x), ""
