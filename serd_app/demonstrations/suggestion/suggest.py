@@ -67,12 +67,12 @@ class Suggestion:
             f"  {self.command(path)}",
             *self.comments.get("", ()),
         )
-        lines = [f"# {line}" for line in head]
+        lines = [_comment(line) for line in head]
         values = self.mapping.model_dump(mode="json")
         defaults = BagMapping().model_dump(mode="json")
         for key, value in values.items():
             if key in self.comments or value != defaults[key]:
-                lines += ["", *(f"# {line}" for line in self.comments.get(key, ()))]
+                lines += ["", *map(_comment, self.comments.get(key, ()))]
                 lines.append(f"{key}: {json.dumps(value)}")
         return "\n".join(lines) + "\n"
 
@@ -226,6 +226,11 @@ def _tested(
 def _moving_waits(found: Suggestion) -> float:
     shares = [each.n_moving_waits / each.n_decisions for each in found.reports.values()]
     return max(shares, default=1.0)
+
+
+def _comment(line: str) -> str:
+    """Names in a bag may hold line ends, which would end the comment."""
+    return f"# {' '.join(line.splitlines())}"
 
 
 def _has(reader: BagReader, name: str) -> bool:

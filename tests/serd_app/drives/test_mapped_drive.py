@@ -478,7 +478,12 @@ def test_a_steered_vehicle_and_own_types_are_read_by_their_fields(tmp_path, mess
 )
 def test_the_real_robot_becomes_demonstrations():
     mapping = BagMapping(
-        pose_topic="/odom", action_from="velocity", action_topic="/cmd_vel", silence="wait"
+        pose_topic="/odom",
+        action_from="velocity",
+        action_topic="/cmd_vel",
+        silence="wait",
+        stop_s=None,
+        round_trips=False,
     )
     drive = mapped_drive_in(BagReader(REAL_BAG), mapping, 2.0)
     grid = grid_around(drive.position_m, 0.5)
