@@ -86,7 +86,7 @@ class BeliefComparison:
         return PosteriorDraws(np.zeros((len(tables[0]), 0)), *tables)
 
     def sentence(self) -> str:
-        """What the decisions say about the belief, with the Bayes factor."""
+        """The result in one sentence, with the Bayes factor."""
         first, second = (NAMES[type(one)] for one in self.relations[:2])
         factor = np.log10(np.e) * (self.log_evidences[0] - self.log_evidences[1])
         shown = f"{10**factor:.2g}" if factor < 4 else f"10^{factor:.0f}"
