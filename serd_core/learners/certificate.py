@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import AT_A_KINK, AscentResult, Step, StepCallback
 from serd_core.ascent.newton_ascent import STILL, NewtonAscent, newton_step
 from serd_core.posterior.beliefs import Belief
-from serd_core.posterior.coordinates import LogPosterior, coordinates
+from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates, free_in_use
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
 
@@ -21,6 +22,7 @@ from serd_core.posterior.posterior import Posterior
 CLOSE = 1e-3
 #: Newton steps from the end of an ascent; from a maximum three suffice.
 FINAL_STEPS = 20
+_NO_EFFECT = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,8 @@ def certificate(
 ) -> Certificate:
     """The end of the ascent, or the maximum nearby where that is not the same.
 
+    Numbers on which nothing in the problem depends may be anything.
+
     on_step: called once where the fit moves on to that maximum. An ascent that did not converge, or
     ended at a kink, stays as it is. So do those of policies over optimal Q-values, whose log
     posterior has kinks.
@@ -53,7 +57,10 @@ def certificate(
     start = space.of(parameters)
     found = NewtonAscent(max_steps=FINAL_STEPS).maximise(objective, start)
     counted = replace(ascended, n_evaluations=ascended.n_evaluations + found.n_evaluations)
-    if found.converged:
+    values, vectors = np.linalg.eigh(-objective.hessian(found.vector))
+    step = newton_step(objective.evaluate(found.vector)[1], values, vectors)
+    step = replace(step, flat=_with_effect(posterior, space, step.flat))
+    if found.converged or step.at_maximum:
         move = found.vector - start
         if float(np.sqrt(move @ -objective.hessian(found.vector) @ move)) <= CLOSE:
             return Certificate(parameters, counted)
@@ -66,8 +73,6 @@ def certificate(
             space.parameters(found.vector),
             replace(counted, n_steps=number, objective_trace=trace),
         )
-    values, vectors = np.linalg.eigh(-objective.hessian(found.vector))
-    step = newton_step(objective.evaluate(found.vector)[1], values, vectors)
     if np.any(np.abs(step.move) > STILL):
         reason = (
             "not converged: the log posterior grows on and on along"
@@ -79,3 +84,12 @@ def certificate(
     if flat:
         reason = f"not converged: nothing determines {flat[0]}; give these numbers a prior"
     return Certificate(parameters, replace(counted, converged=False, message=reason), flat)
+
+
+def _with_effect(posterior: Posterior, space: Coordinates, directions: FloatArray) -> FloatArray:
+    """(k, d) of the span of (n, d) directions, those that move numbers in use."""
+    jacobian = space.belief.jacobian(space.like)
+    in_use = free_in_use(posterior.problem, space.like, jacobian)
+    moved = (directions @ space.table.T)[:, in_use]
+    weights, sizes, _ = np.linalg.svd(moved, full_matrices=False)
+    return np.asarray(weights[:, sizes > _NO_EFFECT].T @ directions)

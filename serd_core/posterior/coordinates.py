@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import BoolArray, FloatArray
 from serd_core.ascent.ascent import Objective
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.beliefs import Belief
@@ -154,6 +154,19 @@ def free_names(problem: Problem, parameters: Parameters, jacobian: FloatArray) -
         tied = len(moved) == 2
         names.append(moved[1].replace("truth", "dynamics", 1) if tied else moved[0])
     return tuple(names)
+
+
+def free_in_use(problem: Problem, parameters: Parameters, jacobian: FloatArray) -> BoolArray:
+    """(m,) which free numbers something in the problem depends on.
+
+    The probabilities of an outcome model that no pair (s, a) has are in no transition.
+    """
+    transitions = problem.mdp.transitions
+    in_use = np.ones(len(jacobian), dtype=bool)
+    for block, values in ((Block.BELIEF, parameters.belief), (Block.TRUTH, parameters.truth)):
+        effect = transitions.local_jacobian(values)[np.unique(transitions.local_index)]
+        in_use[parameters.place(block)] = np.any(effect != 0, axis=0)
+    return np.asarray(np.any(jacobian[in_use] != 0, axis=0))
 
 
 def free_gauge(problem: Problem, parameters: Parameters, jacobian: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.problem import TabularProblem
 from serd_core.posterior.parameters import Block
+from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 
 KNOWN = {"initial_weights": np.zeros(2)}
@@ -65,6 +66,17 @@ def test_a_feature_that_no_decision_depends_on_is_named(gridworld):
     assert "nothing determines" in fit.message
     assert "reward goal" in fit.message
     assert len(fit.undetermined) == 1
+
+
+def test_an_outcome_model_that_no_pair_has_may_be_anything(gridworld):
+    problem = gridworld.problem
+    models = replace(problem.mdp.transitions, n_models=10)
+    larger = replace(problem, mdp=replace(problem.mdp, transitions=models))
+    prior = KldPrior(0.1, np.full((10, 5), 0.2))
+    fit = fit_mdce_serd(larger, gridworld.decisions, prior=prior, **KNOWN)
+    assert fit.converged
+    assert fit.undetermined == ()
+    np.testing.assert_allclose(fit.outcome_probabilities[9], 0.2)
 
 
 def test_a_saddle_is_left(minimum_example):
