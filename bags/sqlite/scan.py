@@ -66,14 +66,18 @@ class SqliteScan:
             if not (whole or fault):
                 self.counts.update(_counts(path, known, wanted))
             rows = _rows(path, None if whole else wanted)
+            names = {number: (topic.name, topic.type_name) for number, topic in known.items()}
+            n_read = dict.fromkeys(names, 0)
             for number, time_ns, data in self._salvaged(path) if fault else rows:
-                topic = known.get(number)
-                if topic is None or not isinstance(data, bytes):
+                if number not in n_read or not isinstance(data, bytes):
                     n_unknown += 1
                     continue
-                self.counts[topic.name] += 1
-                if topics is None or topic.name in topics:
-                    yield RawMessage(topic.name, topic.type_name, data, time_ns, time_ns)
+                n_read[number] += 1
+                name, type_name = names[number]
+                if topics is None or name in topics:
+                    yield RawMessage(name, type_name, data, time_ns, time_ns)
+            for number, count in n_read.items():
+                self.counts[names[number][0]] += count
         if n_unknown:
             self._note(f"{n_unknown} messages have lost their topic or their content")
 
