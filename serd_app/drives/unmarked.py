@@ -110,15 +110,16 @@ def _standing(piece: _Piece, stop_s: float) -> BoolArray:
     standing = np.zeros(len(piece.time_s), dtype=bool)
     row = 0
     while row + _SAMPLES_OF_A_STOP < len(sample_s):
+        soon_m = place_m[row : row + _SAMPLES_OF_A_STOP + 1] - place_m[row]
+        if (np.linalg.norm(soon_m, axis=1) > _STANDING_M).any():
+            row += 1
+            continue
         away_m = np.linalg.norm(place_m[row:] - place_m[row], axis=1)
         left = np.flatnonzero(away_m > _STANDING_M)
         end = row + (int(left[0]) if len(left) else len(away_m))
-        if end - row > _SAMPLES_OF_A_STOP:
-            until_s = sample_s[end - 1] if len(left) else last_s
-            standing |= (piece.time_s >= sample_s[row]) & (piece.time_s <= until_s)
-            row = end
-        else:
-            row += 1
+        until_s = sample_s[end - 1] if len(left) else last_s
+        standing |= (piece.time_s >= sample_s[row]) & (piece.time_s <= until_s)
+        row = end
     return standing
 
 

@@ -40,12 +40,13 @@ FARTHEST = 4.0
 
 @dataclass(eq=False)
 class SearchRecord:
-    """Steps of all ascents of a fit; on_step: as in `fit_mdce_serd`.
+    """Steps of all ascents of a fit; on_step: as in `fit_mdce_serd`, with J per decision.
 
     value: (S,) where the next Bellman solve starts.
     """
 
     on_step: StepCallback | None
+    n_decisions: int
     trace: list[float] = field(default_factory=list)
     n_evaluations: int = 0
     stopped: bool = False
@@ -55,7 +56,8 @@ class SearchRecord:
         """Count the step, with the free vector it reached, and whether to stop there."""
         self.trace.append(step.objective)
         if self.on_step is not None:
-            called = replace(step, number=len(self.trace), vector=vector)
+            mean = step.objective / self.n_decisions
+            called = replace(step, number=len(self.trace), vector=vector, objective=mean)
             self.stopped = bool(self.on_step(called))
         return self.stopped
 
@@ -205,7 +207,7 @@ class EvidenceFit:
 
     def log_evidence(self) -> float:
         """log P(D), the strengths integrated out by Laplace's approximation over their logs."""
-        record = SearchRecord(None)
+        record = SearchRecord(None, self.objective.posterior.observations.n_decisions)
         search = EvidenceSearch(self.objective.posterior, self.belief, self.parameters, record)
         evidence = EvidenceOfStrengths(search, self.strengths)
         value = -evidence.loss(self.logs)[0]
@@ -246,7 +248,7 @@ def fit_by_evidence(
             "evidence is that of MdcePolicy, got a policy model with a temperature, whose posterior"
             " has kinks; use fit_mdce_serd, or give a prior that is not PriorByEvidence"
         )
-    record = SearchRecord(on_step)
+    record = SearchRecord(on_step, posterior.observations.n_decisions)
     search = EvidenceSearch(posterior, belief, start, record)
     strengths = by_evidence.strengths(belief)
     logs = strengths.start
@@ -309,7 +311,7 @@ def best_strengths(
     if not strengths.open:
         return start, ""
     evidence = EvidenceOfStrengths(search, strengths)
-    middle, reach = strengths.start, FARTHEST * strengths.spreads
+    middle, reach, failure = strengths.start, FARTHEST * strengths.spreads, ""
     try:
         found = scipy.optimize.minimize(
             evidence.loss,
@@ -329,7 +331,9 @@ def best_strengths(
                 bounds=list(zip(middle - reach, middle + reach, strict=True)),
                 options={"xatol": AT_A_KINK, "fatol": AT_A_KINK, "maxiter": MAX_STEPS},
             )
+            if not found.success:
+                failure = "not converged: out of steps for the strengths of the prior"
     except SerdError as error:
         last = start if evidence.last is None else evidence.last[0]
         return last, str(error)
-    return np.asarray(found.x), ""
+    return np.asarray(found.x), failure

@@ -90,6 +90,7 @@ def _with_effect(posterior: Posterior, space: Coordinates, directions: FloatArra
     """(k, d) of the span of (n, d) directions, those that move numbers in use."""
     jacobian = space.belief.jacobian(space.like)
     in_use = free_in_use(posterior.problem, space.like, jacobian)
-    moved = (directions @ space.table.T)[:, in_use]
+    units = space.units()
+    moved = (directions @ (space.table / units[:, None]).T)[:, in_use]
     weights, sizes, _ = np.linalg.svd(moved, full_matrices=False)
     return np.asarray(weights[:, sizes > _NO_EFFECT].T @ directions)

@@ -130,7 +130,7 @@ def fit_serd(
         tables=(truth, believed, initial_probabilities),
         n_decisions=observations.n_decisions,
         objective=final.objective,
-        objective_trace=ascended.objective_trace * observations.n_decisions,
+        objective_trace=found.ascended.objective_trace * observations.n_decisions,
     )
 
 

@@ -59,12 +59,15 @@ class Coordinates:
         columns = self.table / np.sum(self.table**2, axis=0)
         return np.asarray(columns.T @ self.belief.pack(parameters))
 
+    def units(self) -> FloatArray:
+        """(m,) rewards in nats over the range of their feature, energies as they are."""
+        units: FloatArray = np.linalg.norm(self.table, axis=1)
+        units[len(self.like.reward) :] = 1.0
+        return units
+
     def describe(self, direction: FloatArray, share: float = 0.25) -> str:
         """A direction (d,) by what moves along it, as shares of the largest, largest first."""
-        # Rewards in nats over the range of their feature, energies as they are.
-        units = np.linalg.norm(self.table, axis=1)
-        units[len(self.like.reward) :] = 1.0
-        parts = (self.table @ direction) / units
+        parts = (self.table @ direction) / self.units()
         parts = parts / np.max(np.abs(parts))
         order = np.argsort(-np.abs(parts), kind="stable")
         order = order[np.abs(parts[order]) >= share]

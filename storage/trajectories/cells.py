@@ -26,12 +26,16 @@ _FEWEST_COLUMNS = 2
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """names: of the columns, empty where the file has none; fps: frames per s that it states."""
+    """names: of the columns, empty where the file has none; fps: frames per s that it states.
+
+    n_skipped: rows with more cells than the first.
+    """
 
     frame: "pd.DataFrame"
     names: tuple[str, ...] = ()
     fps: float | None = None
     comments: tuple[str, ...] = field(default=())
+    n_skipped: int = 0
 
 
 def read_cells(path: Path) -> Cells:
@@ -55,7 +59,8 @@ def _parquet(path: Path) -> Cells:
     except Exception as error:  # pyarrow raises errors of any kind for foreign bytes
         reason = str(error).splitlines()[0]
         raise FileError(f"{path} must be a Parquet file, but {reason}; write it again") from None
-    frame = frame.reset_index() if frame.index.names != [None] else frame
+    if frame.index.names != [None] and set(frame.index.names).isdisjoint(frame.columns):
+        frame = frame.reset_index()
     return Cells(frame, tuple(map(str, frame.columns)))
 
 
@@ -77,7 +82,9 @@ def _text(path: Path, text: str) -> Cells:
             f"{path} must have columns of time, x and y, got {frame.shape[1]} column; separate them"
             " by commas, semicolons, tabs or spaces"
         )
-    return Cells(frame, tuple(names), _rate(comments), comments)
+    if len(names) > frame.shape[1]:  # rows that are cut off
+        frame = frame.reindex(columns=range(len(names)))
+    return Cells(frame, tuple(names), _rate(comments), comments, len(rows) - len(frame))
 
 
 def _frame(path: Path, rows: Sequence[str], separator: str, decimal: str) -> "pd.DataFrame":
@@ -138,4 +145,5 @@ def _named_in_comments(comments: Sequence[str], separator: str, count: int) -> l
 
 def _rate(comments: Sequence[str]) -> float | None:
     found = _RATE.search("\n".join(comments))
-    return float(found[1] or found[2]) if found else None
+    rate = float(found[1] or found[2]) if found else 0.0
+    return rate if rate > 0.0 else None

@@ -20,7 +20,8 @@ Unit = Literal["m", "cm", "mm"]
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _NAMES = {
-    "frame": "frame frame_id frame_number frame_num frame_no frameid framenumber fr frameno",
+    "frame": "frame frame_id frame_number frame_num frame_no frame_nr frameid framenumber fr"
+    " frameno",
     "time": "t time timestamp stamp sec secs second seconds timestep datetime date_time simtime"
     " sim_time rosbagtimestamp time_stamp elapsed __time",
     "agent": "id ped ped_id pedid pedestrian pedestrian_id person person_id personid agent agent_id"
@@ -83,7 +84,9 @@ def located(where: str, names: Sequence[str], values: FloatArray, wanted: TableC
         if (text := getattr(wanted, role))
     }
     if "x" in by_name and "y" in by_name and ("time" in by_name or "frame" in by_name):
-        return _with_agent(names, values, _of_names(names, values, by_name))
+        return _with_agent(
+            names, values, _of_names(names, values, by_name, has_rate=wanted.fps is not None)
+        )
     if names or by_name:
         missing = " and ".join(each for each in ("time", "x", "y") if each not in by_name)
         raise FileError(
@@ -120,7 +123,9 @@ def _index(where: str, names: Sequence[str], count: int, text: str, role: str) -
     )
 
 
-def _of_names(names: Sequence[str], values: FloatArray, found: dict[str, int]) -> Columns:
+def _of_names(
+    names: Sequence[str], values: FloatArray, found: dict[str, int], *, has_rate: bool
+) -> Columns:
     frames = "time" not in found
     time = found["frame"] if frames else found["time"]
     unit = _unit(names[time], _SECONDS) if names else None
@@ -129,8 +134,8 @@ def _of_names(names: Sequence[str], values: FloatArray, found: dict[str, int]) -
         agent=found.get("agent", -1),
         x=found["x"],
         y=found["y"],
-        frames=frames or (not names and _are_frames(values[:, time])),
-        time_s=None if frames else unit,
+        frames=frames or has_rate or (not names and _are_frames(values[:, time])),
+        time_s=None if frames or has_rate else unit,
         place_m=_unit(names[found["x"]], METRES) if names else None,
     )
 

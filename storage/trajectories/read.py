@@ -15,7 +15,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _TRANSPOSED_ROWS, _LEAST_TRANSPOSED = 4, 20
-_NANOSECONDS = 1e9
+#: Larger numbers are none of a table; stamps in ns are smaller.
+_LARGEST = 1e20
+_NO_AGENTS = (
+    "{path} must hold agents with two places at least, it holds none in {n_rows} rows;"
+    " name its columns in a --mapping file (time:, agent:, x:, y:)"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +48,7 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
     values = _numbers(cells.frame)
     if len(values) == _TRANSPOSED_ROWS and values.shape[1] > _LEAST_TRANSPOSED:
         values, cells = values.T, Cells(cells.frame.T, (), cells.fps)
-    usable = values[np.isfinite(values).sum(axis=1) >= min(3, values.shape[1])]
+    usable = values[np.isfinite(values).sum(axis=1) >= min(2, values.shape[1])]
     if not len(usable):
         raise FileError(f"{path} must hold numbers, it holds none; check the path")
     columns = located(str(path), cells.names, usable, wanted)
@@ -58,9 +63,11 @@ def _tracks(
     place = values[:, [columns.x, columns.y]]
     good = np.isfinite(time) & np.isfinite(place).all(axis=1) & (agent >= 0)
     rows = np.flatnonzero(good)
+    if not len(rows):
+        raise FileError(_NO_AGENTS.format(path=path, n_rows=len(values)))
     rows = rows[np.lexsort((time[rows], agent[rows]))]
     same = (np.diff(agent[rows]) == 0) & (np.diff(time[rows]) > 0)
-    rows = rows[np.concatenate([[True], same | (np.diff(agent[rows]) != 0)])] if len(rows) else rows
+    rows = rows[np.concatenate([[True], same | (np.diff(agent[rows]) != 0)])]
     time, agent, place = time[rows], agent[rows], place[rows]
     same = np.diff(agent) == 0
     fps = wanted.fps or cells.fps
@@ -73,19 +80,17 @@ def _tracks(
         if len(piece) > 1
     )
     if not tracks:
-        raise FileError(
-            f"{path} must hold agents with two places at least, it holds none in"
-            f" {len(values)} rows; name its columns in a --mapping file (time:, agent:, x:, y:)"
-        )
-    return Trajectories(tracks, columns.assumed, int((~good).sum()))
+        raise FileError(_NO_AGENTS.format(path=path, n_rows=len(values)))
+    return Trajectories(tracks, columns.assumed, int((~good).sum()) + cells.n_skipped)
 
 
 def _numbers(frame: "pd.DataFrame") -> FloatArray:
-    """(R, C) with NaN for text."""
+    """(R, C) with NaN for text, and for numbers that are neither times nor places."""
     import pandas as pd
 
     columns = [pd.to_numeric(frame[name], errors="coerce") for name in frame.columns]
-    return np.column_stack([column.to_numpy(dtype=np.float64) for column in columns])
+    numbers = np.column_stack([column.to_numpy(dtype=np.float64) for column in columns])
+    return np.where(np.abs(numbers) <= _LARGEST, numbers, np.nan)
 
 
 def _time(frame: "pd.DataFrame", values: FloatArray, columns: Columns) -> FloatArray:
@@ -95,11 +100,12 @@ def _time(frame: "pd.DataFrame", values: FloatArray, columns: Columns) -> FloatA
     if columns.time < 0:
         return np.arange(len(values), dtype=np.float64)
     numbers = values[:, columns.time]
-    if np.isfinite(numbers).any() and not pd.api.types.is_datetime64_any_dtype(
-        frame.iloc[:, columns.time]
-    ):
+    given = frame.iloc[:, columns.time]
+    if pd.api.types.is_timedelta64_dtype(given):
+        return np.asarray(given.dt.total_seconds().to_numpy(dtype=np.float64))
+    if np.isfinite(numbers).any() and not pd.api.types.is_datetime64_any_dtype(given):
         return numbers
-    dates = pd.to_datetime(frame.iloc[:, columns.time], errors="coerce", utc=True)
+    dates = pd.to_datetime(given, errors="coerce", utc=True, format="mixed")
     since = (dates - dates.min()).dt.total_seconds()
     return np.asarray(since.to_numpy(dtype=np.float64))
 

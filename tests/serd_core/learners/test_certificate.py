@@ -56,10 +56,11 @@ def test_decisions_that_all_agree_are_named_separable(gridworld):
     assert kept.reward_weights[0] > 0
 
 
-def test_a_feature_that_no_decision_depends_on_is_named(gridworld):
+@pytest.mark.parametrize("value", [7e-9, 7.0])
+def test_a_feature_that_no_decision_depends_on_is_named(gridworld, value):
     """A feature that is constant adds a constant to all values and changes no choice."""
     features = gridworld.problem.features.copy()
-    features[:, :, 1] = 7.0
+    features[:, :, 1] = value
     constant = with_features(gridworld.problem, features)
     fit = fit_mdce_irl_by_likelihood(constant, gridworld.decisions, **KNOWN)
     assert not fit.converged

@@ -143,6 +143,32 @@ def test_rows_without_numbers_and_lines_cut_off_are_left_out_and_counted(tmp_pat
     assert found.n_bad == 3
 
 
+def test_a_rate_in_a_mapping_makes_the_named_time_one_of_frames(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("frame_nr,X,Y\n" + "\n".join(f"{n},{n},0" for n in range(0, 33, 16)))
+    given = TableColumns(time="frame_nr", fps=16.0, unit="m")
+    assert read_trajectories(path, given).tracks[0].time_s.tolist() == [0.0, 1.0, 2.0]
+
+
+def test_dates_without_other_numbers_than_places_are_read(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("t,x,y\n2024-01-01T00:00:00,1,1\n2024-01-01T00:00:02,2,1\n")
+    assert read_trajectories(path).tracks[0].time_s.tolist() == [0.0, 2.0]
+
+
+def test_rows_with_more_cells_than_the_first_are_counted(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("t,x,y\n0,1,1\n1,2,1\n2,3,1,9\n3,4,1,9\n")
+    assert read_trajectories(path).n_bad == 2
+
+
+def test_durations_and_a_repeated_index_of_parquet_are_read(tmp_path):
+    path = tmp_path / "table.parquet"
+    frame = pd.DataFrame({"t": pd.to_timedelta([0.0, 0.5], "s"), "x": [1.0, 2.0], "y": [0.0, 0.0]})
+    frame.set_index("t", drop=False).to_parquet(path)
+    assert read_trajectories(path).tracks[0].time_s.tolist() == [0.0, 0.5]
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -156,6 +182,7 @@ def test_rows_without_numbers_and_lines_cut_off_are_left_out_and_counted(tmp_pat
         ),
         ("id,t,x,y\n1,0,1,1\n2,0,1,1\n", "must hold agents with two places at least"),
         ("1 2\n3 4\n", "got 2 without names; name the columns in its first line"),
+        ("id,t,x,y\n1,0,1\n2,0,1\n", "must hold agents with two places at least"),
         ("a\0b", "must be a table of text or Parquet"),
     ],
 )
