@@ -111,6 +111,8 @@ def compare_beliefs(
 ) -> BeliefComparison:
     """Fit under each relation, all equally probable beforehand.
 
+    The evidence of a free belief is about a nat too high (docs/evidence.md, limits).
+
     dynamics: (M, K) known ones, which `FixedBelief` takes as they are; others start there.
     """
     if len(relations) < 2 or len(set(relations)) < len(relations):
