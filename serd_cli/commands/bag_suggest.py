@@ -7,7 +7,6 @@ from typing import Annotated
 import typer
 
 from serd_app.demonstrations.suggestion.suggest import Suggestion, suggest_mapping
-from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.paths import require_suffix
 from serd_cli.output.terminal import console, print_json
@@ -32,8 +31,6 @@ def suggest(
     what was found and assumed.
     """
     require_suffix(output, ".yaml")
-    if output.exists():
-        raise UsageError(f"--output must be a new file, {output} exists; choose another name")
     found = suggest_mapping(bag)
     text = found.yaml(output)
     atomic_write_text(output, text)
