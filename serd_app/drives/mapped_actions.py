@@ -186,17 +186,22 @@ def actions_of_velocities(
 
     command_mps (C, 2): forward and left in the robot's frame; yaw_rad (T,) at pose_time_s.
     """
-    yaw = np.interp(command_time_s, pose_time_s, np.unwrap(yaw_rad))
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    east = cos * command_mps[:, 0] - sin * command_mps[:, 1]
-    north = sin * command_mps[:, 0] + cos * command_mps[:, 1]
+    unwrapped_rad = np.unwrap(yaw_rad)
     until_s = np.minimum(np.append(command_time_s[1:], np.inf), command_time_s + hold_s)
     actions, commanded = [], []
     for start_s in decision_time_s:
-        held_s = np.minimum(until_s, start_s + period_s) - np.maximum(command_time_s, start_s)
-        commanded.append(bool((held_s > 0.0).any()))
-        share = np.maximum(held_s, 0.0) / period_s
-        actions.append(_action(float(share @ east), float(share @ north), minimum_speed_mps))
+        first_s = np.maximum(command_time_s, start_s)
+        last_s = np.minimum(until_s, start_s + period_s)
+        held = last_s > first_s
+        commanded.append(bool(held.any()))
+        # A robot that turns under a long command has another heading in each period.
+        middle_s = (first_s[held] + last_s[held]) / 2.0
+        yaw = np.interp(middle_s, pose_time_s, unwrapped_rad)
+        share = (last_s - first_s)[held] / period_s
+        ahead, left = command_mps[held].T
+        east = float(share @ (np.cos(yaw) * ahead - np.sin(yaw) * left))
+        north = float(share @ (np.sin(yaw) * ahead + np.cos(yaw) * left))
+        actions.append(_action(east, north, minimum_speed_mps))
     return np.array(actions, dtype=np.int64), np.array(commanded, dtype=bool)
 
 

@@ -56,6 +56,26 @@ def velocity_actions(commands, yaw_rad=0.0, hold_s=0.5):
     return [action if known else None for action, known in zip(actions, heard, strict=True)]
 
 
+def test_a_command_that_is_held_through_a_turn_means_the_heading_of_each_period():
+    time_s = np.arange(0.0, 8.01, 0.1)
+    actions, commanded = actions_of_velocities(
+        decision_time_s=np.array([0.0, 2.0, 4.0, 6.0]),
+        period_s=2.0,
+        command_time_s=np.array([0.0]),
+        command_mps=np.array([[0.5, 0.0]]),
+        pose_time_s=time_s,
+        yaw_rad=np.pi / 4.0 * (time_s - 1.0),  # a quarter turn in each period
+        hold_s=10.0,
+    )
+    assert commanded.all()
+    assert [Action(each) for each in actions] == [
+        Action.EAST,
+        Action.NORTH,
+        Action.WEST,
+        Action.SOUTH,
+    ]
+
+
 def test_velocity_commands_mean_the_direction_they_drive_to():
     steady = [(0.1 * tick, 0.5, 0.0) for tick in range(41)]
     assert velocity_actions(steady) == [Action.EAST, Action.EAST]
