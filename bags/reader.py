@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from bags.damage import Damage, FileCount, Losses, losses
-from bags.errors import BagError
+from bags.errors import DamagedBagError
 from bags.limits import MOST_FAULTS
 from bags.mcap.scan import McapScan
 from bags.ros1.scan import Ros1Scan
@@ -24,8 +24,8 @@ from bags.topic import RawMessage, Topic
 class BagReader:
     """Reads a bag folder, or a single file of one.
 
-    tolerant: continue past damage and collect it in `damage`; otherwise damage raises a BagError
-    when it is found, which for missing messages is at the end.
+    tolerant: continue past damage and collect it in `damage`; otherwise damage raises a
+    DamagedBagError when it is found, which for missing messages is at the end.
     thorough: compare the index of messages with the messages too.
     losses: what is missing, once all messages were read.
     copied: then (file, (offset, length) of each of its sound attachments and metadata records).
@@ -96,7 +96,7 @@ class BagReader:
         """Collect damage, or raise it; `file` is named in place of its decompressed copy."""
         found = damage if file is None else [replace(each, path=file) for each in damage]
         if found and not self.tolerant:
-            raise BagError(f"{found[0].sentence()}; repair it with 'serd bag recover'")
+            raise DamagedBagError(f"{found[0].sentence()}; repair it with 'serd bag recover'")
         self.damage.extend(found)
         del self.damage[MOST_FAULTS:]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from bags.damage import Losses
-from bags.errors import BagError
+from bags.errors import BagError, DamagedBagError
 from bags.reader import BagReader
 from bags.rosbag2.layout import is_bag_file
 from bags.topic import topics_named
@@ -77,9 +77,9 @@ def _mapped_drive(reader: BagReader, mapping: BagMapping, period_s: float) -> Re
     """AppError that names the command which writes a mapping where this one does not fit."""
     try:
         return mapped_drive_in(reader, mapping, period_s)
+    except DamagedBagError:
+        raise
     except BagError as error:
-        if "serd bag " in str(error):
-            raise
         sentence = f"{error}; 'serd bag suggest {reader.path}' writes a mapping that fits"
         raise AppError(sentence) from None
 

@@ -104,8 +104,10 @@ def demos(
     _require_place(scenario, cell_size_m, period_s)
     known = load_scenario(scenario) if scenario else None
     period = known.decision_period_s if known else (period_s or _USUAL_PERIOD_S)
-    tables = all(is_table(bag) for bag in bags)
-    chosen = load_yaml_model(mapping, TableMapping if tables else BagMapping) if mapping else None
+    kinds = {TableMapping if is_table(bag) else BagMapping for bag in bags}
+    if mapping and len(kinds) > 1:
+        raise UsageError(f"--mapping must be for bags or for tables, got {mapping} for both")
+    chosen = load_yaml_model(mapping, kinds.pop()) if mapping else None
     recordings = [read_recording(bag, period, mapping=chosen, tolerant=tolerant) for bag in bags]
     grid = grid_of(known) if known else fitted_grid(recordings, cell_size_m or 0.0)
     found = demonstrations_of_all(recordings, grid, period)

@@ -148,7 +148,6 @@ def _fit(
     prior: PriorByEvidence,
     dynamics: FloatArray | None,
 ) -> EvidenceFit:
-    policy_model = MdcePolicy()
-    start = evidence_start(problem, decisions, policy_model, belief, None, dynamics)
-    posterior = Posterior(problem, observe(problem.mdp, decisions), policy_model, UniformPrior())
+    posterior = Posterior(problem, observe(problem.mdp, decisions), MdcePolicy(), UniformPrior())
+    start = evidence_start(posterior, decisions, belief, None, dynamics)
     return fit_by_evidence(posterior, belief, prior, start, staged=True)

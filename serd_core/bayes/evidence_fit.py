@@ -15,12 +15,9 @@ from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.bayes.laplace import Laplace, laplace_at
 from serd_core.bayes.strengths import PriorByEvidence, Strengths
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
 from serd_core.learners.start import dynamics_or_estimate, starting_parameters
-from serd_core.mdp.problem import Problem
-from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
 from serd_core.posterior.parameters import Parameters
@@ -277,23 +274,23 @@ def fit_by_evidence(
 
 
 def evidence_start(
-    problem: Problem,
+    posterior: Posterior,
     decisions: Decisions,
-    policy_model: PolicyModel,
     belief: Belief,
     initial_weights: FloatArray | None,
     dynamics: FloatArray | None,
 ) -> Parameters:
     """Given weights and dynamics, otherwise 0 and the M-estimate; they must explain the decisions.
 
-    SerdError where they do not.
+    posterior: with any prior, of these decisions. SerdError where they are not explained.
     """
+    problem = posterior.problem
     given = dynamics_or_estimate(problem, decisions, dynamics)
     n_features = len(problem.feature_names)
     weights = np.zeros(n_features) if initial_weights is None else initial_weights
-    start = starting_parameters(problem, policy_model, weights, given, belief)
+    start = starting_parameters(problem, posterior.policy_model, weights, given, belief)
     table = problem.mdp.transitions.local_probabilities(start.truth)
-    require_possible(observe(problem.mdp, decisions), problem.mdp, table)
+    require_possible(posterior.observations, problem.mdp, table)
     return start
 
 

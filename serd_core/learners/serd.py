@@ -88,7 +88,6 @@ def fit_serd(
         # Without parameters there are no dynamics to learn, or to have a prior.
         learns = problem.mdp.transitions.n_parameters > 0
         belief = settings.belief if learns else FixedBelief()
-        start = evidence_start(problem, decisions, policy_model, belief, initial_weights, dynamics)
         posterior = Posterior(
             problem,
             observe(problem.mdp, decisions),
@@ -97,6 +96,7 @@ def fit_serd(
             settings.solver,
             settings.linear_solver,
         )
+        start = evidence_start(posterior, decisions, belief, initial_weights, dynamics)
         staged = initial_weights is None
         return fit_by_evidence(
             posterior, belief, settings.prior, start, on_step, staged=staged

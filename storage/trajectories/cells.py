@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 PARQUET = (".parquet", ".pq")
 _COMMENTS = ("#", "%", "//")
 _RATE = re.compile(r"(?:frame\s*-?rate|fps)\D{0,5}(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)\s*fps", re.I)
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+(?:,\d+)?")
 _FEWEST_COLUMNS = 2
 
 
@@ -107,12 +108,15 @@ def _frame(path: Path, rows: Sequence[str], separator: str, decimal: str) -> "pd
 
 def _separator(line: str) -> tuple[str, str]:
     """(separator, decimal sign)."""
-    if ";" in line:
-        return ";", "," if "," in line else "."
-    for each in (",", "\t"):
+    for each in (";", "\t"):
         if each in line:
-            return each, "."
-    return " ", "."
+            return each, "," if "," in line else "."
+    if "," not in line:
+        return " ", "."
+    cells = line.split()
+    if len(cells) > _FEWEST_COLUMNS and all(map(_DECIMAL_COMMA.fullmatch, cells)):
+        return " ", ","
+    return ",", "."
 
 
 def _split(line: str, separator: str) -> list[str]:

@@ -126,16 +126,17 @@ def _index(where: str, names: Sequence[str], count: int, text: str, role: str) -
 def _of_names(
     names: Sequence[str], values: FloatArray, found: dict[str, int], *, has_rate: bool
 ) -> Columns:
-    frames = "time" not in found
-    time = found["frame"] if frames else found["time"]
+    is_frame = "time" not in found
+    time = found["frame"] if is_frame else found["time"]
     unit = _unit(names[time], _SECONDS) if names else None
+    may_count = unit is None and (has_rate or not names)
     return Columns(
         time=time,
         agent=found.get("agent", -1),
         x=found["x"],
         y=found["y"],
-        frames=frames or has_rate or (not names and _are_frames(values[:, time])),
-        time_s=None if frames or has_rate else unit,
+        frames=is_frame or (may_count and _are_frames(values[:, time])),
+        time_s=None if is_frame else unit,
         place_m=_unit(names[found["x"]], METRES) if names else None,
     )
 

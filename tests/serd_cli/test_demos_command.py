@@ -282,6 +282,15 @@ def test_a_wrong_key_in_a_mapping_file_gets_the_nearest_right_one(serd, drive_ba
     assert "did you mean 'pose_topic'?" in ended.err
 
 
+def test_a_mapping_of_bags_and_tables_together_is_refused(serd, drive_bag, tmp_path):
+    table, mapping = tmp_path / "table.csv", tmp_path / "mapping.yaml"
+    table.write_text("t,x,y\n0,1,1\n1,2,1\n")
+    mapping.write_text("unit: m\n")
+    ended = serd("demos", drive_bag(), table, "--cell-size-m", "1", "--mapping", mapping)
+    assert ended.code == 2
+    assert "--mapping must be for bags or for tables" in ended.err
+
+
 def test_each_agent_of_a_table_is_a_demonstration_among_the_others(serd, tmp_path):
     """20 people side by side walk east along y = 0.25 m and 0.75 m, in equal cells at one time."""
     path, table = tmp_path / "people.csv", tmp_path / "decisions.csv"

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_app.drives.mapped_actions import PoseTrack
+from serd_app.drives.unmarked import usual_gap_s
 from serd_core.arrays import BoolArray, FloatArray
 
 USUAL_HOLD_S = 0.5
@@ -21,8 +22,6 @@ _SHORTEST_STEP_S = 0.2
 _MOST_TIMES = 20_000
 _FEWEST_SILENT = 5
 _BRAKING_S = 1.0
-#: In pose steps: longer ones are gaps.
-_GAP_STEPS = 5.0
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ class _Motion:
         time_s = time_s[:: len(time_s) // _MOST_TIMES + 1]
         after = np.searchsorted(track.time_s, time_s + step_s).clip(1, len(track.time_s) - 1)
         gap_s = track.time_s[after] - track.time_s[after - 1]
-        time_s = time_s[gap_s <= max(_GAP_STEPS * usual_s, 0.5)]
+        time_s = time_s[gap_s <= usual_gap_s(track.time_s)]
         self._middle_s = time_s + step_s / 2
         self._moved_m = track.at(time_s + step_s) - track.at(time_s)
         self._least_mps = minimum_speed_mps

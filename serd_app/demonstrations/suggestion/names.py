@@ -35,22 +35,12 @@ _COMMAND_WORDS = (("cmd", "command"), ("drive", "vel", "velocity", "twist", "tel
 
 def pose_candidates(topics: Iterable[Topic]) -> list[Topic]:
     """Those of a type with a pose, whose names do not name a goal or another thing."""
-    found = [
-        topic
-        for topic in topics
-        if _short(topic) in _POSE_TYPES and not _words(topic.name) & _NO_POSE
-    ]
-    return sorted(found, key=lambda topic: _rank(topic, _POSE_TYPES, _POSE_WORDS))
+    return _ranked(topics, _POSE_TYPES, _POSE_WORDS, _NO_POSE)
 
 
 def command_candidates(topics: Iterable[Topic]) -> list[Topic]:
     """Those of a type with a velocity, whose names do not name a measurement."""
-    found = [
-        topic
-        for topic in topics
-        if _short(topic) in _VELOCITY_TYPES and not _words(topic.name) & _NO_COMMAND
-    ]
-    return sorted(found, key=lambda topic: _rank(topic, _VELOCITY_TYPES, _COMMAND_WORDS))
+    return _ranked(topics, _VELOCITY_TYPES, _COMMAND_WORDS, _NO_COMMAND)
 
 
 def in_one_namespace(first: str, second: str) -> bool:
@@ -68,12 +58,21 @@ def robot_frames(frames: Collection[str]) -> list[str]:
     )
 
 
-def _rank(
-    topic: Topic, types: tuple[str, ...], words: tuple[tuple[str, ...], ...]
-) -> tuple[int, int, int, str]:
-    found = _words(topic.name)
-    named = next((place for place, each in enumerate(words) if found & set(each)), len(words))
-    return named, types.index(_short(topic)), len(topic.name), topic.name
+def _ranked(
+    topics: Iterable[Topic],
+    types: tuple[str, ...],
+    words: tuple[tuple[str, ...], ...],
+    others: frozenset[str],
+) -> list[Topic]:
+    """Topics of these types without a word of others: by their words, types and names."""
+
+    def rank(topic: Topic) -> tuple[int, int, int, str]:
+        found = _words(topic.name)
+        named = next((place for place, each in enumerate(words) if found & set(each)), len(words))
+        return named, types.index(_short(topic)), len(topic.name), topic.name
+
+    found = [each for each in topics if _short(each) in types and not _words(each.name) & others]
+    return sorted(found, key=rank)
 
 
 def _short(topic: Topic) -> str:

@@ -132,16 +132,18 @@ def _by_velocity(
     if fit.disagreement > _MOST_DISAGREEMENT:
         comments["action_from"] += ("so the commands are of no use, and the motion is the action",)
         return None
-    least_waits = 1.0
+    shares = []
     for mapping in _velocity_mappings(pose, name, fit):
         found = _tested(bag, mapping, {**comments, **_hold_comments(fit)}, pose)
-        least_waits = min(least_waits, _moving_waits(found))
-        if least_waits <= MOST_MOVING_WAITS:
-            return found
-    comments["action_from"] += (
-        f"{100 * least_waits:.1f} % of the decisions would be waits while the robot moves,"
-        " so the motion is the action",
-    )
+        if found.reports:
+            shares.append(_moving_waits(found))
+            if shares[-1] <= MOST_MOVING_WAITS:
+                return found
+    reason = "they give no decision"
+    if shares:
+        waits = f"{100 * min(shares):.1f} % of the decisions"
+        reason = f"{waits} would be waits while the robot moves"
+    comments["action_from"] += (f"{reason}, so the motion is the action",)
     return None
 
 
@@ -224,8 +226,7 @@ def _tested(
 
 
 def _moving_waits(found: Suggestion) -> float:
-    shares = [each.n_moving_waits / each.n_decisions for each in found.reports.values()]
-    return max(shares, default=1.0)
+    return max(each.n_moving_waits / each.n_decisions for each in found.reports.values())
 
 
 def _comment(line: str) -> str:

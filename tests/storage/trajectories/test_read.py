@@ -143,6 +143,24 @@ def test_rows_without_numbers_and_lines_cut_off_are_left_out_and_counted(tmp_pat
     assert found.n_bad == 3
 
 
+@pytest.mark.parametrize("separator", [";", "\t", " "])
+def test_decimal_commas_are_read_with_every_separator_but_commas(tmp_path, separator):
+    path = tmp_path / "table.txt"
+    rows = [("t", "x", "y"), ("0", "1,5", "2"), ("0,5", "2,25", "-1,5")]
+    path.write_text("\n".join(map(separator.join, rows)))
+    (track,) = read_trajectories(path).tracks
+    assert track.time_s.tolist() == [0.0, 0.5]
+    assert track.position_m.tolist() == [[1.5, 2.0], [2.25, -1.5]]
+
+
+def test_a_rate_in_a_mapping_does_not_change_seconds(tmp_path):
+    path = tmp_path / "table.csv"
+    for text in ("t [s],x,y\n0,1,1\n1,2,1\n", "t,x,y\n0.0,1,1\n0.5,2,1\n1.0,3,1\n"):
+        path.write_text(text)
+        (track,) = read_trajectories(path, TableColumns(fps=16.0, unit="m")).tracks
+        assert track.time_s[-1] == 1.0
+
+
 def test_a_rate_in_a_mapping_makes_the_named_time_one_of_frames(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text("frame_nr,X,Y\n" + "\n".join(f"{n},{n},0" for n in range(0, 33, 16)))
