@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from contextlib import contextmanager
+from itertools import cycle
 from pathlib import Path
 
 import pytest
@@ -312,7 +313,7 @@ def test_touch_drives_and_leaving_the_page_or_the_e_stop_stops_the_robot(driving
     page.keys().release().perform()
 
     page.part("veil").click()
-    press_anew(page, world, Keys.ARROW_UP)
+    press_anew(page, world, Keys.ARROW_UP, Keys.ARROW_DOWN)
     with world.stops_within(1.5):
         page.press(Keys.SPACE)
     page.wait(lambda: page.text("veil-title") == "Emergency stop")
@@ -322,14 +323,14 @@ def test_touch_drives_and_leaving_the_page_or_the_e_stop_stops_the_robot(driving
     assert len(world.actions) == n_actions
     release(page)
     world.stands_for(A_DECISION_S)  # held through the release
-    press_anew(page, world, Keys.ARROW_UP)
+    press_anew(page, world, Keys.ARROW_UP, Keys.ARROW_DOWN)
     with world.stops_within(1.5):
         page.press(Keys.SPACE)
     page.keys().key_up(Keys.ARROW_UP).key_down(Keys.ARROW_UP).key_up(Keys.ARROW_UP).perform()
     page.wait(lambda: page.text("veil-title") == "Emergency stop")
     release(page)
     world.stands_for(A_DECISION_S)  # a tap while stopped
-    press_anew(page, world, Keys.ARROW_UP)
+    press_anew(page, world, Keys.ARROW_UP, Keys.ARROW_DOWN)
     page.keys().key_up(Keys.ARROW_UP).perform()
 
 
@@ -341,20 +342,29 @@ def release(page):
     page.wait(lambda: page.text("stop").startswith("E-STOP"))
 
 
-def press_anew(page, world, key):
-    """Press a key again that may be held, and hold it until the robot drives."""
-    page.keys().key_up(key).perform()
+def press_anew(page, world, *keys):
+    """Press a key again that may be held, and hold it until the robot drives.
+
+    keys: opposite ones, for a late page may have left the robot at a wall.
+    """
+    ways = cycle(keys)
+
+    def release_all():
+        for key in keys:
+            page.keys().key_up(key).perform()
+
+    release_all()
     world.drive_until(
         lambda: world.speed_mps > 0.1,
-        press=lambda: page.keys().key_down(key).perform(),
-        release=lambda: page.keys().key_up(key).perform(),
+        press=lambda: page.keys().key_down(next(ways)).perform(),
+        release=release_all,
     )
 
 
 def test_a_held_key_drives_on_only_when_it_is_pressed_anew(driving, world, nodes):
     """After absence, the end of an episode, a lost connection and a restart of the planner."""
     page = driving
-    press_anew(page, world, Keys.ARROW_UP)
+    press_anew(page, world, Keys.ARROW_UP, Keys.ARROW_DOWN)
     with world.stops_within(1.5):
         page.run("window.dispatchEvent(new Event('blur'))")
     page.run("window.dispatchEvent(new Event('focus'))")
@@ -362,24 +372,24 @@ def test_a_held_key_drives_on_only_when_it_is_pressed_anew(driving, world, nodes
 
     page.press(Keys.ENTER)
     page.wait(lambda: page.part("recording").is_displayed())
-    press_anew(page, world, Keys.ARROW_RIGHT)
+    press_anew(page, world, Keys.ARROW_RIGHT, Keys.ARROW_LEFT)
     with world.stops_within(1.5):
         page.press("d")
     world.stands_for(A_DECISION_S)
 
-    press_anew(page, world, Keys.ARROW_RIGHT)
+    press_anew(page, world, Keys.ARROW_RIGHT, Keys.ARROW_LEFT)
     nodes.kill("local_planner")
     world.until(lambda: world.speed_mps < STOPPED_MPS)
     nodes.restart("local_planner")
     world.probe.spin_until(lambda: "local_planner" in world.probe.node.get_node_names())
     world.stands_for(2 * A_DECISION_S)
-    press_anew(page, world, Keys.ARROW_RIGHT)
+    press_anew(page, world, Keys.ARROW_RIGHT, Keys.ARROW_LEFT)
 
     with page.frozen():
         world.until(lambda: world.speed_mps < STOPPED_MPS)
     world.stands_for(A_DECISION_S)
     page.keys().key_up(Keys.ARROW_RIGHT).perform()
-    press_anew(page, world, Keys.ARROW_LEFT)
+    press_anew(page, world, Keys.ARROW_LEFT, Keys.ARROW_RIGHT)
     page.keys().key_up(Keys.ARROW_LEFT).perform()
 
 
@@ -390,46 +400,47 @@ def test_a_gamepad_drives_by_velocities_and_a_page_that_closes_stops_the_robot(d
     page.run(FAKE_GAMEPAD)
     page.wait(lambda: "test pad" in page.text("gamepad"))
     world.stands_for(0.5)  # its stick was deflected from the start
-    push_anew(page, world, forward=-1)
+    push_anew(page, world)
     with world.stops_within(1.5):
         page.press(Keys.SPACE)
     page.wait(lambda: page.text("veil-title") == "Emergency stop")
     release(page)
     world.stands_for(1.0)
-    push_anew(page, world, forward=1)  # a late e-stop may have left it at a wall
+    push_anew(page, world)
     with world.stops_within(1.5):
         page.run("window.fake.buttons[4] = { pressed: false, value: 0 }")
     page.run("window.fake = null")
     page.keys().key_down(Keys.ARROW_LEFT).perform()
-    press_anew(page, world, Keys.ARROW_DOWN)
+    press_anew(page, world, Keys.ARROW_DOWN, Keys.ARROW_UP)
     with page.frozen():
         world.until(lambda: world.speed_mps < STOPPED_MPS)
     world.stands_for(1.0)
     page.keys().key_up(Keys.ARROW_LEFT).perform()
-    press_anew(page, world, Keys.ARROW_DOWN)
+    press_anew(page, world, Keys.ARROW_DOWN, Keys.ARROW_UP)
     with world.stops_within(1.5):
         page.press(Keys.SPACE)
     page.wait(lambda: page.text("veil-title") == "Emergency stop")
     release(page)
     world.stands_for(1.0)
-    press_anew(page, world, Keys.ARROW_DOWN)
+    press_anew(page, world, Keys.ARROW_DOWN, Keys.ARROW_UP)
     with world.stops_within(1.5):
         page.browser.get("about:blank")
     assert world.actions == []
 
 
-def push_anew(page, world, *, forward):
+def push_anew(page, world):
     """Return the stick of the gamepad to neutral, then push it until the robot drives.
 
-    forward: the axis as browsers count it, -1 for forward.
+    Backward where it does not drive forward, for a late page may have left the robot at a wall.
     """
+    ways = cycle((-1, 1))  # as browsers count the axis
 
     def release_stick():
         page.run("window.fake.axes = [0, 0, 0, 0]")
         world.until_later(0.5)
 
     def push_stick():
-        page.run(f"window.fake.axes = [0, {forward}, 0, 0]")
+        page.run(f"window.fake.axes = [0, {next(ways)}, 0, 0]")
 
     release_stick()
     world.drive_until(lambda: world.speed_mps > 0.1, press=push_stick, release=release_stick)
