@@ -9,6 +9,7 @@ Motion: the direction from the place of the robot to that one period later, WAIT
 """
 
 from array import array
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -74,6 +75,12 @@ class MappedActions:
             shapes, wanted = _CARRIED[mapping.action_from]
             self.topics = frozenset({topic.name})
             self._read = field_reader(topic, mapping.action_fields, shapes, "action_fields", wanted)
+
+    def under(self, mapping: BagMapping) -> "MappedActions":
+        """The same messages with another hold, delay, silence or least speed."""
+        other = copy(self)
+        other._mapping = mapping
+        return other
 
     def take(self, message: RawMessage) -> None:
         """One of them; BagError where it is damaged."""

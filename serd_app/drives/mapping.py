@@ -7,6 +7,9 @@ from pydantic import Field
 from storage.trajectories.columns import TableColumns
 from storage.yaml_config import StrictModel
 
+#: What the fields of a bag do not state.
+ASSUMED_UNITS = "m, rad, m/s and s are assumed, as ROS defines the units of messages"
+
 
 class DriveMapping(StrictModel):
     """What holds for every recording without marks of episodes.

@@ -12,7 +12,7 @@ from bags.rosbag2.layout import is_bag_file
 from bags.topic import topics_named
 from serd_app.drives.episode_spans import EPISODE
 from serd_app.drives.mapped_drive import mapped_drive_in
-from serd_app.drives.mapping import BagMapping, DriveMapping, TableMapping
+from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping, DriveMapping, TableMapping
 from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive
 from serd_app.drives.sessions import drives_in
 from serd_app.drives.table_drives import Crowd, drives_of_table
@@ -27,7 +27,7 @@ class Recording:
     could not be read.
 
     losses: messages that are missing. crowd: the agents of a table as people, assumed: what the
-    table does not state.
+    recording does not state.
     """
 
     bag: Path
@@ -64,13 +64,15 @@ def read_recording(
         found = drives_of_table(bag, table, period_s)
         return Recording(bag, found.drives, (), Losses(), found.crowd, found.assumed)
     reader = BagReader(bag, tolerant=tolerant)
+    assumed: tuple[str, ...] = ()
     if not isinstance(mapping, BagMapping):
         _require_own(reader)
         drives = drives_in(reader)
     else:
-        drives = (_mapped_drive(reader, mapping, period_s),)
+        drives, assumed = (_mapped_drive(reader, mapping, period_s),), (ASSUMED_UNITS,)
     damage = tuple(each.sentence() for each in reader.damage)
-    return Recording(bag, drives, damage, reader.losses if damage else Losses())
+    lost = reader.losses if damage else Losses()
+    return Recording(bag, drives, damage, lost, assumed=assumed)
 
 
 def _mapped_drive(reader: BagReader, mapping: BagMapping, period_s: float) -> RecordedDrive:

@@ -37,8 +37,8 @@ _ROLE_OF = {name: role for role, names in _NAMES.items() for name in names.split
 _POSITION = re.compile(r"(?:^|[./_])(?:position|translation|pos|p_[a-z_]+)[./_ ]+([xy])$")
 _UNIT = re.compile(r"[\[(/]\s*(m|cm|mm|s|sec|ms|us|ns)\s*[\])]?\s*$|_(m|cm|mm|s|ms|us|ns)$")
 _LARGEST_FRAME = 1e8
-#: Share of different times below which rows are of several agents.
-_FEW_REPEATED = 0.9
+#: Median times above which they are since 1970, and so their unit is known.
+_SINCE_1970 = 5e8
 _QUATERNION, _MATRIX = slice(4, 8), 12
 #: Steps between frames, as annotated; each stands for 0.4 s in the ETH and UCY data.
 _ANNOTATED_STEPS, _ANNOTATED_S = (6.0, 10.0, 12.0), 0.4
@@ -55,6 +55,7 @@ class TableColumns(StrictModel):
     x: str = ""
     y: str = ""
     fps: float | None = Field(default=None, gt=0)
+    time_unit: Literal["s", "ms", "us", "ns"] | None = None
     unit: Unit | None = None
 
 
@@ -77,6 +78,13 @@ class Columns:
 
 def located(where: str, names: Sequence[str], values: FloatArray, wanted: TableColumns) -> Columns:
     """The columns; FileError where x, y or time cannot be found. values: (R, C), text as NaN."""
+    found = _located(where, names, values, wanted)
+    if wanted.time_unit is None:
+        return found
+    return replace(found, frames=False, time_s=_SECONDS[wanted.time_unit])
+
+
+def _located(where: str, names: Sequence[str], values: FloatArray, wanted: TableColumns) -> Columns:
     by_name = _by_names(names)
     by_name |= {
         role: _index(where, names, values.shape[1], text, role)
@@ -84,9 +92,7 @@ def located(where: str, names: Sequence[str], values: FloatArray, wanted: TableC
         if (text := getattr(wanted, role))
     }
     if "x" in by_name and "y" in by_name and ("time" in by_name or "frame" in by_name):
-        return _with_agent(
-            names, values, _of_names(names, values, by_name, has_rate=wanted.fps is not None)
-        )
+        return _of_names(names, values, by_name, has_rate=wanted.fps is not None)
     if names or by_name:
         missing = " and ".join(each for each in ("time", "x", "y") if each not in by_name)
         raise FileError(
@@ -139,26 +145,6 @@ def _of_names(
         time_s=None if is_frame else unit,
         place_m=_unit(names[found["x"]], METRES) if names else None,
     )
-
-
-def _with_agent(names: Sequence[str], values: FloatArray, columns: Columns) -> Columns:
-    """The same with the column of whole numbers along which steps are shortest as the agent, where
-    none is known and times come more than once."""
-    time = values[:, columns.time]
-    if columns.agent >= 0 or len(np.unique(time)) > _FEW_REPEATED * len(time):
-        return columns
-    others = set(range(values.shape[1])) - {columns.time, columns.x, columns.y}
-    steps = {
-        each: _step(values, each, columns.time, columns.x, columns.y)
-        for each in others
-        if _are_whole(values[:, each])
-    }
-    agent = min(steps, key=steps.__getitem__, default=-1)
-    if agent < 0 or not np.isfinite(steps[agent]):
-        return columns
-    name = names[agent] if names else str(agent + 1)
-    assumed = f"the column {name} is taken as the agent"
-    return replace(columns, agent=agent, assumed=(*columns.assumed, assumed))
 
 
 def _unit(name: str, known: dict[str, float]) -> float | None:
@@ -257,24 +243,24 @@ def _are_quaternions(columns: FloatArray) -> bool:
 
 def times_of(
     columns: Columns, numbers: FloatArray, steps: FloatArray, fps: float | None
-) -> tuple[FloatArray, Columns]:
-    """(R,) seconds; steps: between rows of one agent, in the units of the file."""
-    usual = float(np.median(steps)) if len(steps) else 1.0
+) -> tuple[FloatArray, dict[str, str]]:
+    """(R,) seconds, and what of their unit is assumed, by the key that states it.
+
+    steps: between rows of one agent, in the units of the file.
+    """
     if not columns.frames:
-        scale = columns.time_s or _scale_of_stamps(numbers)
-        return numbers * scale, columns
-    note = ""
-    if fps is None and columns.time < 0:
-        fps, note = _KITTI_FPS, f"{_KITTI_FPS:g} rows per second are assumed"
-    elif fps is None and usual in _ANNOTATED_STEPS:
-        fps = usual / _ANNOTATED_S
-        note = f"{usual:g} frames are taken as {_ANNOTATED_S:g} s, as in the ETH and UCY data"
-    elif fps is None:
-        fps, note = _USUAL_FPS, f"{_USUAL_FPS:g} frames per second are assumed"
-    if note:
-        note += "; 'fps:' in a --mapping file states others"
-        columns = replace(columns, assumed=(*columns.assumed, note))
-    return numbers / fps, columns
+        seconds = numbers * (columns.time_s or _scale_of_stamps(numbers))
+        known = columns.time_s is not None or np.nanmedian(np.abs(numbers)) > _SINCE_1970
+        return seconds, {} if known else {"time_unit": "times in s"}
+    usual = float(np.median(steps)) if len(steps) else 1.0
+    if fps is not None:
+        return numbers / fps, {}
+    if columns.time < 0:
+        return numbers / _KITTI_FPS, {"fps": f"{_KITTI_FPS:g} rows per second"}
+    if usual in _ANNOTATED_STEPS:
+        note = f"{usual:g} frames in {_ANNOTATED_S:g} s, as in the ETH and UCY data,"
+        return numbers * _ANNOTATED_S / usual, {"fps": note}
+    return numbers / _USUAL_FPS, {"fps": f"{_USUAL_FPS:g} frames per second"}
 
 
 def _scale_of_stamps(numbers: FloatArray) -> float:
@@ -285,17 +271,14 @@ def _scale_of_stamps(numbers: FloatArray) -> float:
     )
 
 
-def metres_of(columns: Columns, speed: float, unit: Unit | None) -> tuple[float, Columns]:
-    """(m per unit, columns); speed: median of moving agents, in units per second."""
+def metres_of(columns: Columns, speed: float, unit: Unit | None) -> tuple[float, dict[str, str]]:
+    """m per unit, and what of it is assumed, by the key that states it.
+
+    speed: median of moving agents, in units per second.
+    """
     if unit is not None:
-        return METRES[unit], columns
+        return METRES[unit], {}
     if columns.place_m is not None:
-        return columns.place_m, columns
+        return columns.place_m, {}
     guess: Unit = "mm" if speed > _MM_ABOVE else "cm" if speed > _CM_ABOVE else "m"
-    if guess == "m":
-        return 1.0, columns
-    note = (
-        f"places are taken to be in {guess}, since agents usually move {speed:.3g} per second;"
-        " 'unit:' in a --mapping file states another"
-    )
-    return METRES[guess], replace(columns, assumed=(*columns.assumed, note))
+    return METRES[guess], {"unit": f"places in {guess}"}

@@ -1,6 +1,6 @@
 """Tracks of agents from a table in text or Parquet: TUM, KITTI, ETH/UCY, PeTrack and plain CSV."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray
 from storage.errors import FileError
+from storage.trajectories.agents import with_agents
 from storage.trajectories.cells import Cells, read_cells
 from storage.trajectories.columns import Columns, TableColumns, located, metres_of, times_of
 
@@ -58,9 +59,10 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
 def _tracks(
     path: Path, cells: Cells, values: FloatArray, columns: Columns, wanted: TableColumns
 ) -> Trajectories:
-    time = _time(cells.frame, values, columns)
-    agent, names = _agents(cells.frame, columns)
+    time, columns = _time(cells.frame, values, columns)
     place = values[:, [columns.x, columns.y]]
+    columns = with_agents(path, cells, time, place, columns)
+    agent, names = _agents(cells.frame, columns)
     good = np.isfinite(time) & np.isfinite(place).all(axis=1) & (agent >= 0)
     rows = np.flatnonzero(good)
     if not len(rows):
@@ -70,9 +72,10 @@ def _tracks(
     rows = rows[np.concatenate([[True], same | (np.diff(agent[rows]) != 0)])]
     time, agent, place = time[rows], agent[rows], place[rows]
     same = np.diff(agent) == 0
-    fps = wanted.fps or cells.fps
-    time_s, columns = times_of(columns, time, np.diff(time)[same], fps)
-    scale, columns = metres_of(columns, _speed(time_s, place, same), wanted.unit)
+    time_s, of_time = times_of(columns, time, np.diff(time)[same], wanted.fps or cells.fps)
+    speed = _speed(time_s, place, same)
+    scale, of_place = metres_of(columns, speed, wanted.unit)
+    units = _in_words(of_time | of_place, speed * scale)
     pieces = np.split(np.arange(len(rows)), np.flatnonzero(~same) + 1)
     tracks = tuple(
         Track(names[agent[piece[0]]], time_s[piece], place[piece] * scale)
@@ -81,7 +84,8 @@ def _tracks(
     )
     if not tracks:
         raise FileError(_NO_AGENTS.format(path=path, n_rows=len(values)))
-    return Trajectories(tracks, columns.assumed, int((~good).sum()) + cells.n_skipped)
+    assumed = (*columns.assumed, *units)
+    return Trajectories(tracks, assumed, int((~good).sum()) + cells.n_skipped)
 
 
 def _numbers(frame: "pd.DataFrame") -> FloatArray:
@@ -93,21 +97,35 @@ def _numbers(frame: "pd.DataFrame") -> FloatArray:
     return np.where(np.abs(numbers) <= _LARGEST, numbers, np.nan)
 
 
-def _time(frame: "pd.DataFrame", values: FloatArray, columns: Columns) -> FloatArray:
+def _in_words(units: dict[str, str], speed_mps: float) -> tuple[str, ...]:
+    """One line about assumed units, by the key that states each; none where nothing is assumed."""
+    if not units:
+        return ()
+    keys = " and ".join(f"'{key}:'" for key in units)
+    return (
+        f"{' and '.join(units.values())} are assumed (then agents move at {speed_mps:.2g} m/s);"
+        f" {keys} in a --mapping file {'state' if len(units) > 1 else 'states'} others",
+    )
+
+
+def _time(
+    frame: "pd.DataFrame", values: FloatArray, columns: Columns
+) -> tuple[FloatArray, Columns]:
     """(R,) as in the file; dates in s."""
     import pandas as pd
 
     if columns.time < 0:
-        return np.arange(len(values), dtype=np.float64)
+        return np.arange(len(values), dtype=np.float64), columns
     numbers = values[:, columns.time]
     given = frame.iloc[:, columns.time]
+    in_s = replace(columns, frames=False, time_s=1.0)
     if pd.api.types.is_timedelta64_dtype(given):
-        return np.asarray(given.dt.total_seconds().to_numpy(dtype=np.float64))
+        return np.asarray(given.dt.total_seconds().to_numpy(dtype=np.float64)), in_s
     if np.isfinite(numbers).any() and not pd.api.types.is_datetime64_any_dtype(given):
-        return numbers
+        return numbers, columns
     dates = pd.to_datetime(given, errors="coerce", utc=True, format="mixed")
     since = (dates - dates.min()).dt.total_seconds()
-    return np.asarray(since.to_numpy(dtype=np.float64))
+    return np.asarray(since.to_numpy(dtype=np.float64)), in_s
 
 
 def _agents(frame: "pd.DataFrame", columns: Columns) -> tuple[IntArray, list[str]]:

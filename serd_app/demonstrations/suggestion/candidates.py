@@ -8,17 +8,19 @@ import numpy as np
 
 from bags.errors import BagError
 from bags.reader import BagReader
-from bags.topic import RawMessage, Topic
+from bags.topic import RawMessage, Topic, topics_named
 from serd_app.demonstrations.fitted_grid import grid_around
 from serd_app.demonstrations.suggestion.names import (
     command_candidates,
     pose_candidates,
     robot_frames,
 )
+from serd_app.drives.episode_spans import EPISODE
 from serd_app.drives.mapped_actions import MappedActions, PoseTrack
+from serd_app.drives.mapped_drive import MappedMessages, mapped_messages
 from serd_app.drives.mapped_poses import MappedPoses
 from serd_app.drives.mapping import BagMapping
-from serd_app.drives.recorded_drive import source_of
+from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive, source_of
 
 PERIOD_S = 1.0
 _CELL_SIZES_M = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 5.0)
@@ -51,20 +53,22 @@ class PoseCandidate:
 class Candidates:
     """Messages of the likeliest topics, collected in one pass over the bag.
 
-    actions: by topic, those with messages. rejected: why topics were left out.
+    own: the messages of a recording of this project, None of another. actions: by topic, those with
+    messages. rejected: why topics were left out.
     """
 
     def __init__(self, reader: BagReader) -> None:
         self._source, self._known = source_of(reader.path), reader.topics
+        self._damaged: dict[str, BagError] = {}
         self.rejected: list[str] = []
         poses = pose_candidates(self._known.values())[:_MOST_CANDIDATES]
         actions = command_candidates(self._known.values())[:_MOST_CANDIDATES]
-        self._poses = {each.name: self._made(self._pose_reader, each) for each in poses}
+        pose_readers = {each.name: self._made(self._pose_reader, each) for each in poses}
+        self._poses = {name: each for name, each in pose_readers.items() if each is not None}
         readers = {each.name: self._made(self._action_reader, each) for each in actions}
         self.actions = {name: each for name, each in readers.items() if each is not None}
-        wanted = {name for each in self._poses.values() if each for name in each.topics}
-        for message in reader.messages((wanted | self.actions.keys()) & self._known.keys()):
-            self._take(message)
+        self.own = self._own_messages()
+        self._collect(reader)
         self.actions = {name: each for name, each in self.actions.items() if each.n_taken}
 
     def poses(self) -> list[PoseCandidate]:
@@ -72,9 +76,33 @@ class Candidates:
         found = [
             self._made(_pose_candidate, self._known[name], each)
             for name, each in self._poses.items()
-            if each is not None
         ]
         return [each for each in found if each is not None]
+
+    def drive(self, mapping: BagMapping, period_s: float) -> RecordedDrive:
+        """What `serd demos` takes from the bag by one of these mappings; BagError where it cannot,
+        as with a damaged message."""
+        messages = self.own if self.own and mapping == self.own.mapping else self._mapped(mapping)
+        for name in sorted(self._damaged.keys() & messages.topics):
+            raise self._damaged[name]
+        return messages.drive(period_s)
+
+    def _mapped(self, mapping: BagMapping) -> MappedMessages:
+        poses = self._poses[mapping.pose_topic].under(mapping)
+        if mapping.action_from == "motion":
+            actions = MappedActions(mapping, None, self._source)
+        else:
+            actions = self.actions[mapping.action_topic].under(mapping)
+        return MappedMessages(mapping, self._source, poses, actions)
+
+    def _own_messages(self) -> MappedMessages | None:
+        if not all(topics_named(self._known, name) for name in (POSE, INTENT)):
+            return None
+        marks = EPISODE if topics_named(self._known, EPISODE) else ""
+        try:
+            return mapped_messages(self._known, BagMapping(episode_topic=marks), self._source)
+        except BagError:  # as where several robots have these topics
+            return None
 
     def _made(self, make: Callable[..., _Made], *arguments: object) -> _Made | None:
         """None, with the reason in `rejected`, where a rule of its kind is broken."""
@@ -91,15 +119,20 @@ class Candidates:
         mapping = BagMapping(action_from="velocity", action_topic=topic.name)
         return MappedActions(mapping, topic, self._source)
 
-    def _take(self, message: RawMessage) -> None:
+    def _collect(self, reader: BagReader) -> None:
+        takers: dict[str, list[Callable[[RawMessage], None]]] = {}
+        for each in (*self._poses.values(), *self.actions.values(), self.own):
+            for name in each.topics if each else ():
+                takers.setdefault(name, []).append(each.take)
+        for message in reader.messages(takers.keys() & self._known.keys()):
+            for take in takers[message.topic]:
+                self._take(take, message)
+
+    def _take(self, take: Callable[[RawMessage], None], message: RawMessage) -> None:
         try:
-            for each in self._poses.values():
-                if each is not None:
-                    each.take(message)
-            if message.topic in self.actions:
-                self.actions[message.topic].take(message)
-        except BagError:
-            pass  # a damaged message, which `serd demos` names
+            take(message)
+        except BagError as error:
+            self._damaged.setdefault(message.topic, error)
 
 
 def _pose_candidate(topic: Topic, collected: MappedPoses) -> PoseCandidate:

@@ -11,9 +11,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from bags.damage import Losses
 from bags.errors import BagError
 from bags.reader import BagReader
-from bags.topic import Topic, topics_named
+from bags.topic import Topic
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, DiscretisationReport
 from serd_app.demonstrations.fitted_grid import fitted_grid
 from serd_app.demonstrations.recorded import demonstrations_of_all
@@ -27,9 +28,8 @@ from serd_app.demonstrations.suggestion.candidates import (
 from serd_app.demonstrations.suggestion.command_fit import USUAL_HOLD_S, CommandFit, fit_commands
 from serd_app.demonstrations.suggestion.names import in_one_namespace
 from serd_app.drives.mapped_actions import MappedActions
-from serd_app.drives.mapping import BagMapping
-from serd_app.drives.recorded_drive import INTENT, POSE
-from serd_app.drives.recording import is_table, read_recording
+from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping
+from serd_app.drives.recording import Recording, is_table
 from serd_app.errors import AppError
 
 #: Periods with which a mapping is tested: the suggested and the usual one.
@@ -86,7 +86,7 @@ def suggest_mapping(bag: Path) -> Suggestion:
         )
     reader = BagReader(bag, tolerant=True)
     collected = Candidates(reader)
-    poses, actions, rejected = collected.poses(), collected.actions, collected.rejected
+    poses, rejected = collected.poses(), collected.rejected
     if not poses:
         raise AppError(
             f"bag {bag} must hold poses of a robot that moves, as Odometry, PoseStamped or /tf;"
@@ -94,24 +94,25 @@ def suggest_mapping(bag: Path) -> Suggestion:
             + (f"; {'; '.join(rejected)}" if rejected else "")
         )
     ranked = tuple(f"pose on {each.topic.name}: {each.way}" for each in poses)
-    comments = {"": (*ranked, *(f"left out: {line}" for line in rejected))}
-    if topics_named(list(reader.topics), POSE) and topics_named(list(reader.topics), INTENT):
-        mapping = BagMapping(episode_topic="episode" if _has(reader, "episode") else "")
+    comments = {"": (*ranked, *(f"left out: {line}" for line in rejected), ASSUMED_UNITS)}
+    if collected.own:
         own = {**comments, "pose_topic": ("as the recorder of this project writes it",)}
-        found = _tested(bag, mapping, own, poses[0])
+        found = _tested(bag, collected, collected.own.mapping, own, poses[0])
         if found.reports:
             return found
-    return _by_velocity(bag, poses, actions, comments) or _by_motion(bag, poses, comments)
+    return _by_velocity(bag, collected, poses, comments) or _by_motion(
+        bag, collected, poses, comments
+    )
 
 
 def _by_velocity(
     bag: Path,
+    collected: Candidates,
     poses: Sequence[PoseCandidate],
-    actions: dict[str, MappedActions],
     comments: dict[str, tuple[str, ...]],
 ) -> Suggestion | None:
     """None where no command topic explains the motion; the comments then state how far."""
-    pairs = list(_fitted(poses, actions))
+    pairs = list(_fitted(poses, collected.actions))
     if not pairs:
         comments["action_from"] = ("no velocity commands were found: the motion is the action",)
         return None
@@ -134,7 +135,7 @@ def _by_velocity(
         return None
     shares = []
     for mapping in _velocity_mappings(pose, name, fit):
-        found = _tested(bag, mapping, {**comments, **_hold_comments(fit)}, pose)
+        found = _tested(bag, collected, mapping, {**comments, **_hold_comments(fit)}, pose)
         if found.reports:
             shares.append(_moving_waits(found))
             if shares[-1] <= MOST_MOVING_WAITS:
@@ -191,13 +192,16 @@ def _hold_comments(fit: CommandFit) -> dict[str, tuple[str, ...]]:
 
 
 def _by_motion(
-    bag: Path, poses: Sequence[PoseCandidate], comments: dict[str, tuple[str, ...]]
+    bag: Path,
+    collected: Candidates,
+    poses: Sequence[PoseCandidate],
+    comments: dict[str, tuple[str, ...]],
 ) -> Suggestion:
     """By the likeliest pose; AppError where no pose gives a decision."""
     for pose in poses:
         values = {"action_from": "motion", "minimum_speed_mps": minimum_speed_mps(pose.track)}
         mapping = pose.mapping.model_copy(update=values)
-        found = _tested(bag, mapping, comments, pose)
+        found = _tested(bag, collected, mapping, comments, pose)
         if found.reports:
             return found
     raise AppError(
@@ -207,14 +211,18 @@ def _by_motion(
 
 
 def _tested(
-    bag: Path, mapping: BagMapping, comments: dict[str, tuple[str, ...]], pose: PoseCandidate
+    bag: Path,
+    collected: Candidates,
+    mapping: BagMapping,
+    comments: dict[str, tuple[str, ...]],
+    pose: PoseCandidate,
 ) -> Suggestion:
     """The mapping as `serd demos` uses it; without reports where it gives no decision."""
     size_m = cell_size_m(pose.track)
     reports = {}
     for period_s in _PERIODS_S:
         try:
-            recording = read_recording(bag, period_s, mapping=mapping, tolerant=True)
+            recording = Recording(bag, (collected.drive(mapping, period_s),), (), Losses())
             grid = fitted_grid([recording], size_m)
             (found,) = demonstrations_of_all([recording], grid, period_s)
         except (BagError, AppError) as error:
@@ -232,10 +240,6 @@ def _moving_waits(found: Suggestion) -> float:
 def _comment(line: str) -> str:
     """Names in a bag may hold line ends, which would end the comment."""
     return f"# {' '.join(line.splitlines())}"
-
-
-def _has(reader: BagReader, name: str) -> bool:
-    return bool(topics_named(list(reader.topics), name))
 
 
 def _listed(topics: Iterable[Topic]) -> str:

@@ -117,7 +117,8 @@ def test_a_kitti_trajectory_lies_in_the_plane_of_the_camera_s_x_and_z(tmp_path):
     np.testing.assert_allclose(found.tracks[0].time_s[-1], 1.9)
     assert found.assumed == (
         "rows are taken as matrices of poses, the ground as the plane of x and z",
-        "10 rows per second are assumed; 'fps:' in a --mapping file states others",
+        "10 rows per second are assumed (then agents move at 8.2 m/s); 'fps:' in a --mapping file"
+        " states others",
     )
 
 
@@ -126,8 +127,8 @@ def test_what_the_file_does_not_state_is_assumed_and_listed_or_given(tmp_path):
     path.write_text(petrack(""))
     assumed = " ".join(read_trajectories(path).assumed)
     assert "agent, frame, x, y" in assumed
-    assert "25 frames per second are assumed" in assumed
-    assert "places are taken to be in cm" in assumed
+    assert "25 frames per second and places in cm are assumed (then agents move at" in assumed
+    assert "'fps:' and 'unit:' in a --mapping file state others" in assumed
     given = read_trajectories(path, TableColumns(fps=16.0, unit="cm"))
     np.testing.assert_allclose(np.diff(given.tracks[0].time_s), 1 / 16)
     assert given.assumed == ("columns are taken as agent, frame, x, y",)
@@ -166,6 +167,79 @@ def test_a_rate_in_a_mapping_makes_the_named_time_one_of_frames(tmp_path):
     path.write_text("frame_nr,X,Y\n" + "\n".join(f"{n},{n},0" for n in range(0, 33, 16)))
     given = TableColumns(time="frame_nr", fps=16.0, unit="m")
     assert read_trajectories(path, given).tracks[0].time_s.tolist() == [0.0, 1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "line"),
+    [
+        ("t", None, "times in s and places in m are assumed (then agents move at 0.001 m/s);"),
+        ("t", "ms", "places in m are assumed (then agents move at 1 m/s); 'unit:' in a --mapping"),
+        ("t [ms]", None, "places in m are assumed (then agents move at 1 m/s); 'unit:' in a"),
+    ],
+)
+def test_units_that_are_not_stated_are_one_line(tmp_path, name, unit, line):
+    path = tmp_path / "table.csv"
+    path.write_text(f"{name},x,y\n" + "\n".join(f"{500 * n},{0.5 * n},0" for n in range(20)))
+    found = read_trajectories(path, TableColumns(time_unit=unit))
+    assert len(found.assumed) == 1
+    assert found.assumed[0].startswith(line)
+    assert found.tracks[0].time_s[-1] == (9500.0 if "times" in line else 9.5)
+
+
+def two_agents(ids, shift_s=0.0):
+    """Rows of two people who walk 3 m apart, the second shift_s later in each frame."""
+    rng = np.random.default_rng(0)
+    rows = [
+        (
+            0.1 * frame + shift_s * person,
+            ids[person],
+            0.13 * frame,
+            3.0 * person + rng.normal() / 99,
+        )
+        for frame in range(60)
+        for person in (0, 1)
+    ]
+    return "\n".join(",".join(map(str, row)) for row in sorted(rows))
+
+
+@pytest.mark.parametrize("shift_s", [0.0, 0.03])
+@pytest.mark.parametrize("ids", [("ann", "bob"), (7, 9)])
+def test_agents_are_divided_by_a_column_under_any_name(tmp_path, ids, shift_s):
+    path = tmp_path / "table.csv"
+    path.write_text("t,who,x,y\n" + two_agents(ids, shift_s))
+    found = read_trajectories(path)
+    assert [track.agent for track in found.tracks] == [str(each) for each in ids]
+    assert found.assumed[0] == "the column who is taken as the agent"
+    for track in found.tracks:
+        assert np.hypot(*np.diff(track.position_m, axis=0).T).max() < 0.3
+
+
+@pytest.mark.parametrize("shift_s", [0.0, 0.03])
+def test_agents_that_no_column_divides_are_rejected(tmp_path, shift_s):
+    path = tmp_path / "table.csv"
+    path.write_text("t,quality,x,y\n" + two_agents((1, 1), shift_s))
+    with pytest.raises(
+        FileError, match=r"in 100 % of the steps .* add one, named id, or give each"
+    ):
+        read_trajectories(path)
+
+
+@pytest.mark.parametrize("kind", ["still", "repeated", "laps", "outliers", "rounded"])
+def test_one_agent_without_ids_is_one(tmp_path, kind):
+    rng = np.random.default_rng(0)
+    time_s = np.arange(400) / 10.0
+    place = np.column_stack([np.cos(time_s), np.sin(time_s)]) + rng.normal(size=(400, 2)) / 100
+    if kind == "still":
+        place = np.round(place * 0.0 + rng.normal(size=(400, 2)) / 100, 2)
+    if kind == "repeated":
+        time_s, place = np.repeat(time_s, 2), np.repeat(place, 2, axis=0)
+    if kind == "outliers":
+        place[::10] += 5.0
+    if kind == "rounded":
+        time_s, place = np.floor(time_s), np.column_stack([20.0 * time_s, np.zeros(400)])
+    path = tmp_path / "table.csv"
+    np.savetxt(path, np.column_stack([time_s, place]), "%.3f", ",", header="t,x,y", comments="")
+    assert len(read_trajectories(path).tracks) == 1
 
 
 def test_dates_without_other_numbers_than_places_are_read(tmp_path):

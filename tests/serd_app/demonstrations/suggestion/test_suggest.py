@@ -2,14 +2,19 @@
 
 import math
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
+from bags.reader import BagReader
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS
+from serd_app.demonstrations.fitted_grid import fitted_grid
+from serd_app.demonstrations.recorded import demonstrations_of_all
 from serd_app.demonstrations.suggestion.names import robot_frames
 from serd_app.demonstrations.suggestion.suggest import suggest_mapping
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping
+from serd_app.drives.recording import read_recording
 from serd_app.errors import AppError
 from storage.yaml_config import yaml_model
 from support.foreign_bags import START_S, ForeignBag, Robot, held_keys, key_presses
@@ -23,14 +28,23 @@ def bag(messages):
 
 
 def suggested(bag, tmp_path):
-    """The suggestion, which every test of it must pass."""
-    found = suggest_mapping(bag.write(tmp_path / "bag"))
+    """The suggestion: read in one pass, it gives what `serd demos` takes from the bag."""
+    path = bag.write(tmp_path / "bag")
+    with patch.object(BagReader, "messages", autospec=True, side_effect=BagReader.messages) as read:
+        found = suggest_mapping(path)
+    assert read.call_count == 1
     assert set(found.reports) == {1.0, 2.0}
     for report in found.reports.values():
         assert report.n_decisions >= 5
         assert report.n_moving_waits <= MOST_MOVING_WAITS * report.n_decisions
     text = found.yaml(tmp_path / "mapping.yaml")
     assert yaml_model(text, BagMapping, name="mapping.yaml") == found.mapping
+    for period_s, report in found.reports.items():
+        recording = read_recording(path, period_s, mapping=found.mapping, tolerant=True)
+        assert recording.assumed == (ASSUMED_UNITS,)
+        assert f"# {ASSUMED_UNITS}\n" in text
+        grid = fitted_grid([recording], found.cell_size_m)
+        assert demonstrations_of_all([recording], grid, period_s)[0].report == report
     return found
 
 
