@@ -121,8 +121,9 @@ class Candidates:
 
     def _collect(self, reader: BagReader) -> None:
         takers: dict[str, list[Callable[[RawMessage], None]]] = {}
-        for each in (*self._poses.values(), *self.actions.values(), self.own):
-            for name in each.topics if each else ():
+        own = [self.own] if self.own else []
+        for each in (*self._poses.values(), *self.actions.values(), *own):
+            for name in each.topics:
                 takers.setdefault(name, []).append(each.take)
         for message in reader.messages(takers.keys() & self._known.keys()):
             for take in takers[message.topic]:
