@@ -58,8 +58,8 @@ def recover(source: str | Path, target: str | Path) -> RewriteReport:
 def convert(
     source: str | Path, target: str | Path, *, compression: Compression = "none"
 ) -> RewriteReport:
-    """Write any sound bag as an MCAP bag; BagError where `source` is damaged."""
-    return _rewrite(BagReader(source), Path(target), compression)
+    """Write any sound bag as an MCAP bag; BagError where `check` finds `source` damaged."""
+    return _rewrite(BagReader(source, thorough=True), Path(target), compression)
 
 
 def _rewrite(reader: BagReader, target: Path, compression: Compression) -> RewriteReport:

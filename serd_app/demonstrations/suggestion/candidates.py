@@ -121,8 +121,10 @@ class Candidates:
 
     def _collect(self, reader: BagReader) -> None:
         takers: dict[str, list[Callable[[RawMessage], None]]] = {}
-        own = [self.own] if self.own else []
-        for each in (*self._poses.values(), *self.actions.values(), *own):
+        collected: list[MappedPoses | MappedActions | MappedMessages]
+        collected = [*self._poses.values(), *self.actions.values()]
+        collected += [self.own] if self.own else []
+        for each in collected:
             for name in each.topics:
                 takers.setdefault(name, []).append(each.take)
         for message in reader.messages(takers.keys() & self._known.keys()):
