@@ -2,23 +2,28 @@
 
 rosbags reads the file and turns each message into CDR by the definition that its connection holds.
 The format has no checksums, and without its index, which a killed recorder does not write, rosbags
-reads nothing. Messages come in the order of their log times; reading ends at the first fault.
+reads nothing. Messages come in the order of their log times. A chunk whose head, index or content
+is damaged is left out, and so is a damaged message; the others are read.
 """
 
 import bz2
+import heapq
+import io
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import cast
 
 import lz4.frame
 from rosbags.interfaces import Connection
-from rosbags.rosbag1 import Reader
+from rosbags.rosbag1.reader import Chunk, IndexData, Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from bags.damage import Damage
+from bags.damage import Damage, DamageLog
 from bags.limits import LARGEST_CONTENT
 from bags.rosbag2.message_types import MessageType
 from bags.rosbag2.qos import RELIABLE
@@ -35,14 +40,92 @@ class _Converted:
     store: Typestore | None
 
 
+class _DamagedError(Exception):
+    """A message or its chunk cannot be read."""
+
+
+class _Entries:
+    """Places of messages in the order of time; unreadable: chunks whose entries are left out."""
+
+    def __init__(self, entries: Iterable[IndexData]) -> None:
+        self._entries = iter(entries)
+        self.newest = IndexData(0, -1, 0)
+        self.unreadable: set[int] = set()
+        self.ended = False
+
+    def __iter__(self) -> Iterator[IndexData]:
+        for each in self._entries:
+            self.newest = each
+            if each.chunk_pos not in self.unreadable:
+                yield each
+        self.ended = True
+
+
+class _Reader(Reader):
+    """Opens a file in which heads or indexes of chunks are damaged, by whose positions `damaged`
+    holds why."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self.damaged: dict[int, str] = {}
+
+    def read_chunk(self) -> Chunk:
+        """One without content where its head is damaged; its index is then not read either."""
+        assert self.bio
+        position = self.bio.tell()
+        try:
+            return super().read_chunk()
+        except Exception as error:  # rosbags raises errors of any kind for foreign bytes
+            self.damaged[position] = _reason(error)
+            return Chunk(0, 0, bytes)
+
+    def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
+        """Nothing after the first damaged index of a chunk."""
+        try:
+            if pos not in self.damaged:
+                super().read_index_data(pos, indexes)
+        except Exception as error:
+            self.damaged[pos] = _reason(error)
+
+    def readable(self, wanted: list[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+        """Messages of these connections; those that cannot be read are left out."""
+        left = _Entries(heapq.merge(*(self.indexes[each.id] for each in wanted)))
+        # `messages` takes them one by one, and goes on with the next where it is called again.
+        self.indexes = {each.id: [] for each in wanted[1:]}
+        self.indexes |= {each.id: cast("list[IndexData]", left) for each in wanted[:1]}
+        while not left.ended:
+            with suppress(_DamagedError):
+                yield from self._until_damage(wanted, left)
+
+    def _until_damage(
+        self, wanted: list[Connection], left: "_Entries"
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        try:
+            yield from self.messages(wanted)
+        except GeneratorExit:
+            raise
+        except Exception as error:
+            chunk = left.newest.chunk_pos
+            self.damaged[chunk] = _reason(error)
+            if self.current_chunk[0] != chunk:
+                left.unreadable.add(chunk)
+            self.current_chunk = (-1, io.BytesIO())
+            raise _DamagedError from None
+
+
 class Ros1Scan:
     """One pass through one file; `damage` and `counts` are complete after `messages`."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.damage: list[Damage] = []
+        self._log = DamageLog(path)
         self.counts: Counter[str] = Counter()
         self.expected: int | None = None
+
+    @property
+    def damage(self) -> list[Damage]:
+        """Each kind of fault that was found."""
+        return self._log.damage
 
     def topics(self) -> list[Topic]:
         """Topics of the file; of several types on one topic the first."""
@@ -65,7 +148,7 @@ class Ros1Scan:
             ]
             self.expected = reader.message_count
             self._count_others(reader, known, wanted)
-            for connection, time_ns, data in self._until_fault(reader, wanted):
+            for connection, time_ns, data in reader.readable(wanted):
                 kind = known[connection.id]
                 converted = _cdr(kind, data)
                 if converted is None:
@@ -73,12 +156,14 @@ class Ros1Scan:
                     continue
                 self.counts[kind.topic.name] += 1
                 yield RawMessage(kind.topic.name, kind.topic.type_name, converted, time_ns, time_ns)
+            for position, reason in sorted(reader.damaged.items()):
+                self._log.note(position, f"a chunk is damaged ({reason})")
         if n_broken:
             self._note(f"{n_broken} messages do not fit the definition of their type")
 
-    def _opened(self) -> Iterator[Reader]:
+    def _opened(self) -> Iterator[_Reader]:
         """The open file, or nothing where it cannot be opened."""
-        reader = Reader(self.path)
+        reader = _Reader(self.path)
         try:
             reader.open()
         except Exception as error:  # rosbags raises errors of any kind for foreign bytes
@@ -92,19 +177,8 @@ class Ros1Scan:
         finally:
             reader.close()
 
-    def _until_fault(
-        self, reader: Reader, wanted: list[Connection]
-    ) -> Iterator[tuple[Connection, int, bytes]]:
-        try:
-            if wanted:  # none would mean all
-                yield from reader.messages(wanted)
-        except GeneratorExit:
-            raise
-        except Exception as error:
-            self._note(f"a chunk cannot be read, nor what follows ({_reason(error)})")
-
     def _count_others(
-        self, reader: Reader, known: dict[int, _Converted], wanted: list[Connection]
+        self, reader: _Reader, known: dict[int, _Converted], wanted: list[Connection]
     ) -> None:
         read = {each.id for each in wanted}
         for connection in reader.connections:
@@ -112,7 +186,7 @@ class Ros1Scan:
                 self.counts[known[connection.id].topic.name] += connection.msgcount
 
     def _note(self, what: str) -> None:
-        self.damage.append(Damage(self.path, None, what))
+        self._log.note(None, what)
 
 
 def _converted(connection: Connection) -> _Converted:

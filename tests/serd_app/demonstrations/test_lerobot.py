@@ -70,6 +70,30 @@ def test_the_description_names_every_column_and_episode(dataset):
     assert tasks.loc["drive to the goal", "task_index"] == 0
 
 
+def test_the_class_of_lerobot_loads_every_frame(dataset, monkeypatch):
+    """docs/sources.md states how it was run with lerobot, which needs torch."""
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    lerobot = pytest.importorskip("lerobot.datasets.lerobot_dataset")
+    written = parquet.read_table(dataset / "data/chunk-000/file-000.parquet").to_pydict()
+    found = lerobot.LeRobotDataset("serd/drives", root=dataset)
+    assert (len(found), found.num_episodes, found.fps) == (140, 4, 10)
+    for number in range(140):
+        frame = found[number]
+        assert frame["task"] == "drive to the goal"
+        for key, values in written.items():
+            np.testing.assert_array_equal(frame[key].numpy(), np.float32(values[number]))
+    around = {"observation.state": [-0.1, 0.0, 0.1]}
+    part = lerobot.LeRobotDataset(
+        "serd/drives", root=dataset, episodes=[1, 3], delta_timestamps=around
+    )
+    assert len(part) == 20
+    for number, padding in ((0, [1, 0, 0]), (1, [0, 0, 0]), (9, [0, 0, 1])):
+        assert part[number]["observation.state_is_pad"].tolist() == padding
+    states = np.array(written["observation.state"])
+    np.testing.assert_allclose(part[1]["observation.state"].numpy(), states[60:63])
+    np.testing.assert_allclose(found.meta.stats["action"]["mean"], np.mean(written["action"], 0))
+
+
 def test_a_folder_that_is_not_new_and_drives_without_decisions_are_refused(dataset, tmp_path):
     with pytest.raises(AppError, match="must be new or empty; choose another name"):
         save_lerobot(dataset, [drive()], 2.0)
