@@ -1,0 +1,180 @@
+"""What is known of each outcome model, and which part of the decisions it comes from.
+
+Information is the Kullback-Leibler divergence from what was known before, in nats (Lindley, Annals
+of Mathematical Statistics 27, 1956). Transitions come first, choices after them:
+
+    from transitions   KLD( p(P_m | transitions) || p(P_m) )
+    from choices       KLD( p(P_m | transitions and choices) || p(P_m | transitions) )
+
+The first is that of two Dirichlet distributions. The second is that of two normal distributions
+over the coordinates u_m of the energies: Laplace's approximation of the posterior, with all other
+numbers integrated out, and that of counted transitions. What is left is the prior.
+
+A reward may explain the same choices as an outcome. Then u_m and the weights w depend on each other
+in the posterior, by the mutual information I(u_m; w), and choices inform neither alone.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import gammaln, psi
+
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.bayes.draws import credible_intervals, laplace_draws
+from serd_core.bayes.laplace import Laplace, laplace_at, log_posterior_of, observations_of_models
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.dynamics.estimation import most_likely_dynamics
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.errors import SerdError
+from serd_core.learners.fit_result import FitResult
+from serd_core.mdp.problem import Problem
+from serd_core.posterior.coordinates import gauge_free_basis
+from serd_core.posterior.derivatives.transition_derivatives import log_transition_hessian
+from serd_core.posterior.parameters import Block
+from serd_core.posterior.posterior import Posterior
+
+#: Information below this is called none.
+LEAST_NATS = 0.05
+#: Draws of Laplace's approximation from which intervals are taken.
+N_DRAWS = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class OutcomeInformation:
+    """One number per outcome model (M,), in nats unless stated.
+
+    n_decisions: how many were observed; from_transitions, from_choices: information gained.
+    shared: with all reward weights; partner: the feature whose weight shares most.
+    lower, median, upper: (M, K), of the central intervals that hold `mass` of the posterior.
+    """
+
+    n_decisions: FloatArray
+    from_transitions: FloatArray
+    from_choices: FloatArray
+    shared: FloatArray
+    partner: IntArray
+    lower: FloatArray
+    median: FloatArray
+    upper: FloatArray
+    mass: float
+
+    def source(self, model: int) -> str:
+        """Where what is known of an outcome model comes from."""
+        parts = (("counts", self.from_transitions), ("choices", self.from_choices))
+        names = [name for name, nats in parts if nats[model] >= LEAST_NATS]
+        return " and ".join(names) or "prior only"
+
+
+def outcome_information(
+    problem: Problem, decisions: Decisions, fit: FitResult, mass: float = 0.9
+) -> OutcomeInformation:
+    """Of the true outcome models of a fit; SerdError where its prior is no density over them."""
+    objective = log_posterior_of(problem, decisions, fit)
+    space, posterior = objective.coordinates, objective.posterior
+    models = _learned_models(problem, space.belief.groups)
+    found = laplace_at(objective, space.of(fit.parameters))
+    counted, precision, worth, pseudo = _counted(posterior, fit, models)
+    joint, n_features = _joint_covariance(found, models), len(problem.feature_names)
+    size, rewards = models.n_outcomes - 1, np.arange(n_features)
+    by_choices, shared, partner = [], [], []
+    for model in range(models.n_models):
+        own = n_features + model * size + np.arange(size)
+        moved = _contrasts(models) @ _energies(fit.parameters.truth - counted, models)[model]
+        by_choices.append(_normal_divergence(joint[np.ix_(own, own)], precision[model], moved))
+        shared.append(_mutual_information(joint, own, rewards))
+        each = [_mutual_information(joint, own, rewards[[f]]) for f in range(n_features)]
+        partner.append(int(np.argmax(each)))
+    draws = laplace_draws(found, np.random.default_rng(0), N_DRAWS)
+    limits = credible_intervals(draws, mass).outcome_probabilities
+    table = models.local_probabilities(counted)
+    return OutcomeInformation(
+        n_decisions=observations_of_models(posterior, models),
+        from_transitions=_dirichlet_divergence(worth[:, None] * table, pseudo),
+        from_choices=np.array(by_choices),
+        shared=np.array(shared),
+        partner=np.array(partner),
+        lower=limits[0],
+        median=np.median(draws.outcome_probabilities, axis=0),
+        upper=limits[1],
+        mass=mass,
+    )
+
+
+def _learned_models(problem: Problem, groups: tuple[tuple[Block, ...], ...]) -> OutcomeModels:
+    models = problem.mdp.transitions
+    if not isinstance(models, OutcomeModels) or not any(Block.TRUTH in each for each in groups):
+        raise SerdError(
+            "the fit must have learned outcome models, got one of rewards only; use fit_mdce_serd"
+        )
+    return models
+
+
+def _counted(
+    posterior: Posterior, fit: FitResult, models: OutcomeModels
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """What transitions alone leave: energies, (M, K - 1, K - 1) precisions, counts with prior.
+
+    Then (M,) counts with the prior's, and (M,) those of the prior for one outcome.
+    """
+    pseudo = posterior.prior.pseudo_observations(models, fit.parameters, Block.TRUTH)
+    each = pseudo / models.n_outcomes
+    estimate = most_likely_dynamics(models, posterior.observations, float(each[0]))
+    energies = models.parameters_of(estimate.probabilities)
+    counts = np.zeros(len(models.groups))
+    counts[posterior.observations.group] = posterior.observations.group_count
+    bend = models.beta * pseudo[0] * models.local_jacobian(energies)
+    bend -= log_transition_hessian(models, energies, counts)
+    shape = (models.n_models, models.n_outcomes) * 2
+    own = np.arange(models.n_models)
+    blocks = bend.reshape(shape)[own, :, own, :]
+    basis = _contrasts(models)
+    worth = pseudo + observations_of_models(posterior, models)
+    return energies, basis @ blocks @ basis.T, worth, each
+
+
+def _joint_covariance(found: Laplace, models: OutcomeModels) -> FloatArray:
+    """Of reward weights, then of the coordinates of each true outcome model."""
+    space = found.coordinates
+    jacobian = space.belief.jacobian(space.like)
+    by_model = np.kron(np.eye(models.n_models), _contrasts(models))
+    rows = [jacobian[space.like.place(Block.REWARD)]]
+    rows.append(by_model @ jacobian[space.like.place(Block.TRUTH)])
+    root = np.concatenate(rows) @ space.table @ found.root
+    return np.asarray(root @ root.T)
+
+
+def _contrasts(models: OutcomeModels) -> FloatArray:
+    """(K - 1, K) orthonormal rows, orthogonal to 1."""
+    size = models.n_outcomes
+    return gauge_free_basis(np.full((1, size), size**-0.5)).T
+
+
+def _energies(parameters: FloatArray, models: OutcomeModels) -> FloatArray:
+    return parameters.reshape(models.n_models, models.n_outcomes)
+
+
+def _normal_divergence(covariance: FloatArray, precision: FloatArray, moved: FloatArray) -> float:
+    """KLD of Normal(moved, covariance) from Normal(0, precision^-1)."""
+    ratio = precision @ covariance
+    _, log_det = np.linalg.slogdet(ratio)
+    apart = moved @ precision @ moved
+    return max(0.0, float(0.5 * (np.trace(ratio) - len(moved) + apart - log_det)))
+
+
+def _dirichlet_divergence(counts: FloatArray, pseudo: FloatArray) -> FloatArray:
+    """(M,) KLD of Dirichlet(counts) from Dirichlet(pseudo, ..., pseudo)."""
+    total, size, prior = counts.sum(axis=1), counts.shape[1], pseudo[:, None]
+    log_volumes = gammaln(total) - gammaln(size * pseudo) + size * gammaln(pseudo)
+    moved = np.sum((counts - prior) * (psi(counts) - psi(total)[:, None]), axis=1)
+    # Of equal distributions, rounding leaves a little above or below 0.
+    return np.maximum(log_volumes - gammaln(counts).sum(axis=1) + moved, 0.0)
+
+
+def _mutual_information(covariance: FloatArray, one: IntArray, other: IntArray) -> float:
+    """I = 1/2 log(det S_one det S_other / det S_both) of two parts of normal variables."""
+    scale = 1.0 / np.sqrt(np.diag(covariance))
+    correlation = covariance * scale[:, None] * scale
+    both = np.concatenate([one, other])
+    parts = (np.linalg.slogdet(correlation[np.ix_(part, part)])[1] for part in (one, other, both))
+    own, others, together = parts
+    return float(max(0.0, 0.5 * (own + others - together)))
