@@ -1,5 +1,6 @@
 """All experiments of the thesis, in the order of its chapters."""
 
+from experiments.avoidance import AvoidanceConfig, run_avoidance
 from experiments.gridworld.ascents import AscentsConfig, run_ascents
 from experiments.gridworld.early_stopping import EarlyStoppingConfig, run_early_stopping
 from experiments.gridworld.experiment import GridworldConfig, run_gridworld
@@ -44,6 +45,12 @@ EXPERIMENTS = (
         "gradient ascent of Algorithm 1 and faster optimisers (section 4.4)",
         AscentsConfig,
         run_ascents,
+    ),
+    Experiment(
+        "avoidance",
+        "what choices reveal of a move that is avoided",
+        AvoidanceConfig,
+        run_avoidance,
     ),
     Experiment("rust", "bus engine replacement (Rust 1987)", RustConfig, run_rust),
 )

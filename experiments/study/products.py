@@ -9,14 +9,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from experiments.running.repetitions import claim_folder
 from experiments.study.recordings.experts import EXPERTS
-from experiments.study.study import Study
+from experiments.study.study import StudyWorld
 from sim.episodes.execution import Execution
 from storage.files import atomic_write_text
 
+WorldT = TypeVar("WorldT", bound=StudyWorld)
 #: Called with the estimated (seconds of work done, seconds of all work, name of the stage).
 OnWork = Callable[[float, float, str], None]
 
@@ -66,7 +67,10 @@ def make_products(stages: Sequence[Stage], execution: Execution, on_work: OnWork
 
 
 def repetition_tasks(
-    study: Study, stage: str, make: Callable[[Study, str, int], dict[str, Any]]
+    study: WorldT,
+    stage: str,
+    make: Callable[[WorldT, str, int], dict[str, Any]],
+    experts: Sequence[str] = EXPERTS,
 ) -> tuple[Task, ...]:
     """One file per expert and repetition, with what `make` returns for them."""
     return tuple(
@@ -74,24 +78,24 @@ def repetition_tasks(
             _file(study, stage, expert, repetition),
             partial(_write, make, study, expert, repetition),
         )
-        for expert in EXPERTS
+        for expert in experts
         for repetition in range(study.settings.n_repetitions(expert))
     )
 
 
-def load_repetition(study: Study, stage: str, expert: str, repetition: int) -> dict[str, Any]:
+def load_repetition(study: StudyWorld, stage: str, expert: str, repetition: int) -> dict[str, Any]:
     """What a task of `repetition_tasks` wrote."""
     content: dict[str, Any] = json.loads(_file(study, stage, expert, repetition).read_text())
     return content
 
 
-def _file(study: Study, stage: str, expert: str, repetition: int) -> Path:
+def _file(study: StudyWorld, stage: str, expert: str, repetition: int) -> Path:
     return study.folder / stage / f"{expert}_{repetition:02d}.json"
 
 
 def _write(
-    make: Callable[[Study, str, int], dict[str, Any]],
-    study: Study,
+    make: Callable[[WorldT, str, int], dict[str, Any]],
+    study: WorldT,
     expert: str,
     repetition: int,
     file: Path,

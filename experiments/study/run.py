@@ -18,7 +18,7 @@ from experiments.study.fits.fitting import fit_repetition
 from experiments.study.products import OnWork, Stage, make_products, repetition_tasks
 from experiments.study.recordings.demonstrations import check_bags, demonstration_tasks
 from experiments.study.recordings.reference import reference_tasks
-from experiments.study.settings import StudySettings
+from experiments.study.settings import StudySettings, WorldSettings
 from experiments.study.study import Study
 from experiments.study.tables.catalogue import all_tables
 from experiments.study.tables.results import Results
@@ -34,8 +34,8 @@ SETTINGS_YAML = "settings.yaml"
 KEPT = Path(__file__).parents[1] / "results" / "hallway"
 #: The settings that the files of each stage depend on.
 _WORLD = dict.fromkeys(("scenario", "people", "planner", "seed"), True)
-_REFERENCE = _WORLD | {"demonstrations": {"driver"}, "reference": True}
-_DEMONSTRATIONS = _REFERENCE | {
+REFERENCE_SETTINGS = _WORLD | {"demonstrations": {"driver"}, "reference": True}
+_DEMONSTRATIONS = REFERENCE_SETTINGS | {
     "discount": True,
     "demonstrations": True,
     "beliefs": {"reward_weights"},
@@ -74,7 +74,7 @@ def stages_of(study: Study) -> tuple[Stage, ...]:
         Stage(
             "reference recordings",
             study.folder / "reference",
-            described(settings, _REFERENCE),
+            described(settings, REFERENCE_SETTINGS),
             reference_tasks(study),
             task_s=15 * _EPISODE_S,
         ),
@@ -102,7 +102,7 @@ def stages_of(study: Study) -> tuple[Stage, ...]:
     )
 
 
-def described(settings: StudySettings, parts: Mapping[str, Any]) -> str:
+def described(settings: WorldSettings, parts: Mapping[str, Any]) -> str:
     """Some parts of the settings as YAML."""
     return write_yaml(settings.model_dump(mode="json", include=dict(parts)))
 

@@ -1,8 +1,8 @@
-"""Settings of the hallway study: hallway_study.yaml, with what a file or --quick changes."""
+"""Settings of a study: its YAML file, with what another file or --quick changes."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -65,8 +65,8 @@ class ArrivalSettings(StrictModel):
     sampled: int = Field(ge=1)
 
 
-class StudySettings(StrictModel):
-    """Everything that decides what comes out of the study."""
+class WorldSettings(StrictModel):
+    """What every study states: where it is recorded, and how learners are compared."""
 
     scenario: str
     people: int = Field(ge=1)
@@ -76,18 +76,27 @@ class StudySettings(StrictModel):
     demonstrations: DemonstrationSettings
     reference: ReferenceSettings
     learning: ComparisonSettings
-    beliefs: BeliefSettings
-    arrival: ArrivalSettings
     statistics: StatisticsSettings
 
     def n_repetitions(self, expert: str) -> int:
         """How often an expert's demonstrations are recorded anew."""
-        return (self.learning if expert == PEOPLE else self.beliefs).repetitions
+        del expert
+        return self.learning.repetitions
+
+    @property
+    def planned_weights(self) -> tuple[float, ...]:
+        """Reward weights of planned experts."""
+        raise NotImplementedError
+
+    @property
+    def all_sizes(self) -> tuple[Sizes, ...]:
+        """Numbers of demonstrations learned from."""
+        return (self.learning.sizes,)
 
     @model_validator(mode="after")
-    def _sizes_fit(self) -> "StudySettings":
+    def _sizes_fit(self) -> "WorldSettings":
         most = self.demonstrations.training
-        for sizes in (self.learning.sizes, self.beliefs.sizes):
+        for sizes in self.all_sizes:
             if min(sizes) < 2 or max(sizes) > most or list(sizes) != sorted(set(sizes)):
                 raise ValueError(
                     f"sizes must grow from at least 2 to at most demonstrations.training ({most}),"
@@ -96,19 +105,53 @@ class StudySettings(StrictModel):
         return self
 
 
+class StudySettings(WorldSettings):
+    """Everything that decides what comes out of the hallway study."""
+
+    beliefs: BeliefSettings
+    arrival: ArrivalSettings
+
+    def n_repetitions(self, expert: str) -> int:
+        """How often an expert's demonstrations are recorded anew."""
+        return (self.learning if expert == PEOPLE else self.beliefs).repetitions
+
+    @property
+    def planned_weights(self) -> tuple[float, ...]:
+        """Reward weights of planned experts."""
+        return self.beliefs.reward_weights
+
+    @property
+    def all_sizes(self) -> tuple[Sizes, ...]:
+        """Numbers of demonstrations learned from."""
+        return self.learning.sizes, self.beliefs.sizes
+
+
+SettingsT = TypeVar("SettingsT", bound=WorldSettings)
+
+
 def study_settings(
     *, quick: bool = False, config: Path | None = None, bags: Sequence[Path] = ()
 ) -> StudySettings:
-    """The defaults, changed by --quick, a YAML file and bags; FileError with one sentence."""
-    values = settings_of_file(FULL_YAML)
+    """Those of the hallway study, also changed by bags."""
+    given = {"demonstrations": {"bags": [str(bag.resolve()) for bag in bags]}} if bags else {}
     changes = [QUICK_YAML] if quick else []
-    changes += [config] if config is not None else []
-    for path in changes:
+    return merged_settings(StudySettings, FULL_YAML, changes, config, given)
+
+
+def merged_settings(
+    model: type[SettingsT],
+    defaults: Path,
+    changes: Sequence[Path],
+    config: Path | None,
+    given: Mapping[str, Any],
+) -> SettingsT:
+    """The defaults, changed by files, a user's file and values; FileError with one sentence."""
+    files = [*changes, *([config] if config is not None else [])]
+    values = settings_of_file(defaults)
+    for path in files:
         values = _merged(values, settings_of_file(path))
-    if bags:
-        values = _merged(values, {"demonstrations": {"bags": [str(bag.resolve()) for bag in bags]}})
-    name = " with ".join(map(str, [FULL_YAML.name, *changes]))
-    return yaml_model(write_yaml(values), StudySettings, name=name)
+    name = " with ".join(map(str, [defaults.name, *files]))
+    return yaml_model(write_yaml(_merged(values, given)), model, name=name)
 
 
 def _merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.study.settings import StudySettings
+from experiments.study.settings import StudySettings, WorldSettings
 from report.figures.map_axes import HallwayLayout, layout_of
 from serd_app.navigation.strategy import start_distribution
 from serd_core.arrays import FloatArray, IntArray
@@ -18,10 +18,10 @@ TRAIN_AREA, TRANSFER_AREA = "train", "transfer"
 
 
 @dataclass(frozen=True)
-class Study:
-    """folder: of the stages; all tasks get the study."""
+class StudyWorld:
+    """Where a study is recorded; folder: of its stages."""
 
-    settings: StudySettings
+    settings: WorldSettings
     folder: Path
 
     @cached_property
@@ -48,3 +48,10 @@ class Study:
     def policy_of(self, greedy: IntArray) -> FloatArray:
         """(S, A) the policy that takes the actions (S,)."""
         return np.asarray(np.eye(self.problem.mdp.n_actions)[greedy])
+
+
+@dataclass(frozen=True)
+class Study(StudyWorld):
+    """The hallway study; all its tasks get it."""
+
+    settings: StudySettings

@@ -1,6 +1,7 @@
-"""`serd study hallway`: chapter 5 from recordings to figures, resumable."""
+"""`serd study`: the hallway study (chapter 5) and the detour study, resumable."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,9 +12,13 @@ from rich.table import Table
 
 from experiments.running.provenance import recorded
 from experiments.running.tables import plain_rows
+from experiments.study.detour.run import run_detour
+from experiments.study.detour.settings import detour_settings
+from experiments.study.detour.tables import headline as detour_headline
 from experiments.study.figures.catalogue import FIGURES
+from experiments.study.products import OnWork
 from experiments.study.run import KEPT, SETTINGS_YAML, redraw, run_study
-from experiments.study.settings import StudySettings, study_settings
+from experiments.study.settings import study_settings
 from experiments.study.tables.catalogue import headline
 from serd_cli.errors import UsageError
 from serd_cli.options import Address, AsJson, Backend, Jobs
@@ -30,6 +35,7 @@ def register(app: typer.Typer) -> None:
     group = typer.Typer(no_args_is_help=True, help="Run a study from recordings to figures.")
     group.callback()(lambda: None)
     group.command()(hallway)
+    group.command()(detour)
     app.add_typer(group, name="study")
 
 
@@ -75,16 +81,60 @@ def hallway(
     settings = study_settings(quick=quick, config=config, bags=bags or ())
     execution = Execution(jobs, backend, address)
     remark_other_code(folder)
-    with recorded(folder, _words(folder, quick=quick, config=config, bags=bags or ()), settings):
-        tables = _run(settings, folder, execution)
+    with recorded(
+        folder, _words("hallway", folder, quick=quick, config=config, bags=bags or ()), settings
+    ):
+        tables = _run(partial(run_study, settings, folder, execution), folder, execution)
+    title = f"Learned from {settings.learning.sizes[-1]} demonstrations"
+    _show(tables, _table(headline(tables), title), folder, as_json=as_json)
+
+
+def detour(
+    output: Annotated[
+        Path | None,
+        typer.Option(help="folder of the study; default study_output/detour (or detour_quick)"),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="small numbers that still run every stage")
+    ] = False,
+    config: Annotated[
+        Path | None, typer.Option(help="YAML file with any part of detour_study.yaml")
+    ] = None,
+    jobs: Jobs = -1,
+    backend: Backend = "loky",
+    address: Address = "",
+    as_json: AsJson = False,
+) -> None:
+    """A ring corridor where the short way leads against the flow, which demonstrations avoid.
+
+    serd study detour --quick
+
+    Finished parts are not repeated: rerun an interrupted command to resume it.
+    """
+    folder = output or Path("study_output") / ("detour_quick" if quick else "detour")
+    require_folder(folder)
+    settings = detour_settings(quick=quick, config=config)
+    execution = Execution(jobs, backend, address)
+    remark_other_code(folder)
+    words = _words("detour", folder, quick=quick, config=config)
+    with recorded(folder, words, settings):
+        tables = _run(partial(run_detour, settings, folder, execution), folder, execution)
+    table = _table(detour_headline(tables), "Transfer task against the flow, reward without norm")
+    _show(tables, table, folder, as_json=as_json)
+
+
+Tables = Mapping[str, pd.DataFrame]
+
+
+def _show(tables: Tables, table: Table, folder: Path, *, as_json: bool) -> None:
     if as_json:
-        print_json({name: plain_rows(table) for name, table in tables.items()})
+        print_json({name: plain_rows(rows) for name, rows in tables.items()})
         return
-    console.print(_table(headline(tables), settings.learning.sizes[-1]))
+    console.print(table)
     print(f"results: {folder.resolve()}")
 
 
-def _run(settings: StudySettings, folder: Path, execution: Execution) -> dict[str, pd.DataFrame]:
+def _run(run: Callable[[OnWork], Tables], folder: Path, execution: Execution) -> Tables:
     bar = WorkProgress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -93,19 +143,18 @@ def _run(settings: StudySettings, folder: Path, execution: Execution) -> dict[st
     )
     with results_kept_in(folder), bar:
         task = bar.add_task("", total=None)
-        return run_study(
-            settings,
-            folder,
-            execution,
+        return run(
             lambda done, total, stage: bar.update(
                 task, completed=done, total=total or 1.0, description=stage
-            ),
+            )
         )
 
 
-def _words(folder: Path, *, quick: bool, config: Path | None, bags: Sequence[Path]) -> str:
+def _words(
+    study: str, folder: Path, *, quick: bool, config: Path | None, bags: Sequence[Path] = ()
+) -> str:
     """The command that makes the same results."""
-    words = ["serd study hallway", *(["--quick"] if quick else [])]
+    words = [f"serd study {study}", *(["--quick"] if quick else [])]
     words += [f"--config {config}"] if config is not None else []
     return " ".join([*words, *(f"--bags {bag}" for bag in bags), f"--output {folder}"])
 
@@ -119,8 +168,8 @@ def _redraw(names: list[str], folder: Path) -> list[Path]:
     return redraw(names, source, folder)
 
 
-def _table(rows: pd.DataFrame, size: int) -> Table:
-    table = Table(title=f"Learned from {size} demonstrations", title_justify="left")
+def _table(rows: pd.DataFrame, title: str) -> Table:
+    table = Table(title=title, title_justify="left")
     for column in rows:
         justify: Literal["left", "right"] = "left" if column == "method" else "right"
         table.add_column(column.replace("_", " "), justify=justify, overflow="fold")

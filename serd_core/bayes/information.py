@@ -36,7 +36,7 @@ from serd_core.posterior.posterior import Posterior
 #: Information below this is called none.
 LEAST_NATS = 0.05
 #: Draws of Laplace's approximation from which intervals are taken.
-N_DRAWS = 2000
+N_DRAWS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ def _dirichlet_divergence(counts: FloatArray, pseudo: FloatArray) -> FloatArray:
     log_volumes = gammaln(total) - gammaln(size * pseudo) + size * gammaln(pseudo)
     moved = np.sum((counts - prior) * (psi(counts) - psi(total)[:, None]), axis=1)
     # Of equal distributions, rounding leaves a little above or below 0.
-    return np.maximum(log_volumes - gammaln(counts).sum(axis=1) + moved, 0.0)
+    return np.asarray(np.maximum(log_volumes - gammaln(counts).sum(axis=1) + moved, 0.0))
 
 
 def _mutual_information(covariance: FloatArray, one: IntArray, other: IntArray) -> float:

@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from experiments.avoidance import AvoidanceConfig
 from experiments.catalogue import EXPERIMENTS
 from experiments.gridworld.ascents import AscentsConfig
 from experiments.gridworld.early_stopping import EarlyStoppingConfig
@@ -18,6 +19,7 @@ DATA = Path(__file__).parents[3] / "shared" / "data" / "rust1987"
 
 SMALL = {
     "minimum-example": MinimumExampleConfig(n_sets=8, sizes=(3,)),
+    "avoidance": AvoidanceConfig(n_repetitions=1, sizes=(2,)),
     "multi-start": MultiStartConfig(n_sets=2, sizes=(3,), n_starts=3),
     "early-stopping": EarlyStoppingConfig(side=5, sizes=(3,), n_steps=8, n_repetitions=1),
     "ascents": AscentsConfig(side=4, n_demonstrations=5, n_steps=8, max_steps=50),
@@ -32,6 +34,7 @@ SMALL = {
 BY_NAME = {experiment.name: experiment for experiment in EXPERIMENTS}
 LEFT_BEHIND = {
     "minimum-example": {"estimates.csv", "log_likelihood.csv", "estimates.png"},
+    "avoidance": {"posteriors.csv", "summary.csv", "avoidance.png"},
     "multi-start": {"explanations.csv", "shares.csv", "shares.png", "example.txt"},
     "early-stopping": {"measures.csv", "log_likelihood.csv", "measures.png"},
     "ascents": {"costs.csv", "gaps.csv", "gaps.png"},

@@ -10,6 +10,7 @@ Repetitions then share the same episodes, so intervals over them show how much t
 not how much other people would differ.
 """
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,7 +21,7 @@ from experiments.study.products import Task
 from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
 from experiments.study.recordings.experts import EXPERTS, PEOPLE, planned_policy
 from experiments.study.recordings.reference import reference_dynamics
-from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, Study
+from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
 from serd_app.demonstrations.concatenate import concatenate_renumbered
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
@@ -47,24 +48,29 @@ class DemonstrationSets:
     transfer: Decisions
 
 
-def demonstration_tasks(study: Study) -> tuple[Task, ...]:
+def demonstration_tasks(
+    study: StudyWorld, experts: Sequence[str] = EXPERTS, roles: Collection[str] = ROLES.keys()
+) -> tuple[Task, ...]:
     """One table per expert, repetition and set."""
     return tuple(
         Task(
             _file(study, expert, repetition, role),
             partial(record_set, study, expert, repetition, role),
         )
-        for expert in EXPERTS
+        for expert in experts
         for repetition in range(study.settings.n_repetitions(expert))
-        for role in ROLES
+        for role in roles
     )
 
 
-def load_sets(study: Study, expert: str, repetition: int) -> DemonstrationSets:
+def load_sets(study: StudyWorld, expert: str, repetition: int) -> DemonstrationSets:
     """The recorded sets of one repetition."""
-    return DemonstrationSets(
-        **{role: load_decisions(_file(study, expert, repetition, role)) for role in ROLES}
-    )
+    return DemonstrationSets(**{role: load_set(study, expert, repetition, role) for role in ROLES})
+
+
+def load_set(study: StudyWorld, expert: str, repetition: int, role: str) -> Decisions:
+    """One recorded set of one repetition."""
+    return load_decisions(_file(study, expert, repetition, role))
 
 
 def start_area_of(role: str) -> str:
@@ -72,7 +78,7 @@ def start_area_of(role: str) -> str:
     return TRANSFER_AREA if role == "transfer" else TRAIN_AREA
 
 
-def record_set(study: Study, expert: str, repetition: int, role: str, file: Path) -> None:
+def record_set(study: StudyWorld, expert: str, repetition: int, role: str, file: Path) -> None:
     """Drive one set and write its table; or take it from bags, where people drove."""
     settings = study.settings
     if expert == PEOPLE and settings.demonstrations.bags:
@@ -89,7 +95,7 @@ def record_set(study: Study, expert: str, repetition: int, role: str, file: Path
     save_decisions(file, drives.decisions)
 
 
-def sets_from_bags(study: Study, repetition: int) -> DemonstrationSets:
+def sets_from_bags(study: StudyWorld, repetition: int) -> DemonstrationSets:
     """The sets of one repetition; SerdError where the bags hold too few episodes."""
     decisions, wanted = _decisions_of_bags(study), study.settings.demonstrations
     pieces = trajectories_of(decisions)
@@ -108,26 +114,26 @@ def sets_from_bags(study: Study, repetition: int) -> DemonstrationSets:
     )
 
 
-def check_bags(study: Study) -> None:
+def check_bags(study: StudyWorld) -> None:
     """Read the bags, if any, before hours are spent; SerdError where they cannot make the sets."""
     if study.settings.demonstrations.bags:
         sets_from_bags(study, 0)
 
 
-def _file(study: Study, expert: str, repetition: int, role: str) -> Path:
+def _file(study: StudyWorld, expert: str, repetition: int, role: str) -> Path:
     return study.folder / "demonstrations" / expert / f"{role}_{repetition:02d}.csv"
 
 
-def _driver(study: Study, expert: str, seed: int) -> Driver:
+def _driver(study: StudyWorld, expert: str, seed: int) -> Driver:
     settings, problem = study.settings, study.problem
     if expert == PEOPLE:
         return make_driver(settings.demonstrations.driver, study.scenario, seed)
     truth = reference_dynamics(study)
-    policy = planned_policy(problem, expert, settings.beliefs.reward_weights, truth)
+    policy = planned_policy(problem, expert, settings.planned_weights, truth)
     return PolicyDriver(problem.grid, policy, seed=seed, greedy=False, name=expert)
 
 
-def _decisions_of_bags(study: Study) -> Decisions:
+def _decisions_of_bags(study: StudyWorld) -> Decisions:
     tables = []
     seen: set[bytes] = set()  # an episode of two bags would be learned from and tested on
     for bag in study.settings.demonstrations.bags:

@@ -13,7 +13,7 @@ from enum import IntEnum
 import numpy as np
 
 from experiments.study.recordings.experts import EXPERTS
-from experiments.study.study import Study
+from experiments.study.study import StudyWorld
 from serd_app.demonstrations.concatenate import concatenate
 from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.drives.episode_spans import EpisodeSpan
@@ -60,7 +60,7 @@ class Drives:
 
 
 def drive_episodes(
-    study: Study,
+    study: StudyWorld,
     driver: Driver,
     *,
     seed: int,

@@ -12,7 +12,7 @@ import numpy as np
 from experiments.study.products import Task
 from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
 from experiments.study.recordings.experts import PEOPLE
-from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, Study
+from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
 from serd_app.demonstrations.concatenate import concatenate
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_core.arrays import FloatArray
@@ -60,7 +60,7 @@ class ExploringDriver:
         return self._action
 
 
-def reference_tasks(study: Study) -> tuple[Task, ...]:
+def reference_tasks(study: StudyWorld) -> tuple[Task, ...]:
     """One table per kind and ten episodes; every second ten start where the transfer task does."""
     tasks = []
     for kind in _PURPOSES:
@@ -71,7 +71,7 @@ def reference_tasks(study: Study) -> tuple[Task, ...]:
     return tuple(tasks)
 
 
-def record_reference(study: Study, kind: str, first: int, last: int, file: Path) -> None:
+def record_reference(study: StudyWorld, kind: str, first: int, last: int, file: Path) -> None:
     """Write the table of some episodes of one kind."""
     seed = world_seed(study.settings.seed, PEOPLE, 0, _PURPOSES[kind])
     driver = _driver(study, kind, seed)
@@ -90,18 +90,18 @@ def record_reference(study: Study, kind: str, first: int, last: int, file: Path)
     save_decisions(file, concatenate(tuple(each.decisions for each in drives)))
 
 
-def reference_decisions(study: Study) -> Decisions:
+def reference_decisions(study: StudyWorld) -> Decisions:
     """All reference recordings."""
     files = sorted((study.folder / "reference").glob("*.csv"))
     return concatenate(tuple(load_decisions(file) for file in files))
 
 
-def reference_dynamics(study: Study) -> FloatArray:
+def reference_dynamics(study: StudyWorld) -> FloatArray:
     """(M, K) outcome probabilities that the study takes as true."""
     return estimate_dynamics(study.problem, reference_decisions(study))
 
 
-def _driver(study: Study, kind: str, seed: int) -> Driver:
+def _driver(study: StudyWorld, kind: str, seed: int) -> Driver:
     if kind == "exploring":
         return ExploringDriver(study.problem.grid, seed)
     driver = study.settings.demonstrations.driver

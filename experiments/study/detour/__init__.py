@@ -1,0 +1,1 @@
+"""The detour study: a ring corridor where the short way leads against the flow."""

@@ -1,0 +1,103 @@
+"""Does SERD follow a truth that demonstrations never show? The decoy of the detour study.
+
+P(forward | against) of the measured dynamics is replaced by another value. Experts who know it
+demonstrate in the decision problem, all episodes of a set from one cell that is drawn at random.
+From some the goal lies ahead, so no choice bears on moves against the flow.
+"""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from experiments.running.tables import Row
+from experiments.study.detour.fits import REWARDS
+from experiments.study.detour.settings import DetourStudy
+from experiments.study.products import Task
+from experiments.study.recordings.reference import reference_dynamics
+from serd_core.arrays import FloatArray
+from serd_core.bayes.information import outcome_information
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Outcome
+from serd_core.grid.navigation import AGAINST_FLOW, FEATURE_NAMES, NavigationProblem
+from serd_core.learners.serd import fit_mdce_serd
+from serd_core.policies.solved_policy import soft_policy
+from sim.scenario.grid import navigation_problem_of
+from storage.files import atomic_write_text
+
+MASS = 0.9
+PLACE = (AGAINST_FLOW, Outcome.FORWARD)
+LONGEST = 200
+
+
+def decoy_tasks(study: DetourStudy) -> tuple[Task, ...]:
+    """One file per truth and repetition."""
+    decoy = study.settings.decoy
+    return tuple(
+        Task(
+            decoy_file(study, number, repetition),
+            partial(write_decoy, study, number, repetition),
+        )
+        for number in range(len(decoy.truths))
+        for repetition in range(decoy.repetitions)
+    )
+
+
+def decoy_file(study: DetourStudy, number: int, repetition: int) -> Path:
+    """Where the row of one repetition of a truth is kept."""
+    return study.folder / "decoy" / f"{number}_{repetition:03d}.json"
+
+
+def write_decoy(study: DetourStudy, number: int, repetition: int, file: Path) -> None:
+    """Demonstrate, learn, and write the row."""
+    decoy = study.settings.decoy
+    weights = dict(zip(FEATURE_NAMES, study.settings.expert_weights, strict=True))
+    rng = np.random.default_rng([study.settings.seed, 7, number, repetition])
+    features = REWARDS["goal and wall"]
+    problem = navigation_problem_of(study.scenario, study.settings.discount, features)
+    truth = with_forward(reference_dynamics(study), decoy.truths[number])
+    policy = soft_policy(problem, np.array([weights[name] for name in features]), truth)
+    starts = np.zeros(problem.grid.n_states)
+    starts[rng.choice(np.setdiff1d(np.arange(len(starts)), problem.goal_states))] = 1.0
+    size = int(rng.choice(decoy.sizes))
+    decisions = sample_decisions(
+        problem.mdp,
+        policy.probabilities,
+        truth,
+        starts,
+        n_episodes=size,
+        n_steps=LONGEST,
+        rng=rng,
+    )
+    place = {"truth": decoy.truths[number], "repetition": repetition, "size": size}
+    atomic_write_text(file, json.dumps(place | posterior_row(problem, decisions)))
+
+
+def with_forward(dynamics: FloatArray, forward: float) -> FloatArray:
+    """(M, K) the same with another P(forward | against); the rest of the row in proportion."""
+    table = dynamics.copy()
+    table[PLACE] = 0.0
+    table[AGAINST_FLOW] *= (1.0 - forward) / table[AGAINST_FLOW].sum()
+    table[PLACE] = forward
+    return table
+
+
+def posterior_row(problem: NavigationProblem, decisions: Decisions) -> Row:
+    """P(forward | against) by the default of SERD, with its interval and information."""
+    try:
+        fit = fit_mdce_serd(problem, decisions)
+        known = outcome_information(problem, decisions, fit, MASS)
+    except SerdError as error:
+        return {"converged": False, "message": str(error)}
+    return {
+        "converged": fit.converged,
+        "message": fit.message,
+        "moves": float(known.n_decisions[AGAINST_FLOW]),
+        "lower": float(known.lower[PLACE]),
+        "median": float(known.median[PLACE]),
+        "upper": float(known.upper[PLACE]),
+        "from_choices": float(known.from_choices[AGAINST_FLOW]),
+    }

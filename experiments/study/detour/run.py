@@ -1,0 +1,78 @@
+"""The detour study: run missing stages, then write tables and the figure.
+
+OUTPUT/work/...        files of the stages: recordings, fits, arrivals, decoys
+OUTPUT/*.csv           tables; OUTPUT/detour.{png,svg}: the figure
+OUTPUT/settings.yaml   the settings that reproduce all of it
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.running.tables import write_table
+from experiments.study.detour.arrival import arrive_repetition
+from experiments.study.detour.decoy import decoy_tasks
+from experiments.study.detour.figure import detour_figure
+from experiments.study.detour.fits import EXPERT, learn_repetition
+from experiments.study.detour.settings import DetourSettings, DetourStudy
+from experiments.study.detour.tables import all_tables
+from experiments.study.products import OnWork, Stage, make_products, repetition_tasks
+from experiments.study.recordings.demonstrations import demonstration_tasks
+from experiments.study.recordings.reference import reference_tasks
+from experiments.study.run import REFERENCE_SETTINGS, SETTINGS_YAML, described
+from report.style import png_bytes, svg_bytes
+from sim.episodes.execution import Execution
+from storage.files import atomic_write_bytes, atomic_write_text
+from storage.yaml_config import model_yaml
+
+#: Results that come with the project.
+KEPT = Path(__file__).parents[2] / "results" / "detour"
+ROLES = ("training", "transfer")
+#: The settings that the files of each stage depend on.
+_DEMONSTRATIONS: dict[str, Any] = REFERENCE_SETTINGS | {
+    "discount": True,
+    "demonstrations": True,
+    "expert_weights": True,
+}
+_FITS = _DEMONSTRATIONS | {"learning": True, "pseudo_counts": True}
+_ARRIVAL = _FITS | {"drives": True}
+_DECOY = REFERENCE_SETTINGS | {"discount": True, "expert_weights": True, "decoy": True}
+
+
+def run_detour(
+    settings: DetourSettings, output: Path, execution: Execution, on_work: OnWork
+) -> Mapping[str, pd.DataFrame]:
+    """Run every stage, then write all tables and the figure; returns the tables by name."""
+    study = DetourStudy(settings, output / "work")
+    make_products(stages_of(study), execution, on_work)
+    atomic_write_text(output / SETTINGS_YAML, model_yaml(settings))
+    tables = all_tables(study)
+    for name, rows in tables.items():
+        write_table(output / f"{name}.csv", rows)
+    figure = detour_figure(tables, study)
+    atomic_write_bytes(output / "detour.png", png_bytes(figure))
+    atomic_write_bytes(output / "detour.svg", svg_bytes(figure))
+    return tables
+
+
+def stages_of(study: DetourStudy) -> tuple[Stage, ...]:
+    """All stages in their order; task_s are rough."""
+    settings, experts = study.settings, (EXPERT,)
+    stages = (
+        ("reference", REFERENCE_SETTINGS, reference_tasks(study), 30.0),
+        (
+            "demonstrations",
+            _DEMONSTRATIONS,
+            demonstration_tasks(study, experts, ROLES),
+            3.0 * settings.demonstrations.training,
+        ),
+        ("fits", _FITS, repetition_tasks(study, "fits", learn_repetition, experts), 15.0),
+        ("arrival", _ARRIVAL, repetition_tasks(study, "arrival", arrive_repetition, experts), 25.0),
+        ("decoy", _DECOY, decoy_tasks(study), 1.0),
+    )
+    return tuple(
+        Stage(name, study.folder / name, described(settings, parts), tasks, seconds)
+        for name, parts, tasks, seconds in stages
+    )

@@ -1,0 +1,50 @@
+"""Settings of the detour study: detour_study.yaml, with what a file or --quick changes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from experiments.study.settings import Sizes, WorldSettings, merged_settings
+from experiments.study.study import StudyWorld
+from storage.yaml_config import StrictModel
+
+FOLDER = Path(__file__).parent
+FULL_YAML = FOLDER / "detour_study.yaml"
+QUICK_YAML = FOLDER / "detour_study_quick.yaml"
+
+
+class DecoySettings(StrictModel):
+    """Demonstrations sampled under dynamics whose P(forward | against) is given."""
+
+    truths: tuple[Annotated[float, Field(gt=0, lt=1)], ...] = Field(min_length=1)
+    repetitions: int = Field(ge=1)
+    sizes: Sizes = Field(min_length=1)
+
+
+class DetourSettings(WorldSettings):
+    """Everything that decides what comes out of the detour study."""
+
+    expert_weights: tuple[float, float, float]
+    pseudo_counts: tuple[Annotated[float, Field(gt=0)], ...] = Field(min_length=1)
+    drives: int = Field(ge=1)
+    decoy: DecoySettings
+
+    @property
+    def planned_weights(self) -> tuple[float, ...]:
+        """Reward weights of the expert."""
+        return self.expert_weights
+
+
+@dataclass(frozen=True)
+class DetourStudy(StudyWorld):
+    """The detour study; all its tasks get it."""
+
+    settings: DetourSettings
+
+
+def detour_settings(*, quick: bool = False, config: Path | None = None) -> DetourSettings:
+    """The defaults, changed by --quick and a YAML file; FileError with one sentence."""
+    changes = [QUICK_YAML] if quick else []
+    return merged_settings(DetourSettings, FULL_YAML, changes, config, {})
