@@ -24,10 +24,15 @@ _FAILURES_IN_A_ROW = 10
 
 
 class CallbackGuard:
-    """Guards the callbacks of one node. n_internal_errors: since the start."""
+    """Guards the callbacks of one node.
+
+    n_internal_errors: since the start; after_each: called after each callback. An executor that
+    receives messages faster than the node processes them does nothing between two callbacks.
+    """
 
     def __init__(self, node: Node, fail: Callable[[str], None]) -> None:
         self.n_internal_errors = 0
+        self.after_each: Callable[[], None] = lambda: None
         self._node, self._fail = node, fail
         self._rejected: defaultdict[str, Counter[str]] = defaultdict(Counter)
         self._last_reason: dict[str, str] = {}
@@ -59,6 +64,8 @@ class CallbackGuard:
                 raise
             except Exception as error:
                 self._note(topic, callback, error)
+            finally:
+                self.after_each()
 
         return guarded
 
@@ -77,6 +84,8 @@ class CallbackGuard:
                 if isinstance(refusal, Trigger.Response | SetBool.Response):
                     refusal.success, refusal.message = False, str(error)
                 return refusal
+            finally:
+                self.after_each()
 
         return guarded
 
@@ -97,6 +106,8 @@ class CallbackGuard:
                 self._note(name, callback, error)
                 if n_failures == _FAILURES_IN_A_ROW:
                     self._fail(f"{name} failed {n_failures} times in a row; report the traceback")
+            finally:
+                self.after_each()
 
         return guarded
 

@@ -101,12 +101,21 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
     executor = EventsExecutor()
     executor.add_node(node)
     parent = ParentProcess()
+
+    def end_if_due() -> None:
+        if stop.received:
+            node.finish()
+        elif parent.has_ended:
+            node.fail("the command that started it was killed; start it again")
+
+    node.callbacks.after_each = end_if_due
+    end_if_due()
     try:
-        while rclpy.ok() and not node.finished.done() and not stop.received:
+        while rclpy.ok() and not node.finished.done():
             executor.spin_until_future_complete(node.finished, timeout_sec=_TURN_S)
-            if parent.has_ended:
-                node.fail("the command that started it was killed; start it again")
+            end_if_due()
     finally:
+        node.callbacks.after_each = lambda: None
         parent.close()
         executor.remove_node(node)
         executor.shutdown()

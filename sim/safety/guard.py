@@ -79,8 +79,9 @@ class Guard:
         """Discard all inputs, at the start of a session."""
         settings = self.settings
         self._stamps = {source: StampMonitor(settings) for source in self.sources}
-        self._odometry, self._poses = OdometryMonitor(settings), PoseMonitor(settings)
-        self._crowd, self._scans = PeopleMonitor(settings), ScanMonitor(settings)
+        self._odometry, self._crowd = OdometryMonitor(settings), PeopleMonitor(settings)
+        track = self._odometry.track
+        self._poses, self._scans = PoseMonitor(settings, track), ScanMonitor(settings, track)
         self._rules: dict[Source, _Rule] = {
             Source.ODOMETRY: self._odometry,
             Source.POSE: self._poses,
@@ -196,7 +197,7 @@ class Guard:
         while self._waiting_scans:
             scan = self._waiting_scans.popleft()
             odometry = track.at(scan.stamp_s)
-            self._scans.take(scan, odometry)
+            self._scans.take(scan)
             self._scan = self._points(scan), odometry, scan.stamp_s
             self._compare_people(scan, odometry)
 

@@ -67,30 +67,49 @@ class StampMonitor:
 
 
 class FrozenMonitor:
-    """Whether a value has stayed the same, bit for bit, while odometry moved."""
+    """Whether a value has stayed the same, bit for bit, while odometry moved.
 
-    def __init__(self, limit_m: float, radius_m: float) -> None:
-        self._limit_m, self._radius_m = limit_m, radius_m
+    Only poses of odometry between the first and the newest stamp of the value count. The robot may
+    have moved before, and a reset of odometry beside a new value is no motion: were it counted, a
+    robot that stands in a world without motion would never receive the value that ends the fault.
+    """
+
+    def __init__(self, settings: GuardSettings, track: OdometryTrack) -> None:
+        self._limit_m, self._radius_m = settings.frozen_motion, settings.radius
+        self._track = track
         self._value: bytes | None = None
-        self._since: Pose = (0.0, 0.0, 0.0)
-        self.is_frozen = False
+        self._first_s = self._newest_s = 0.0
+        self._since: tuple[float, Pose] | None = None
+        self._is_frozen = False
 
-    def take(self, value: bytes, odometry: Pose) -> None:
-        """Take a value, and the pose by odometry at its stamp."""
+    def take(self, stamp_s: float, value: bytes) -> None:
+        """Take a value."""
         if value != self._value:
-            self._value, self._since, self.is_frozen = value, odometry, False
-            return
-        x_m, y_m, turn = motion_between(self._since, odometry)
-        if math.hypot(x_m, y_m) + self._radius_m * abs(turn) > self._limit_m:
-            self.is_frozen = True
+            self._value, self._first_s, self._since = value, stamp_s, None
+            self._is_frozen = False
+        self._newest_s = stamp_s
+
+    def is_frozen(self) -> bool:
+        """Whether the value is frozen; it stays so until another one comes."""
+        self._is_frozen = self._is_frozen or self._motion_m() > self._limit_m
+        return self._is_frozen
+
+    def _motion_m(self) -> float:
+        if self._value is not None and self._since is None:
+            self._since = self._track.first_since(self._first_s)
+        now = self._track.last_until(self._newest_s)
+        if self._since is None or now is None or now[0] <= self._since[0]:
+            return 0.0
+        x_m, y_m, turn = motion_between(self._since[1], now[1])
+        return math.hypot(x_m, y_m) + self._radius_m * abs(turn)
 
 
 class PoseMonitor:
     """Compares the motion of the pose with that of odometry."""
 
-    def __init__(self, settings: GuardSettings) -> None:
+    def __init__(self, settings: GuardSettings, track: OdometryTrack) -> None:
         self._settings = settings
-        self._frozen = FrozenMonitor(settings.frozen_motion, settings.radius)
+        self._frozen = FrozenMonitor(settings, track)
         self._window: deque[tuple[float, Pose, Pose]] = deque()
         self._fault: Fault | None = None
         self._faulty_since_s = 0.0
@@ -103,7 +122,7 @@ class PoseMonitor:
 
     def take(self, stamp_s: float, pose: Pose, odometry: Pose) -> None:
         """Take a pose, and the pose by odometry at its stamp."""
-        self._frozen.take(np.array(pose).tobytes(), odometry)
+        self._frozen.take(stamp_s, np.array(pose).tobytes())
         last = self._window[-1] if self._window else (stamp_s, pose, odometry)
         self.has_leapt = _leaps(last[1], pose, stamp_s - last[0], self._settings)
         fault = self._contradiction(pose, odometry)
@@ -118,7 +137,7 @@ class PoseMonitor:
 
     def check(self) -> Check:
         """What the pose allows; a contradiction lasts until the pose was consistent for a while."""
-        return _stand_at(Fault.FROZEN if self._frozen.is_frozen else self._fault)
+        return _stand_at(Fault.FROZEN if self._frozen.is_frozen() else self._fault)
 
     def _contradiction(self, pose: Pose, odometry: Pose) -> Fault | None:
         if not self._window:
@@ -225,14 +244,14 @@ class PeopleMonitor:
 class ScanMonitor:
     """The share of lost rays, and scans that stay the same while the robot moves."""
 
-    def __init__(self, settings: GuardSettings) -> None:
+    def __init__(self, settings: GuardSettings, track: OdometryTrack) -> None:
         self._settings = settings
-        self._frozen = FrozenMonitor(settings.frozen_motion, settings.radius)
+        self._frozen = FrozenMonitor(settings, track)
         self.lost_share, self._is_blind = 0.0, False
 
-    def take(self, scan: Scan, odometry: Pose) -> None:
-        """Take a scan, and the pose by odometry at its stamp."""
-        self._frozen.take(scan.ranges_m.tobytes(), odometry)
+    def take(self, scan: Scan) -> None:
+        """Take a scan."""
+        self._frozen.take(scan.stamp_s, scan.ranges_m.tobytes())
         self.lost_share = lost_share(scan)
         self._is_blind = 1.0 - float(scan.valid.mean()) >= self._settings.blind_rays
 
@@ -241,7 +260,7 @@ class ScanMonitor:
         settings = self._settings
         if self._is_blind:
             return 0.0, Fault.BLIND
-        if self._frozen.is_frozen:
+        if self._frozen.is_frozen():
             return 0.0, Fault.FROZEN
         span = settings.blind_rays - settings.lost_rays
         share = min(max(settings.blind_rays - self.lost_share, 0.0) / span, 1.0)

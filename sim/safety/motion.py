@@ -1,7 +1,7 @@
 """Rigid motions in the plane, and the odometry of the last seconds."""
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 
 Pose = tuple[float, float, float]
 STANDING: Pose = (0.0, 0.0, 0.0)
@@ -35,6 +35,16 @@ class OdometryTrack:
     def pose(self) -> Pose:
         """The newest pose."""
         return self._poses[-1]
+
+    def first_since(self, stamp_s: float) -> tuple[float, Pose] | None:
+        """Stamp and pose of the first that is not older than a time, None before it has come."""
+        at = bisect_left(self._stamps_s, stamp_s)
+        return (self._stamps_s[at], self._poses[at]) if at < len(self._poses) else None
+
+    def last_until(self, stamp_s: float) -> tuple[float, Pose] | None:
+        """Stamp and pose of the last that is not newer than a time, None without one."""
+        at = bisect_right(self._stamps_s, stamp_s)
+        return (self._stamps_s[at - 1], self._poses[at - 1]) if at else None
 
     def append(self, stamp_s: float, pose: Pose) -> None:
         """Take a pose, newer than the last."""

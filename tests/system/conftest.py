@@ -86,9 +86,11 @@ class Probe:
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)
 
-    def spin_until(self, condition: Callable[[], object]) -> None:
-        """Take messages until the condition holds."""
-        wait_until(condition, turn=lambda: self._executor.spin_once(timeout_sec=0.05))
+    def spin_until(
+        self, condition: Callable[[], object], *, seen: Callable[[], object] = lambda: ""
+    ) -> None:
+        """Take messages until the condition holds; seen: as in `wait_until`."""
+        wait_until(condition, turn=lambda: self._executor.spin_once(timeout_sec=0.05), seen=seen)
 
     def spin_all(self) -> None:
         """Take all messages that wait, so that what is known is as new as possible."""

@@ -37,6 +37,7 @@ SERD = str(Path(sys.executable).with_name("serd"))
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 CHROMEDRIVER = shutil.which("chromedriver")
 STOPPED_MPS = 1e-6
+STOPPED_RADPS = 1e-6
 SCENARIO = """
 name: bend
 walkable_area_m: [[0, 0], [3, 0], [3, 2], [6, 2], [6, 5], [0, 5]]
@@ -144,7 +145,7 @@ class World:
     def __init__(self, probe):
         self.probe = probe
         self.pose, self.speed_mps, self.time_s = None, 0.0, 0.0
-        self.moved_s = 0.0
+        self.moved_s = self.turned_s = 0.0
         self.speeds_mps, self.actions = [], []
         node = probe.node
         node.create_subscription(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
@@ -156,19 +157,28 @@ class World:
 
     def _take_odometry(self, message):
         self.time_s = stamp_s(message.header.stamp)
-        self.speed_mps = abs(from_odometry(message)[2][0])
+        linear_mps, angular_radps = from_odometry(message)[2]
+        self.speed_mps = abs(linear_mps)
         self.speeds_mps.append(self.speed_mps)
         if self.speed_mps >= STOPPED_MPS:
             self.moved_s = self.time_s
+        if abs(angular_radps) >= STOPPED_RADPS:
+            self.turned_s = self.time_s
 
     def _take_intent(self, message):
         self.actions.append(from_intent(message)[1])
 
     def until(self, condition):
-        self.probe.spin_until(lambda: self.pose is not None and condition())
+        self.probe.spin_until(
+            lambda: self.pose is not None and condition(),
+            seen=lambda: (self.time_s, self.pose, self.speed_mps, self.actions[-9:]),
+        )
 
     def drive_until(self, condition, *, press, release):
-        """Press until the condition holds; anew while the robot stands, as a late page stops it."""
+        """Press until the condition holds; anew while the robot stands, as a late page stops it.
+
+        A robot that turns towards the next cell does not stand.
+        """
         self.probe.spin_all()
         press()
         pressed_s = self.time_s
@@ -177,7 +187,8 @@ class World:
             nonlocal pressed_s
             if condition():
                 return True
-            if self.speed_mps < STOPPED_MPS and self.time_s > pressed_s + 4.0:
+            stands = self.speed_mps < STOPPED_MPS
+            if stands and self.time_s > max(pressed_s, self.turned_s) + 4.0:
                 release()
                 press()
                 pressed_s = self.time_s

@@ -53,9 +53,15 @@ export class Brush {
     this.context.closePath();
   }
 
-  disc(point, radius, colour) {
+  disc(point, radius, colour) { this.discs([point], radius, colour); }
+
+  discs(points, radius, colour) {
     this.context.beginPath();
-    this.context.arc(...this.at(point), radius * this.scale, 0, 2 * Math.PI);
+    for (const point of points) {
+      const [x, y] = this.at(point);
+      this.context.moveTo(x + radius * this.scale, y);
+      this.context.arc(x, y, radius * this.scale, 0, 2 * Math.PI);
+    }
     this.context.fillStyle = colour;
     this.context.fill();
   }

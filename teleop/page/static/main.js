@@ -10,6 +10,7 @@ const view = new View(document.getElementById("view"));
 let ownPage = 0;
 let state = null;
 let lastNumber = null;
+let frame = 0;
 
 const handlers = {
   hello: (message) => { ownPage = message.page; },
@@ -23,11 +24,18 @@ const handlers = {
     controls.mode = message.mode;
     if (message.episode.number !== lastNumber) view.clearTrail();
     lastNumber = message.episode.number;
-    view.show(message);
-    panel.show(message, { drives: message.page === ownPage, held: controls.held });
-    panel.showGamepad(controls.gamepadName);
+    view.update(message);
+    // Once per frame: a page that is slower than the messages skips states and is not late.
+    frame ||= requestAnimationFrame(showState);
   },
 };
+
+function showState() {
+  frame = 0;
+  view.draw();
+  panel.show(state, { drives: state.page === ownPage, held: controls.held });
+  panel.showGamepad(controls.gamepadName);
+}
 
 const link = new Link({
   onMessage: (message) => handlers[message.type]?.(message),

@@ -33,11 +33,10 @@ export class View extends Brush {
     this.draw();
   }
 
-  show(state) {
+  update(state) {
     this.state = state;
     if (state.world?.scan_m) this.scan = { ranges: state.world.scan_m, pose: state.world.robot };
     this.follow(state.world);
-    this.draw();
   }
 
   follow(world) {
@@ -91,8 +90,7 @@ export class View extends Brush {
     this.path(hits);
     context.fillStyle = COLOURS.seen;
     context.fill();
-    context.fillStyle = COLOURS.scan;
-    for (const hit of hits) this.disc(hit, Math.min(0.04, 2 / this.scale), COLOURS.scan);
+    this.discs(hits, Math.min(0.04, 2 / this.scale), COLOURS.scan);
   }
 
   // The cell being driven to, filled, with its waypoint; the cell chosen next, dashed.

@@ -6,6 +6,7 @@ import signal
 import pytest
 import rclpy
 from domain_coordinator import domain_id
+from std_msgs.msg import Bool
 
 from serd_ros.nodes.teleop_joy import TeleopJoyNode
 from serd_ros.process.run_node import _StopSignal, run_node
@@ -99,3 +100,30 @@ def test_a_node_with_an_internal_error_ends_with_exit_code_1(capfd):
 
     assert run_node(make_node) == 1
     assert "teleop_joy: 1 internal errors, logged above" in capfd.readouterr().err
+
+
+@pytest.mark.ros
+@pytest.mark.usefixtures("own_domain")
+def test_a_signal_ends_a_node_that_receives_more_than_it_can_process():
+    """Its executor finds the next event before it looks at the time."""
+    n_received = 0
+
+    def make_node():
+        node = TeleopJoyNode()
+        publisher = node.create_publisher(Bool, "flood", 1000)
+
+        def receive(_):
+            nonlocal n_received
+            n_received += 1
+            if n_received == 10:
+                os.kill(os.getpid(), signal.SIGTERM)
+            if n_received < 1000:
+                publisher.publish(Bool())
+
+        node.create_subscription(Bool, "flood", receive, 1000)
+        for _ in range(5):
+            publisher.publish(Bool())
+        return node
+
+    assert run_node(make_node) == 0
+    assert n_received < 1000

@@ -202,6 +202,47 @@ def test_the_same_scan_of_a_standing_robot_is_no_fault():
     assert drive.run(3.0).reasons == ()
 
 
+def arrives_after_the_scan():
+    """Odometry one control period late."""
+    waiting = []
+
+    def delay(stamp_s, *value):
+        waiting.append((stamp_s, *value))
+        return waiting[-2] if len(waiting) > 1 else None
+
+    return delay
+
+
+def is_lost_once():
+    """The first message is lost."""
+    lost = []
+
+    def lose(stamp_s, *value):
+        lost.append(stamp_s)
+        return (stamp_s, *value) if len(lost) > 1 else None
+
+    return lose
+
+
+@pytest.mark.parametrize("odometry", [arrives_after_the_scan, is_lost_once])
+def test_a_robot_that_is_set_elsewhere_in_an_unchanging_world_drives_on(odometry):
+    """Its scans stay the same until it moves, so a frozen scan would end with no evidence."""
+    drive = driving(scan=lambda stamp_s, _: (stamp_s, room_m(drive.x_m)))
+    drive.command = STOP
+    drive.run(1.0)
+    drive.faults["odometry"] = odometry()
+    drive.x_m += 0.1
+    drive.run(1.0)
+    drive.command = Command(1.2, 0.0)
+    drive.run(0.5)
+    assert drive.reasons() == set()
+    assert drive.speed_mps > 0.9
+
+
+def room_m(x_m):
+    return np.full(360, 5.0 + 0.01 * x_m, dtype=np.float32)
+
+
 def test_frozen_people_are_ignored_and_the_robot_drives_slowly_on_the_scan():
     drive = driving(people=held())
     drive.run(1.0)
