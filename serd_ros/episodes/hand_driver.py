@@ -7,8 +7,8 @@ velocities, `cmd_vel_teleop` is published. While a person is present and drives 
 when this process has died.
 
 While the e-stop is engaged no intent is published. At its engagement and release, when the person
-was absent, at the end of an episode and when the planner has fallen silent, the input is discarded:
-the robot stands until a key is pressed anew.
+was absent, at the end of an episode and when planner, mux or world have fallen silent, the input is
+discarded: the robot stands until a key is pressed anew.
 """
 
 from abc import abstractmethod
@@ -38,6 +38,8 @@ Config = TypeVar("Config", bound=HandDriverConfig)
 _BEAT_PERIOD_S = 0.05
 #: A longer pause (s) between two beats counts as absence: this process was stopped.
 _ABSENCE_S = 0.5
+#: The mux and the world are silent after this time (s) without a message.
+_SILENCE_S = 1.0
 
 
 class HandDriverNode(SerdNode[Config]):
@@ -60,6 +62,8 @@ class HandDriverNode(SerdNode[Config]):
         )
         self._was_present = self._has_decided = self._is_moving = self._is_e_stopped = False
         self._is_driven, self._beat_s = False, self.wall_s()
+        self._received_s: dict[str, float] = {}
+        self._is_silent = False
         self._intents = self.create_publisher(Vector3Stamped, topics.INTENT, qos.STATE)
         self._velocities = self.create_publisher(Twist, topics.CMD_VEL_TELEOP, qos.COMMAND)
         self._gone = self.create_publisher(Bool, topics.DRIVER_GONE, qos.COMMAND)
@@ -114,14 +118,21 @@ class HandDriverNode(SerdNode[Config]):
 
     def _beat(self) -> None:
         late_s, self._beat_s = self.wall_s() - self._beat_s, self.wall_s()
-        if late_s > _ABSENCE_S:
+        was_silent, self._is_silent = self._is_silent, self._hears_too_little()
+        if late_s > _ABSENCE_S or was_silent != self._is_silent:
             self.stop_moving()
         present = self.attend()
-        if present and self.mode == "directions" and self._has_decided:
+        if present and self.mode == "directions" and self._has_decided and not self._is_silent:
             self._gone.publish(Bool(data=False))
         if self._was_present and not present:
             self.stop_moving()
         self._was_present = present
+
+    def _hears_too_little(self) -> bool:
+        """Whether one whom this node has heard is silent: it was stopped, and may continue."""
+        return any(
+            self.wall_s() - received_s > _SILENCE_S for received_s in self._received_s.values()
+        )
 
     def stop_moving(self) -> None:
         """End every motion of this driver; the next one needs a key that is pressed anew."""
@@ -139,6 +150,7 @@ class HandDriverNode(SerdNode[Config]):
         values = values_of(message, "teleop_mux")
         if values is None:
             return
+        self._received_s["teleop_mux"] = self.wall_s()
         was_driven, self._is_driven = self._is_driven, bool(values.get("active"))
         if was_driven and not self._is_driven and self.mode == "directions":
             self.stop_moving()
@@ -161,6 +173,7 @@ class HandDriverNode(SerdNode[Config]):
         if self.observation is None:
             self.notify("the world is running: drive, or start an episode")
         self.observation = observation
+        self._received_s["world"] = self.wall_s()
         self.episodes.see(observation)
         if self.mode == "directions" and is_decision_tick(observation, self.scenario):
             self._decide(observation)

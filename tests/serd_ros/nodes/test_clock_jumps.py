@@ -9,6 +9,7 @@ from rclpy.serialization import serialize_message
 
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_twist_stamped
+from serd_ros.convert.diagnostics import to_diagnostics
 from serd_ros.convert.stamp import Jump, StampClock, stamp_s
 from serd_ros.episodes.hand_driver import HandDriverNode
 from sim.episodes.result import EpisodeStart
@@ -194,6 +195,31 @@ def test_a_front_end_stops_after_a_jump_forward_and_keeps_its_episode(kind):
         feed(running, START + 6.0)
         assert running.sent["intent"].vector.x == 1.0
         running.assert_alive()
+
+
+@pytest.mark.parametrize("kind", ["teleop_page", "teleop_keyboard"])
+@pytest.mark.parametrize("silent", ["mux", "world"])
+def test_a_held_key_counts_anew_after_mux_or_world_were_silent(kind, silent, monkeypatch):
+    with hand_driver(kind) as running:
+        node, now_s = running.node, running.node.wall_s()
+        for tick in range(1, 41):
+            monkeypatch.setattr(node, "wall_s", lambda tick=tick: now_s + 0.05 * tick)
+            if silent == "world" or tick in (1, 40):
+                running.receive("diagnostics", mux_state(active="planner"))
+            if silent == "mux" or tick in (1, 40):
+                feed(running, START + 0.05 * tick)
+            running.call_timers()
+            if tick < 20:
+                assert running.sent["intent"].vector.y == 1.0
+                assert not running.sent["driver_gone"].data
+        assert running.sent["intent"].vector.y == 0.0
+        assert running.sent["driver_gone"].data or not node._is_silent
+        assert node.choice.upcoming is Action.WAIT
+        running.assert_alive()
+
+
+def mux_state(**values):
+    return to_diagnostics("teleop_mux", START, values)
 
 
 @pytest.mark.parametrize("kind", ["teleop_page", "teleop_keyboard"])
