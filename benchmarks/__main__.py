@@ -12,11 +12,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from benchmarks import bags_throughput, speed_figure
 from benchmarks.driving import closed_loop, crowd_peers, lockstep
 from benchmarks.faults import kill_matrix
-from benchmarks.learning import calibration, gradient, growth, peers, scarce_data
+from benchmarks.learning import belief_choice, calibration, gradient, growth, peers, scarce_data
 from benchmarks.sources import run as sources
 
 BENCHMARKS = {
     "bags_throughput": bags_throughput.run,
+    "belief_choice": belief_choice.run,
     "calibration": calibration.run,
     "closed_loop": closed_loop.run,
     "crowd_peers": crowd_peers.run,

@@ -3,7 +3,7 @@
 import json
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,28 @@ def save(
     # Tables wider than the terminal are not cut off.
     console.width = max(console.width, console.measure(table).maximum)
     console.print(table)
+
+
+def measured_rows(
+    name: str,
+    cases: Iterable[dict[str, Any]],
+    measure: Callable[..., dict[str, Any]],
+) -> list[dict[str, Any]]:
+    """One row per case: it with what `measure(**case)` returns.
+
+    Rows are appended to results/<name>.jsonl as they are measured; those that are there are read.
+    """
+    path = RESULTS / f"{name}.jsonl"
+    found = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    rows = []
+    for case in cases:
+        done = [row for row in found if row | case == row]
+        if not done:
+            done = [case | measure(**case)]
+            with path.open("a") as file:
+                file.write(json.dumps(done[0]) + "\n")
+        rows.append(done[0])
+    return rows
 
 
 def _text(value: Any) -> str:

@@ -2,13 +2,15 @@
 
     python -m benchmarks calibration
 
+It goes on where it was stopped.
+
 Five states, two actions with an outcome model of three outcomes each, one feature; the prior's
 strengths are 2 nats and 2 pseudo-counts. A p-value below 0.05 / 7 rejects (seven numbers).
 """
 
 import numpy as np
 
-from benchmarks.report import save
+from benchmarks.report import measured_rows, save
 from serd_core.bayes.calibration import (
     N_RANKED,
     Draw,
@@ -22,6 +24,7 @@ from serd_core.bayes.sampler import sample_posterior
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, TabularProblem
@@ -31,38 +34,60 @@ PRIOR = PriorByEvidence(deviation=2.0, pseudo_count=2.0)
 
 
 def run() -> None:
-    """Rank the truth by both posteriors."""
+    """Rank the truth by both posteriors, in the data sets that are missing."""
+    cases = [
+        {"posterior": posterior, "data_set": number}
+        for number in range(N_DATA_SETS)
+        for posterior in DRAWS
+    ]
+    measured = measured_rows("calibration", cases, measure)
     rows = []
-    for name, draw in DRAWS.items():
-        ranks = calibration_ranks(
-            _problem(),
-            PRIOR,
-            np.random.default_rng(1),
-            n_data_sets=N_DATA_SETS,
-            n_episodes=20,
-            n_steps=10,
-            draw=draw,
-        )
-        p_values = uniformity(ranks)
+    for posterior in DRAWS:
+        found = [row["ranks"] for row in measured if row["posterior"] == posterior]
+        p_values = uniformity(np.array([ranks for ranks in found if ranks]))
         rows.append(
-            {"posterior": name, "data sets": N_DATA_SETS, "least p": float(p_values.min())}
+            {"posterior": posterior, "data sets": len(found), "not sampled": found.count([])}
+            | {"least p": float(p_values.min())}
             | {f"p {number}": float(p) for number, p in enumerate(p_values)}
         )
     save("calibration", "Simulation-based calibration", rows)
 
 
+def measure(posterior: str, data_set: int) -> dict[str, list[int]]:
+    """Ranks of the truth in one data set; none where the chains did not mix."""
+    try:
+        ranks = calibration_ranks(
+            _problem(),
+            PRIOR,
+            np.random.default_rng([1, data_set]),
+            n_data_sets=1,
+            n_episodes=20,
+            n_steps=10,
+            draw=DRAWS[posterior],
+        )
+    except SerdError:
+        return {"ranks": []}
+    return {"ranks": ranks[0].tolist()}
+
+
 def _sampled(
     problem: Problem, decisions: Decisions, fit: FitResult, rng: np.random.Generator
 ) -> PosteriorDraws:
-    """Draws of the sampler, thinned at random to the number that is ranked."""
+    """Draws of the sampler, thinned at random to the number that is ranked.
+
+    Chains that did not mix are run again, four times as long.
+    """
     modes = posterior_modes(problem, decisions, fit, rng, n_starts=3)
-    draws = sample_posterior(problem, modes, rng).draws
-    kept = rng.choice(len(draws), N_RANKED, replace=False)
+    try:
+        found = sample_posterior(problem, modes, rng, n_draws=200, n_warm_up=50)
+    except SerdError:
+        found = sample_posterior(problem, modes, rng, n_draws=800)
+    kept = rng.choice(len(found.draws), N_RANKED, replace=False)
     return PosteriorDraws(
-        draws.coordinates[kept],
-        draws.reward[kept],
-        draws.outcome_probabilities[kept],
-        draws.believed_outcome_probabilities[kept],
+        found.draws.coordinates[kept],
+        found.draws.reward[kept],
+        found.draws.outcome_probabilities[kept],
+        found.draws.believed_outcome_probabilities[kept],
     )
 
 

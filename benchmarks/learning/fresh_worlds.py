@@ -54,6 +54,11 @@ class World:
         """(S, A) the expert's policy in the problem or in the transfer problem."""
         return soft_policy(problem, self.weights, self.belief).probabilities
 
+    def log_likelihood(self, problem: TabularProblem, policy: FloatArray) -> float:
+        """Of the expert's decisions under an (S, A) policy, per decision, less that of its own."""
+        ratio = np.log(policy / self.policy(problem))
+        return float(np.sum(self.decision_weights(problem) * ratio))
+
     def decision_weights(self, problem: TabularProblem) -> FloatArray:
         """(S, A) share of the expert's discounted decisions, from random starts."""
         starts = np.full(problem.mdp.n_states, 1.0 / problem.mdp.n_states)

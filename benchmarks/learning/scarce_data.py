@@ -11,7 +11,6 @@ Wilcoxon's signed-rank test.
 """
 
 import argparse
-import json
 from collections.abc import Callable
 from typing import Any
 
@@ -19,7 +18,7 @@ import numpy as np
 import scipy.stats
 
 from benchmarks.learning.fresh_worlds import FAMILIES, World
-from benchmarks.report import RESULTS, save
+from benchmarks.report import measured_rows, save
 from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import laplace_draws, posterior_policy
 from serd_core.bayes.laplace import laplace
@@ -35,32 +34,31 @@ SIZES = (1, 3, 6, 12, 25, 50)
 MEASURES = ("log-likelihood", "transfer", "divergence")
 SERD, IRL = "SERD", "IRL, counted dynamics"
 N_WORLDS = 100
-ROWS = RESULTS / "scarce_data.jsonl"
 
 Policy = Callable[[TabularProblem], FloatArray]
 
 
 def run(n_worlds: int = N_WORLDS) -> None:
     """Measure the worlds that are missing, then write the comparison."""
-    done = {(row["family"], row["demonstrations"], row["world"]) for row in _rows()}
-    for number in range(n_worlds):
-        for family in FAMILIES:
-            for size in SIZES:
-                if (family, size, number) not in done:
-                    row = {"family": family, "demonstrations": size, "world": number}
-                    with ROWS.open("a") as file:
-                        file.write(json.dumps(row | measure(family, size, number)) + "\n")
-    rows = [row for row in _rows() if row["world"] < n_worlds]
+    cases = [
+        {"family": family, "demonstrations": size, "world": number}
+        for number in range(n_worlds)
+        for family in FAMILIES
+        for size in SIZES
+    ]
+    rows = measured_rows("scarce_data", cases, measure)
     save("scarce_data", "Learners from few demonstrations", comparison(rows))
 
 
-def measure(family: str, size: int, number: int) -> dict[str, list[float]]:
+def measure(family: str, demonstrations: int, world: int) -> dict[str, list[float]]:
     """The three measures of each learner in one world."""
-    rng = np.random.default_rng([sorted(FAMILIES).index(family), size, number])
-    world = FAMILIES[family](rng)
+    rng = np.random.default_rng([sorted(FAMILIES).index(family), demonstrations, world])
+    fresh = FAMILIES[family](rng)
     return {
-        name: scores(world, policy, table)
-        for name, (policy, table) in learned(world, world.demonstrations(size, rng)).items()
+        name: scores(fresh, policy, table)
+        for name, (policy, table) in learned(
+            fresh, fresh.demonstrations(demonstrations, rng)
+        ).items()
     }
 
 
@@ -90,10 +88,7 @@ def learned(world: World, decisions: Decisions) -> dict[str, tuple[Policy, Float
 
 def scores(world: World, policy: Policy, table: FloatArray) -> list[float]:
     """Both log-likelihoods and the divergence."""
-    lost = [
-        float(np.sum(world.decision_weights(task) * np.log(policy(task) / world.policy(task))))
-        for task in (world.problem, world.transfer)
-    ]
+    lost = [world.log_likelihood(task, policy(task)) for task in (world.problem, world.transfer)]
     divergence = np.sum(world.truth * np.log(world.truth / table), axis=1)
     return [*lost, float(np.mean(divergence))]
 
@@ -130,12 +125,6 @@ def summary(values: FloatArray, ours: FloatArray, lower_is_better: bool) -> dict
         "±": error,
         "p": p_value,
     }
-
-
-def _rows() -> list[dict[str, Any]]:
-    if not ROWS.exists():
-        return []
-    return [json.loads(line) for line in ROWS.read_text().splitlines()]
 
 
 if __name__ == "__main__":

@@ -50,11 +50,13 @@ class NewtonStep:
     flat: FloatArray
     rising: FloatArray
 
-    @property
-    def at_maximum(self) -> bool:
-        """Whether the point is a maximum, and the only one around."""
-        short = self.standard_errors <= SHORT and bool(np.all(np.abs(self.move) <= STILL))
-        return short and not len(self.flat) and not len(self.rising)
+    def at_maximum(self, short: float = SHORT) -> bool:
+        """Whether the point is a maximum, and the only one around.
+
+        short: longest step in standard errors.
+        """
+        still = self.standard_errors <= short and bool(np.all(np.abs(self.move) <= STILL))
+        return still and not len(self.flat) and not len(self.rising)
 
 
 def newton_step(gradient: FloatArray, curvatures: FloatArray, directions: FloatArray) -> NewtonStep:
@@ -74,15 +76,17 @@ def newton_step(gradient: FloatArray, curvatures: FloatArray, directions: FloatA
 class NewtonAscent(Ascent):
     """Steps of a trust region until the Newton step is short; for log densities (not means).
 
-    The gradient norm of the result is the length of that step in standard errors.
+    short: longest Newton step of a maximum, in standard errors, which the gradient norm of the
+    result is.
     """
 
+    short: float = SHORT
     max_steps: int = 200
     initial_radius: float = 4.0
     largest_radius: float = 100.0
 
     def __post_init__(self) -> None:
-        require_limits(SHORT, self.max_steps)
+        require_limits(self.short, self.max_steps)
 
     def maximise(
         self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
@@ -94,7 +98,7 @@ class NewtonAscent(Ascent):
         newton = newton_step(here.gradient, values, vectors)
         region = TrustRegion(largest_radius=self.largest_radius)
         radius, tries = self.initial_radius, 0
-        while not (newton.at_maximum or climb.stopped or radius < SHORTEST_RADIUS):
+        while not (newton.at_maximum(self.short) or climb.stopped or radius < SHORTEST_RADIUS):
             if tries >= self.max_steps:
                 return climb.certified(here, newton.standard_errors, False, OUT_OF_STEPS)
             tries += 1
@@ -107,4 +111,4 @@ class NewtonAscent(Ascent):
                 values, vectors = np.linalg.eigh(-objective.hessian(here.vector))
                 newton = newton_step(here.gradient, values, vectors)
                 climb.accept(here, newton.standard_errors)
-        return climb.certified(here, newton.standard_errors, newton.at_maximum, NO_ROOM)
+        return climb.certified(here, newton.standard_errors, newton.at_maximum(self.short), NO_ROOM)

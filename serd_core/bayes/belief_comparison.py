@@ -15,7 +15,7 @@ import numpy as np
 import scipy.special
 
 from serd_core.arrays import FloatArray
-from serd_core.bayes.draws import N_DRAWS, PosteriorDraws, laplace_draws
+from serd_core.bayes.draws import N_DRAWS, PosteriorDraws, draws_at
 from serd_core.bayes.evidence_fit import EvidenceFit, evidence_start, fit_by_evidence
 from serd_core.bayes.laplace import Laplace, laplace_at
 from serd_core.bayes.strengths import PriorByEvidence
@@ -37,7 +37,7 @@ from serd_core.priors.prior import UniformPrior
 
 #: Probability from which one relation stands for all.
 DECIDED = 0.95
-RELATIONS: tuple[Belief, ...] = (TiedBelief(), FreeBelief())
+RELATIONS: tuple[Belief, ...] = (TiedBelief(), BeliefAroundTruth(), FreeBelief())
 NAMES = {
     TiedBelief: "equal to the truth",
     FreeBelief: "independent of the truth",
@@ -73,17 +73,18 @@ class BeliefComparison:
 
     def draws(self, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
         """n draws of the best where it is decided, otherwise of all by their probability."""
-        if self.decided:
-            return laplace_draws(self.approximations[0], rng, n)
-        counts = np.maximum(rng.multinomial(n, self.probabilities), 2)
+        if n < 2:
+            raise SerdError(f"n must be at least 2, got {n}; use {N_DRAWS}")
+        shares = np.eye(len(self.probabilities))[0] if self.decided else self.probabilities
         parts = [
-            laplace_draws(one, rng, int(count))
-            for one, count in zip(self.approximations, counts, strict=True)
+            draws_at(one.problem, one.coordinates, one.sample(int(count), rng))
+            for one, count in zip(self.approximations, rng.multinomial(n, shares), strict=True)
+            if count
         ]
         names = ("reward", "outcome_probabilities", "believed_outcome_probabilities")
         tables = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
         # Coordinates differ from relation to relation.
-        return PosteriorDraws(np.zeros((len(tables[0]), 0)), *tables)
+        return PosteriorDraws(np.zeros((n, 0)), *tables)
 
     def sentence(self) -> str:
         """The result in one sentence, with the Bayes factor."""
@@ -109,9 +110,7 @@ def compare_beliefs(
     prior: PriorByEvidence = BY_EVIDENCE,
     dynamics: FloatArray | None = None,
 ) -> BeliefComparison:
-    """Fit under each relation, all equally probable beforehand.
-
-    The evidence of a free belief is about a nat too high (docs/evidence.md, limits).
+    """Fit under each relation, all equally probable beforehand; SerdError where a fit fails.
 
     dynamics: (M, K) known ones, which `FixedBelief` takes as they are; others start there.
     """
@@ -126,7 +125,7 @@ def compare_beliefs(
             " estimate has seen the decisions already"
         )
     found = [_fit(problem, decisions, one, prior, dynamics) for one in relations]
-    evidences = np.array([one.log_evidence() for one in found])
+    evidences = np.array([_log_evidence(one) for one in found])
     order = np.argsort(-evidences, kind="stable")
     return BeliefComparison(
         problem=problem,
@@ -139,6 +138,22 @@ def compare_beliefs(
         log_evidences=evidences[order],
         probabilities=np.asarray(scipy.special.softmax(evidences[order])),
     )
+
+
+def _log_evidence(found: EvidenceFit) -> float:
+    """log P(D); SerdError naming the relation under which there is no maximum."""
+    failure = "" if found.ascended.converged else found.ascended.message
+    try:
+        value = np.nan if failure else found.log_evidence()
+    except SerdError as error:
+        failure = str(error)
+    if failure:
+        raise SerdError(
+            "every relation to compare must have a maximum of the posterior, got none for a belief"
+            f" {NAMES[type(found.belief)]} ({failure}); leave this relation out, or pass a"
+            " PriorByEvidence with a lower deviation"
+        )
+    return value
 
 
 def _fit(

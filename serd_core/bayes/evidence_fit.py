@@ -11,7 +11,7 @@ import scipy.optimize
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import STOPPED, AscentResult, Step, StepCallback
-from serd_core.ascent.newton_ascent import NewtonAscent
+from serd_core.ascent.newton_ascent import SHORT, NewtonAscent
 from serd_core.bayes.laplace import Laplace, laplace_at
 from serd_core.bayes.strengths import PriorByEvidence, Strengths
 from serd_core.demonstrations.decisions import Decisions
@@ -22,11 +22,17 @@ from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior, require_possible
+from serd_core.priors.dirichlet import require_outcome_models
 from serd_core.priors.prior import Prior
 
 TIED = TiedBelief()
-#: Half-width of differences by logs of strengths; slope of the log evidence at its maximum.
-HALF_WIDTH, LEVEL = 0.05, 0.03
+#: Width of differences by logs of strengths; slope of the log evidence at its maximum.
+WIDTH, LEVEL = 0.002, 0.05
+#: Unit of the logs in the search, about the inverse root of the curvature of the evidence.
+SCALE = 0.3
+#: Distance from the maximum, in standard errors, that changes the log evidence by 5e-7.
+CLOSE = 1e-3
+MAX_NEWTON_STEPS = 200
 #: Half-width of differences for the curvature by logs of strengths.
 WIDE = 0.2
 #: Slope at which strengths are still good enough, steps to find them, tolerance at a kink.
@@ -87,9 +93,12 @@ class EvidenceSearch:
         posterior = replace(self.posterior, prior=prior)
         return LogPosterior(posterior, self.space, self.record.value)
 
-    def maximise(self, objective: LogPosterior) -> AscentResult:
-        """Its maximum, from the last one; no step where a callback has stopped the fit."""
-        ascent = NewtonAscent(max_steps=0) if self.record.stopped else NewtonAscent()
+    def maximise(self, objective: LogPosterior, short: float = SHORT) -> AscentResult:
+        """Its maximum, from the last one; no step where a callback has stopped the fit.
+
+        short: longest Newton step of a maximum, in standard errors.
+        """
+        ascent = NewtonAscent(short, max_steps=0 if self.record.stopped else MAX_NEWTON_STEPS)
         found = ascent.maximise(objective, self.mode, self._after_step)
         self.record.n_evaluations += found.n_evaluations
         self.record.value = objective.last_value
@@ -98,10 +107,9 @@ class EvidenceSearch:
             return replace(found, converged=False, message=STOPPED)
         return found
 
-    def laplace(self, prior: Prior) -> Laplace:
+    def laplace(self, objective: LogPosterior) -> Laplace:
         """The approximation at the maximum; SerdError where the ascent does not reach it."""
-        objective = self.objective(prior)
-        found = self.maximise(objective)
+        found = self.maximise(objective, CLOSE)
         if not found.converged:
             raise SerdError(found.message)
         return laplace_at(objective, self.mode)
@@ -115,7 +123,7 @@ class EvidenceOfStrengths:
     """Log evidence and log hyperprior as a function of (h,) logs of strengths.
 
     The maximum u* of the posterior moves by du*/dlog = M^-1 d2J / du dlog. So the slope of the
-    evidence takes one Hessian on either side of each strength, and no search.
+    evidence takes one more Hessian per strength, and no search.
     """
 
     search: EvidenceSearch
@@ -129,18 +137,16 @@ class EvidenceOfStrengths:
             before, moves = self.last
             search.mode = search.mode + (logs - before) @ moves
         problem = search.posterior.problem
-        here = search.laplace(strengths.prior(problem, logs))
+        objective = search.objective(strengths.whole_prior(problem, logs))
+        here = search.laplace(objective)
+        pull = self._prior_pull(objective, here.mode)
         slope, moves = np.zeros(len(logs)), np.zeros((len(logs), len(here.mode)))
-        for number, unit in enumerate(np.eye(len(logs)) * HALF_WIDTH):
-            sides = [search.objective(strengths.prior(problem, logs + d)) for d in (unit, -unit)]
-            pulls = [self._prior_pull(side, here.mode) for side in sides]
-            move = here.root @ (here.root.T @ (pulls[0] - pulls[1])) / 2.0
-            above, below = (
-                self._evidence_near(side, here.mode, way * move)
-                for side, way in zip(sides, (1.0, -1.0), strict=True)
-            )
-            slope[number] = (above - below) / (2.0 * HALF_WIDTH)
-            moves[number] = move / HALF_WIDTH
+        for number, unit in enumerate(np.eye(len(logs)) * WIDTH):
+            side = search.objective(strengths.whole_prior(problem, logs + unit))
+            move = here.root @ (here.root.T @ (self._prior_pull(side, here.mode) - pull))
+            beside = self._evidence_near(side, here.mode, move)
+            slope[number] = (beside - here.log_evidence) / WIDTH
+            moves[number] = move / WIDTH
         self.last = (logs.copy(), moves)
         value, hyper_slope = strengths.log_density(logs)
         return -here.log_evidence - value, -slope - hyper_slope
@@ -168,8 +174,8 @@ class EvidenceOfStrengths:
 class EvidenceFit:
     """Where a fit by evidence ended.
 
-    start: parameters it began with; logs: (h,) of the strengths found; prior: the one of these;
-    objective: the log posterior under it. ascended: the last ascent, with the steps and evaluations
+    start: parameters it began with; logs: (h,) of the strengths found; objective: the log posterior
+    under the prior of these. ascended: the last ascent, with the steps and evaluations
     of all; its trace is of the log posterior under the prior that each step had.
     """
 
@@ -178,7 +184,6 @@ class EvidenceFit:
     belief: Belief
     strengths: Strengths
     logs: FloatArray
-    prior: Prior
     objective: LogPosterior
     ascended: AscentResult
 
@@ -192,7 +197,11 @@ class EvidenceFit:
         )
         return fit_result(
             problem,
-            Assumptions(posterior.policy_model, self.belief, self.prior),
+            Assumptions(
+                posterior.policy_model,
+                self.strengths.relation(self.logs),
+                self.strengths.prior(problem, self.logs),
+            ),
             at,
             final,
             self.ascended,
@@ -207,21 +216,18 @@ class EvidenceFit:
         record = SearchRecord(None, self.objective.posterior.observations.n_decisions)
         search = EvidenceSearch(self.objective.posterior, self.belief, self.parameters, record)
         evidence = EvidenceOfStrengths(search, self.strengths)
-        value = -evidence.loss(self.logs)[0]
+        loss, slope = evidence.loss(self.logs)
         n = len(self.logs)
         if not n:
-            return value
+            return -loss
         steps = np.eye(n) * WIDE
-        bends = [
-            (evidence.loss(self.logs + step)[1] - evidence.loss(self.logs - step)[1]) / (2 * WIDE)
-            for step in steps
-        ]
+        bends = [(evidence.loss(self.logs + step)[1] - slope) / WIDE for step in steps]
         # Where the evidence hardly depends on a strength, its hyperprior alone bounds it.
         least = 0.1 / self.strengths.spreads**2
         values, vectors = np.linalg.eigh((np.array(bends) + np.array(bends).T) / 2.0)
         floor = np.sum(least[:, None] * vectors**2, axis=0)
         log_det = float(np.sum(np.log(np.maximum(values, floor))))
-        return value + 0.5 * (n * float(np.log(2.0 * np.pi)) - log_det)
+        return -loss + 0.5 * (n * float(np.log(2.0 * np.pi)) - log_det)
 
 
 def fit_by_evidence(
@@ -256,11 +262,12 @@ def fit_by_evidence(
             found = best_strengths(earlier, prepared, prepared.start)[0]
             logs = strengths.logs(prepared.values(found))
         else:
-            earlier.maximise(earlier.objective(prepared.prior(posterior.problem, prepared.start)))
+            earlier.maximise(
+                earlier.objective(prepared.whole_prior(posterior.problem, prepared.start))
+            )
         search.mode = search.space.of(earlier.parameters)
     logs, failure = best_strengths(search, strengths, logs)
-    prior = strengths.prior(posterior.problem, logs)
-    objective = search.objective(prior)
+    objective = search.objective(strengths.whole_prior(posterior.problem, logs))
     ascended = search.maximise(objective)
     if failure:
         ascended = replace(ascended, converged=False, message=failure)
@@ -270,7 +277,7 @@ def fit_by_evidence(
         n_steps=len(search.record.trace),
         n_evaluations=search.record.n_evaluations,
     )
-    return EvidenceFit(search.parameters, start, belief, strengths, logs, prior, objective, counted)
+    return EvidenceFit(search.parameters, start, belief, strengths, logs, objective, counted)
 
 
 def evidence_start(
@@ -282,9 +289,12 @@ def evidence_start(
 ) -> Parameters:
     """Given weights and dynamics, otherwise 0 and the M-estimate; they must explain the decisions.
 
-    posterior: with any prior, of these decisions. SerdError where they are not explained.
+    posterior: with any prior, of these decisions. SerdError where they are not explained, or the
+    dynamics are learned and have no outcome models.
     """
     problem = posterior.problem
+    if belief.learns_dynamics:
+        require_outcome_models(problem.mdp.transitions, "PriorByEvidence")
     given = dynamics_or_estimate(problem, decisions, dynamics)
     n_features = len(problem.feature_names)
     weights = np.zeros(n_features) if initial_weights is None else initial_weights
@@ -309,23 +319,30 @@ def best_strengths(
         return start, ""
     evidence = EvidenceOfStrengths(search, strengths)
     middle, reach, failure = strengths.start, FARTHEST * strengths.spreads, ""
+    bounds = np.stack([middle - reach, middle + reach], axis=1)
+
+    def scaled(logs: FloatArray) -> tuple[float, FloatArray]:
+        value, slope = evidence.loss(logs * SCALE)
+        return value, slope * SCALE
+
     try:
         found = scipy.optimize.minimize(
-            evidence.loss,
-            start,
+            scaled,
+            start / SCALE,
             jac=True,
             method="L-BFGS-B",
-            bounds=list(zip(middle - reach, middle + reach, strict=True)),
-            options={"gtol": LEVEL, "ftol": 0.0, "maxiter": MAX_STEPS},
+            bounds=bounds / SCALE,
+            options={"gtol": LEVEL * SCALE, "ftol": 0.0, "maxiter": MAX_STEPS},
         )
+        found.x = found.x * SCALE
         inside = np.abs(found.x - middle) < reach
-        if np.any(np.abs(found.jac)[inside] > COARSE):
+        if np.any(np.abs(found.jac)[inside] > COARSE * SCALE):
             # Where one maximum gives way to another the evidence has a kink.
             found = scipy.optimize.minimize(
                 lambda logs: evidence.loss(logs)[0],
                 found.x,
                 method="Nelder-Mead",
-                bounds=list(zip(middle - reach, middle + reach, strict=True)),
+                bounds=bounds,
                 options={"xatol": AT_A_KINK, "fatol": AT_A_KINK, "maxiter": MAX_STEPS},
             )
             if not found.success:

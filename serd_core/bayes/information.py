@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln, psi
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray, weighted_counts
 from serd_core.bayes.draws import credible_intervals, laplace_draws
-from serd_core.bayes.laplace import Laplace, laplace_at, log_posterior_of, observations_of_models
+from serd_core.bayes.laplace import Laplace, laplace_at, log_posterior_of
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import most_likely_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -32,6 +32,8 @@ from serd_core.posterior.coordinates import gauge_free_basis
 from serd_core.posterior.derivatives.transition_derivatives import log_transition_hessian
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
+from serd_core.priors.dirichlet import DirichletPrior
+from serd_core.priors.prior import Prior, SumOfPriors
 
 #: Information below this is called none.
 LEAST_NATS = 0.05
@@ -73,7 +75,7 @@ def outcome_information(
     space, posterior = objective.coordinates, objective.posterior
     models = _learned_models(problem, space.belief.groups)
     found = laplace_at(objective, space.of(fit.parameters))
-    counted, precision, worth, pseudo = _counted(posterior, fit, models)
+    counted, precision, worth, pseudo = _counted(posterior, models)
     joint, n_features = _joint_covariance(found, models), len(problem.feature_names)
     size, rewards = models.n_outcomes - 1, np.arange(n_features)
     by_choices, shared, partner = [], [], []
@@ -88,7 +90,7 @@ def outcome_information(
     limits = credible_intervals(draws, mass).outcome_probabilities
     table = models.local_probabilities(counted)
     return OutcomeInformation(
-        n_decisions=observations_of_models(posterior, models),
+        n_decisions=_observations(posterior, models),
         from_transitions=_dirichlet_divergence(worth[:, None] * table, pseudo),
         from_choices=np.array(by_choices),
         shared=np.array(shared),
@@ -110,26 +112,41 @@ def _learned_models(problem: Problem, groups: tuple[tuple[Block, ...], ...]) -> 
 
 
 def _counted(
-    posterior: Posterior, fit: FitResult, models: OutcomeModels
+    posterior: Posterior, models: OutcomeModels
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """What transitions alone leave: energies, (M, K - 1, K - 1) precisions, counts with prior.
 
     Then (M,) counts with the prior's, and (M,) those of the prior for one outcome.
     """
-    pseudo = posterior.prior.pseudo_observations(models, fit.parameters, Block.TRUTH)
-    each = pseudo / models.n_outcomes
-    estimate = most_likely_dynamics(models, posterior.observations, float(each[0]))
+    count = _pseudo_count(posterior.prior)
+    estimate = most_likely_dynamics(models, posterior.observations, count)
     energies = models.parameters_of(estimate.probabilities)
     counts = np.zeros(len(models.groups))
     counts[posterior.observations.group] = posterior.observations.group_count
-    bend = models.beta * pseudo[0] * models.local_jacobian(energies)
+    bend = models.beta * count * models.n_outcomes * models.local_jacobian(energies)
     bend -= log_transition_hessian(models, energies, counts)
     shape = (models.n_models, models.n_outcomes) * 2
     own = np.arange(models.n_models)
     blocks = bend.reshape(shape)[own, :, own, :]
     basis = _contrasts(models)
-    worth = pseudo + observations_of_models(posterior, models)
-    return energies, basis @ blocks @ basis.T, worth, each
+    worth = count * models.n_outcomes + _observations(posterior, models)
+    return energies, basis @ blocks @ basis.T, worth, np.full(models.n_models, count)
+
+
+def _pseudo_count(prior: Prior) -> float:
+    """That of the Dirichlet prior on the true dynamics."""
+    if isinstance(prior, SumOfPriors):
+        return sum(_pseudo_count(term) for term in prior.terms)
+    if isinstance(prior, DirichletPrior) and prior.block is Block.TRUTH:
+        return prior.pseudo_count
+    return 0.0
+
+
+def _observations(posterior: Posterior, models: OutcomeModels) -> FloatArray:
+    """(M,) transitions that were observed of each outcome model."""
+    seen = posterior.observations
+    row = models.groups.row[seen.group]
+    return weighted_counts(models.model_of.ravel()[row], seen.group_count, models.n_models)
 
 
 def _joint_covariance(found: Laplace, models: OutcomeModels) -> FloatArray:

@@ -8,14 +8,15 @@ constants of the priors, and M = -d2J/du2 at the maximum u* (docs/evidence.md de
 
 Over softmax energies the posterior of a distribution is closer to normal than over probabilities
 (MacKay, Machine Learning 33, 1998). What is left of the error is large where outcomes are rarely
-seen and known where nothing but counts informs: there the posterior is a Dirichlet distribution
-with r_k = N P*(k), N = pseudo-counts and observations, and the approximation of its integral is off
-by Stirling's series,
+seen and known where nothing but counts informs: there the posterior of a model is a Dirichlet
+distribution with r = N P*, and the approximation of its integral is off by Stirling's series,
 
     s = sum_m [ log B(r) - sum_k (r_k - 1/2) log(r_k / N) - (K - 1)/2 log(2 pi / N) ]
 
-With this term the evidence of counted transitions is exact, and an outcome model about which
-nothing is known adds 0, as it should.
+N counts the observations that the covariance C of the model's energies is worth, whether they are
+pseudo-counts, transitions or choices: (K - 1) / N = beta^2 trace (diag P - P P^T) C. With this term
+the evidence of counted transitions is exact where outcomes have different successors, and an
+outcome model about which nothing is known adds 0, as it should.
 """
 
 from dataclasses import dataclass
@@ -25,15 +26,16 @@ import numpy as np
 import scipy.linalg
 from scipy.special import gammaln
 
-from serd_core.arrays import FloatArray, weighted_counts
+from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.mdp.problem import Problem
+from serd_core.posterior.beliefs import BeliefAroundTruth
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
-from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import Prior
 
@@ -75,7 +77,7 @@ def laplace_at(
     """
     posterior, space = objective.posterior, objective.coordinates
     value, gradient = objective.evaluate(mode)
-    root, log_det = _root(-objective.hessian(mode), space)
+    root, log_det = _root(-objective.hessian(mode), objective.prior_information(mode), space)
     step = float(np.linalg.norm(root.T @ gradient))
     if require_maximum and not step <= LONGEST_STEP:
         raise SerdError(
@@ -86,7 +88,7 @@ def laplace_at(
     constant = posterior.prior.log_constant(problem.mdp.transitions, parameters)
     half = 0.5 * (len(mode) * np.log(2.0 * np.pi) - log_det)
     evidence = value + constant + float(half) + space.log_volume
-    return Laplace(problem, space, mode, root, evidence + stirling(posterior, space, parameters))
+    return Laplace(problem, space, mode, root, evidence + stirling(posterior, space, mode, root))
 
 
 def laplace(problem: Problem, decisions: Decisions, fit: FitResult) -> Laplace:
@@ -107,35 +109,34 @@ def log_posterior_of(problem: Problem, decisions: Decisions, fit: FitResult) -> 
     return LogPosterior(posterior, space)
 
 
-def stirling(posterior: Posterior, space: Coordinates, parameters: Parameters) -> float:
-    """What the approximation lacks of the integral over outcome models, were they counted alone."""
-    model = posterior.problem.mdp.transitions
-    if not isinstance(model, OutcomeModels):
+def stirling(posterior: Posterior, space: Coordinates, mode: FloatArray, root: FloatArray) -> float:
+    """What the approximation lacks of the integrals over outcome models."""
+    model, parameters = posterior.problem.mdp.transitions, space.parameters(mode)
+    if not isinstance(model, OutcomeModels) or model.n_outcomes == 1:
         return 0.0
-    total, size = 0.0, model.n_outcomes
+    total, size, start = 0.0, model.n_outcomes, 0
     for group in space.belief.groups:
-        if not {Block.BELIEF, Block.TRUTH} & set(group):
+        values = parameters.block(group[0])
+        rows = space.table[start : start + len(values)] @ root
+        start += len(values)
+        if group == (Block.REWARD,) or _around_truth(space, group):
             continue
-        worth = sum(
-            (posterior.prior.pseudo_observations(model, parameters, block) for block in group),
-            np.zeros(model.n_models),
-        )
-        if Block.TRUTH in group:
-            worth = worth + observations_of_models(posterior, model)
-        table = model.local_probabilities(parameters.block(group[0]))
-        counts = worth[:, None] * table
-        log_beta = gammaln(counts).sum(axis=1) - gammaln(worth)
-        peak = np.sum((counts - 0.5) * np.log(table), axis=1)
-        width = 0.5 * (size - 1) * np.log(2.0 * np.pi / worth)
-        total += float(np.sum(log_beta - peak - width))
+        table = model.local_probabilities(values)
+        spread = model.beta * rows.reshape(model.n_models, size, -1)
+        centred = spread - np.einsum("mk,mkd->md", table, spread)[:, None]
+        worth = (size - 1) / np.einsum("mk,mkd->m", table, centred**2)
+        total += float(np.sum(_stirling(worth[:, None] * table).sum(axis=1) - _stirling(worth)))
     return total
 
 
-def observations_of_models(posterior: Posterior, model: OutcomeModels) -> FloatArray:
-    """(M,) transitions that were observed of each outcome model."""
-    seen = posterior.observations
-    row = model.groups.row[seen.group]
-    return weighted_counts(model.model_of.ravel()[row], seen.group_count, model.n_models)
+def _around_truth(space: Coordinates, group: tuple[Block, ...]) -> bool:
+    """Whether the prior of the group is normal, so that no Dirichlet distribution is near."""
+    return isinstance(space.belief, BeliefAroundTruth) and Block.TRUTH not in group
+
+
+def _stirling(x: FloatArray) -> FloatArray:
+    """log Gamma(x) less its approximation by Stirling's formula."""
+    return np.asarray(gammaln(x) - (x - 0.5) * np.log(x) + x - 0.5 * np.log(2.0 * np.pi))
 
 
 def require_densities(prior: Prior, space: Coordinates) -> None:
@@ -168,22 +169,25 @@ def require_densities(prior: Prior, space: Coordinates) -> None:
         )
 
 
-def _root(information: FloatArray, space: Coordinates) -> tuple[FloatArray, float]:
-    """Root of the inverse, and log det; SerdError naming a direction that is not positive."""
-    diagonal = np.diag(information)
-    if np.all(diagonal > 0):
-        scale = 1.0 / np.sqrt(diagonal)
-        try:
-            factor = np.linalg.cholesky(information * scale[:, None] * scale)
-        except np.linalg.LinAlgError:
-            pass
-        else:
-            inverse = scipy.linalg.solve_triangular(factor, np.eye(len(scale)), lower=True)
-            log_det = 2.0 * float(np.sum(np.log(np.diag(factor)) - np.log(scale)))
-            return scale[:, None] * inverse.T, log_det
-    values, vectors = np.linalg.eigh(information)
-    raise SerdError(
-        "the log posterior must bend down in every direction at a maximum, but its information is"
-        f" {values[0]:.3g} along {space.describe(vectors[:, 0])}; continue the fit from a point"
-        " moved along it, or give these numbers a stronger prior"
-    )
+def _root(
+    information: FloatArray, of_prior: FloatArray, space: Coordinates
+) -> tuple[FloatArray, float]:
+    """Root of the inverse, and log det; SerdError naming a direction that is not positive.
+
+    In no direction the posterior is taken as wider than the prior. Where a maximum is about to
+    vanish its information fades, while the integral around it stays finite.
+    """
+    size = 1.0 / np.sqrt(np.diag(of_prior))
+    factor = np.linalg.cholesky(of_prior * size[:, None] * size) / size[:, None]
+    wide = scipy.linalg.solve_triangular(factor, np.eye(len(size)), lower=True).T
+    values, vectors = np.linalg.eigh(wide.T @ information @ wide)
+    root = wide @ vectors
+    if not values[0] > 0:
+        raise SerdError(
+            "the log posterior must bend down in every direction at a maximum, but its information"
+            f" is {values[0]:.3g} of the prior's along {space.describe(root[:, 0])}; continue the"
+            " fit from a point moved along it, or give these numbers a stronger prior"
+        )
+    bounded = np.maximum(values, 1.0)
+    log_det = 2.0 * float(np.sum(np.log(np.diag(factor)))) + float(np.sum(np.log(bounded)))
+    return root / np.sqrt(bounded), log_det

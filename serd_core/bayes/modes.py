@@ -66,7 +66,7 @@ def posterior_modes(
     objective = log_posterior_of(problem, decisions, fit)
     first = objective.coordinates.of(fit.parameters)
     n_features = len(problem.feature_names)
-    width = _prior_deviations(objective, first)[:n_features]
+    width = 1.0 / np.sqrt(np.diag(objective.prior_information(first))[:n_features])
     found: list[Laplace] = []
     n_failed = 0
     for number in range(n_starts):
@@ -85,15 +85,6 @@ def posterior_modes(
     found.sort(key=lambda one: -one.log_evidence)
     weights = scipy.special.softmax([one.log_evidence for one in found])
     return PosteriorModes(tuple(found), np.asarray(weights), objective, n_starts, n_failed)
-
-
-def _prior_deviations(objective: LogPosterior, at: FloatArray) -> FloatArray:
-    """(d,) standard deviations by the curvature of the prior alone."""
-    space, posterior = objective.coordinates, objective.posterior
-    parameters = space.parameters(at)
-    blocks = posterior.prior.hessian(posterior.problem.mdp.transitions, parameters)
-    jacobian = space.belief.jacobian(parameters) @ space.table
-    return np.asarray(1.0 / np.sqrt(np.maximum(-np.diag(jacobian.T @ blocks @ jacobian), 1e-12)))
 
 
 def _same(one: Laplace, vector: FloatArray) -> bool:

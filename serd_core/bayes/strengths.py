@@ -2,13 +2,13 @@
 
     w_f ~ Normal(0, (sigma / range of f)^2),      P_m ~ Dirichlet(c, ..., c)
 
-sigma, c (and the concentration kappa of a belief around the truth) maximise log P(D | strengths)
+sigma, c (and the deviation tau of a belief around the truth) maximise log P(D | strengths)
 plus the log of a wide log-normal density of each (MacKay, Neural Computation 4, 1992). Without that
 density few decisions would drive strengths to infinity: where weights of 0 explain the data best,
 the evidence has its maximum at sigma = 0.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,8 +18,8 @@ from serd_core.mdp.problem import Problem
 from serd_core.posterior.beliefs import Belief, BeliefAroundTruth, CoupledBelief
 from serd_core.posterior.coordinates import feature_ranges
 from serd_core.posterior.parameters import Block
-from serd_core.priors.dirichlet import DirichletAroundTruth, DirichletPrior
-from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.dirichlet import DirichletPrior
+from serd_core.priors.gaussian import GaussianAroundTruth, GaussianPrior
 from serd_core.priors.prior import Prior, SumOfPriors
 
 
@@ -37,9 +37,9 @@ class LogNormal:
         return float(value), float(-away / self.spread)
 
 
-#: sigma in nats over the range of a feature, c in observations, kappa in observations.
+#: sigma in nats over the range of a feature, c in observations, tau in nats.
 DEVIATION, PSEUDO_COUNT = LogNormal(3.0, 0.7), LogNormal(1.0, 0.5)
-CONCENTRATION = LogNormal(30.0, 1.5)
+BELIEF_DEVIATION = LogNormal(1.0, 0.7)
 
 
 @dataclass(frozen=True)
@@ -72,14 +72,14 @@ class PriorByEvidence:
                 " BeliefAroundTruth(), or give fit_mdce_serd a prior"
             )
         if isinstance(belief, BeliefAroundTruth):
-            given["concentration"] = belief.concentration
+            given["belief_deviation"] = belief.deviation
         return Strengths(belief, tuple(given.items()))
 
 
 HYPERPRIORS = {
     "deviation": DEVIATION,
     "pseudo_count": PSEUDO_COUNT,
-    "concentration": CONCENTRATION,
+    "belief_deviation": BELIEF_DEVIATION,
 }
 
 
@@ -122,18 +122,26 @@ class Strengths:
         medians = {name: prior.median for name, prior in HYPERPRIORS.items()}
         return np.log([(medians | values)[name] for name in self.open])
 
+    def relation(self, logs: FloatArray) -> Belief:
+        """The belief of these strengths."""
+        if isinstance(self.belief, BeliefAroundTruth):
+            return replace(self.belief, deviation=self.values(logs)["belief_deviation"])
+        return self.belief
+
     def prior(self, problem: Problem, logs: FloatArray) -> Prior:
-        """The prior of these strengths."""
+        """The prior of these strengths, without that of the belief."""
         values = self.values(logs)
         deviations = values["deviation"] / feature_ranges(problem)
         prior: Prior = GaussianPrior(tuple(deviations.tolist()), Block.REWARD)
         if "pseudo_count" in values:
             prior = prior + DirichletPrior(values["pseudo_count"], Block.TRUTH)
-        if "concentration" in values:
-            return prior + DirichletAroundTruth(values["concentration"])
-        if (Block.BELIEF,) in self.belief.groups:
-            return prior + DirichletPrior(values["pseudo_count"], Block.BELIEF)
+        if (Block.BELIEF,) in self.belief.groups and "belief_deviation" not in values:
+            prior = prior + DirichletPrior(values["pseudo_count"], Block.BELIEF)
         return prior
+
+    def whole_prior(self, problem: Problem, logs: FloatArray) -> Prior:
+        """The prior of these strengths together with that of the belief."""
+        return self.prior(problem, logs) + self.relation(logs).prior
 
 
 def strengths_of(prior: Prior, problem: Problem) -> dict[str, float]:
@@ -147,6 +155,6 @@ def strengths_of(prior: Prior, problem: Problem) -> dict[str, float]:
             found["deviation"] = float(widths[0])
         elif isinstance(term, DirichletPrior):
             found["pseudo_count"] = term.pseudo_count
-        elif isinstance(term, DirichletAroundTruth):
-            found["concentration"] = term.concentration
+        elif isinstance(term, GaussianAroundTruth):
+            found["belief_deviation"] = term.standard_deviation
     return found

@@ -12,7 +12,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import AT_A_KINK, AscentResult, Step, StepCallback
-from serd_core.ascent.newton_ascent import STILL, NewtonAscent, newton_step
+from serd_core.ascent.newton_ascent import STILL, NewtonAscent, NewtonStep, newton_step
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates, free_in_use
 from serd_core.posterior.parameters import Parameters
@@ -22,6 +22,8 @@ from serd_core.posterior.posterior import Posterior
 CLOSE = 1e-3
 #: Newton steps from the end of an ascent; from a maximum three suffice.
 FINAL_STEPS = 20
+#: Length of a Newton step, relative to the one before, from which steps have no end.
+LASTING = 0.5
 _NO_EFFECT = 1e-8
 
 
@@ -60,7 +62,7 @@ def certificate(
     values, vectors = np.linalg.eigh(-objective.hessian(found.vector))
     step = newton_step(objective.evaluate(found.vector)[1], values, vectors)
     step = replace(step, flat=_with_effect(posterior, space, step.flat))
-    if found.converged or step.at_maximum:
+    if found.converged or step.at_maximum():
         move = found.vector - start
         if float(np.sqrt(move @ -objective.hessian(found.vector) @ move)) <= CLOSE:
             return Certificate(parameters, counted)
@@ -73,7 +75,13 @@ def certificate(
             space.parameters(found.vector),
             replace(counted, n_steps=number, objective_trace=trace),
         )
-    if np.any(np.abs(step.move) > STILL):
+    if len(step.rising):
+        reason = (
+            "not converged: the log posterior bends up along"
+            f" {space.describe(step.rising[0])} (a saddle point); start elsewhere"
+        )
+        return Certificate(parameters, replace(counted, converged=False, message=reason))
+    if _grows_without_end(objective, found.vector, step):
         reason = (
             "not converged: the log posterior grows on and on along"
             f" {space.describe(step.move)} (separable decisions); give these numbers a prior"
@@ -84,6 +92,21 @@ def certificate(
     if flat:
         reason = f"not converged: nothing determines {flat[0]}; give these numbers a prior"
     return Certificate(parameters, replace(counted, converged=False, message=reason), flat)
+
+
+def _grows_without_end(objective: LogPosterior, at: FloatArray, step: NewtonStep) -> bool:
+    """Whether a long Newton step leads to one as long and in the same direction.
+
+    Near a maximum it would lead to a much shorter one.
+    """
+    length = float(np.linalg.norm(step.move))
+    if not np.any(np.abs(step.move) > STILL):
+        return False
+    there = at + step.move
+    values, vectors = np.linalg.eigh(-objective.hessian(there))
+    following = newton_step(objective.evaluate(there)[1], values, vectors)
+    ahead = float(following.move @ step.move) / length
+    return not len(following.rising) and ahead >= LASTING * length
 
 
 def _with_effect(posterior: Posterior, space: Coordinates, directions: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import Ascent, Objective, StepCallback
+from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.bayes.evidence_fit import evidence_start, fit_by_evidence
@@ -42,9 +42,8 @@ from serd_core.learners.start import (
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy, PolicyModel
 from serd_core.posterior.beliefs import Belief, FixedBelief
-from serd_core.posterior.derivatives.posterior_hessian import posterior_hessian, vector_hessian
-from serd_core.posterior.parameters import Parameters
-from serd_core.posterior.posterior import Posterior, PosteriorValue, require_possible
+from serd_core.posterior.coordinates import LogPosterior, free_numbers
+from serd_core.posterior.posterior import Posterior, require_possible
 from serd_core.priors.prior import Prior, UniformPrior
 
 UNIFORM, BY_EVIDENCE = UniformPrior(), PriorByEvidence()
@@ -112,7 +111,8 @@ def fit_serd(
     posterior = Posterior(
         problem, observations, policy_model, prior, settings.solver, settings.linear_solver
     )
-    objective = _LogPosterior(posterior, settings.belief, start, observations.n_decisions)
+    space = free_numbers(problem, settings.belief, start)
+    objective = LogPosterior(posterior, space, divisor=observations.n_decisions)
     ascended = settings.ascent.maximise(objective, settings.belief.pack(start), on_step)
     reached = settings.belief.unpack(ascended.vector, start)
     found = certificate(posterior, settings.belief, reached, ascended, on_step)
@@ -196,37 +196,6 @@ def fit_pm_serd(
         dynamics=dynamics,
         on_step=on_step,
     )
-
-
-@dataclass(eq=False)
-class _LogPosterior(Objective):
-    """J per decision as a function of the free vector, warm-started from the last value."""
-
-    posterior: Posterior
-    belief: Belief
-    start: Parameters
-    n_decisions: int
-    last_value: FloatArray | None = None
-
-    def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """J per decision and its gradient by the free vector."""
-        parameters = self.belief.unpack(vector, self.start)
-        found = self.at(parameters)
-        gradient = self.belief.pull_back(found.gradient, parameters)
-        return found.objective / self.n_decisions, gradient / self.n_decisions
-
-    def hessian(self, vector: FloatArray) -> FloatArray:
-        """Exact second derivatives of J per decision by the free vector."""
-        parameters = self.belief.unpack(vector, self.start)
-        found = self.at(parameters)
-        blocks = posterior_hessian(self.posterior, parameters, found)
-        return vector_hessian(self.belief, blocks, found.gradient, parameters) / self.n_decisions
-
-    def at(self, parameters: Parameters) -> PosteriorValue:
-        """The posterior at given parameters."""
-        found = self.posterior.evaluate(parameters, self.last_value)
-        self.last_value = found.solution.value
-        return found
 
 
 def _checked_probabilities(problem: Problem, theta: FloatArray) -> FloatArray:

@@ -14,8 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import FloatArray
+from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.priors.coupling import CouplingPrior
+from serd_core.priors.gaussian import GaussianAroundTruth
 from serd_core.priors.prior import Prior, UniformPrior
 
 
@@ -108,12 +110,22 @@ class CoupledBelief(FreeBelief):
 
 @dataclass(frozen=True)
 class BeliefAroundTruth(FreeBelief):
-    """Two blocks, the belief drawn from a Dirichlet distribution around the truth.
+    """Two blocks, the belief's log odds drawn from a normal distribution around the truth's.
 
-    concentration: of that distribution; None where it is chosen by evidence.
+    deviation: standard deviation of that distribution; None where it is chosen by evidence.
     """
 
-    concentration: float | None = None
+    deviation: float | None = None
+
+    @property
+    def prior(self) -> Prior:
+        """That normal distribution."""
+        if self.deviation is None:
+            raise SerdError(
+                "deviation of BeliefAroundTruth must be a number where the prior is given, got"
+                " None; use for example 1, or PriorByEvidence() for the prior"
+            )
+        return GaussianAroundTruth(self.deviation)
 
 
 @dataclass(frozen=True)

@@ -90,32 +90,48 @@ def coordinates(problem: Problem, belief: Belief, like: Parameters) -> Coordinat
     )
 
 
+def free_numbers(problem: Problem, belief: Belief, like: Parameters) -> Coordinates:
+    """The free numbers themselves as coordinates, with gauge and units."""
+    jacobian = belief.jacobian(like)
+    names = free_names(problem, like, jacobian)
+    return Coordinates(belief, like, np.eye(jacobian.shape[1]), names, log_volume=0.0)
+
+
 @dataclass(eq=False)
 class LogPosterior(Objective):
-    """J as a function of coordinates, warm-started from the last value."""
+    """J over `divisor` as a function of coordinates, warm-started from the last value."""
 
     posterior: Posterior
     coordinates: Coordinates
     last_value: FloatArray | None = None
+    divisor: int = 1
     _last: tuple[FloatArray, Parameters, PosteriorValue] | None = None
     _last_hessian: tuple[FloatArray, FloatArray] | None = None
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """J and its (d,) gradient."""
+        """J / divisor and its (d,) gradient."""
         parameters, found = self._found(vector)
-        by_free = self.coordinates.belief.pull_back(found.gradient, parameters)
-        return found.objective, np.asarray(self.coordinates.table.T @ by_free)
+        by_free = self.coordinates.belief.pull_back(found.gradient, parameters) / self.divisor
+        return found.objective / self.divisor, np.asarray(self.coordinates.table.T @ by_free)
 
     def hessian(self, vector: FloatArray) -> FloatArray:
-        """Exact (d, d) second derivatives of J; those of the last vector are kept."""
+        """Exact (d, d) second derivatives of J / divisor; those of the last vector are kept."""
         if self._last_hessian is not None and np.array_equal(self._last_hessian[0], vector):
             return self._last_hessian[1]
         parameters, found = self._found(vector)
         blocks = posterior_hessian(self.posterior, parameters, found)
         by_free = vector_hessian(self.coordinates.belief, blocks, found.gradient, parameters)
+        by_free /= self.divisor
         hessian = np.asarray(self.coordinates.table.T @ by_free @ self.coordinates.table)
         self._last_hessian = (vector.copy(), hessian)
         return hessian
+
+    def prior_information(self, vector: FloatArray) -> FloatArray:
+        """(d, d) minus the second derivatives of the log prior."""
+        parameters, belief = self.coordinates.parameters(vector), self.coordinates.belief
+        blocks = self.posterior.prior.hessian(self.posterior.problem.mdp.transitions, parameters)
+        jacobian = belief.jacobian(parameters) @ self.coordinates.table
+        return np.asarray(-jacobian.T @ blocks @ jacobian) / self.divisor
 
     def _found(self, vector: FloatArray) -> tuple[Parameters, PosteriorValue]:
         """What was found at a vector; the last is kept."""

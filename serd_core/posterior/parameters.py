@@ -52,13 +52,8 @@ class Parameters:
 
     def block(self, name: Block) -> FloatArray:
         """The block of that name."""
-        blocks = {
-            Block.REWARD: self.reward,
-            Block.BELIEF: self.belief,
-            Block.TRUTH: self.truth,
-            Block.POLICY: self.policy,
-        }
-        return blocks[name]
+        values: FloatArray = getattr(self, name.value)
+        return values
 
     def with_block(self, name: Block, values: FloatArray) -> "Parameters":
         """A copy with one block exchanged."""
@@ -66,7 +61,7 @@ class Parameters:
 
     def zeros(self) -> "Parameters":
         """Blocks of the same lengths filled with zeros."""
-        return self.with_vector(np.zeros(len(self.vector)))
+        return Parameters(*(np.zeros(len(self.block(name))) for name in Block))
 
     def __add__(self, other: "Parameters") -> "Parameters":
-        return self.with_vector(self.vector + other.vector)
+        return Parameters(*(self.block(name) + other.block(name) for name in Block))

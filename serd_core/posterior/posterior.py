@@ -6,6 +6,7 @@ Where several outcomes land in s', their probabilities add up; the likelihood se
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -73,6 +74,10 @@ class PosteriorValue:
         return self.policy_log_likelihood + self.dynamics_log_likelihood + self.log_prior
 
 
+#: Offset of a feature, in ranges, from which rounding of the rewards would drown the differences.
+LARGEST_OFFSET = 1e3
+
+
 @dataclass(frozen=True, eq=False)
 class Posterior:
     """J of one problem, one set of demonstrations and one policy model."""
@@ -83,6 +88,15 @@ class Posterior:
     prior: Prior
     solver: BellmanSolver = field(default_factory=Newton)
     linear_solver: LinearSolver = field(default_factory=Automatic)
+
+    @cached_property
+    def features(self) -> FloatArray:
+        """(S, A, F) of the problem, less a large constant, which changes no policy."""
+        features = self.problem.features
+        given = features[self.problem.mdp.available]
+        middle, spread = given.mean(axis=0), np.ptp(given, axis=0)
+        large = (spread > 0) & (np.abs(middle) > LARGEST_OFFSET * spread)
+        return np.asarray(features - np.where(large, middle, 0.0)) if large.any() else features
 
     def evaluate(
         self, parameters: Parameters, initial_value: FloatArray | None = None
@@ -97,7 +111,7 @@ class Posterior:
         dynamics_value, by_truth = self._dynamics(parameters.truth, true)
         log_prior = self.prior.evaluate(self._model, parameters)
         gradient = Parameters(
-            reward=np.tensordot(gradients.reward_gradient, self.problem.features, axes=2),
+            reward=np.tensordot(gradients.reward_gradient, self.features, axes=2),
             belief=self._by_dynamics(parameters.belief, gradients.entry_gradient),
             truth=by_truth,
             policy=self.policy_model.parameter_gradient(
@@ -117,7 +131,7 @@ class Posterior:
         self, parameters: Parameters, believed: Transitions, initial_value: FloatArray | None
     ) -> BellmanSolution:
         """Line 5 of Algorithm 1: the Bellman equation under the believed transitions."""
-        rewards = self.problem.features @ parameters.reward
+        rewards = self.features @ parameters.reward
         bellman = BellmanProblem(self.policy_model.equation, rewards, believed, self.problem.mdp)
         return self.solver.solve(bellman, initial_value)
 

@@ -8,18 +8,12 @@ Symmetric, of the M-estimator's pseudo-count c:
 Over probabilities a Dirichlet density has the exponents c - 1. Over energies it has c, as the
 volume element adds prod_k P(k): so its maximum under observed transitions is the M-estimate, which
 is the posterior mean where no wall hides outcomes (MacKay, Machine Learning 33, 1998).
-
-Around the truth, for what an expert believes, with concentration kappa:
-
-    P_TE,m ~ Dirichlet(kappa P_T,m)
-
-Its mode over energies is the truth. A high concentration is a tied belief, a low one a free belief.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaln, polygamma, psi
+from scipy.special import gammaln
 
 from serd_core.arrays import FloatArray, floored
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -37,7 +31,11 @@ class DirichletPrior(Prior):
     block: Block = Block.TRUTH
 
     def __post_init__(self) -> None:
-        _require_positive("pseudo_count of DirichletPrior", self.pseudo_count)
+        if not (np.isfinite(self.pseudo_count) and self.pseudo_count > 0):
+            raise SerdError(
+                "pseudo_count of DirichletPrior must be finite and above 0, got"
+                f" {self.pseudo_count}; use for example 1"
+            )
         if self.block not in (Block.BELIEF, Block.TRUTH):
             raise SerdError(
                 f"block of DirichletPrior must be BELIEF or TRUTH, got {self.block.name}"
@@ -74,82 +72,6 @@ class DirichletPrior(Prior):
         log_beta = size * gammaln(count) - gammaln(size * count)
         return models.n_models * (log_volume(models) - float(log_beta))
 
-    def pseudo_observations(
-        self, model: TransitionModel, parameters: Parameters, block: Block
-    ) -> FloatArray:
-        """K c of the models of the block."""
-        del parameters
-        models = require_outcome_models(model, "DirichletPrior")
-        count = self.pseudo_count * models.n_outcomes
-        return np.full(models.n_models, count if block is self.block else 0.0)
-
-
-@dataclass(frozen=True)
-class DirichletAroundTruth(Prior):
-    """The expert's belief, drawn around the true dynamics with a concentration."""
-
-    concentration: float
-
-    def __post_init__(self) -> None:
-        _require_positive("concentration of DirichletAroundTruth", self.concentration)
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """The belief, given the truth."""
-        return (Block.BELIEF,)
-
-    def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
-        """sum_m -log B(kappa P_T) + kappa sum P_T log P_TE, and its gradient by both blocks."""
-        models = require_outcome_models(model, "DirichletAroundTruth")
-        truth, belief, counts = self._tables(models, parameters)
-        logs = np.log(belief)
-        value = np.sum(counts * logs - gammaln(counts)) + models.n_models * gammaln(
-            self.concentration
-        )
-        by_truth = models.pull_back(parameters.truth, self.concentration * (logs - psi(counts)))
-        by_belief = models.beta * self.concentration * (truth - belief)
-        gradient = parameters.zeros().with_block(Block.TRUTH, by_truth)
-        return LogPrior(float(value), gradient.with_block(Block.BELIEF, by_belief.ravel()))
-
-    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
-        """Parts of each block and the mixed one."""
-        models = require_outcome_models(model, "DirichletAroundTruth")
-        _, belief, counts = self._tables(models, parameters)
-        at_truth, at_belief = parameters.place(Block.TRUTH), parameters.place(Block.BELIEF)
-        slope = models.local_jacobian(parameters.truth)
-        bend = -(self.concentration**2) * polygamma(1, counts).ravel()
-        by_local = self.concentration * (np.log(belief) - psi(counts))
-        table = np.zeros((len(parameters.vector),) * 2)
-        table[at_truth, at_truth] = (slope.T * bend) @ slope
-        table[at_truth, at_truth] += models.local_curvature(parameters.truth, by_local)
-        scale = models.beta * self.concentration
-        table[at_belief, at_belief] = -scale * models.local_jacobian(parameters.belief)
-        table[at_belief, at_truth] = scale * slope
-        table[at_truth, at_belief] = scale * slope.T
-        return table
-
-    def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
-        """The volume of the coordinates; the rest depends on the truth and is in the value."""
-        del parameters
-        models = require_outcome_models(model, "DirichletAroundTruth")
-        return models.n_models * log_volume(models)
-
-    def pseudo_observations(
-        self, model: TransitionModel, parameters: Parameters, block: Block
-    ) -> FloatArray:
-        """kappa of the models of the belief."""
-        del parameters
-        models = require_outcome_models(model, "DirichletAroundTruth")
-        return np.full(models.n_models, self.concentration if block is Block.BELIEF else 0.0)
-
-    def _tables(
-        self, models: OutcomeModels, parameters: Parameters
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(M, K) truth, belief, and kappa times the truth."""
-        truth = floored(models.local_probabilities(parameters.truth))
-        belief = floored(models.local_probabilities(parameters.belief))
-        return truth, belief, self.concentration * truth
-
 
 def log_volume(models: OutcomeModels) -> float:
     """log |d(log-ratios of one model's probabilities) / d(coordinates of its energies)|.
@@ -170,8 +92,3 @@ def require_outcome_models(model: TransitionModel, name: str) -> OutcomeModels:
             " or belief=FixedBelief() where dynamics are not learned"
         )
     return model
-
-
-def _require_positive(name: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise SerdError(f"{name} must be finite and above 0, got {value}; use for example 1")

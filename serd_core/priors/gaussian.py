@@ -1,4 +1,12 @@
-"""Gaussian prior on any block (section 4.6.2): log P = -sum (theta - mean)^2 / (2 sd^2) - Z."""
+"""Gaussian priors: on any block (section 4.6.2), and on what an expert believes, around the truth.
+
+    log P(theta) = -sum (theta - mean)^2 / (2 sd^2) - Z
+    log P(theta_TE | theta_T) = -beta^2 |theta_TE - theta_T|^2 / (2 sd^2) - Z
+
+The second is over energies without gauge, so outcome distributions are logistic-normal (Aitchison
+and Shen, Biometrika 67, 1980). Its Z does not depend on the truth, which a Dirichlet distribution
+around the truth would draw to even probabilities.
+"""
 
 from dataclasses import dataclass
 
@@ -8,6 +16,7 @@ from serd_core.arrays import FloatArray
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
+from serd_core.priors.dirichlet import require_outcome_models
 from serd_core.priors.prior import LogPrior, Prior
 
 
@@ -23,12 +32,7 @@ class GaussianPrior(Prior):
     mean: float = 0.0
 
     def __post_init__(self) -> None:
-        given = np.atleast_1d(self.standard_deviation)
-        wrong = given[~(np.isfinite(given) & (given > 0))]
-        if wrong.size:
-            raise SerdError(
-                f"standard_deviation of GaussianPrior must be finite and above 0, got {wrong[0]}"
-            )
+        _require_deviations("GaussianPrior", self.standard_deviation)
         if not np.isfinite(self.mean):
             raise SerdError(f"mean of GaussianPrior must be finite, got {self.mean}")
 
@@ -71,3 +75,61 @@ class GaussianPrior(Prior):
                 f" per parameter of the block {self.block.value}, got {len(given)}"
             )
         return np.broadcast_to(given, theta.shape)
+
+
+@dataclass(frozen=True)
+class GaussianAroundTruth(Prior):
+    """The expert's belief, whose log odds deviate from the truth's by that standard deviation."""
+
+    standard_deviation: float
+
+    def __post_init__(self) -> None:
+        _require_deviations("GaussianAroundTruth", self.standard_deviation)
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The belief, given the truth."""
+        return (Block.BELIEF,)
+
+    def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
+        """Value, and gradient by both blocks."""
+        away = parameters.belief - parameters.truth
+        pull = self._precision(model) @ away
+        gradient = parameters.zeros().with_block(Block.TRUTH, pull)
+        return LogPrior(-0.5 * float(away @ pull), gradient.with_block(Block.BELIEF, -pull))
+
+    def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
+        """Parts of each block and the mixed one."""
+        precision = self._precision(model)
+        at_truth, at_belief = parameters.place(Block.TRUTH), parameters.place(Block.BELIEF)
+        table = np.zeros((len(parameters.vector),) * 2)
+        table[at_truth, at_truth] = table[at_belief, at_belief] = -precision
+        table[at_truth, at_belief] = table[at_belief, at_truth] = precision
+        return table
+
+    def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
+        """That of normal distributions of all energies without gauge."""
+        del parameters
+        models = require_outcome_models(model, "GaussianAroundTruth")
+        width = self.standard_deviation / models.beta
+        size = models.n_models * (models.n_outcomes - 1)
+        return -size * float(np.log(width) + 0.5 * np.log(2.0 * np.pi))
+
+    def _precision(self, model: TransitionModel) -> FloatArray:
+        """(N, N) of energies, 0 along the gauge."""
+        models = require_outcome_models(model, "GaussianAroundTruth")
+        size = models.n_outcomes
+        centred = np.eye(size) - 1.0 / size
+        scale = (models.beta / self.standard_deviation) ** 2
+        return np.asarray(scale * np.kron(np.eye(models.n_models), centred))
+
+
+def _require_deviations(name: str, given: float | tuple[float, ...]) -> None:
+    """SerdError unless all are finite and above 0."""
+    values = np.atleast_1d(given)
+    wrong = values[~(np.isfinite(values) & (values > 0))]
+    if wrong.size:
+        raise SerdError(
+            f"standard_deviation of {name} must be finite and above 0, got {wrong[0]}; use for"
+            " example 1"
+        )

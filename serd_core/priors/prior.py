@@ -47,13 +47,6 @@ class Prior(ABC):
         del model, parameters
         raise SerdError(self._improper)
 
-    def pseudo_observations(
-        self, model: TransitionModel, parameters: Parameters, block: Block
-    ) -> FloatArray:
-        """(M,) how many observations of each outcome model of a block the prior is worth."""
-        del model, parameters, block
-        return np.zeros(1)
-
     @property
     def _improper(self) -> str:
         return (
@@ -121,13 +114,6 @@ class SumOfPriors(Prior):
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
         """Sum of the terms' constants."""
         return sum(term.log_constant(model, parameters) for term in self.terms)
-
-    def pseudo_observations(
-        self, model: TransitionModel, parameters: Parameters, block: Block
-    ) -> FloatArray:
-        """Sum of the terms'."""
-        counts = [term.pseudo_observations(model, parameters, block) for term in self.terms]
-        return np.asarray(sum(counts, np.zeros(1)))
 
     def anchored(self, initial_local_probabilities: FloatArray) -> "Prior":
         """Anchor every term."""

@@ -139,7 +139,7 @@ def curvature_parts(
     data = mdp.policy_pattern.system_data(at.solution.policy, believed.entries, mdp.discount)
     local_jacobian = mdp.transitions.local_jacobian(parameters.belief)
     found = sensitivities(
-        posterior.problem.features,
+        posterior.features,
         mdp.discount,
         believed,
         at.solution,
@@ -161,9 +161,11 @@ def _add_policy_part(
     policy = np.exp(model.log_probabilities(parameters.policy, at.solution.q))
     temperature = model.temperature(parameters.policy)
     inner = dynamics_terms(parts, parameters.belief, n_features)
-    inner -= covariance_sum(policy, by_q, counts.sum(axis=1)) / temperature**2
+    weights = -counts.sum(axis=1) / temperature**2
     if model.equation.curved:
-        inner += covariance_sum(at.solution.policy, by_q, parts.adjoint.state_gradient)
+        # Experts of a soft equation choose by the policy of its solution.
+        weights += parts.adjoint.state_gradient
+    inner += covariance_sum(policy, by_q, weights)
     # Reward and belief are the first two blocks of the row.
     size = len(inner)
     table[:size, :size] += inner

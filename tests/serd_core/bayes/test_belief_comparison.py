@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from serd_core.bayes import evidence_fit
 from serd_core.bayes.belief_comparison import compare_beliefs
 from serd_core.bayes.draws import posterior_policy
 from serd_core.demonstrations.simulation import sample_decisions
@@ -44,12 +45,14 @@ def random_world(seed: int, n_episodes: int, *, wrong: bool):
 def test_the_evidence_finds_whether_the_belief_is_the_truth(seed, wrong):
     problem, decisions, _ = random_world(seed, 40, wrong=wrong)
     found = compare_beliefs(problem, decisions)
-    assert found.relations[0] == (FreeBelief() if wrong else TiedBelief())
-    assert found.decided
-    named = "independent of the truth" if wrong else "equal to the truth"
-    assert found.sentence().startswith(f"The expert's belief is {named} (probability ")
+    shares = dict(zip(found.relations, found.probabilities, strict=True))
+    assert shares[TiedBelief()] < 0.05 if wrong else shares[TiedBelief()] > 0.5
     assert "Bayes factor" in found.sentence()
-    assert len(found.draws(np.random.default_rng(0), 10).coordinates[0])
+    named = "independent of the truth" if wrong else "equal to the truth"
+    only = compare_beliefs(problem, decisions, (TiedBelief(), FreeBelief()))
+    assert only.decided
+    assert only.sentence().startswith(f"The expert's belief is {named} (probability ")
+    assert len(only.draws(np.random.default_rng(0), 10)) == 10
 
 
 def test_what_is_undecided_is_averaged():
@@ -57,7 +60,10 @@ def test_what_is_undecided_is_averaged():
     found = compare_beliefs(problem, decisions.select(np.arange(2)))
     assert not found.decided
     assert found.sentence().startswith("Undecided: the expert's belief is ")
-    draws = found.draws(np.random.default_rng(0), 20)
+    draws = found.draws(np.random.default_rng(0), 21)
+    assert len(draws) == 21
+    with pytest.raises(SerdError, match="n must be at least 2, got 1"):
+        found.draws(np.random.default_rng(0), 1)
     policy = posterior_policy(problem, draws)
     np.testing.assert_allclose(policy.sum(axis=1), 1.0)
 
@@ -75,3 +81,10 @@ def test_bad_comparisons_are_rejected():
         compare_beliefs(problem, decisions, (TiedBelief(), TiedBelief()))
     with pytest.raises(SerdError, match="FixedBelief can be compared for known dynamics only"):
         compare_beliefs(problem, decisions, (TiedBelief(), FixedBelief()))
+
+
+def test_a_relation_without_a_maximum_is_named(monkeypatch):
+    problem, decisions, _ = random_world(0, 2, wrong=False)
+    monkeypatch.setattr(evidence_fit, "MAX_NEWTON_STEPS", 0)
+    with pytest.raises(SerdError, match=r"a belief equal to the truth \(not converged"):
+        compare_beliefs(problem, decisions)

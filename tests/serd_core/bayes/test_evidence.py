@@ -6,11 +6,12 @@ import scipy.integrate
 import scipy.special
 
 from serd_core.bayes.draws import credible_intervals, laplace_draws, posterior_policy
-from serd_core.bayes.laplace import laplace, laplace_at
+from serd_core.bayes.laplace import laplace, laplace_at, log_posterior_of
 from serd_core.bayes.strengths import PriorByEvidence, strengths_of
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.errors import SerdError
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
@@ -68,6 +69,100 @@ def test_the_evidence_agrees_with_numerical_integration():
     by_reward = np.log(scipy.integrate.quad(choices, -40, 40)[0])
     outcomes = scipy.special.betaln(8 + 0.7, 5 + 0.7) - scipy.special.betaln(0.7, 0.7)
     assert found.log_evidence == pytest.approx(by_reward + outcomes, abs=0.03)
+
+
+@pytest.mark.parametrize("same_successor", [False, True])
+def test_the_evidence_of_dynamics_that_choices_inform_is_close_to_the_integral(same_successor):
+    """Two states, one action of which leads by a model of two outcomes to the rewarded state."""
+    successors = np.array([[[0, 1], [0, 0]], [[1, 0], [1, 1]]])
+    if same_successor:
+        successors[1, 0] = 0
+    models = OutcomeModels(successors, [[0, 1], [0, 1]], np.ones((2, 2), bool), 2)
+    features = np.array([[[0.0], [0.3]], [[1.0], [1.0]]])
+    problem = TabularProblem(Mdp(models, 0.8), features, ("there",))
+    state, action = np.repeat([0, 0, 1, 1], [7, 3, 2, 4]), np.repeat([0, 1, 0, 1], [7, 3, 2, 4])
+    following = np.where(action == 1, state, 0)
+    following[:5] = 1
+    decisions = Decisions(np.arange(16), np.zeros(16), state, action, following)
+    fit = fit_mdce_serd(problem, decisions, initial_weights=np.ones(1), prior=PROPER)
+    found = laplace(problem, decisions, fit)
+    objective = log_posterior_of(problem, decisions, fit)
+    constant = found.coordinates.log_volume + objective.posterior.prior.log_constant(
+        models, fit.parameters
+    )
+    steps = np.linspace(-7.0, 7.0, 15)
+    # One cell of the grid has the volume det(root) spacing^3.
+    grid = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
+    values = [objective.evaluate(found.mode + found.root @ z)[0] for z in grid]
+    volume = np.linalg.slogdet(found.root)[1] + 3.0 * np.log(steps[1] - steps[0])
+    exact = scipy.special.logsumexp(values) + volume + constant
+    assert found.log_evidence == pytest.approx(exact, abs=0.15)
+
+
+def test_no_direction_is_wider_than_under_the_prior(gridworld):
+    """Where a maximum is about to vanish, its information would be 0 and its evidence infinite."""
+    few = gridworld.decisions.select(np.arange(6))
+    fit = fit_mdce_serd(gridworld.problem, few, belief=FreeBelief())
+    assert fit.converged
+    found, objective = (of(gridworld.problem, few, fit) for of in (laplace, log_posterior_of))
+    widths = found.root.T @ objective.prior_information(found.mode) @ found.root
+    assert np.linalg.eigvalsh(widths)[-1] <= 1.0 + 1e-9
+
+
+def test_a_belief_around_the_truth_does_not_bias_it():
+    """Choices that depend on no dynamics leave the truth where counts have it, and the belief."""
+    problem, decisions = one_state_choices(9, 4)
+    fit = fit_mdce_serd(
+        problem,
+        decisions,
+        initial_weights=np.zeros(1),
+        belief=BeliefAroundTruth(0.8),
+        prior=PROPER,
+    )
+    counted = np.array([[8 + 0.7, 5 + 0.7]]) / (13 + 1.4)
+    np.testing.assert_allclose(fit.outcome_probabilities, counted, atol=1e-6)
+    np.testing.assert_allclose(fit.believed_outcome_probabilities, counted, atol=1e-6)
+    alone = fit_mdce_serd(problem, decisions, initial_weights=np.zeros(1), prior=PROPER)
+    evidences = [laplace(problem, decisions, each).log_evidence for each in (fit, alone)]
+    assert evidences[0] == pytest.approx(evidences[1], abs=1e-6)
+
+
+def test_a_belief_around_the_truth_needs_its_deviation_where_the_prior_is_given(gridworld):
+    with pytest.raises(SerdError, match="deviation of BeliefAroundTruth must be a number"):
+        fit_mdce_serd(
+            gridworld.problem,
+            gridworld.decisions,
+            initial_weights=np.zeros(2),
+            belief=BeliefAroundTruth(),
+            prior=PROPER,
+        )
+
+
+def test_a_large_constant_in_a_feature_does_not_matter(gridworld):
+    given = gridworld.problem
+    other = TabularProblem(given.mdp, given.features + np.array([1e6, 0.0]), given.feature_names)
+    fit, same = (
+        fit_mdce_serd(problem, gridworld.decisions, prior=PriorByEvidence(3.0, 1.0))
+        for problem in (given, other)
+    )
+    assert same.converged
+    np.testing.assert_allclose(same.reward_weights, fit.reward_weights, rtol=1e-5)
+
+
+def test_dynamics_without_outcome_models_are_rejected_before_the_fit():
+    model = SparseModel(
+        n_pairs=(1, 1),
+        state=[0],
+        action=[0],
+        next_state=[0],
+        parameter_count=1,
+        probabilities=lambda _: np.ones(1),
+        vector_jacobian=lambda *_: np.zeros(1),
+    )
+    problem = TabularProblem(Mdp(model, 0.5), np.ones((1, 1, 1)), ("one",))
+    decisions = Decisions(np.zeros(1, int), np.zeros(1), *np.zeros((3, 1), int))
+    with pytest.raises(SerdError, match="PriorByEvidence is a prior of OutcomeModels, got Sparse"):
+        fit_mdce_serd(problem, decisions, dynamics=np.zeros(1))
 
 
 def test_counted_transitions_have_their_exact_evidence(random_problem):

@@ -1,0 +1,93 @@
+"""Whether the evidence finds that an expert's belief is not the truth, and what its choice costs.
+
+    python -m benchmarks belief_choice
+    python -m benchmarks.learning.belief_choice --worlds 20
+
+It goes on where it was stopped. In fresh worlds, whose experts know the dynamics or believe others:
+the share in which tied is not the most probable relation, that in which another is decided on, and
+the regret: the log-likelihood per decision of the expert's policy, of the better of tied and free
+less that of the choice. Policies are averaged over the posterior, the choice over both relations
+where it is undecided.
+"""
+
+import argparse
+from typing import Any
+
+import numpy as np
+
+from benchmarks.learning.fresh_worlds import FAMILIES
+from benchmarks.report import measured_rows, save
+from serd_core.bayes.belief_comparison import compare_beliefs
+from serd_core.bayes.draws import laplace_draws, posterior_policy
+from serd_core.posterior.beliefs import FreeBelief, TiedBelief
+
+SIZES = (25, 6)
+EXPERTS = {"knows": False, "believes others": True}
+N_WORLDS = 100
+#: First of the seeds; those of development have others.
+SEED = 2026
+
+
+def run(n_worlds: int = N_WORLDS) -> None:
+    """Measure the worlds that are missing, then write the table."""
+    cases = [
+        {"family": family, "expert": expert, "demonstrations": size, "world": number}
+        for size in SIZES
+        for number in range(n_worlds)
+        for family in FAMILIES
+        for expert in EXPERTS
+    ]
+    rows = measured_rows("belief_choice", cases, measure)
+    save("belief_choice", "Belief or truth, chosen by evidence", summary(rows))
+
+
+def measure(
+    family: str, expert: str, demonstrations: int, world: int, seed: int = SEED
+) -> dict[str, Any]:
+    """Probability of each relation, and log-likelihoods of tied, free and the choice."""
+    place = (sorted(FAMILIES).index(family), list(EXPERTS).index(expert))
+    rng = np.random.default_rng([seed, *place, demonstrations, world])
+    fresh = FAMILIES[family](rng, wrong_belief=EXPERTS[expert])
+    found = compare_beliefs(fresh.problem, fresh.demonstrations(demonstrations, rng))
+    draws = dict(zip(found.relations, found.approximations, strict=True))
+    policies = {
+        "tied": laplace_draws(draws[TiedBelief()], np.random.default_rng(0)),
+        "free": laplace_draws(draws[FreeBelief()], np.random.default_rng(0)),
+        "chosen": found.draws(np.random.default_rng(0)),
+    }
+    shares = zip(found.relations, found.probabilities.tolist(), strict=True)
+    return {type(relation).__name__: share for relation, share in shares} | {
+        name: fresh.log_likelihood(fresh.problem, posterior_policy(fresh.problem, each))
+        for name, each in policies.items()
+    }
+
+
+def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One row per family, expert and size."""
+    table = []
+    for family in FAMILIES:
+        for expert in EXPERTS:
+            for size in SIZES:
+                case = {"family": family, "expert": expert, "demonstrations": size}
+                here = [row for row in rows if row | case == row]
+                tied = np.array([row[TiedBelief.__name__] for row in here])
+                regret = [max(row["tied"], row["free"]) - row["chosen"] for row in here]
+                gain = [row["chosen"] - row["tied"] for row in here]
+                table.append(
+                    case
+                    | {
+                        "worlds": len(here),
+                        "not tied": float(np.mean(tied < 0.5)),
+                        "decided not tied": float(np.mean(tied < 0.05)),
+                        "undecided": float(np.mean((tied >= 0.05) & (tied <= 0.95))),
+                        "mean regret": float(np.mean(regret)),
+                        "better than tied by": float(np.mean(gain)),
+                    }
+                )
+    return table
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--worlds", type=int, default=N_WORLDS, help="worlds per size and family")
+    run(parser.parse_args().worlds)
