@@ -9,7 +9,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # The libraries read the variable when they load.
-from benchmarks import bags_throughput, speed_figure
+from benchmarks import bags_throughput, receipt_times, speed_figure
 from benchmarks.driving import closed_loop, crowd_peers, lockstep
 from benchmarks.faults import kill_matrix
 from benchmarks.learning import belief_choice, calibration, gradient, growth, peers, scarce_data
@@ -26,6 +26,7 @@ BENCHMARKS = {
     "kill_matrix": kill_matrix.run,
     "learning_peers": peers.run,
     "lockstep": lockstep.run,
+    "receipt_times": receipt_times.run,
     "sources": sources.run,
     "scarce_data": scarce_data.run,
     "speed_figure": speed_figure.run,
