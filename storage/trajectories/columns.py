@@ -23,7 +23,7 @@ _NAMES = {
     "frame": "frame frame_id frame_number frame_num frame_no frame_nr frameid framenumber fr"
     " frameno",
     "time": "t time timestamp stamp sec secs second seconds timestep datetime date_time simtime"
-    " sim_time rosbagtimestamp time_stamp elapsed __time",
+    " sim_time rosbagtimestamp time_stamp elapsed __time zeit",
     "agent": "id ped ped_id pedid pedestrian pedestrian_id person person_id personid agent agent_id"
     " agentid track track_id trackid tid object object_id obj_id objectid vehicle vehicle_id uid"
     " pid persid pers_id ped_nr person_nr tr_id traj_id trajectory_id name robot robot_id user"

@@ -242,6 +242,14 @@ def test_one_agent_without_ids_is_one(tmp_path, kind):
     assert len(read_trajectories(path).tracks) == 1
 
 
+def test_a_table_in_german_is_read(tmp_path):
+    path = tmp_path / "tabelle.csv"
+    path.write_text("Zeit;Person;X-Position;Y-Position\n0,0;A;1,5;2,0\n0,5;A;2,25;2,0\n")
+    (track,) = read_trajectories(path).tracks
+    assert (track.agent, track.time_s.tolist()) == ("A", [0.0, 0.5])
+    assert track.position_m.tolist() == [[1.5, 2.0], [2.25, 2.0]]
+
+
 def test_dates_without_other_numbers_than_places_are_read(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text("t,x,y\n2024-01-01T00:00:00,1,1\n2024-01-01T00:00:02,2,1\n")
