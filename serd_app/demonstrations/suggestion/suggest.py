@@ -92,6 +92,7 @@ def suggest_mapping(bag: Path) -> Suggestion:
             f"bag {bag} must hold poses of a robot that moves, as Odometry, PoseStamped or /tf;"
             f" it holds {_listed(reader.topics.values())}"
             + (f"; {'; '.join(rejected)}" if rejected else "")
+            + "; pose_topic with pose_fields or robot_frame in a --mapping file name another pose"
         )
     ranked = tuple(f"pose on {each.topic.name}: {each.way}" for each in poses)
     comments = {"": (*ranked, *(f"left out: {line}" for line in rejected), ASSUMED_UNITS)}
