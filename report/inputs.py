@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from report.errors import ReportError
+from serd_app.learning.knowledge import Knowledge
 from serd_core.arrays import FloatArray, first_index, float_array, require_index
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import Decisions
@@ -154,7 +155,8 @@ class ReportInputs:
     """One run of the loop: demonstrations, what was learned from them, and how it then drove.
 
     demonstration_tracks_m: (T, 2) recorded x, y of each demonstration, may be empty.
-    policy: the one that drove; predicted: its arrival, up to `timeout_s`.
+    policy: the one that drove; predicted: its arrival, up to `timeout_s`. knowledge: None where the
+    fit has no posterior.
     """
 
     title: str
@@ -170,6 +172,7 @@ class ReportInputs:
     snapshot: CrowdSnapshot
     run: RunFacts
     files: tuple[FileLink, ...] = ()
+    knowledge: Knowledge | None = None
 
     def __post_init__(self) -> None:
         if not self.episodes:

@@ -37,6 +37,7 @@ def render_page(
         outcome_labels=OUTCOME_LABELS,
         episodes=inputs.episodes,
         run=inputs.run,
+        knowledge=inputs.knowledge,
         links=links,
     )
 

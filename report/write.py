@@ -21,7 +21,7 @@ from report.figures.charts import (
 )
 from report.figures.hallway import draw_hallway
 from report.figures.map_axes import layout_of
-from report.figures.maps import draw_features, draw_policy_map, draw_visitation
+from report.figures.maps import draw_features, draw_gain, draw_policy_map, draw_visitation
 from report.inputs import FileLink, ReportInputs
 from report.page import render_page
 from report.style import png_bytes, svg_bytes
@@ -140,7 +140,9 @@ def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
     layout, problem = layout_of(inputs.scenario), inputs.problem
     grid = problem.grid
     visits = state_counts(inputs.demonstrations, grid.n_states)
-    return {
+    known = inputs.knowledge
+    gain = {} if known is None else {"gain": draw_gain(layout, grid, known.gain_nats)}
+    return gain | {
         "hallway": draw_hallway(layout, inputs.snapshot),
         "visitation": draw_visitation(layout, grid, visits, inputs.demonstration_tracks_m),
         "policy": draw_policy_map(
@@ -174,6 +176,7 @@ def _chart_figures(inputs: ReportInputs) -> dict[str, Figure]:
             fit.initial_outcome_probabilities,
             fit.outcome_probabilities,
             decisions_per_model(inputs.problem, inputs.demonstrations),
+            inputs.knowledge,
         ),
         "progress": draw_progress(fit.objective_trace, converged=fit.converged),
     }

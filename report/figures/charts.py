@@ -1,5 +1,7 @@
 """Charts of the fit: reward weights, outcome models, and the objective after each step."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -8,7 +10,9 @@ from matplotlib.ticker import MaxNLocator
 from report import style
 from report.errors import ReportError
 from report.style import in_words, new_figure
+from serd_app.learning.knowledge import MASS, Knowledge, OutcomeRow
 from serd_core.arrays import FloatArray, IntArray, float_array
+from serd_core.bayes.information import PRIOR_ONLY
 from serd_core.grid.grid import Outcome
 from storage.quantities import counted
 
@@ -52,8 +56,12 @@ def draw_outcomes(
     initial: FloatArray,
     learned: FloatArray,
     decisions_per_model: IntArray,
+    knowledge: Knowledge | None = None,
 ) -> Figure:
-    """One panel per model: probability of each outcome, initial (M, K) and learned (M, K)."""
+    """One panel per model: probability of each outcome, initial (M, K) and learned (M, K).
+
+    knowledge: the posterior, whose intervals and sources are drawn; None for none.
+    """
     shape = (len(model_names), len(OUTCOME_LABELS))
     before = float_array("initial outcome probabilities", initial, shape)
     after = float_array("learned outcome probabilities", learned, shape)
@@ -61,16 +69,50 @@ def draw_outcomes(
         figure = new_figure(2.35 * len(model_names), 2.9)
         panels = figure.subplots(1, len(model_names), sharey=True, squeeze=False)[0]
         for i, axes in enumerate(panels):
-            _draw_model(axes, before[i], after[i])
+            rows = () if knowledge is None else knowledge.by_model[model_names[i]]
+            tops = [row.upper for row in rows] or after[i]
+            _draw_model(axes, before[i], after[i], tops, only_prior=_only_prior(rows))
             decided = counted(int(decisions_per_model[i]), "decision")
-            axes.set_title(in_words(model_names[i]), loc="left", pad=16, parse_math=False)
+            if rows:
+                _draw_intervals(axes, rows)
+                decided += f"\nknown from: {rows[0].known_from}"
+            pad = 28 if rows else 16
+            axes.set_title(in_words(model_names[i]), loc="left", pad=pad, parse_math=False)
             axes.text(0, 1.02, decided, transform=axes.transAxes, fontsize=8, color=style.MUTED)
         panels[0].set_ylabel("probability")
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
 
-def _draw_model(axes: Axes, initial: FloatArray, learned: FloatArray) -> None:
+def _only_prior(rows: Sequence[OutcomeRow]) -> bool:
+    return bool(rows) and rows[0].known_from == PRIOR_ONLY
+
+
+def _draw_intervals(axes: Axes, rows: Sequence[OutcomeRow]) -> None:
+    """Median and interval of each outcome over its bar."""
+    low, middle, high = np.array([(row.lower, row.median, row.upper) for row in rows]).T
+    axes.errorbar(
+        np.arange(len(rows)) + _BAR_WIDTH / 2,
+        middle,
+        yerr=[middle - low, high - middle],
+        fmt="_",
+        color=style.INK,
+        markersize=7,
+        elinewidth=1.0,
+        capsize=2.5,
+        label=f"posterior: median, {MASS:.0%} interval".replace("%", " %"),
+    )
+
+
+def _draw_model(
+    axes: Axes,
+    initial: FloatArray,
+    learned: FloatArray,
+    tops: Sequence[float] | FloatArray,
+    *,
+    only_prior: bool,
+) -> None:
+    """tops: (K,) what the numbers stand above, the bars at least."""
     places = np.arange(len(OUTCOME_LABELS))
     axes.bar(
         places - _BAR_WIDTH / 2,
@@ -82,14 +124,23 @@ def _draw_model(axes: Axes, initial: FloatArray, learned: FloatArray) -> None:
         linewidth=0,
         label="initial (M-estimate)",
     )
-    bars = axes.bar(
+    axes.bar(
         places + _BAR_WIDTH / 2,
         learned,
         _BAR_WIDTH,
         color=style.LEARNED_COLOUR,
+        alpha=0.3 if only_prior else 1.0,
         label="learned (SERD)",
     )
-    axes.bar_label(bars, labels=[f"{p:.2f}".lstrip("0") for p in learned], fontsize=7, padding=1)
+    for place, probability, top in zip(places, learned, tops, strict=True):
+        axes.annotate(
+            f"{probability:.2f}".lstrip("0"),
+            (place + _BAR_WIDTH / 2, max(probability, top)),
+            xytext=(0, 1.5),
+            textcoords="offset points",
+            ha="center",
+            fontsize=7,
+        )
     axes.set_xticks(places, OUTCOME_LABELS, fontsize=8)
     axes.set_ylim(0, 1.08)
     axes.set_yticks([0, 0.25, 0.5, 0.75, 1.0])

@@ -54,6 +54,29 @@ def draw_visitation(
     return figure
 
 
+def draw_gain(layout: HallwayLayout | None, grid: Grid, gain_nats: FloatArray) -> Figure:
+    """What a demonstration from each cell (S,) is expected to add, the best start marked."""
+    gain = float_array("gain_nats", gain_nats, (grid.n_states,))
+    with style.report_style():
+        figure, axes = place_figure(grid, layout)
+        cells = draw_cells(axes, grid, gain, Normalize(0, max(gain.max(), 1e-9)), style.VISITS_MAP)
+        if layout is not None:
+            draw_areas(axes, layout, filled=False)
+        axes.plot(
+            *grid.centers_m[int(gain.argmax())],
+            "*",
+            color=style.BLUE,
+            markeredgecolor="white",
+            markersize=13,
+            zorder=5,
+        )
+        if layout is None:
+            axes.autoscale_view()
+        colour_bar_below(figure, axes, cells, "expected information in nats")
+        axes.set_title("a demonstration from the star teaches most", loc="left")
+    return figure
+
+
 def draw_features(
     layout: HallwayLayout,
     grid: Grid,

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from serd_app.demonstrations.grid_file import save_grid
+from serd_app.learning.knowledge import Knowledge, save_knowledge
 from serd_core.grid.grid import Grid
 from serd_core.learners.fit_result import FitResult
 from storage.files import atomic_write_text
@@ -15,13 +16,15 @@ class FitOutcome:
     """A fit and the model file that keeps it.
 
     prior_weight: the weight it used, None for methods without; validation: log-likelihood per
-    validation decision of each candidate weight, empty where none was chosen.
+    validation decision of each candidate weight, empty where none was chosen. knowledge: None where
+    the fit has no posterior.
     """
 
     fit: FitResult
     model: ModelFile
     prior_weight: float | None
     validation: tuple[tuple[float, float], ...]
+    knowledge: Knowledge | None = None
 
     def trace_table(self) -> str:
         """The objective after each step of the fit to all episodes, as CSV."""
@@ -56,10 +59,14 @@ class FitOutcome:
 
 
 def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
-    """Write the model to `output`, `grid.yaml` and `learning.csv` beside it."""
+    """Write the model to `output`, and beside it grid, steps of the fit and what it knows."""
     files = outcome_files(output)
     save_grid(files["grid"], grid, outcome.model.scenario)
     atomic_write_text(files["learning"], outcome.trace_table())
+    for name in ("posterior", "gain"):
+        files[name].unlink(missing_ok=True)  # of an earlier fit
+    if outcome.knowledge is not None:
+        save_knowledge(files, outcome.knowledge)
     save_model(files["model"], outcome.model)
 
 
@@ -69,4 +76,6 @@ def outcome_files(output: Path) -> dict[str, Path]:
         "model": output,
         "grid": output.with_name("grid.yaml"),
         "learning": output.with_name("learning.csv"),
+        "posterior": output.with_name("posterior.csv"),
+        "gain": output.with_name("next_demonstration.csv"),
     }

@@ -7,6 +7,7 @@ import numpy as np
 from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.demonstrations.flow_table import load_flow
 from serd_app.errors import AppError
+from serd_app.learning.knowledge import knowledge_of
 from serd_app.learning.methods import (
     METHODS,
     ProgressCallback,
@@ -80,7 +81,8 @@ def learn(
         goal_entry_s=demonstrations.goal_entry_s,
         own_flow=task.own_flow,
     )
-    return FitOutcome(found.fit, model, found.prior_weight, found.validation)
+    known = knowledge_of(problem, decisions, found.fit)
+    return FitOutcome(found.fit, model, found.prior_weight, found.validation, known)
 
 
 def require_enough(demonstrations: Demonstrations, settings: LearningSettings) -> None:

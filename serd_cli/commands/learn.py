@@ -1,13 +1,17 @@
 """`serd learn`: a table of decisions into a model file, without any ROS."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from report.figures.maps import draw_gain
+from report.style import png_bytes
 from serd_app.demonstrations.recorded import files_beside
 from serd_app.learning.certainty import Certainty, certainty_of
+from serd_app.learning.knowledge import knowledge_lines
 from serd_app.learning.learning_files import FlowSource, LearningFiles, read_learning_files
 from serd_app.learning.methods import FitProgress
 from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
@@ -24,7 +28,11 @@ from serd_cli.output.fit import (
 from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import WorkProgress, console, print_json
 from sim.scenario.goal import point_of
+from storage.files import atomic_write_bytes
 from storage.quantities import counted
+
+#: The map of what a demonstration from each cell is expected to add.
+NEXT_MAP = "next_demonstration.png"
 
 
 def register(app: typer.Typer) -> None:
@@ -65,7 +73,9 @@ def learn(
     serd learn decisions.csv --output model.yaml
 
     What 'serd demos' wrote beside the table must still be there. grid.yaml
-    and learning.csv are written beside the model.
+    and learning.csv are written beside the model; with a prior by evidence
+    also posterior.csv, and next_demonstration.csv and .png, the information
+    that a demonstration from each cell is expected to add.
 
     Rewards and dynamics: mdce_serd (the expert knows the dynamics), its
     variants _coupled and _free (the expert's belief differs), pm_serd
@@ -85,6 +95,10 @@ def learn(
     _require_left(files, settings.minimum_decisions)
     outcome = _fitted(files, settings)
     save_outcome(output, outcome, files.task.problem.grid)
+    if outcome.knowledge is not None:
+        map_file = output.with_name(NEXT_MAP)
+        figure = draw_gain(None, files.task.problem.grid, outcome.knowledge.gain_nats)
+        atomic_write_bytes(map_file, png_bytes(figure))
     decisions, problem = files.demonstrations.decisions, files.task.problem
     certainty = certainty_of(problem, decisions, outcome.fit)
     if as_json:
@@ -144,6 +158,10 @@ def _print(files: LearningFiles, outcome: FitOutcome, certainty: Certainty, outp
     console.print(outcomes_table(files.task.problem, outcome.fit, certainty))
     for line in (*files.remarks(), *remarks(files.task.problem, certainty)):
         console.print(line, style="yellow", soft_wrap=True, markup=False)
+    if outcome.knowledge is not None:
+        console.print("What is known of the outcomes, and from where:", style="bold")
+        for line in knowledge_lines(outcome.knowledge):
+            console.print(f"  {line}", soft_wrap=True, markup=False)
     console.print(outcome.summary(), soft_wrap=True, markup=False)
     console.print(f"model: {output.resolve()}", soft_wrap=True, markup=False)
 
@@ -156,6 +174,7 @@ def _values(
         "validation_log_likelihoods": dict(outcome.validation),
         "outcome_probabilities": outcome.fit.outcome_probabilities.tolist(),
         **certainty_values(certainty),
+        "knowledge": None if outcome.knowledge is None else asdict(outcome.knowledge),
         "scenario": files.task.scenario,
         "flow": files.flow_from,
         "goals_m": files.goals_m,

@@ -14,6 +14,8 @@ from report.page import summary_rows
 from report.summary import headline_of, summary_of
 from report.write import write_report
 from serd_app.demonstrations.decision_table import load_decisions
+from serd_app.learning.knowledge import load_knowledge
+from serd_app.learning.outcome import outcome_files
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_cli.demo.folder import DemoFolder
 from serd_cli.demo.recorded import busy_moment, read_recording
@@ -80,6 +82,7 @@ def report_inputs(
         snapshot=busy_moment(folder.bag, recording),
         run=_facts(settings, scenario, phases),
         files=_FILES,
+        knowledge=load_knowledge(outcome_files(folder.model), strategy.problem.grid),
     )
 
 

@@ -37,6 +37,7 @@ from serd_core.priors.prior import Prior, SumOfPriors
 
 #: Information below this is called none.
 LEAST_NATS = 0.05
+PRIOR_ONLY = "prior only"
 #: Draws of Laplace's approximation from which intervals are taken.
 N_DRAWS = 1000
 
@@ -64,7 +65,7 @@ class OutcomeInformation:
         """Where what is known of an outcome model comes from."""
         parts = (("counts", self.from_transitions), ("choices", self.from_choices))
         names = [name for name, nats in parts if nats[model] >= LEAST_NATS]
-        return " and ".join(names) or "prior only"
+        return " and ".join(names) or PRIOR_ONLY
 
 
 def outcome_information(

@@ -13,7 +13,9 @@ import pytest
 from report.inputs import FileLink, ReportInputs, RunFacts
 from report.summary import summary_of
 from report.write import write_report
+from serd_app.learning.knowledge import knowledge_of
 from serd_core.errors import SerdError
+from serd_core.learners.serd import fit_mdce_serd
 
 FIGURES = {
     *("hallway", "visitation", "policy", "arrival"),
@@ -177,3 +179,19 @@ def test_a_run_without_phases_seeds_or_versions_still_makes_a_page(
 ) -> None:
     bare = replace(inputs, run=RunFacts("serd report", "in process", "2026"), files=())
     assert not Page(write_report(bare, tmp_path).read_text(encoding="utf-8")).open
+
+
+def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_next(
+    inputs: ReportInputs, tmp_path: Path
+) -> None:
+    problem = inputs.problem
+    fit = fit_mdce_serd(problem, inputs.demonstrations)
+    known = knowledge_of(problem, inputs.demonstrations, fit)
+    assert known is not None
+    page = Page(write_report(replace(inputs, fit=fit, knowledge=known), tmp_path).read_text())
+    assert page.tags.count("figure") == len(FIGURES) + 1
+    assert (tmp_path / "figures" / "gain.png").stat().st_size > 1000
+    assert "Which demonstration next" in page.text
+    for row in known.outcomes[::5]:
+        assert row.known_from in page.text
+        assert f"{row.from_choices_nats:.2f}" in page.text

@@ -260,3 +260,17 @@ def test_the_prior_weight_of_a_model_is_the_best_on_validation(serd, demonstrati
     assert str(found["prior_weight"]) == max(scores, key=scores.get)
     prior = load_model(found["model"]).prior
     assert f"weight {found['prior_weight']:g} (chosen on validation episodes)" in prior
+
+
+def test_what_is_known_of_outcomes_is_printed_and_mapped(serd, demonstrations, tmp_path):
+    table = demonstrations(n_episodes=3)
+    model = tmp_path / "out" / "model.yaml"
+    model.parent.mkdir()
+    ended = serd("learn", table, "--method", "mdce_serd_evidence", "--output", model)
+    assert ended.code == 0, ended.err
+    assert "against flow: " in ended.out
+    assert "a demonstration from " in ended.out
+    for name in ("posterior.csv", "next_demonstration.csv", "next_demonstration.png"):
+        assert (model.parent / name).stat().st_size > 100
+    found = learned(serd("learn", table, "--json"))
+    assert found["knowledge"] is None

@@ -3,16 +3,19 @@
 import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.container import BarContainer
+from matplotlib.container import BarContainer, ErrorbarContainer
 from matplotlib.figure import Figure
 
 from report.figures.arrival import ArrivalCurve, draw_arrival
 from report.figures.charts import (
+    OUTCOME_LABELS,
     draw_outcomes,
     draw_progress,
     draw_weights,
 )
 from report.style import png_bytes
+from serd_app.learning.knowledge import Knowledge, OutcomeRow
+from serd_core.bayes.information import PRIOR_ONLY
 from serd_core.errors import SerdError
 from serd_core.grid.navigation import FEATURE_NAMES, MODEL_NAMES
 
@@ -48,6 +51,29 @@ def test_outcome_panels_show_initial_and_learned_probabilities_and_counts() -> N
     counts = ["455 decisions", "0 decisions", "1 decision", "13 decisions"]
     texts = [[text.get_text() for text in axes.texts] for axes in figure.axes]
     assert all(count in panel for count, panel in zip(counts, texts, strict=True))
+    assert png_bytes(figure)
+
+
+def test_the_posterior_is_drawn_with_its_sources_and_the_prior_alone_pale() -> None:
+    table = np.full((4, 5), 0.2)
+    rows = tuple(
+        OutcomeRow(model, outcome, 3.0, 0.1, 0.15 + 0.01 * m, 0.6, known, 1.0, 0.5, 0.2, "goal")
+        for m, (model, known) in enumerate(
+            zip(MODEL_NAMES, ("counts", PRIOR_ONLY, "choices", "counts and choices"), strict=True)
+        )
+        for outcome in OUTCOME_LABELS
+    )
+    counts = np.array([3, 0, 1, 1])
+    figure = draw_outcomes(MODEL_NAMES, table, table, counts, Knowledge(rows, ()))
+    for i, axes in enumerate(figure.axes):
+        (limits,) = (each for each in axes.containers if isinstance(each, ErrorbarContainer))
+        np.testing.assert_allclose(limits[0].get_ydata(), 0.15 + 0.01 * i)
+        np.testing.assert_allclose(
+            [ends[:, 1] for ends in limits[2][0].get_segments()], [[0.1, 0.6]] * 5
+        )
+        assert bars(figure, i)[1][0].get_alpha() == (0.3 if i == 1 else 1.0)
+        texts = "".join(text.get_text() for text in axes.texts)
+        assert f"known from: {rows[5 * i].known_from}" in texts
     assert png_bytes(figure)
 
 

@@ -1,0 +1,90 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from serd_app.demonstrations.demonstrations import Demonstrations
+from serd_app.learning.knowledge import knowledge_lines, knowledge_of, load_knowledge
+from serd_app.learning.outcome import outcome_files, save_outcome
+from serd_app.learning.recipe import learn, task_in
+from serd_app.learning.settings import LearningSettings
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Outcome
+from serd_core.grid.navigation import AGAINST_FLOW, MODEL_NAMES, WITH_FLOW
+from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
+from serd_core.policies.solved_policy import soft_policy
+from sim.scenario.grid import start_states_of
+from sim.scenario.scenario import load_scenario
+from tests.conftest import OUTCOMES
+
+TASK = task_in(load_scenario("hallway"), 0.99)
+PROBLEM, TRUTH = TASK.problem, np.array(list(OUTCOMES.values()))
+
+
+@pytest.fixture(scope="module")
+def demonstrations():
+    starts = np.zeros(PROBLEM.grid.n_states)
+    starts[start_states_of(load_scenario("hallway"), PROBLEM.grid, "train")] = 1.0
+    decisions = sample_decisions(
+        PROBLEM.mdp,
+        soft_policy(PROBLEM, np.array([4.0, 1.0, -0.2]), TRUTH).probabilities,
+        TRUTH,
+        starts / starts.sum(),
+        n_episodes=3,
+        n_steps=60,
+        rng=np.random.default_rng(2),
+    )
+    return Demonstrations(decisions, ())
+
+
+@pytest.fixture(scope="module")
+def outcome(demonstrations):
+    return learn(TASK, demonstrations, LearningSettings(method="mdce_serd_evidence"))
+
+
+def test_every_outcome_has_its_interval_and_every_cell_its_gain(outcome):
+    known = outcome.knowledge
+    assert [row.model for row in known.outcomes[:: len(Outcome)]] == list(MODEL_NAMES)
+    assert all(0 < row.lower < row.median < row.upper < 1 for row in known.outcomes)
+    with_flow = known.by_model[MODEL_NAMES[WITH_FLOW]]
+    against = known.by_model[MODEL_NAMES[AGAINST_FLOW]]
+    assert with_flow[0].from_transitions_nats > against[0].from_transitions_nats
+    assert "counts" in with_flow[0].known_from
+    assert known.gain_nats.shape == (PROBLEM.grid.n_states,)
+    np.testing.assert_array_equal(known.gain_nats[PROBLEM.goal_states], 0.0)
+    assert known.next_start.gain_nats == known.gain_nats.max() > 0
+
+
+def test_a_line_per_outcome_model_and_one_for_the_next_demonstration(outcome):
+    lines = list(knowledge_lines(outcome.knowledge))
+    assert [line.split(":")[0] for line in lines[:-1]] == [
+        name.replace("_", " ") for name in MODEL_NAMES
+    ]
+    assert all(" nats, choices: " in line for line in lines[:-1])
+    best = outcome.knowledge.next_start
+    assert lines[-1].startswith(f"a demonstration from {best.x_m:g},{best.y_m:g} is expected")
+
+
+def test_it_is_read_back_as_written_and_removed_with_a_later_fit(outcome, tmp_path):
+    output, grid = tmp_path / "model.yaml", PROBLEM.grid
+    save_outcome(output, outcome, grid)
+    files = outcome_files(output)
+    assert load_knowledge(files, grid) == outcome.knowledge
+    save_outcome(output, replace(outcome, knowledge=None), grid)
+    assert load_knowledge(files, grid) is None
+
+
+def test_gains_of_another_grid_are_rejected(outcome, tmp_path):
+    save_outcome(tmp_path / "model.yaml", outcome, PROBLEM.grid)
+    other = task_in(load_scenario("crossing"), 0.99).problem.grid
+    with pytest.raises(SerdError, match=r"must have a row for each of \d+ cells, got \d+; learn"):
+        load_knowledge(outcome_files(tmp_path / "model.yaml"), other)
+
+
+def test_a_fit_without_a_posterior_of_the_dynamics_has_none(demonstrations):
+    decisions = demonstrations.decisions
+    fit = fit_mdce_irl_by_likelihood(
+        PROBLEM, decisions, initial_weights=np.zeros(3), dynamics=TRUTH
+    )
+    assert knowledge_of(PROBLEM, decisions, fit) is None
