@@ -12,7 +12,15 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from benchmarks import bags_throughput, receipt_times, speed_figure
 from benchmarks.driving import closed_loop, crowd_peers, lockstep
 from benchmarks.faults import kill_matrix
-from benchmarks.learning import belief_choice, calibration, gradient, growth, peers, scarce_data
+from benchmarks.learning import (
+    belief_choice,
+    calibration,
+    gradient,
+    growth,
+    peers,
+    scarce_data,
+    solvers,
+)
 from benchmarks.sources import run as sources
 
 BENCHMARKS = {
@@ -29,6 +37,7 @@ BENCHMARKS = {
     "receipt_times": receipt_times.run,
     "sources": sources.run,
     "scarce_data": scarce_data.run,
+    "solvers": solvers.run,
     "speed_figure": speed_figure.run,
 }
 

@@ -55,9 +55,7 @@ class Newton(BellmanSolver):
     ) -> BellmanSolution:
         """Solve from `initial_value`, or from zero after `cold_sweeps` sweeps."""
         latest = backup(problem, starting_value(problem.mdp, initial_value))
-        cold = initial_value is None
-        sweeps_due = self.cold_sweeps if cold else 0
-        solver = self.linear_solver.for_cold_start() if cold else self.linear_solver
+        sweeps_due = self.cold_sweeps if initial_value is None else 0
         steps, linear_solves = 1, 0
         system: LinearSystem | None = None
         while not (done := is_accurate(problem, self.accuracy, latest)) and steps < self.max_steps:
@@ -66,7 +64,7 @@ class Newton(BellmanSolver):
                 latest, sweeps_due = backup(problem, latest.target), sweeps_due - 1
                 continue
             linear_solves += 1
-            system = system or _prepared(solver, problem, latest)
+            system = system or _prepared(self.linear_solver, problem, latest)
             correction = system.solve(latest.gap, relative_residual=FORCING)
             proposed = backup(problem, latest.target - latest.gap + correction)
             good = proposed.residual <= KEEP * latest.residual

@@ -1,13 +1,15 @@
-"""Choice of the linear solver by size and horizon.
+"""Choice of the linear solver by the predicted work of each.
 
-The fill of a sparse LU grows faster than the number of states, while the iterations of BiCGSTAB
-grow with the horizon 1 / (1 - gamma) but hardly with the states. Measured on gridworlds with five
-actions, LU wins below some ten thousand states and whenever the horizon is long, BiCGSTAB wins
-for many states and short horizons. LU goes by band where that is narrow: three times faster than
-a sparse factor on 20 x 20 cells, four times in hallways of any length, no faster on 60 x 60.
+The work of a sparse LU follows from its fill, which is counted for the pattern of the MDP before
+anything is factorised: on grids it grows little faster than the states, on random graphs with their
+cube. The iterations of BiCGSTAB grow with the root of the horizon 1 / (1 - gamma) up to a multiple
+of the depth of the graph, and hardly with the states. LU goes by band where that is narrow: three
+times faster than a sparse factor on 20 x 20 cells, four times in hallways of any length, no faster
+on 60 x 60. `python -m benchmarks solvers` measures every choice against every solver.
 """
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,52 +23,75 @@ from serd_core.errors import SerdError
 
 LU = SparseLu()
 BAND = BandedLu()
+# Seconds of a factorisation and of an iteration; their ratios vary little between machines.
+_PER_PRODUCT_S, _PER_FILL_S, _PER_STATE_S = 0.6e-9, 60e-9, 1e-6
+_PER_BAND_PRODUCT_S = 0.9e-9
+_PER_ITERATION_S, _PER_ENTRY_S, _PER_ELEMENT_S = 85e-6, 4e-9, 17e-9
+#: Iterations for a residual of 1e-11: per root of the horizon, and at most per step of depth.
+_LEAST, _PER_ROOT_HORIZON, _PER_DEPTH = 5.0, 6.0, 6.0
+#: A graph in which all states are this near (times log2 of their number) and have more than two
+#: neighbours has no small separator, so even ordering it for LU is expensive.
+_NEAR, _FEW_NEIGHBOURS = 1.5, 2.2
 
 
 @dataclass(frozen=True)
 class Automatic(LinearSolver):
-    """LU up to `always_lu_states`, and up to `largest_lu_states` where the horizon is long.
+    """Banded LU, sparse LU or BiCGSTAB, by predicted work; LU is the fallback of BiCGSTAB.
 
-    cold_lu_states: the same for a cold start, which meets a new matrix at every step and needs
-    each solved only roughly: BiCGSTAB is then 2 to 4 times faster at 10,000 states.
-    widest_band: off-diagonals on either side up to which a band is factorised.
+    small_states: LU up to this number of states, where nothing is worth a prediction.
+    largest_lu_states: beyond, a factor may not fit, and long horizons use an incomplete one.
+    long_horizon: where that begins; widest_band: off-diagonals on either side up to which a band is
+    factorised.
     """
 
-    always_lu_states: int = 10_000
-    cold_lu_states: int = 2_500
+    small_states: int = 500
     largest_lu_states: int = 300_000
     long_horizon: float = 1_000.0
     widest_band: int = 50
 
-    def for_cold_start(self) -> LinearSolver:
-        """The same with the lower limit."""
-        limit = min(self.cold_lu_states, self.always_lu_states)
-        return replace(self, always_lu_states=limit)
-
-    def choose(self, n_states: int, horizon: float) -> LinearSolver:
-        """The solver for that many states and that horizon 1 / (1 - gamma)."""
-        if n_states <= self.always_lu_states:
-            return LU
-        if horizon <= self.long_horizon:
-            return Krylov()
-        return LU if n_states <= self.largest_lu_states else Krylov(fill=10.0)
+    def choose(self, pattern: PolicyPattern, horizon: float) -> LinearSolver:
+        """The solver for a pattern and a horizon 1 / (1 - gamma)."""
+        n_states = pattern.n_states
+        if n_states > self.largest_lu_states:
+            return Krylov(fill=10.0) if horizon > self.long_horizon else Krylov()
+        is_small = n_states <= self.small_states
+        growth = min(_PER_ROOT_HORIZON * math.sqrt(horizon), _PER_DEPTH * pattern.depth)
+        krylov_s = (_LEAST + growth) * _iteration_s(pattern)
+        width = max(pattern.band.below, pattern.band.above)
+        if width <= self.widest_band and (
+            is_small or _PER_BAND_PRODUCT_S * n_states * width**2 <= krylov_s
+        ):
+            return BAND
+        return LU if is_small or _lu_is_faster_than(krylov_s, pattern) else Krylov()
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Prepare with the chosen solver; LU is the fallback where it fits."""
-        if pattern.n_states <= self.largest_lu_states and self._narrow(pattern):
-            return BAND.prepare(pattern, data)
-        if pattern.n_states <= self.always_lu_states:
-            return LU.prepare(pattern, data)
         # Every row of I - gamma P_pi sums to 1 - gamma.
         gap = float(np.max(pattern.matrix(data) @ np.ones(pattern.n_states)))
-        chosen = self.choose(pattern.n_states, 1.0 / max(gap, float(np.finfo(np.float64).tiny)))
+        chosen = self.choose(pattern, 1.0 / max(gap, float(np.finfo(np.float64).tiny)))
         system = chosen.prepare(pattern, data)
-        if chosen is LU or pattern.n_states > self.largest_lu_states:
-            return system
-        return WithFallback(system, pattern, data)
+        if isinstance(chosen, Krylov) and pattern.n_states <= self.largest_lu_states:
+            return WithFallback(system, pattern, data)
+        return system
 
-    def _narrow(self, pattern: PolicyPattern) -> bool:
-        return max(pattern.band.below, pattern.band.above) <= self.widest_band
+
+def _iteration_s(pattern: PolicyPattern) -> float:
+    work_s = _PER_ENTRY_S * len(pattern.row_index) + _PER_ELEMENT_S * pattern.n_states
+    return _PER_ITERATION_S + work_s
+
+
+def _lu_is_faster_than(limit_s: float, pattern: PolicyPattern) -> bool:
+    n_states, n_entries = pattern.n_states, len(pattern.row_index)
+    if _PER_STATE_S * n_states + _PER_FILL_S * n_entries > limit_s:
+        return False
+    n_neighbours = n_entries / n_states - 1.0
+    if pattern.depth <= _NEAR * math.log2(n_states) and n_neighbours > _FEW_NEIGHBOURS:
+        return False
+    fill = pattern.elimination.fill
+    if fill is None:
+        return False
+    work_s = _PER_PRODUCT_S * fill.products + _PER_FILL_S * fill.entries
+    return work_s + _PER_STATE_S * n_states <= limit_s
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,10 +22,6 @@ class LinearSystem(ABC):
 class LinearSolver(ABC):
     """A way to solve such systems."""
 
-    def for_cold_start(self) -> "LinearSolver":
-        """The same, for the rough and quickly changing matrices of a solve from nothing."""
-        return self
-
     @abstractmethod
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Prepare the matrix with the given numbers (`PolicyPattern.system_data`)."""

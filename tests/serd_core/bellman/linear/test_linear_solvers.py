@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.learning import solvers
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.linear.automatic import Automatic, WithFallback
@@ -14,7 +15,7 @@ from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import soft_policy
 
-WIDE = Automatic(always_lu_states=0, widest_band=0)
+WIDE = Automatic(small_states=0, widest_band=0)
 SOLVERS = [SparseLu(), BandedLu(), Krylov(), Krylov(fill=5.0), Automatic(), WIDE]
 EACH_SOLVER = pytest.mark.parametrize("solver", SOLVERS, ids=repr)
 
@@ -93,12 +94,56 @@ def test_newton_reaches_its_accuracy_with_every_linear_solver(make_gridworld, so
     np.testing.assert_allclose(other.value, exact.value, rtol=1e-10)
 
 
-def test_the_choice_follows_size_and_horizon():
-    automatic = Automatic()
-    assert automatic.choose(400, 1e4) == SparseLu()
-    assert automatic.choose(90_000, 100.0) == Krylov()
-    assert automatic.choose(90_000, 1e4) == SparseLu()
-    assert automatic.choose(1_000_000, 1e4) == Krylov(fill=10.0)
+GRAPHS = [
+    ("grid", 2_500, 1e4, BandedLu()),
+    ("grid", 10_000, 10.0, Krylov()),
+    ("grid", 10_000, 1e4, SparseLu()),
+    ("random graph", 400, 1e4, SparseLu()),
+    ("random graph", 2_500, 10.0, Krylov()),
+    ("random graph", 2_500, 1e4, Krylov()),
+    ("cube", 10_000, 1e4, Krylov()),
+    ("tree", 2_500, 1e4, SparseLu()),
+    ("star", 2_500, 1e4, SparseLu()),
+    ("hub", 2_500, 1e4, SparseLu()),
+    ("ring", 10_000, 10.0, BandedLu()),
+]
+
+
+def pattern_of(graph, n_states):
+    successors = solvers.GRAPHS[graph](n_states, np.random.default_rng(0))
+    return solvers.case_of(successors, 0.9).problem.mdp.policy_pattern
+
+
+@pytest.mark.parametrize(("graph", "n_states", "horizon", "chosen"), GRAPHS)
+def test_the_choice_follows_graph_and_horizon(graph, n_states, horizon, chosen):
+    assert Automatic().choose(pattern_of(graph, n_states), horizon) == chosen
+
+
+def test_beyond_the_largest_factor_the_horizon_alone_counts():
+    pattern, automatic = pattern_of("ring", 600), Automatic(largest_lu_states=599)
+    assert automatic.choose(pattern, 100.0) == Krylov()
+    assert automatic.choose(pattern, 1e4) == Krylov(fill=10.0)
+
+
+@pytest.mark.parametrize("graph", ["grid", "cube", "tree"])
+def test_the_counted_fill_is_that_of_the_factor(graph):
+    """Where every step leads back, the factors of matrix and pattern are the same."""
+    pattern = pattern_of(graph, 400)
+    data = np.full(len(pattern.row_index), -0.1)
+    data[pattern.diagonal] = 1.0
+    factor = SparseLu().prepare(pattern, data).factor
+    assert 2 * pattern.elimination.fill.entries == factor.nnz
+
+
+def test_fill_is_not_counted_to_the_end_where_it_is_far_too_large():
+    assert pattern_of("random graph", 5_000).elimination.fill is None
+
+
+@pytest.mark.parametrize(
+    ("graph", "depth"), [("ring", 150), ("chain", 300), ("grid", 46), ("hub", 598)]
+)
+def test_the_depth_is_the_length_of_the_graph(graph, depth):
+    assert pattern_of(graph, 600).depth == depth
 
 
 def test_a_narrow_band_is_factorised_as_one_and_a_wide_one_is_not(make_gridworld):
@@ -132,43 +177,3 @@ def test_krylov_says_when_it_did_not_get_there_and_lu_stands_by(make_gridworld):
     np.testing.assert_allclose(
         helped.solve(right_side, transposed=True), exact.solve(right_side, transposed=True)
     )
-
-
-def test_a_cold_start_leaves_lu_earlier_and_ends_at_the_same_values(make_gridworld):
-    automatic = Automatic(always_lu_states=10_000, cold_lu_states=100, widest_band=0)
-    assert isinstance(automatic.choose(400, 100.0), SparseLu)
-    assert isinstance(automatic.for_cold_start().choose(400, 100.0), Krylov)
-    assert isinstance(automatic.for_cold_start().choose(400, 10_000.0), SparseLu)
-    assert isinstance(automatic.for_cold_start().choose(100, 100.0), SparseLu)
-    case = make_gridworld(side=20, discount=0.99, n_episodes=1, n_steps=1)
-    values = [
-        soft_policy(case.problem, case.weights, case.probabilities, Newton(linear_solver=solver))
-        for solver in (automatic, SparseLu())
-    ]
-    assert values[0].converged
-    bound = values[0].error_bound + values[1].error_bound
-    assert np.max(np.abs(values[0].value - values[1].value)) <= bound
-
-
-def test_a_limit_of_zero_states_holds_for_cold_starts_too():
-    assert Automatic(always_lu_states=0).for_cold_start().choose(1, 10.0) == Krylov()
-
-
-def test_newton_solves_cold_and_warm_starts_by_the_solvers_meant_for_them(make_gridworld):
-    used = []
-
-    class Named(SparseLu):
-        def prepare(self, pattern, data):
-            used.append("warm")
-            return super().prepare(pattern, data)
-
-        def for_cold_start(self):
-            used.append("cold")
-            return SparseLu()
-
-    case = make_gridworld(side=8, discount=0.95, n_episodes=1, n_steps=1)
-    mdp, posed = case.problem.mdp, posed_of(case)
-    Newton(linear_solver=Named()).solve(posed)
-    assert used == ["cold"]
-    Newton(linear_solver=Named()).solve(posed, np.zeros(mdp.n_states))
-    assert set(used[1:]) == {"warm"}
