@@ -16,10 +16,11 @@ from serd_cli.options import AsJson
 from serd_cli.output.paths import require_file_place, require_suffix
 from serd_cli.output.terminal import console, print_json, progress_console
 from sim.crowd.comparison import ComparedSpeed, compare_one_way, compare_two_ways
-from sim.crowd.corridor_measures import CorridorMeasures, load_petrack, measure_recording
+from sim.crowd.corridor_measures import CorridorMeasures, measure_recording
 from sim.crowd.ring_corridor import weidmann_speed_mps
 from sim.crowd.social_force import model_names
 from storage.files import atomic_write_bytes
+from storage.trajectories.read import read_trajectories
 
 
 def register(app: typer.Typer) -> None:
@@ -35,7 +36,9 @@ def register(app: typer.Typer) -> None:
 def compare(
     recording: Annotated[
         Path | None,
-        typer.Option(help="people recorded in a corridor of 4 m, in PeTrack's text format"),
+        typer.Option(
+            help="people recorded in a corridor of 4 m along x: a table as `serd demos` reads"
+        ),
     ] = None,
     output: Annotated[Path, typer.Option(help="picture to write, .png")] = Path("crowd.png"),
     as_json: AsJson = False,
@@ -46,7 +49,12 @@ def compare(
     """
     require_suffix(output, ".png")
     require_file_place(output)
-    recorded = measure_recording(load_petrack(recording)) if recording is not None else None
+    recorded = None
+    if recording is not None:
+        people = read_trajectories(recording)
+        for sentence in people.assumed:
+            progress_console.print(sentence)
+        recorded = measure_recording(people.tracks)
     rows = []
     with progress_console.status("walking") as status:
         for row in _compared(recorded):

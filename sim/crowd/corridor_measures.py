@@ -5,28 +5,17 @@ people / area, mean speed, and the smallest distance of centres between two peop
 opposite directions.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray
 from sim.crowd.ring_corridor import ring_corridor_crowd
-from sim.errors import SimError
-from storage.files import read_text
+from storage.trajectories.read import Track
 
-#: All whole numbers below it are exact as floats.
-_MOST = 2.0**53
-
-
-@dataclass(frozen=True, eq=False)
-class RecordedPaths:
-    """Rows of a recording: person (R,), frame (R,), place_m (R, 2) with x along the corridor."""
-
-    person: IntArray
-    frame: IntArray
-    place_m: FloatArray
-    frames_per_s: float
+#: Rows of a track on either side over which its velocity is a central difference.
+_HALF_WINDOW = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,36 +34,19 @@ class CorridorMeasures:
         )
 
 
-def load_petrack(path: str | Path, frames_per_s: float = 25.0) -> RecordedPaths:
-    """Recording in PeTrack's text format: rows `person frame x y z` in centimetres."""
-    cells = [line.partition("#")[0].split()[:4] for line in read_text(path).splitlines()]
-    try:
-        rows = np.array([row for row in cells if row], dtype=np.float64)
-    except ValueError as error:
-        raise SimError(f"{path} must hold rows of numbers, but {error}; export it again") from None
-    if rows.ndim != 2 or rows.shape[1] != 4 or not (np.abs(rows) < _MOST).all():
-        raise SimError(
-            f"{path} must have rows of person, frame, x and y, all finite, got shape {rows.shape}"
-            "; export it from PeTrack as text"
-        )
-    return RecordedPaths(
-        person=rows[:, 0].astype(np.int64),
-        frame=rows[:, 1].astype(np.int64),
-        place_m=rows[:, 2:4] / 100.0,
-        frames_per_s=frames_per_s,
-    )
-
-
 def measure_recording(
-    paths: RecordedPaths, *, half_length_m: float = 2.0, width_m: float = 4.0, every: int = 5
+    tracks: Sequence[Track], *, half_length_m: float = 2.0, width_m: float = 4.0, every: int = 5
 ) -> CorridorMeasures:
-    """Measures of every so-many-th frame within half_length_m of x = 0."""
-    velocity = _velocities(paths)
-    usable = (np.abs(paths.place_m[:, 0]) < half_length_m) & np.isfinite(velocity[:, 0])
+    """Measures of every so-many-th frame within half_length_m of x = 0; x is along the corridor."""
+    period_s = float(np.median(np.concatenate([np.diff(each.time_s) for each in tracks])))
+    frame = np.concatenate([np.rint(each.time_s / period_s) for each in tracks])
+    place = np.concatenate([each.position_m for each in tracks])
+    velocity = np.concatenate([_velocities(each) for each in tracks])
+    usable = (np.abs(place[:, 0]) < half_length_m) & np.isfinite(velocity[:, 0])
     moments = [
-        (paths.place_m[here], velocity[here])
-        for frame in np.unique(paths.frame)[::every]
-        if (here := np.flatnonzero((paths.frame == frame) & usable)).size >= 2
+        (place[here], velocity[here])
+        for moment in np.unique(frame)[::every]
+        if (here := np.flatnonzero((frame == moment) & usable)).size >= 2
     ]
     return _measures(moments, 2.0 * half_length_m * width_m)
 
@@ -112,15 +84,14 @@ def measure_simulation(
     return _measures(moments, 2.0 * half_length_m * width_m)
 
 
-def _velocities(paths: RecordedPaths, half_window: int = 5) -> FloatArray:
-    """(R, 2) central differences over ten frames of each person, NaN at the ends of a path."""
-    velocity = np.full_like(paths.place_m, np.nan)
-    span_s = 2 * half_window / paths.frames_per_s
-    for person in np.unique(paths.person):
-        mine = np.flatnonzero(paths.person == person)
-        if len(mine) > 2 * half_window:
-            moved = paths.place_m[mine[2 * half_window :]] - paths.place_m[mine[: -2 * half_window]]
-            velocity[mine[half_window:-half_window]] = moved / span_s
+def _velocities(track: Track) -> FloatArray:
+    """(T, 2) central differences, NaN at the ends of the track."""
+    velocity = np.full_like(track.position_m, np.nan)
+    span = 2 * _HALF_WINDOW
+    if len(velocity) > span:
+        moved_m = track.position_m[span:] - track.position_m[:-span]
+        duration_s = track.time_s[span:] - track.time_s[:-span]
+        velocity[_HALF_WINDOW:-_HALF_WINDOW] = moved_m / duration_s[:, None]
     return velocity
 
 

@@ -24,7 +24,6 @@ from serd_cli.demo.settings import DemoSettings
 from serd_cli.node_commands import parse_assignment, stack_processes
 from serd_core.demonstrations.decisions import Decisions
 from serd_ros.graph.graph import find_stack
-from sim.crowd.corridor_measures import load_petrack
 from sim.episodes.batch import COLUMNS, TASK_COLUMNS
 from sim.scenario.grid import flow_of, grid_of
 from sim.scenario.scenario import load_scenario
@@ -129,10 +128,6 @@ _TABLES: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = 
     "rows": (_save_rows, lambda path: RowTable(path, COLUMNS, TASK_COLUMNS).close()),
     "tracks": (_save_tracks, read_trajectories),
     "unnamed tracks": (_save_unnamed_tracks, read_trajectories),
-    "recorded paths": (
-        lambda path: path.write_text("".join(f"1 {n} 5.5 {n} 7\n" for n in range(5))),
-        load_petrack,
-    ),
 }
 
 

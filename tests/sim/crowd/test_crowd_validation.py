@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.crowd.corridor_measures import load_petrack, measure_recording, measure_simulation
+from sim.crowd.corridor_measures import measure_recording, measure_simulation
 from sim.crowd.crowd import Crowd, start_crowd
 from sim.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
 from sim.crowd.routes import Routes
 from sim.crowd.social_force import model_named, model_names
 from sim.scenario.polygon import contains, edges_of
 from sim.scenario.scenario import load_scenario
+from storage.trajectories.read import read_trajectories
 
 REAL_CORRIDOR = (
     Path(__file__).parents[4] / "shared" / "data" / "pedestrians" / "bi_corr_400_b_03.txt"
@@ -171,7 +172,7 @@ def test_nobody_passes_a_wall_in_twenty_thousand_steps_at_3_people_per_square_me
 def recorded():
     if not REAL_CORRIDOR.exists():
         pytest.skip(f"no recording of a real corridor at {REAL_CORRIDOR}")
-    return measure_recording(load_petrack(REAL_CORRIDOR))
+    return measure_recording(read_trajectories(REAL_CORRIDOR).tracks)
 
 
 @pytest.mark.parametrize("density_pm2", [0.5, 0.75, 1.0, 1.25])
@@ -194,24 +195,10 @@ def test_measures_of_a_recording_made_by_hand(tmp_path):
     rows += [[2, f, -100 * x, -40, 176] for f, x in zip(frames, along, strict=True)]
     path = tmp_path / "two.txt"
     np.savetxt(path, rows, header="PeTrack")
-    measures = measure_recording(load_petrack(path), every=1)
+    measures = measure_recording(read_trajectories(path).tracks, every=1)
     assert measures.density_pm2 == pytest.approx(2 / 16)
     assert measures.speed_mps == pytest.approx(1.0)
     assert measures.passing_distance_m.min() == pytest.approx(0.8)
-
-
-def test_a_recording_without_places_is_refused(tmp_path):
-    path = tmp_path / "short.txt"
-    path.write_text("1 2\n3 4\n")
-    with pytest.raises(SerdError, match="export it from PeTrack as text"):
-        load_petrack(path)
-
-
-def test_a_recording_that_holds_words_is_refused(tmp_path):
-    path = tmp_path / "words.txt"
-    path.write_text("one two three four\n")
-    with pytest.raises(SerdError, match="must hold rows of numbers"):
-        load_petrack(path)
 
 
 def test_a_density_that_gives_nobody_is_refused_with_the_fix():
