@@ -213,15 +213,15 @@ def avoidance_figure(table: pd.DataFrame, summary: pd.DataFrame) -> Figure:
         panels = figure.subplots(2, len(CASES), sharex=True, sharey="row")
         for column, case in zip(panels.T, CASES, strict=True):
             rows, totals = (each[each["case"] == case] for each in (table, summary))
-            _draw_posterior(column[0], rows[rows["converged"]])
+            _draw_posterior(column[0], rows[rows["converged"]], totals)
             column[0].set_title(TITLES[case], loc="left")
             _draw_information(column[1], totals)
             column[1].set_xlabel("demonstrations")
         panels[0, 0].set_ylabel("P(forward | against the flow)")
         panels[1, 0].set_ylabel("nats about the moves against the flow")
-        for row in panels:
-            handles, labels = row[0].get_legend_handles_labels()
-            row[-1].legend(handles, labels, loc="upper right", fontsize=7.5)
+        shown = [row[0].get_legend_handles_labels() for row in panels]
+        (above, names), (below, others) = shown
+        figure.legend(above + below, names + others, loc="outside lower center", ncols=3)
     return figure
 
 
@@ -231,8 +231,8 @@ _KINDS = (
 )
 
 
-def _draw_posterior(axes: Axes, rows: pd.DataFrame) -> None:
-    """Means over the repetitions of the median and of both ends of the interval."""
+def _draw_posterior(axes: Axes, rows: pd.DataFrame, totals: pd.DataFrame) -> None:
+    """Means over the repetitions of the median and of both ends of the interval; coverage."""
     means = rows.groupby("size")[
         [f"{kind}{end}" for _, kind, *_ in _KINDS for end in ("lower", "median", "upper")]
     ].mean()
@@ -250,15 +250,20 @@ def _draw_posterior(axes: Axes, rows: pd.DataFrame) -> None:
             markersize=4.5,
             linestyle="none",
             capsize=2,
-            label=f"{label}, {MASS:.0%} interval",
+            label=f"{label}, {100 * MASS:.0f} % interval",
         )
+    axes.text(
+        0.02, 0.95, "SERD's intervals that hold the truth:", transform=axes.transAxes, fontsize=7.5
+    )
+    for size, coverage in zip(totals["size"], totals["coverage"], strict=True):
+        axes.text(size, 0.88, f"{100 * coverage:.0f} %", ha="center", fontsize=7.5)
     axes.set(xscale="log", ylim=(0, 1))
     tick_sizes(axes, means.index.tolist())
     axes.grid(axis="y")
 
 
 def _draw_information(axes: Axes, totals: pd.DataFrame) -> None:
-    """Nats by source, with the coverage of the intervals as text."""
+    """Means over the repetitions of the nats by source."""
     sizes = totals["size"].to_numpy(np.float64)
     for name, label, colour, line in (
         ("from_transitions", "from counts", style.MUTED, "-s"),
@@ -266,17 +271,5 @@ def _draw_information(axes: Axes, totals: pd.DataFrame) -> None:
         ("shared", "shared with the reward weights", style.RED, "--^"),
     ):
         axes.plot(sizes, totals[name], line, color=colour, markersize=4.5, label=label)
-    for size, coverage in zip(sizes, totals["coverage"], strict=True):
-        axes.annotate(
-            f"{coverage:.0%}",
-            (size, 0.0),
-            xytext=(0, -1),
-            xycoords=("data", "axes fraction"),
-            textcoords="offset points",
-            ha="center",
-            va="bottom",
-            fontsize=7,
-            color=style.INK,
-        )
-    axes.set_ylim(bottom=-0.25)
+    axes.set_ylim(bottom=0.0)
     axes.grid(axis="y")

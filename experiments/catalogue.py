@@ -6,6 +6,7 @@ from experiments.gridworld.early_stopping import EarlyStoppingConfig, run_early_
 from experiments.gridworld.experiment import GridworldConfig, run_gridworld
 from experiments.minimum_example import MinimumExampleConfig, run_minimum_example
 from experiments.multi_start import MultiStartConfig, run_multi_start
+from experiments.next_demonstration import NextDemonstrationConfig, run_next_demonstration
 from experiments.policy_cost import PolicyCostConfig, run_policy_cost
 from experiments.priors import PriorsConfig, run_priors
 from experiments.running.experiment import Experiment
@@ -51,6 +52,12 @@ EXPERIMENTS = (
         "what choices reveal of a move that is avoided",
         AvoidanceConfig,
         run_avoidance,
+    ),
+    Experiment(
+        "next-demonstration",
+        "what choosing the next demonstration saves",
+        NextDemonstrationConfig,
+        run_next_demonstration,
     ),
     Experiment("rust", "bus engine replacement (Rust 1987)", RustConfig, run_rust),
 )

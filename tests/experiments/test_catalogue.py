@@ -9,6 +9,7 @@ from experiments.gridworld.early_stopping import EarlyStoppingConfig
 from experiments.gridworld.experiment import GridworldConfig
 from experiments.minimum_example import MinimumExampleConfig
 from experiments.multi_start import MultiStartConfig
+from experiments.next_demonstration import NextDemonstrationConfig
 from experiments.policy_cost import PolicyCostConfig
 from experiments.priors import PriorsConfig
 from experiments.running.experiment import Session
@@ -20,6 +21,7 @@ DATA = Path(__file__).parents[3] / "shared" / "data" / "rust1987"
 SMALL = {
     "minimum-example": MinimumExampleConfig(n_sets=8, sizes=(3,)),
     "avoidance": AvoidanceConfig(n_repetitions=1, sizes=(2,)),
+    "next-demonstration": NextDemonstrationConfig(n_repetitions=2, most=2, test_episodes=5),
     "multi-start": MultiStartConfig(n_sets=2, sizes=(3,), n_starts=3),
     "early-stopping": EarlyStoppingConfig(side=5, sizes=(3,), n_steps=8, n_repetitions=1),
     "ascents": AscentsConfig(side=4, n_demonstrations=5, n_steps=8, max_steps=50),
@@ -35,6 +37,7 @@ BY_NAME = {experiment.name: experiment for experiment in EXPERIMENTS}
 LEFT_BEHIND = {
     "minimum-example": {"estimates.csv", "log_likelihood.csv", "estimates.png"},
     "avoidance": {"posteriors.csv", "summary.csv", "avoidance.png"},
+    "next-demonstration": {"shortfalls.csv", "needed.csv", "next_demonstration.png"},
     "multi-start": {"explanations.csv", "shares.csv", "shares.png", "example.txt"},
     "early-stopping": {"measures.csv", "log_likelihood.csv", "measures.png"},
     "ascents": {"costs.csv", "gaps.csv", "gaps.png"},

@@ -50,8 +50,8 @@ def detour_figure(tables: Mapping[str, pd.DataFrame], study: DetourStudy) -> Fig
         _draw_divergences(panels[1, 0], own, study)
         _draw_arrival(panels[1, 1], own)
         _draw_decoy(panels[1, 2], tables["decoy"], tables["decoy_summary"])
-        panels[0, 0].legend(loc="lower right")
-        panels[0, 2].legend(loc="upper left")
+        panels[0, 0].legend(loc="lower left")
+        panels[0, 2].legend(loc="lower right")
     return figure
 
 
@@ -112,7 +112,7 @@ def _draw_divergences(axes: Axes, rows: pd.DataFrame, study: DetourStudy) -> Non
             )
     axes.set_yscale("log")
     axes.set_xticks(places, [in_words(name) for name in names])
-    axes.set_title(f"(d) divergence of each outcome model, {size} demonstrations", loc="left")
+    axes.set_title(f"(d) outcome models, {size} demonstrations", loc="left")
     axes.set_ylabel("KLD, true from learned; bar: mean")
     axes.grid(axis="y")
 
@@ -145,7 +145,7 @@ def _draw_arrival(axes: Axes, rows: pd.DataFrame) -> None:
     axes.legend(loc="upper right")
     axes.set_xticks(np.arange(len(sizes)), [str(size) for size in sizes])
     axes.set(xlabel="demonstrations", ylabel="decision periods to the goal", ylim=(0, None))
-    axes.set_title(f"(e) arrival on the transfer task, {DRIVEN}", loc="left")
+    axes.set_title(f"(e) arrival, {DRIVEN}", loc="left")
     axes.grid(axis="y")
 
 
