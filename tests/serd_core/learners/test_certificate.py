@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.demonstrations.decisions import Decisions
+from serd_core.learners import certificate
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.problem import TabularProblem
@@ -94,6 +96,37 @@ def test_a_saddle_is_left(minimum_example):
     )
     assert fit.converged
     assert abs(fit.reward_weights[0]) > 0.1
+
+
+#: Converged wherever it starts.
+STAYS = Lbfgs(gradient_tolerance=1e6)
+
+
+def test_a_saddle_is_named_where_no_step_leaves_it(minimum_example, monkeypatch):
+    monkeypatch.setattr(certificate, "FINAL_STEPS", 0)
+    zeros = np.zeros(30, int)
+    decisions = Decisions(np.arange(30), zeros * 1.0, zeros, zeros, np.array([0, 1, 1] * 10))
+    fit = fit_mdce_serd(
+        minimum_example,
+        decisions,
+        initial_weights=np.zeros(1),
+        dynamics=np.full((2, 2), 0.5),
+        prior=GaussianPrior(2.0, Block.REWARD) + GaussianPrior(1.0, Block.TRUTH),
+        ascent=STAYS,
+    )
+    assert not fit.converged
+    assert "bends up along" in fit.message
+    assert "saddle point" in fit.message
+
+
+def test_a_long_last_step_is_not_called_separable(gridworld, monkeypatch):
+    monkeypatch.setattr(certificate, "FINAL_STEPS", 1)
+    fit = fit_mdce_irl_by_likelihood(
+        gridworld.problem, gridworld.decisions, initial_weights=np.ones(2), ascent=STAYS
+    )
+    assert not fit.converged
+    assert "separable" not in fit.message
+    assert "standard errors" in fit.message
 
 
 @pytest.mark.parametrize("seed", range(3))
