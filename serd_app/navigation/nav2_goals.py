@@ -98,7 +98,7 @@ class Nav2Goals:
             self._send(*waiting)
 
     def _on_end(self, handle: Any, future: Any) -> None:
-        """Note how a goal ended; the end of one that was replaced tells nothing."""
+        """Note how a goal ended; the end of one that was replaced is ignored."""
         if handle is not self._handle:
             return
         self._handle = None

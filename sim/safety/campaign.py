@@ -2,7 +2,7 @@
 
 Each control period runs in the order of the live stack: the world publishes, the fault decides what
 arrives, the planner plans on the newest inputs, the guard passes the command on. Both see the same
-messages. A row tells how soon and after what distance the robot stood, and what it touched.
+messages. A row has how soon and after what distance the robot stood, and what it touched.
 """
 
 import math
