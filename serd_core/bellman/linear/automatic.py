@@ -52,27 +52,34 @@ class Automatic(LinearSolver):
     def choose(self, pattern: PolicyPattern, horizon: float) -> LinearSolver:
         """The solver for a pattern and a horizon 1 / (1 - gamma)."""
         n_states = pattern.n_states
+        if n_states <= self.small_states:
+            return BAND if self._is_narrow(pattern) else LU
         if n_states > self.largest_lu_states:
             return Krylov(fill=10.0) if horizon > self.long_horizon else Krylov()
-        is_small = n_states <= self.small_states
         growth = min(_PER_ROOT_HORIZON * math.sqrt(horizon), _PER_DEPTH * pattern.depth)
         krylov_s = (_LEAST + growth) * _iteration_s(pattern)
-        width = max(pattern.band.below, pattern.band.above)
-        if width <= self.widest_band and (
-            is_small or _PER_BAND_PRODUCT_S * n_states * width**2 <= krylov_s
-        ):
+        band_s = _PER_BAND_PRODUCT_S * n_states * pattern.band.width**2
+        if self._is_narrow(pattern) and band_s <= krylov_s:
             return BAND
-        return LU if is_small or _lu_is_faster_than(krylov_s, pattern) else Krylov()
+        return LU if _lu_is_faster_than(krylov_s, pattern) else Krylov()
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Prepare with the chosen solver; LU is the fallback where it fits."""
-        # Every row of I - gamma P_pi sums to 1 - gamma.
-        gap = float(np.max(pattern.matrix(data) @ np.ones(pattern.n_states)))
-        chosen = self.choose(pattern, 1.0 / max(gap, float(np.finfo(np.float64).tiny)))
+        is_small = pattern.n_states <= self.small_states  # the horizon then does not count
+        chosen = self.choose(pattern, 0.0 if is_small else _horizon(pattern, data))
         system = chosen.prepare(pattern, data)
         if isinstance(chosen, Krylov) and pattern.n_states <= self.largest_lu_states:
             return WithFallback(system, pattern, data)
         return system
+
+    def _is_narrow(self, pattern: PolicyPattern) -> bool:
+        return pattern.band.width <= self.widest_band
+
+
+def _horizon(pattern: PolicyPattern, data: FloatArray) -> float:
+    """1 / (1 - gamma): every row of I - gamma P_pi sums to 1 - gamma."""
+    gap = float(np.max(pattern.matrix(data) @ np.ones(pattern.n_states)))
+    return 1.0 / max(gap, float(np.finfo(np.float64).tiny))
 
 
 def _iteration_s(pattern: PolicyPattern) -> float:

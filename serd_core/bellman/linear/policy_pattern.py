@@ -191,6 +191,11 @@ class Band:
     place: IntArray
 
     @property
+    def width(self) -> int:
+        """Diagonals on the wider side."""
+        return max(self.below, self.above)
+
+    @property
     def n_rows(self) -> int:
         """Rows of the stored band; the first `below` are room for row exchanges."""
         return 2 * self.below + self.above + 1
