@@ -115,7 +115,6 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
             executor.spin_until_future_complete(node.finished, timeout_sec=_TURN_S)
             end_if_due()
     finally:
-        node.callbacks.after_each = lambda: None
         parent.close()
         executor.remove_node(node)
         executor.shutdown()
