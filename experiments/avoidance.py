@@ -21,7 +21,8 @@ from report.learners import tick_sizes
 from report.style import new_figure
 from serd_app.navigation.strategy import start_distribution
 from serd_core.arrays import FloatArray
-from serd_core.bayes.information import outcome_information
+from serd_core.bayes.information import OutcomeInformation, outcome_information
+from serd_core.bayes.laplace import laplace
 from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
@@ -158,19 +159,13 @@ def _row(problem: NavigationProblem, decisions: Decisions) -> Row:
     truth = float(measured_dynamics()[AGAINST_FLOW, OUTCOME])
     try:
         fit = fit_mdce_serd(problem, decisions)
-        known = outcome_information(problem, decisions, fit, MASS)
+        known = outcome_information(laplace(problem, decisions, fit), MASS)
     except SerdError as error:
         return {"truth": truth, "converged": False, "message": str(error)}
-    moves = float(known.n_decisions[AGAINST_FLOW])
     counted = _counted_quantiles(problem, decisions, fit)
     return {
         "truth": truth,
-        "converged": fit.converged,
-        "message": fit.message,
-        "moves": moves,
-        "lower": float(known.lower[AGAINST_FLOW, OUTCOME]),
-        "median": float(known.median[AGAINST_FLOW, OUTCOME]),
-        "upper": float(known.upper[AGAINST_FLOW, OUTCOME]),
+        **forward_against_flow(fit, known),
         "counted_lower": counted[0],
         "counted_median": counted[1],
         "counted_upper": counted[2],
@@ -178,6 +173,18 @@ def _row(problem: NavigationProblem, decisions: Decisions) -> Row:
         "from_choices": float(known.from_choices[AGAINST_FLOW]),
         "shared": float(known.shared[AGAINST_FLOW]),
         "partner": problem.feature_names[known.partner[AGAINST_FLOW]],
+    }
+
+
+def forward_against_flow(fit: FitResult, known: OutcomeInformation) -> Row:
+    """How a fit ended, moves against the flow that it saw, and the interval of P(forward)."""
+    return {
+        "converged": fit.converged,
+        "message": fit.message,
+        "moves": float(known.n_decisions[AGAINST_FLOW]),
+        "lower": float(known.lower[AGAINST_FLOW, OUTCOME]),
+        "median": float(known.median[AGAINST_FLOW, OUTCOME]),
+        "upper": float(known.upper[AGAINST_FLOW, OUTCOME]),
     }
 
 

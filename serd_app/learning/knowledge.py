@@ -83,8 +83,9 @@ def knowledge_of(
 ) -> Knowledge | None:
     """None where the fit has no posterior: no proper prior on the dynamics, or no maximum."""
     try:
-        found = outcome_information(problem, decisions, fit, MASS)
-        gain = expected_information_gain(laplace(problem, decisions, fit))
+        posterior = laplace(problem, decisions, fit)
+        found = outcome_information(posterior, MASS)
+        gain = expected_information_gain(posterior)
     except SerdError:
         return None
     outcomes = tuple(

@@ -21,12 +21,10 @@ from scipy.special import gammaln, psi
 
 from serd_core.arrays import FloatArray, IntArray, weighted_counts
 from serd_core.bayes.draws import credible_intervals, laplace_draws
-from serd_core.bayes.laplace import Laplace, laplace_at, log_posterior_of
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.bayes.laplace import Laplace
 from serd_core.dynamics.estimation import most_likely_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
-from serd_core.learners.fit_result import FitResult
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.coordinates import gauge_free_basis
 from serd_core.posterior.derivatives.transition_derivatives import log_transition_hessian
@@ -68,21 +66,18 @@ class OutcomeInformation:
         return " and ".join(names) or PRIOR_ONLY
 
 
-def outcome_information(
-    problem: Problem, decisions: Decisions, fit: FitResult, mass: float = 0.9
-) -> OutcomeInformation:
-    """Of the true outcome models of a fit; SerdError where its prior is no density over them."""
-    objective = log_posterior_of(problem, decisions, fit)
-    space, posterior = objective.coordinates, objective.posterior
+def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation:
+    """Of the true outcome models; SerdError where the fit learned none."""
+    space, posterior = found.coordinates, found.posterior
+    problem, at = found.problem, space.parameters(found.mode)
     models = _learned_models(problem, space.belief.groups)
-    found = laplace_at(objective, space.of(fit.parameters))
     counted, precision, worth, pseudo = _counted(posterior, models)
     joint, n_features = _joint_covariance(found, models), len(problem.feature_names)
     size, rewards = models.n_outcomes - 1, np.arange(n_features)
     by_choices, shared, partner = [], [], []
     for model in range(models.n_models):
         own = n_features + model * size + np.arange(size)
-        moved = _contrasts(models) @ _energies(fit.parameters.truth - counted, models)[model]
+        moved = _contrasts(models) @ _energies(at.truth - counted, models)[model]
         by_choices.append(_normal_divergence(joint[np.ix_(own, own)], precision[model], moved))
         shared.append(_mutual_information(joint, own, rewards))
         each = [_mutual_information(joint, own, rewards[[f]]) for f in range(n_features)]

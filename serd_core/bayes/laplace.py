@@ -47,14 +47,20 @@ LONGEST_STEP = 0.1
 class Laplace:
     """The normal distribution, over (d,) coordinates.
 
-    mode: (d,) the maximum; root: (d, d), covariance = root @ root.T; log_evidence: log P(D).
+    posterior: what it approximates; mode: (d,) its maximum; root: (d, d), covariance =
+    root @ root.T; log_evidence: log P(D).
     """
 
-    problem: Problem
+    posterior: Posterior
     coordinates: Coordinates
     mode: FloatArray
     root: FloatArray
     log_evidence: float
+
+    @property
+    def problem(self) -> Problem:
+        """That of the posterior."""
+        return self.posterior.problem
 
     def sample(self, n: int, rng: np.random.Generator) -> FloatArray:
         """(n, d) draws, in pairs that mirror each other, so that their mean is the mode."""
@@ -84,11 +90,11 @@ def laplace_at(
             f"Laplace's approximation holds at a maximum, where the Newton step is at most"
             f" {LONGEST_STEP} standard errors long, got {step:.3g}; continue the fit"
         )
-    parameters, problem = space.parameters(mode), posterior.problem
-    constant = posterior.prior.log_constant(problem.mdp.transitions, parameters)
+    parameters, model = space.parameters(mode), posterior.problem.mdp.transitions
+    constant = posterior.prior.log_constant(model, parameters)
     half = 0.5 * (len(mode) * np.log(2.0 * np.pi) - log_det)
     evidence = value + constant + float(half) + space.log_volume
-    return Laplace(problem, space, mode, root, evidence + stirling(posterior, space, mode, root))
+    return Laplace(posterior, space, mode, root, evidence + stirling(posterior, space, mode, root))
 
 
 def laplace(problem: Problem, decisions: Decisions, fit: FitResult) -> Laplace:

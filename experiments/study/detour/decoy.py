@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.avoidance import MASS, forward_against_flow
 from experiments.running.tables import Row
 from experiments.study.detour.fits import REWARDS
 from experiments.study.detour.settings import DetourStudy
@@ -18,6 +19,7 @@ from experiments.study.products import Task
 from experiments.study.recordings.reference import reference_dynamics
 from serd_core.arrays import FloatArray
 from serd_core.bayes.information import outcome_information
+from serd_core.bayes.laplace import laplace
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
@@ -28,7 +30,6 @@ from serd_core.policies.solved_policy import soft_policy
 from sim.scenario.grid import navigation_problem_of
 from storage.files import atomic_write_text
 
-MASS = 0.9
 PLACE = (AGAINST_FLOW, Outcome.FORWARD)
 LONGEST = 200
 
@@ -89,15 +90,8 @@ def posterior_row(problem: NavigationProblem, decisions: Decisions) -> Row:
     """P(forward | against) by the default of SERD, with its interval and information."""
     try:
         fit = fit_mdce_serd(problem, decisions)
-        known = outcome_information(problem, decisions, fit, MASS)
+        known = outcome_information(laplace(problem, decisions, fit), MASS)
     except SerdError as error:
         return {"converged": False, "message": str(error)}
-    return {
-        "converged": fit.converged,
-        "message": fit.message,
-        "moves": float(known.n_decisions[AGAINST_FLOW]),
-        "lower": float(known.lower[PLACE]),
-        "median": float(known.median[PLACE]),
-        "upper": float(known.upper[PLACE]),
-        "from_choices": float(known.from_choices[AGAINST_FLOW]),
-    }
+    from_choices = float(known.from_choices[AGAINST_FLOW])
+    return forward_against_flow(fit, known) | {"from_choices": from_choices}

@@ -4,6 +4,7 @@ import scipy.integrate
 import scipy.stats
 
 from serd_core.bayes.information import outcome_information
+from serd_core.bayes.laplace import laplace
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -51,7 +52,7 @@ def known(problem, decisions, **options):
     fit = fit_mdce_serd(
         problem, decisions, initial_weights=np.ones(len(problem.feature_names)), prior=PROPER
     )
-    return fit, outcome_information(problem, decisions, fit, **options)
+    return fit, outcome_information(laplace(problem, decisions, fit), **options)
 
 
 def test_without_a_future_only_counts_inform_by_the_divergence_of_beta_distributions():
@@ -94,7 +95,7 @@ def test_information_does_not_depend_on_the_scale_of_features():
     problem, decisions = two_ways(0.95, features=2), first_way_taken(20, 15)
     other = TabularProblem(problem.mdp, problem.features * [1e5, 1e-4], problem.feature_names)
     ours, theirs = (
-        outcome_information(each, decisions, fit_mdce_serd(each, decisions))
+        outcome_information(laplace(each, decisions, fit_mdce_serd(each, decisions)))
         for each in (problem, other)
     )
     for name in ("from_transitions", "from_choices", "shared", "lower", "upper"):
@@ -108,7 +109,7 @@ def test_choices_by_a_belief_of_its_own_say_nothing_of_the_truth():
     fit = fit_mdce_serd(
         problem, decisions, initial_weights=np.ones(1), belief=FreeBelief(), prior=prior
     )
-    found = outcome_information(problem, decisions, fit)
+    found = outcome_information(laplace(problem, decisions, fit))
     np.testing.assert_allclose(found.from_choices, 0.0, atol=1e-6)
     np.testing.assert_allclose(found.shared, 0.0, atol=1e-9)
 
@@ -150,7 +151,7 @@ def test_a_fit_of_rewards_alone_is_rejected(gridworld):
         prior=prior,
     )
     with pytest.raises(SerdError, match=r"must have learned outcome models, got one of rewards"):
-        outcome_information(gridworld.problem, gridworld.decisions, fit)
+        outcome_information(laplace(gridworld.problem, gridworld.decisions, fit))
 
 
 def test_more_transitions_give_more_information(gridworld):
@@ -161,7 +162,8 @@ def test_more_transitions_give_more_information(gridworld):
     every = sample_decisions(problem.mdp, policy, truth, starts, n_episodes=40, n_steps=15, rng=rng)
     few = every.select_episodes(range(4))
     less, more = (
-        outcome_information(problem, each, fit_mdce_serd(problem, each)) for each in (few, every)
+        outcome_information(laplace(problem, each, fit_mdce_serd(problem, each)))
+        for each in (few, every)
     )
     assert np.all(more.from_transitions > less.from_transitions)
     width = more.upper - more.lower
