@@ -63,7 +63,7 @@ def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
     files = outcome_files(output)
     save_grid(files["grid"], grid, outcome.model.scenario)
     atomic_write_text(files["learning"], outcome.trace_table())
-    for name in ("posterior", "gain"):
+    for name in ("posterior", "gain", "gain_map"):
         files[name].unlink(missing_ok=True)  # of an earlier fit
     if outcome.knowledge is not None:
         save_knowledge(files, outcome.knowledge)
@@ -71,11 +71,12 @@ def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
 
 
 def outcome_files(output: Path) -> dict[str, Path]:
-    """The files that `save_outcome` writes, by what they hold."""
+    """The files beside a model, by what they hold; `serd learn` draws the map."""
     return {
         "model": output,
         "grid": output.with_name("grid.yaml"),
         "learning": output.with_name("learning.csv"),
         "posterior": output.with_name("posterior.csv"),
         "gain": output.with_name("next_demonstration.csv"),
+        "gain_map": output.with_name("next_demonstration.png"),
     }

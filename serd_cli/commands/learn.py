@@ -31,9 +31,6 @@ from sim.scenario.goal import point_of
 from storage.files import atomic_write_bytes
 from storage.quantities import counted
 
-#: The map of what a demonstration from each cell is expected to add.
-NEXT_MAP = "next_demonstration.png"
-
 
 def register(app: typer.Typer) -> None:
     """Add the subcommand."""
@@ -96,9 +93,8 @@ def learn(
     outcome = _fitted(files, settings)
     save_outcome(output, outcome, files.task.problem.grid)
     if outcome.knowledge is not None:
-        map_file = output.with_name(NEXT_MAP)
         figure = draw_gain(None, files.task.problem.grid, outcome.knowledge.gain_nats)
-        atomic_write_bytes(map_file, png_bytes(figure))
+        atomic_write_bytes(outcome_files(output)["gain_map"], png_bytes(figure))
     decisions, problem = files.demonstrations.decisions, files.task.problem
     certainty = certainty_of(problem, decisions, outcome.fit)
     if as_json:
