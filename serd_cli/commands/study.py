@@ -1,12 +1,12 @@
 """`serd study`: the hallway study (chapter 5) and the detour study, resumable."""
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import pandas as pd
 import typer
+from pydantic import BaseModel
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -28,6 +28,9 @@ from serd_cli.output.terminal import TimeLeftColumn, WorkProgress, console, prin
 from sim.episodes.execution import Execution
 
 _FIGURES = ", ".join(figure.name for figure in FIGURES)
+Quick = Annotated[bool, typer.Option("--quick", help="small numbers that still run every stage")]
+Settings = TypeVar("Settings", bound=BaseModel)
+Tables = Mapping[str, pd.DataFrame]
 
 
 def register(app: typer.Typer) -> None:
@@ -44,9 +47,7 @@ def hallway(
         Path | None,
         typer.Option(help="folder of the study; default study_output/hallway (or hallway_quick)"),
     ] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="small numbers that still run every stage")
-    ] = False,
+    quick: Quick = False,
     config: Annotated[
         Path | None, typer.Option(help="YAML file with any part of hallway_study.yaml")
     ] = None,
@@ -69,8 +70,7 @@ def hallway(
 
     Finished parts are not repeated: rerun an interrupted command to resume it.
     """
-    folder = output or Path("study_output") / ("hallway_quick" if quick else "hallway")
-    require_folder(folder)
+    folder = _folder("hallway", output, quick=quick)
     if figure:
         pictures = [str(picture.resolve()) for picture in _redraw(figure, folder)]
         if as_json:
@@ -79,12 +79,8 @@ def hallway(
             print("\n".join(pictures))
         return
     settings = study_settings(quick=quick, config=config, bags=bags or ())
-    execution = Execution(jobs, backend, address)
-    remark_other_code(folder)
-    with recorded(
-        folder, _words("hallway", folder, quick=quick, config=config, bags=bags or ()), settings
-    ):
-        tables = _run(partial(run_study, settings, folder, execution), folder, execution)
+    words = _words("hallway", folder, quick=quick, config=config, bags=bags or ())
+    tables = _run(run_study, settings, folder, Execution(jobs, backend, address), words)
     title = f"Learned from {settings.learning.sizes[-1]} demonstrations"
     _show(tables, _table(headline(tables), title), folder, as_json=as_json)
 
@@ -94,9 +90,7 @@ def detour(
         Path | None,
         typer.Option(help="folder of the study; default study_output/detour (or detour_quick)"),
     ] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="small numbers that still run every stage")
-    ] = False,
+    quick: Quick = False,
     config: Annotated[
         Path | None, typer.Option(help="YAML file with any part of detour_study.yaml")
     ] = None,
@@ -111,19 +105,18 @@ def detour(
 
     Finished parts are not repeated: rerun an interrupted command to resume it.
     """
-    folder = output or Path("study_output") / ("detour_quick" if quick else "detour")
-    require_folder(folder)
+    folder = _folder("detour", output, quick=quick)
     settings = detour_settings(quick=quick, config=config)
-    execution = Execution(jobs, backend, address)
-    remark_other_code(folder)
     words = _words("detour", folder, quick=quick, config=config)
-    with recorded(folder, words, settings):
-        tables = _run(partial(run_detour, settings, folder, execution), folder, execution)
+    tables = _run(run_detour, settings, folder, Execution(jobs, backend, address), words)
     table = _table(detour_headline(tables), "Transfer task against the flow, reward without norm")
     _show(tables, table, folder, as_json=as_json)
 
 
-Tables = Mapping[str, pd.DataFrame]
+def _folder(study: str, output: Path | None, *, quick: bool) -> Path:
+    folder = output or Path("study_output") / (f"{study}_quick" if quick else study)
+    require_folder(folder)
+    return folder
 
 
 def _show(tables: Tables, table: Table, folder: Path, *, as_json: bool) -> None:
@@ -134,19 +127,30 @@ def _show(tables: Tables, table: Table, folder: Path, *, as_json: bool) -> None:
     print(f"results: {folder.resolve()}")
 
 
-def _run(run: Callable[[OnWork], Tables], folder: Path, execution: Execution) -> Tables:
+def _run(
+    study: Callable[[Settings, Path, Execution, OnWork], Tables],
+    settings: Settings,
+    folder: Path,
+    execution: Execution,
+    words: str,
+) -> Tables:
+    """Run what is missing of a study, with its progress; words: the command that is recorded."""
+    remark_other_code(folder)
     bar = WorkProgress(
         TextColumn("{task.description}"),
         BarColumn(),
         TimeElapsedColumn(),
         TimeLeftColumn(execution.n_processes),
     )
-    with results_kept_in(folder), bar:
+    with recorded(folder, words, settings), results_kept_in(folder), bar:
         task = bar.add_task("", total=None)
-        return run(
+        return study(
+            settings,
+            folder,
+            execution,
             lambda done, total, stage: bar.update(
                 task, completed=done, total=total or 1.0, description=stage
-            )
+            ),
         )
 
 

@@ -11,6 +11,7 @@ from scipy.special import rel_entr
 
 from experiments.running.tables import Row
 from experiments.study.detour.settings import DetourStudy
+from experiments.study.fits.fitting import trials
 from experiments.study.fits.methods import (
     Learned,
     Method,
@@ -29,7 +30,7 @@ from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import AGAINST_FLOW, FEATURE_NAMES, NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.selection.evaluation import policy_log_likelihood, validation_log_likelihood
-from serd_core.selection.prior_weight import select_weight, split_episodes
+from serd_core.selection.prior_weight import select_weight
 from sim.scenario.grid import navigation_problem_of
 
 #: The expert of the study: it plans with the measured dynamics.
@@ -46,8 +47,8 @@ def learn_repetition(study: DetourStudy, expert: str, repetition: int) -> dict[s
     """Learn from every size with every method, and measure; models: one record per fit."""
     training = load_set(study, expert, repetition, "training")
     transfer = load_set(study, expert, repetition, "transfer")
-    measures, models = [], []
-    for trial in trials(study, training, repetition):
+    measures, models, sizes = [], [], study.settings.learning.sizes
+    for trial in trials(study, training, sizes, reference_dynamics(study), repetition):
         for reward, features in REWARDS.items():
             problem = navigation_problem_of(study.scenario, study.settings.discount, features)
             own = replace(trial, problem=problem)
@@ -89,30 +90,6 @@ def counted_irl(pseudo_counts: tuple[float, ...]) -> Method:
         return learned_from_fit(trial.problem, fit(trial.decisions, chosen), chosen)
 
     return learn
-
-
-def trials(study: DetourStudy, training: Decisions, repetition: int) -> list[Trial]:
-    """Each size as a subset of the next, in a random order of the demonstrations."""
-    settings = study.settings
-    seeds = [settings.seed, repetition]
-    shuffled = np.random.default_rng(seeds).permutation(training.episodes)
-    found = []
-    for size in settings.learning.sizes:
-        rng = np.random.default_rng([*seeds, size])
-        subset = training.select_episodes(shuffled[:size])
-        part, validation = split_episodes(subset, settings.learning.validation_share, rng)
-        found.append(
-            Trial(
-                problem=study.problem,
-                settings=settings.learning,
-                decisions=subset,
-                training=part,
-                validation=validation,
-                rng=rng,
-                reference=reference_dynamics(study),
-            )
-        )
-    return found
 
 
 def measured(

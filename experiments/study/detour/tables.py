@@ -14,10 +14,7 @@ from experiments.study.detour.decoy import decoy_file
 from experiments.study.detour.fits import COUNTED, EXPERT, SERD
 from experiments.study.detour.settings import DetourStudy
 from experiments.study.products import load_repetition
-from experiments.study.recordings.reference import reference_decisions
-from report.summary import decisions_per_model
-from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.grid.grid import Outcome
+from experiments.study.recordings.reference import reference_table
 
 #: Numbers of moves against the flow that a set of demonstrations shows, by the name of the bin.
 BINS = {"0": (0, 0), "1–5": (1, 5), "6–25": (6, 25), "more": (26, np.inf)}
@@ -89,16 +86,6 @@ def decoy_summary(decoys: pd.DataFrame) -> pd.DataFrame:
             place: Row = {"truth": truth, "moves": name, "n": len(chosen)}
             rows.append(place | middle.to_dict() | {"coverage": float(holds.mean())})
     return pd.DataFrame(rows)
-
-
-def reference_table(study: DetourStudy) -> pd.DataFrame:
-    """The reference dynamics: probability of every outcome, and the number of decisions."""
-    decisions = reference_decisions(study)
-    probabilities = estimate_dynamics(study.problem, decisions)
-    table = pd.DataFrame(probabilities, columns=[outcome.name.lower() for outcome in Outcome])
-    table.insert(0, "model", study.problem.model_names)
-    table.insert(1, "decisions", decisions_per_model(study.problem, decisions))
-    return table
 
 
 def headline(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:

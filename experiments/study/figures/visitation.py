@@ -22,7 +22,7 @@ def rows(results: Results) -> pd.DataFrame:
     problem, sizes = results.problem, results.settings.learning.sizes
     sets = load_sets(results, PEOPLE, 0)
     no_matter = np.full((problem.outcome_models.n_models, problem.outcome_models.n_outcomes), 0.2)
-    *_, last = trials(results, sets, sizes, no_matter, 0)
+    *_, last = trials(results, sets.training, sizes, no_matter, 0)
     chosen = (last.training, last.validation, sets.test, sets.transfer)
     tables = []
     for name, decisions in zip(SETS, chosen, strict=True):

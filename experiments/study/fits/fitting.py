@@ -10,7 +10,7 @@ from experiments.study.fits.methods import ASSUMPTIONS, METHODS, Learned, Trial,
 from experiments.study.recordings.demonstrations import DemonstrationSets, load_sets
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.recordings.reference import reference_dynamics
-from experiments.study.study import Study
+from experiments.study.study import Study, StudyWorld
 from serd_app.learning.methods import fit_tied
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions, state_action_counts
@@ -31,7 +31,7 @@ def fit_repetition(study: Study, expert: str, repetition: int) -> dict[str, Any]
     measures: list[Row] = []
     candidates: list[Row] = []
     models: dict[str, Any] = {}
-    for trial in trials(study, sets, chosen.sizes, reference, repetition):
+    for trial in trials(study, sets.training, chosen.sizes, reference, repetition):
         size = len(trial.decisions.episodes)
         place: Row = {"expert": expert, "repetition": repetition, "size": size}
         for name, method in methods.items():
@@ -46,25 +46,25 @@ def fit_repetition(study: Study, expert: str, repetition: int) -> dict[str, Any]
 
 
 def trials(
-    study: Study,
-    sets: DemonstrationSets,
+    study: StudyWorld,
+    training: Decisions,
     sizes: tuple[int, ...],
     reference: FloatArray,
     repetition: int,
 ) -> Iterator[Trial]:
     """Each size as a subset of the next, in a random order of the demonstrations."""
     seed, learning = study.settings.seed, study.settings.learning
-    shuffled = np.random.default_rng([seed, repetition]).permutation(sets.training.episodes)
+    shuffled = np.random.default_rng([seed, repetition]).permutation(training.episodes)
     for size in sizes:
         # A generator of its own, so that what learners draw changes no later subset or split.
         rng = np.random.default_rng([seed, repetition, size])
-        subset = sets.training.select_episodes(shuffled[:size])
-        training, validation = split_episodes(subset, learning.validation_share, rng)
+        subset = training.select_episodes(shuffled[:size])
+        part, validation = split_episodes(subset, learning.validation_share, rng)
         yield Trial(
             problem=study.problem,
             settings=learning,
             decisions=subset,
-            training=training,
+            training=part,
             validation=validation,
             rng=rng,
             reference=reference,

@@ -8,17 +8,19 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from experiments.study.products import Task
 from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
+from report.summary import decisions_per_model
 from serd_app.demonstrations.concatenate import concatenate
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.grid.grid import Action, Grid
+from serd_core.grid.grid import Action, Grid, Outcome
 from sim.drivers.catalogue import Driver, make_driver
 from sim.world.observation import Observation
 from sim.world.seeds import POLICY, episode_rng
@@ -99,6 +101,16 @@ def reference_decisions(study: StudyWorld) -> Decisions:
 def reference_dynamics(study: StudyWorld) -> FloatArray:
     """(M, K) outcome probabilities that the study takes as true."""
     return estimate_dynamics(study.problem, reference_decisions(study))
+
+
+def reference_table(study: StudyWorld) -> pd.DataFrame:
+    """The reference dynamics: probability of every outcome, and the number of decisions."""
+    names = [outcome.name.lower() for outcome in Outcome]
+    table = pd.DataFrame(reference_dynamics(study), columns=names)
+    table.insert(0, "model", study.problem.model_names)
+    decisions = reference_decisions(study)
+    table.insert(1, "decisions", decisions_per_model(study.problem, decisions))
+    return table
 
 
 def _driver(study: StudyWorld, kind: str, seed: int) -> Driver:

@@ -10,14 +10,12 @@ from experiments.running.tables import Row, quantile
 from experiments.study.fits.methods import BASELINE, OURS
 from experiments.study.recordings.demonstrations import ROLES, load_sets
 from experiments.study.recordings.experts import BELIEFS, EXPERTS, PEOPLE
-from experiments.study.recordings.reference import reference_decisions
+from experiments.study.recordings.reference import reference_table
 from experiments.study.tables.arrival import arrival_distances, arrival_scores
 from experiments.study.tables.hindsight import hindsight_table
 from experiments.study.tables.results import Results
 from report.summary import decisions_per_model
 from serd_core.arrival.trap_states import trap_states
-from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.grid.grid import Outcome
 
 MEASURES = ("test_log_likelihood", "transfer_log_likelihood", "dynamics_divergence")
 
@@ -131,16 +129,6 @@ def traps(results: Results) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(table)
-
-
-def reference_table(results: Results) -> pd.DataFrame:
-    """The reference dynamics: probability of every outcome, and the number of decisions."""
-    decisions = reference_decisions(results)
-    probabilities = estimate_dynamics(results.problem, decisions)
-    table = pd.DataFrame(probabilities, columns=[outcome.name.lower() for outcome in Outcome])
-    table.insert(0, "model", results.problem.model_names)
-    table.insert(1, "decisions", decisions_per_model(results.problem, decisions))
-    return table
 
 
 def demonstrations_table(results: Results) -> pd.DataFrame:

@@ -44,7 +44,7 @@ REFERENCE = np.array(
 
 @pytest.fixture(scope="module")
 def trial(study, shipped_sets):
-    (found,) = trials(study, shipped_sets, (8,), REFERENCE, repetition=0)
+    (found,) = trials(study, shipped_sets.training, (8,), REFERENCE, repetition=0)
     return found
 
 
@@ -149,7 +149,7 @@ def test_every_method_explains_what_it_has_seen_better_than_chance(problem, tria
 
 
 def test_subsets_are_nested_and_split_without_overlap(study, shipped_sets):
-    found = list(trials(study, shipped_sets, (2, 8, 20), REFERENCE, repetition=1))
+    found = list(trials(study, shipped_sets.training, (2, 8, 20), REFERENCE, repetition=1))
     assert [len(each.decisions.episodes) for each in found] == [2, 8, 20]
     for smaller, larger in pairwise(found):
         assert set(smaller.decisions.episodes) < set(larger.decisions.episodes)
