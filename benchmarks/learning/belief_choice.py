@@ -19,7 +19,7 @@ from benchmarks.learning.fresh_worlds import FAMILIES
 from benchmarks.report import measured_rows, save
 from serd_core.bayes.belief_comparison import compare_beliefs
 from serd_core.bayes.draws import laplace_draws, posterior_policy
-from serd_core.posterior.beliefs import FreeBelief, TiedBelief
+from serd_core.posterior.beliefs import BeliefAroundTruth, FreeBelief, TiedBelief
 
 SIZES = (25, 6)
 EXPERTS = {"knows": False, "believes others": True}
@@ -71,17 +71,21 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
                 case = {"family": family, "expert": expert, "demonstrations": size}
                 here = [row for row in rows if row | case == row]
                 tied = np.array([row[TiedBelief.__name__] for row in here])
+                free = np.array([row[FreeBelief.__name__] for row in here])
+                near = np.array([row[BeliefAroundTruth.__name__] for row in here])
                 regret = [max(row["tied"], row["free"]) - row["chosen"] for row in here]
                 gain = [row["chosen"] - row["tied"] for row in here]
+                gain_of_free = [row["free"] - row["tied"] for row in here]
                 table.append(
                     case
                     | {
                         "worlds": len(here),
                         "not tied": float(np.mean(tied < 0.5)),
+                        "free": float(np.mean(free > np.maximum(tied, near))),
                         "decided not tied": float(np.mean(tied < 0.05)),
-                        "undecided": float(np.mean((tied >= 0.05) & (tied <= 0.95))),
                         "mean regret": float(np.mean(regret)),
                         "better than tied by": float(np.mean(gain)),
+                        "free better than tied by": float(np.mean(gain_of_free)),
                     }
                 )
     return table

@@ -5,6 +5,8 @@ import numpy as np
 from experiments.gridworld.landscape import generated_landscape
 from experiments.gridworld.problem import N_OUTCOMES, Gridworld, gridworld, true_dynamics
 from serd_core.arrays import FloatArray
+from serd_core.bellman.linear.linear_solver import LinearSolver
+from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
@@ -42,9 +44,10 @@ def demonstrations(
     )
 
 
-def objective_of(problem: Problem, decisions: Decisions) -> Posterior:
-    """The log posterior of MDCE SERD without a prior, solved as in a fit."""
-    settings, seen = SerdSettings(), observe(problem.mdp, decisions)
-    return Posterior(
-        problem, seen, MdcePolicy(), UniformPrior(), settings.solver, settings.linear_solver
-    )
+def objective_of(
+    problem: Problem, decisions: Decisions, linear_solver: LinearSolver | None = None
+) -> Posterior:
+    """The log posterior of MDCE SERD without a prior, solved as in a fit or by a given solver."""
+    linear = linear_solver or SerdSettings().linear_solver
+    seen, solver = observe(problem.mdp, decisions), Newton(linear_solver=linear)
+    return Posterior(problem, seen, MdcePolicy(), UniformPrior(), solver, linear)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.learning.gridworld_problems import objective_of
 from benchmarks.measurement import best_of
 from benchmarks.report import measured_rows, save
 from serd_core.arrays import FloatArray, IntArray
@@ -21,17 +22,12 @@ from serd_core.bellman.linear.banded_lu import BandedLu
 from serd_core.bellman.linear.krylov import Krylov
 from serd_core.bellman.linear.linear_solver import LinearSolver
 from serd_core.bellman.linear.sparse_lu import SparseLu
-from serd_core.bellman.newton import Newton
-from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.learners.start import starting_parameters
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
-from serd_core.policies.policy_model import MdcePolicy
-from serd_core.posterior.posterior import Posterior
-from serd_core.priors.prior import UniformPrior
 
 SIZES = (600, 2_500, 10_000)
 DISCOUNTS = (0.9, 0.99, 0.9999)
@@ -157,11 +153,11 @@ class Case:
         decisions = sample_decisions(
             mdp, policy, self.dynamics, starts, n_episodes=10, n_steps=20, rng=rng
         )
-        model, newton = MdcePolicy(), Newton(linear_solver=solver)
-        seen = observe(mdp, decisions)
-        posterior = Posterior(self.problem, seen, model, UniformPrior(), newton, solver)
+        posterior = objective_of(self.problem, decisions, solver)
         at, near = (
-            starting_parameters(self.problem, model, share * WEIGHTS, self.dynamics)
+            starting_parameters(
+                self.problem, posterior.policy_model, share * WEIGHTS, self.dynamics
+            )
             for share in (1.0, 0.99)
         )
         before = posterior.evaluate(near).solution.value
