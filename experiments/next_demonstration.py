@@ -31,6 +31,7 @@ from serd_core.selection.evaluation import fitted_policy, policy_log_likelihood
 from storage.settings import setting
 
 CHOSEN, RANDOM = "chosen", "random"
+_TICKS = (0.02, 0.05, 0.1, 0.2, 0.5)
 _STATISTICS = StatisticsSettings(bootstrap=2000, coverage=0.95)
 
 
@@ -162,7 +163,9 @@ def shortfall_figure(summary: pd.DataFrame, config: NextDemonstrationConfig) -> 
             )
         axes.axhline(config.shortfall, color=style.GREEN, linewidth=1.0, label="good enough")
         axes.set(xlabel="demonstrations", yscale="log")
-        axes.set_ylabel("log-likelihood below the expert's own")
+        axes.set_yticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
+        axes.minorticks_off()
+        axes.set_ylabel("log-likelihood per decision below the expert's own")
         axes.grid(axis="y")
         axes.legend()
     return figure

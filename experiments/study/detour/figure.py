@@ -37,6 +37,7 @@ def detour_figure(tables: Mapping[str, pd.DataFrame], study: DetourStudy) -> Fig
             axes.set_title(f"({'ab'[number]}) transfer task, {reward}", loc="left")
             axes.set_ylabel("log-likelihood per decision")
         panels[0, 1].sharey(panels[0, 0])
+        panels[0, 0].autoscale(axis="y")  # to the intervals of both
         own = measures[measures["reward"] == DRIVEN]
         _draw_measure(panels[0, 2], own[own["method"] != INFORMED], "forward_against", study)
         truth = float(
