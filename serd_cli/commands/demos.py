@@ -92,12 +92,13 @@ def demos(
     Its keys: pose_topic, pose_fields, frame, robot_frame; action_from (intent,
     velocity, waypoint or motion), action_topic, action_fields; of velocities
     hold_s, delay_s, silence (unknown or wait), minimum_speed_mps; of waypoints
-    waypoint_reached_m; episode_topic, or goals_m, goal_radius_m, stop_s, round_trips;
-    longest_gap_s; people_topic.
+    waypoint_reached_m; episode_topic, or goals_m, goal_radius_m, stop_s,
+    round_trips; longest_gap_s; people_topic.
 
     A table (CSV, text as TUM, KITTI, ETH/UCY and PeTrack write it, Parquet)
     has a time, x and y, and where there are several agents their ids: each
-    is a demonstration, and all of them are the people.
+    is a demonstration, and all of them are the people. Keys of its mapping:
+    time, agent, x, y (columns); fps, time_unit, unit; goals_m and the others.
     """
     require_suffix(output, ".csv")
     require_apart(output, files_beside(output).values(), (scenario, mapping or ""))
