@@ -42,6 +42,7 @@ _WATCHED_S = 10.0
 _TRIES = 8
 _SILENCE_S = 2.0
 _INTENT_PERIOD_S = 0.5
+_N_NEUTRAL = 3
 _GOAL_M = (12.0, 18.0)
 
 
@@ -117,6 +118,11 @@ class HeldKey:
         self._thread = threading.Thread(target=lambda: asyncio.run(self._run()), daemon=True)
         self._thread.start()
 
+    @property
+    def is_held(self) -> bool:
+        """Whether the key is held, and not about to be pressed."""
+        return self._n_neutral > _N_NEUTRAL
+
     def press_anew(self) -> None:
         """Release the key and press it again."""
         self._n_neutral = 0
@@ -133,7 +139,7 @@ class HeldKey:
                 session.ws_connect(f"{self._url}socket", origin=self._url.rstrip("/")) as socket,
             ):
                 while not self._ended.is_set() and not socket.closed:
-                    direction = "north" if self._n_neutral > 3 else None
+                    direction = "north" if self.is_held else None
                     self._n_neutral += direction is None
                     await socket.send_json({"type": "hold", "direction": direction})
                     await asyncio.sleep(0.1)
@@ -173,11 +179,14 @@ class DrivenStack:
         """Drive until this speed is reached."""
         self._begin()
         for _ in range(_TRIES):
-            if self._spin(lambda: self.motion.speed_mps > speed_mps, _PATIENCE_S / _TRIES):
+            if self._spin(lambda: self._drives(speed_mps), _PATIENCE_S / _TRIES):
                 return
             if self._page is not None:
                 self._page.press_anew()  # a late page has stopped the robot
         raise RuntimeError(f"the robot must drive in stack {self._stack}; see {self._folder}")
+
+    def _drives(self, speed_mps: float) -> bool:
+        return self.motion.speed_mps > speed_mps and (self._page is None or self._page.is_held)
 
     def inject(self, node: str, number: signal.Signals) -> Standing:
         """Send a signal to a node, or end the source of intents; how the motion ends."""

@@ -2,13 +2,13 @@
 
 By directions, the choice becomes an `intent` at each decision tick: in an episode of this driver
 from the first direction on, waits included, otherwise only when a direction is chosen. By
-velocities, `cmd_vel_teleop` is published. While a person is present and drives by directions,
-`driver_gone` is published as false; otherwise the mux locks the planner, within its timeout even
-when this process has died.
+velocities, `cmd_vel_teleop` is published. From the first direction on, while a person is present
+and drives by directions, `driver_gone` is published as false; otherwise the mux locks the planner,
+within its timeout even when this process has died.
 
 While the e-stop is engaged no intent is published. At its engagement and release, when the person
 was absent, at the end of an episode and when planner, mux or world have fallen silent, the input is
-discarded: the robot stands until a key is pressed anew.
+discarded and the planner locked: the robot stands until a key is pressed anew.
 """
 
 from abc import abstractmethod
@@ -60,7 +60,7 @@ class HandDriverNode(SerdNode[Config]):
             notify=self.notify,
             on_end=self.stop_moving,
         )
-        self._was_present = self._has_decided = self._is_moving = self._is_e_stopped = False
+        self._was_present = self._is_driving = self._is_moving = self._is_e_stopped = False
         self._is_driven, self._beat_s = False, self.wall_s()
         self._received_s: dict[str, float] = {}
         self._is_silent = False
@@ -106,7 +106,7 @@ class HandDriverNode(SerdNode[Config]):
         """Drive by directions or by velocities; the robot stops in between."""
         if mode != self.mode:
             self.stop_moving()
-            self.mode, self._has_decided = mode, False
+            self.mode, self._is_driving = mode, False
 
     def drive(self, command: Command) -> None:
         """Send a velocity."""
@@ -122,7 +122,7 @@ class HandDriverNode(SerdNode[Config]):
         if late_s > _ABSENCE_S or was_silent != self._is_silent:
             self.stop_moving()
         present = self.attend()
-        if present and self.mode == "directions" and self._has_decided and not self._is_silent:
+        if present and self.mode == "directions" and self._is_driving and not self._is_silent:
             self._gone.publish(Bool(data=False))
         if self._was_present and not present:
             self.stop_moving()
@@ -140,6 +140,9 @@ class HandDriverNode(SerdNode[Config]):
         if self.mode == "velocity":
             self.drive(STOP)
             return
+        # The lock remains until the next direction: a planner that continues after it was stopped
+        # may have lost the intent to wait.
+        self._is_driving = False
         self._gone.publish(Bool(data=True))
         if self._is_moving and self.observation is not None:
             self._publish_intent(Action.WAIT, self.observation)
@@ -192,4 +195,5 @@ class HandDriverNode(SerdNode[Config]):
 
     def _publish_intent(self, action: Action, observation: Observation) -> None:
         self._intents.publish(to_intent(action, observation.time_s))
-        self._is_moving, self._has_decided = action != Action.WAIT, True
+        self._is_moving = action != Action.WAIT
+        self._is_driving |= self._is_moving

@@ -7,6 +7,7 @@ import signal
 import termios
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, TwistStamped, Vector3Stamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Joy
@@ -16,6 +17,7 @@ from std_srvs.srv import SetBool
 from serd_cli.node_commands import stack_processes
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import from_intent
+from serd_ros.convert.diagnostics import to_diagnostics
 from serd_ros.convert.pose import from_odometry
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
@@ -259,6 +261,45 @@ def test_after_the_release_of_the_e_stop_keys_of_a_terminal_must_be_pressed_anew
     drive.until(lambda: log().count("e-stop released") == 2)
     drive.stands_for(2.5)  # a tap while stopped
     drive.until_it_drives(key)
+
+
+@pytest.mark.slow
+def test_the_planner_remains_locked_after_its_silence_until_a_key_is_pressed_anew(
+    nodes, probe, ros_env, terminal
+):
+    """This test is the mux; a planner that continues may have lost the intent to wait."""
+    start(nodes, ros_env, ("hallway_sim", "teleop_keyboard"), terminal=terminal.name, people=0)
+    gone = []
+    probe.node.create_subscription(Bool, "driver_gone", lambda m: gone.append(m.data), qos.COMMAND)
+    mux = probe.node.create_publisher(DiagnosticArray, "diagnostics", qos.STATE)
+    drive = Drive(probe, terminal)
+    up = b"\x1b[A"
+
+    def report(active):
+        mux.publish(to_diagnostics("teleop_mux", drive.time_s, {"active": active}))
+
+    def until_later(duration_s, active, key=b""):
+        until_s = drive.time_s + duration_s
+        while drive.time_s < until_s:
+            report(active)
+            drive.until_later(0.1, key)
+
+    def press_until_unlocked():
+        gone.clear()
+        while False not in gone:
+            until_later(1.0, "planner")  # released; a node that is late discards what is held
+            until_later(2.5, "planner", up)
+
+    drive.until(lambda: drive.time_s and "Ctrl-C end" in nodes.log_of("teleop_keyboard"))
+    press_until_unlocked()
+    report("")
+    drive.until(lambda: gone[-1], up)
+    until_later(0.2, "", up)
+    gone.clear()
+    until_later(2.5, "", up)  # still held
+    until_later(1.0, "")
+    assert False not in gone
+    press_until_unlocked()
 
 
 class Terminal:
