@@ -69,6 +69,14 @@ def require_index(name: str, array: IntArray, size: int, what: str) -> None:
         )
 
 
+def require_generator(rng: object) -> None:
+    """SerdError unless `rng` is a generator of NumPy."""
+    if not isinstance(rng, np.random.Generator):
+        raise SerdError(
+            f"rng must be a numpy.random.Generator, got {rng!r}; use numpy.random.default_rng(0)"
+        )
+
+
 def floored(probabilities: FloatArray) -> FloatArray:
     """Probabilities with a positive floor, so that logarithms stay finite."""
     return np.maximum(probabilities, SMALLEST_PROBABILITY)

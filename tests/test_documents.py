@@ -60,6 +60,7 @@ def test_no_picture_lies_about_unused(root, folder):
     [
         ("ros_ws/src/serd_ros/package.xml", r"<version>(.+)</version>"),
         ("ros_ws/src/serd_ros/setup.py", r'version="(.+)"'),
+        ("serd_core/__init__.py", r'^__version__ = "(.+)"$'),
         ("CITATION.cff", r"^version: (.+)$"),
         ("CHANGELOG.md", r"^## \[(\d.+)\]"),
     ],

@@ -27,6 +27,6 @@ setup(
     version=version,
     package_dir={"": str(ROOT)},
     packages=[*find_packages(str(ROOT), include=["bags", "bags.*"]), *NEEDED],
-    package_data={"bags": ["py.typed"]},
+    package_data={"bags": ["py.typed"], "serd_core": ["__init__.pyi"]},
     cmdclass={"build_py": BuildNeeded},
 )

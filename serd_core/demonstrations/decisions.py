@@ -44,6 +44,11 @@ class Decisions:
     def __len__(self) -> int:
         return len(self.state)
 
+    def columns(self) -> dict[str, FloatArray | IntArray]:
+        """The columns by name, as `pandas.DataFrame` and `decisions_from_columns` take them."""
+        names = ("episode", "time_s", "state", "action", "next_state")
+        return {name: getattr(self, name) for name in names}
+
     @property
     def episodes(self) -> IntArray:
         """Sorted numbers of the episodes that have at least one decision."""

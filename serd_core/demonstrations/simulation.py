@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray, require_generator
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.errors import SerdError
@@ -14,8 +14,8 @@ from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
 def sample_decisions(
     mdp: Mdp,
     policy: FloatArray,
-    outcome_probabilities: FloatArray,
-    start_distribution: FloatArray,
+    outcome_probabilities: FloatArray | None = None,
+    start_distribution: FloatArray | None = None,
     *,
     n_episodes: int,
     n_steps: int,
@@ -24,16 +24,20 @@ def sample_decisions(
 ) -> Decisions:
     """Episodes of at most `n_steps` decisions; one ends in a final state (`Mdp.final`).
 
-    policy: (S, A); start_distribution: (S,). Time counts in decisions. Episodes that start in a
-    final state have no decisions.
+    policy: (S, A); outcome_probabilities: None for transitions without parameters.
+    start_distribution: (S,); None for a uniform one over the states that are not final. Time counts
+    in decisions. Episodes that start in a final state have no decisions.
     """
     if n_episodes < 1 or n_steps < 1:
         raise SerdError(
             f"n_episodes and n_steps must be at least 1, got {n_episodes} and {n_steps}"
         )
+    require_generator(rng)
     choice = checked_policy("policy", policy, mdp)
+    if start_distribution is None:
+        start_distribution = np.where(mdp.final, 0.0, 1.0 / max(1, int(np.sum(~mdp.final))))
     starts = checked_distribution("start_distribution", start_distribution, mdp.n_states)
-    transitions = transitions_of(mdp.transitions, np.asarray(outcome_probabilities, np.float64))
+    transitions = transitions_of(mdp.transitions, outcome_probabilities)
     state = _draw(np.broadcast_to(starts, (n_episodes, mdp.n_states)), rng)
     moving = np.flatnonzero(~mdp.final[state])
     rows: list[tuple[IntArray, ...]] = []

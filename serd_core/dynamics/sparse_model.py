@@ -135,6 +135,28 @@ class SparseModel(TransitionModel):
         return vector
 
 
+@dataclass(frozen=True, eq=False)
+class KnownEntries:
+    """The map of a model without parameters to its (E,) entries, and the derivative of that."""
+
+    entries: FloatArray
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """(E,) the entries, whatever the parameters."""
+        del parameters
+        return self.entries
+
+
+@dataclass(frozen=True)
+class NoParameters:
+    """The vector-Jacobian product of a model without parameters."""
+
+    def __call__(self, parameters: FloatArray, gradient: FloatArray) -> FloatArray:
+        """(0,) numbers."""
+        del parameters, gradient
+        return np.zeros(0)
+
+
 def fixed_transitions(
     n_pairs: tuple[int, int],
     state: IntArray,
@@ -150,8 +172,8 @@ def fixed_transitions(
         action=action,
         next_state=next_state,
         parameter_count=0,
-        probabilities=lambda _: known,
-        vector_jacobian=lambda _, __: np.zeros(0),
+        probabilities=KnownEntries(known),
+        vector_jacobian=NoParameters(),
     )
     model.require_stochastic(model.entries(known))
     return model

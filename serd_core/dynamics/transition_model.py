@@ -240,8 +240,18 @@ def transitions_at(model: TransitionModel, parameters: FloatArray) -> Transition
     return Transitions(model, model.entries(model.local_probabilities(parameters)))
 
 
-def transitions_of(model: TransitionModel, local_probabilities: FloatArray) -> Transitions:
-    """The transitions of given local probabilities; SerdError where a row is no distribution."""
-    entries = model.entries(local_probabilities)
+def transitions_of(model: TransitionModel, local_probabilities: FloatArray | None) -> Transitions:
+    """The transitions of given local probabilities; SerdError where a row is no distribution.
+
+    local_probabilities: None for a model without parameters.
+    """
+    if local_probabilities is None:
+        if model.n_parameters:
+            raise SerdError(
+                f"outcome_probabilities must be given for a model with {model.n_parameters}"
+                " parameters, got None; pass those of a fit or of the truth"
+            )
+        local_probabilities = model.local_probabilities(np.zeros(0))
+    entries = model.entries(np.asarray(local_probabilities, dtype=np.float64))
     model.require_stochastic(entries)
     return Transitions(model, entries)

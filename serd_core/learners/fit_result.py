@@ -1,6 +1,7 @@
 """The record every learner returns."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import AscentResult
@@ -10,6 +11,12 @@ from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import PosteriorValue
 from serd_core.priors.prior import Prior
+
+if TYPE_CHECKING:
+    from serd_core.uncertainty.standard_errors import StandardErrors
+
+#: Quantile of the normal distribution that leaves 2.5 % beyond.
+NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -67,6 +74,34 @@ class FitResult:
     error_bound: float
     assumptions: Assumptions | None
     undetermined: tuple[str, ...] = ()
+
+    def summary(self, errors: "StandardErrors | None" = None) -> str:
+        """A table of the reward weights and how the fit went, for people.
+
+        errors: of `standard_errors`, which add standard errors and 95 % intervals.
+        """
+        lines = [
+            f"converged: {'yes' if self.converged else 'no'} ({self.message})",
+            f"decisions: {self.n_decisions}   steps: {self.n_steps}",
+            f"log-likelihood: {self.policy_log_likelihood:.4f} of actions,"
+            f" {self.dynamics_log_likelihood:.4f} of transitions",
+            "",
+        ]
+        width = max(len("reward"), *(len(name) for name in self.feature_names))
+        header = f"{'reward':{width}}  {'weight':>11}"
+        if errors is not None:
+            header += f"  {'std. error':>11}  {'z':>8}  {'2.5 %':>11}  {'97.5 %':>11}"
+        lines.append(header)
+        for place, (name, weight) in enumerate(
+            zip(self.feature_names, self.reward_weights, strict=True)
+        ):
+            row = f"{name:{width}}  {weight:11.5g}"
+            if errors is not None:
+                error = float(errors.reward[place])
+                low, high = weight - NORMAL_95 * error, weight + NORMAL_95 * error
+                row += f"  {error:11.4g}  {weight / error:8.2f}  {low:11.5g}  {high:11.5g}"
+            lines.append(row)
+        return "\n".join(lines)
 
     @property
     def reward_weights(self) -> FloatArray:

@@ -1,6 +1,9 @@
 """Policies of known rewards and dynamics: solve the Bellman equation, then choose.
 
 policy = soft_policy(problem, reward_weights, outcome_probabilities)
+
+outcome_probabilities: (M, K) of OutcomeModels, (E,) entries of a SparseModel; None for transitions
+without parameters.
 """
 
 from dataclasses import dataclass
@@ -39,7 +42,7 @@ class Policy:
 def soft_policy(
     problem: Problem,
     reward_weights: FloatArray,
-    outcome_probabilities: FloatArray,
+    outcome_probabilities: FloatArray | None = None,
     solver: BellmanSolver = NEWTON,
 ) -> Policy:
     """Maximum discounted causal entropy policy (3.28 to 3.30)."""
@@ -50,7 +53,7 @@ def soft_policy(
 def optimal_policy(
     problem: Problem,
     reward_weights: FloatArray,
-    outcome_probabilities: FloatArray,
+    outcome_probabilities: FloatArray | None = None,
     solver: BellmanSolver = NEWTON,
 ) -> Policy:
     """Greedy optimal policy (2.24 to 2.26)."""
@@ -61,7 +64,7 @@ def optimal_policy(
 def boltzmann_policy(
     problem: Problem,
     reward_weights: FloatArray,
-    outcome_probabilities: FloatArray,
+    outcome_probabilities: FloatArray | None,
     temperature: float,
     solver: BellmanSolver = NEWTON,
 ) -> Policy:
@@ -75,7 +78,7 @@ def boltzmann_policy(
 def _solved(
     problem: Problem,
     reward_weights: FloatArray,
-    outcome_probabilities: FloatArray,
+    outcome_probabilities: FloatArray | None,
     equation: BellmanEquation,
     solver: BellmanSolver,
 ) -> BellmanSolution:
@@ -83,7 +86,7 @@ def _solved(
     bellman = BellmanProblem(
         equation=equation,
         rewards=rewards(problem, reward_weights),
-        transitions=transitions_of(mdp.transitions, np.asarray(outcome_probabilities, np.float64)),
+        transitions=transitions_of(mdp.transitions, outcome_probabilities),
         mdp=mdp,
     )
     return solver.solve(bellman)

@@ -19,7 +19,16 @@ setup(
     license="Apache-2.0",
     packages=find_packages(exclude=["test", "tests"]),
     package_data={
-        "": ["py.typed", "*.yaml", "scenarios/*.yaml", "templates/*", "data/*", "static/*", "*.xml"]
+        "": [
+            "py.typed",
+            "*.pyi",
+            "*.yaml",
+            "scenarios/*.yaml",
+            "templates/*",
+            "data/*",
+            "static/*",
+            "*.xml",
+        ]
     },
     include_package_data=True,
     zip_safe=False,

@@ -1,0 +1,252 @@
+"""Learning problems from tables of transitions: arrays, sparse matrices, columns, and Gymnasium.
+
+A terminal state gets one action, which stays. Its features count once, on arrival: staying for ever
+pays (1 - gamma) f each time, which is f in all. The rows and features given for it are not used.
+A pair (s, a) without transitions is not available.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+
+from serd_core.arrays import FloatArray, IntArray, float_array, int_array, require_index
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.dynamics.sparse_model import fixed_transitions
+from serd_core.errors import SerdError
+from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import TabularProblem
+
+COLUMNS = ("state", "action", "next_state", "probability")
+
+
+@dataclass(frozen=True, eq=False)
+class TransitionTable:
+    """(E,) columns of P(s' | s, a) over (S, A) pairs, without entries of probability 0."""
+
+    n_pairs: tuple[int, int]
+    state: IntArray
+    action: IntArray
+    next_state: IntArray
+    probability: FloatArray
+
+    def expected(self, values: FloatArray) -> FloatArray:
+        """(S, A, F) expectation over s' of (E, F) values of each entry."""
+        sums = np.zeros((*self.n_pairs, values.shape[1]))
+        np.add.at(sums, (self.state, self.action), values * self.probability[:, None])
+        return sums
+
+    def select(self, rows: IntArray | np.ndarray[Any, np.dtype[np.bool_]]) -> "TransitionTable":
+        """The entries of a mask."""
+        columns = (getattr(self, name)[rows] for name in COLUMNS)
+        return TransitionTable(self.n_pairs, *columns)
+
+
+def from_transitions(
+    transitions: Any,
+    features: Any,
+    *,
+    discount: float,
+    feature_names: Sequence[str] | None = None,
+    terminal: Iterable[int] = (),
+) -> TabularProblem:
+    """A learning problem with known transitions.
+
+    transitions: (S, A, S) array; or a sequence of A sparse (S, S) matrices; or a mapping or data
+    frame with the columns state, action, next_state, probability (E,).
+    features: (S, F) of states or (S, A, F) of pairs; for a table of columns also a mapping of names
+    to (E,) values per transition, of which the expectation counts.
+    terminal: states in which an episode ends.
+    """
+    table, columns = _table_of(transitions)
+    ends = _terminal_states(terminal, table.n_pairs[0])
+    names = None if feature_names is None else tuple(feature_names)
+    if isinstance(features, Mapping):
+        if not columns:
+            raise SerdError(
+                "features by name must come with transitions as columns, got an array; pass"
+                " (S, F) or (S, A, F) features"
+            )
+        names = names or tuple(features)
+        size = len(np.atleast_1d(transitions["state"]))
+        values = [float_array(f"features {name!r}", features[name], (size,)) for name in features]
+        kept = np.asarray(transitions["probability"], dtype=np.float64) != 0
+        given: Any = table.expected(np.stack(values, axis=1)[kept])
+    else:
+        given = features
+    kept_rows = table.select(~np.isin(table.state, ends))
+    model = fixed_transitions(
+        table.n_pairs,
+        np.concatenate([kept_rows.state, ends]),
+        np.concatenate([kept_rows.action, np.zeros_like(ends)]),
+        np.concatenate([kept_rows.next_state, ends]),
+        np.concatenate([kept_rows.probability, np.ones(len(ends))]),
+    )
+    return _problem(Mdp(model, discount), given, names, ends)
+
+
+def from_gymnasium(
+    environment: Any,
+    *,
+    discount: float,
+    features: Any = None,
+    feature_names: Sequence[str] | None = None,
+    model_of: Any = None,
+) -> TabularProblem:
+    """A learning problem from an environment with a table `P`, as Gymnasium's toy texts have it.
+
+    P[s][a] lists (probability, next state, reward, terminated); states that end an episode become
+    terminal. The reward of the environment is not used by learners; without `features` it is the
+    one feature, so a weight of 1 is the environment's own reward.
+    features: (S, F) or (S, A, F).
+    model_of: None for dynamics that are known; else outcome models are learned, and the k-th entry
+    of each list is their outcome k: one number, or (S, A) of the model of each pair.
+    """
+    rows = _gymnasium_rows(environment)
+    n_states, n_actions = len(rows), max(len(actions) for actions in rows)
+    ends = _terminal_states(
+        {int(s) for row in rows for a in row for _, s, _, done in a if done}, n_states
+    )
+    flat = [
+        (state, action, int(following), float(probability), float(reward))
+        for state, actions in enumerate(rows)
+        for action, outcomes in enumerate(actions)
+        for probability, following, reward, _ in outcomes
+    ]
+    state, action, following, probability, reward = (
+        np.array(each) for each in zip(*flat, strict=True)
+    )
+    columns = dict(zip(COLUMNS, (state, action, following, probability), strict=True))
+    if model_of is None:
+        given = {"reward": reward} if features is None else features
+        return from_transitions(
+            columns, given, discount=discount, feature_names=feature_names, terminal=ends
+        )
+    if features is None:
+        raise SerdError(
+            "features must be given where outcome models are learned, as an expected reward depends"
+            " on them, got None; pass (S, F) or (S, A, F) features"
+        )
+    successors = _outcome_lists(rows, n_actions)
+    available = np.any(successors >= 0, axis=2)
+    available[ends], successors[ends] = False, ends[:, None, None]
+    available[ends, 0] = True
+    which = np.broadcast_to(int_array("model_of", model_of), (n_states, n_actions))
+    models = OutcomeModels(successors, which, available, n_models=int(which.max()) + 1)
+    names = None if feature_names is None else tuple(feature_names)
+    return _problem(Mdp(models, discount), features, names, ends)
+
+
+def _problem(
+    mdp: Mdp, features: Any, names: tuple[str, ...] | None, ends: IntArray
+) -> TabularProblem:
+    """The problem with (S, F) or (S, A, F) features, which count once in terminal states."""
+    pairs = mdp.available.shape
+    values = np.asarray(features, dtype=np.float64)
+    if values.ndim == 2 and len(values) == pairs[0]:
+        values = np.repeat(values[:, None, :], pairs[1], axis=1)
+    if values.ndim != 3 or values.shape[:2] != pairs:
+        raise SerdError(
+            f"features must have shape ({pairs[0]}, F) or ({pairs[0]}, {pairs[1]}, F), got"
+            f" {np.shape(features)}; reshape them"
+        )
+    values = values.copy()
+    values[ends] *= 1.0 - mdp.discount
+    if names is None:
+        names = tuple(f"feature {i}" for i in range(values.shape[2]))
+    return TabularProblem(mdp, values, names)
+
+
+def _table_of(transitions: Any) -> tuple[TransitionTable, bool]:
+    """The entries that are not 0, and whether they were given as columns."""
+    is_list = isinstance(transitions, np.ndarray | Sequence) or scipy.sparse.issparse(transitions)
+    if not is_list:
+        missing = [name for name in COLUMNS if name not in transitions]
+        if missing:
+            raise SerdError(
+                f"transitions must have the columns {', '.join(COLUMNS)}, got none named"
+                f" {missing[0]}; rename it"
+            )
+        probability = float_array("probability", transitions["probability"], (None,))
+        size = len(probability)
+        state, action, following = (
+            int_array(name, transitions[name], (size,)) for name in COLUMNS[:3]
+        )
+        n_states = 1 + int(max(state.max(initial=-1), following.max(initial=-1)))
+        pairs = (n_states, 1 + int(action.max(initial=-1)))
+        for name, column, size in zip(
+            COLUMNS, (state, action, following), (*pairs, n_states), strict=False
+        ):
+            require_index(name, column, size, "an index")
+        whole = TransitionTable(pairs, state, action, following, probability)
+        return whole.select(probability != 0), True
+    given = [transitions] if scipy.sparse.issparse(transitions) else list(transitions)
+    if given and all(scipy.sparse.issparse(each) for each in given):
+        return _of_matrices([scipy.sparse.coo_array(each) for each in given]), False
+    dense = float_array("transitions", transitions, (None, None, None))
+    if dense.shape[0] != dense.shape[2]:
+        raise SerdError(
+            f"transitions must have shape (states, actions, states), got {dense.shape}; transpose"
+            " them"
+        )
+    state, action, following = np.nonzero(dense)
+    entries = dense[state, action, following]
+    return TransitionTable(dense.shape[:2], state, action, following, entries), False
+
+
+def _of_matrices(matrices: list[scipy.sparse.coo_array]) -> TransitionTable:
+    n_states = matrices[0].shape[0]
+    for action, matrix in enumerate(matrices):
+        if matrix.shape != (n_states, n_states):
+            raise SerdError(
+                f"transitions[{action}] must have shape ({n_states}, {n_states}), got"
+                f" {matrix.shape}; pass one square matrix per action"
+            )
+    actions = [np.full(len(each.row), a, dtype=np.int64) for a, each in enumerate(matrices)]
+    table = TransitionTable(
+        (n_states, len(matrices)),
+        np.concatenate([each.row for each in matrices]).astype(np.int64),
+        np.concatenate(actions),
+        np.concatenate([each.col for each in matrices]).astype(np.int64),
+        np.concatenate([each.data for each in matrices]).astype(np.float64),
+    )
+    return table.select(table.probability != 0)
+
+
+def _terminal_states(terminal: Iterable[int], n_states: int) -> IntArray:
+    given = np.asarray(list(terminal))
+    if given.dtype == np.bool_:
+        given = np.flatnonzero(given)
+    ends = np.unique(int_array("terminal", given.astype(np.int64) if not given.size else given))
+    require_index("terminal", ends, n_states, "a state")
+    return ends
+
+
+def _gymnasium_rows(environment: Any) -> list[list[list[tuple[float, int, float, bool]]]]:
+    table = getattr(getattr(environment, "unwrapped", environment), "P", None)
+    if table is None:
+        raise SerdError(
+            "environment must have a table P of its transitions, as FrozenLake-v1, Taxi-v3 and"
+            f" CliffWalking have, got {type(environment).__name__}; use from_transitions"
+        )
+    return [[list(table[s][a]) for a in sorted(table[s])] for s in sorted(table)]
+
+
+def _outcome_lists(
+    rows: list[list[list[tuple[float, int, float, bool]]]], n_actions: int
+) -> IntArray:
+    """(S, A, K) next states, -1 where there is no action; a certain outcome is all K outcomes."""
+    n_outcomes = max(len(outcomes) for row in rows for outcomes in row)
+    successors = np.full((len(rows), n_actions, n_outcomes), -1, dtype=np.int64)
+    for state, row in enumerate(rows):
+        for action, outcomes in enumerate(row):
+            reached = [int(following) for _, following, _, _ in outcomes]
+            if len(reached) not in (1, n_outcomes):
+                raise SerdError(
+                    f"P[{state}][{action}] must list 1 or {n_outcomes} outcomes where models are"
+                    f" learned, got {len(reached)}; build OutcomeModels, or leave model_of out"
+                )
+            successors[state, action] = reached
+    return successors

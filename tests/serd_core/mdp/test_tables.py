@@ -1,0 +1,101 @@
+"""Problems from tables: all forms are one problem, and terminal states need no masking."""
+
+import gymnasium
+import numpy as np
+import pytest
+import scipy.sparse
+
+import serd_core as sc
+
+
+def random_table(seed=3, n_states=5, n_actions=2):
+    rng = np.random.default_rng(seed)
+    table = rng.dirichlet(np.ones(n_states), size=(n_states, n_actions))
+    table[table < 0.1] = 0.0
+    return table / table.sum(axis=2, keepdims=True), rng.normal(size=(n_states, n_actions, 2))
+
+
+def columns_of(table):
+    state, action, following = np.nonzero(table)
+    probability = table[state, action, following]
+    return {
+        "state": state, "action": action, "next_state": following, "probability": probability
+    }  # fmt: skip
+
+
+def test_every_form_of_the_table_is_the_same_problem():
+    table, features = random_table()
+    forms = (table, [scipy.sparse.csr_array(table[:, a]) for a in range(2)], columns_of(table))
+    values = [
+        sc.soft_policy(sc.from_transitions(form, features, discount=0.9), [1.0, -2.0]).value
+        for form in forms
+    ]
+    np.testing.assert_allclose(values[1:], [values[0]] * 2, rtol=1e-12)
+
+
+def test_features_of_transitions_count_by_their_expectation():
+    table, _ = random_table()
+    columns = columns_of(table)
+    cost = np.random.default_rng(1).normal(size=len(columns["state"]))
+    problem = sc.from_transitions(columns, {"cost": cost}, discount=0.9)
+    dense = np.zeros_like(table)
+    dense[columns["state"], columns["action"], columns["next_state"]] = cost
+    np.testing.assert_allclose(problem.features[:, :, 0], (dense * table).sum(axis=2))
+    assert problem.feature_names == ("cost",)
+
+
+def test_the_feature_of_a_terminal_state_counts_once():
+    """One step to the end: Q = 0 + 0.5 * w for the step that arrives, whatever follows."""
+    table = np.zeros((2, 1, 2))
+    table[:, 0, 1] = 1.0
+    problem = sc.from_transitions(table, [[0.0], [1.0]], discount=0.5, terminal=[1])
+    np.testing.assert_allclose(sc.soft_policy(problem, [3.0]).value, [1.5, 3.0])
+    assert problem.mdp.final.tolist() == [False, True]
+
+
+def test_an_environment_is_the_table_it_holds_and_its_reward():
+    lake = gymnasium.make("FrozenLake-v1")
+    problem = sc.from_gymnasium(lake, discount=0.9)
+    assert np.flatnonzero(problem.mdp.final).tolist() == [5, 7, 11, 12, 15]
+    assert problem.feature_names == ("reward",)
+    # Down from 14 slips to the goal with a probability of 1/3.
+    assert problem.features[14, 1, 0] == pytest.approx(1 / 3)
+    optimal = sc.optimal_policy(problem, [1.0])
+    # Value of the start at discount 0.9, as other solvers of this environment publish it.
+    assert optimal.value[0] == pytest.approx(0.06889, abs=1e-5)
+
+
+def test_outcome_models_of_an_environment_have_its_transitions():
+    lake = gymnasium.make("FrozenLake-v1")
+    features = np.random.default_rng(0).normal(size=(16, 4, 1))
+    known = sc.from_gymnasium(lake, discount=0.9, features=features)
+    learned = sc.from_gymnasium(lake, discount=0.9, features=features, model_of=0)
+    np.testing.assert_allclose(
+        sc.soft_policy(known, [2.0]).value,
+        sc.soft_policy(learned, [2.0], np.full((1, 3), 1 / 3)).value,
+        rtol=1e-12,
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"transitions": np.ones((2, 1, 3))}, r"must have shape \(states, actions, states\)"),
+        ({"transitions": {"state": [0]}}, "got none named action; rename it"),
+        ({"transitions": np.full((2, 1, 2), 0.4)}, "but the row sums to 0.8; normalise that row"),
+        ({"features": np.ones(3)}, r"features must have shape \(2, F\) or \(2, 1, F\), got \(3,\)"),
+        ({"features": {"one": [1.0]}}, "features by name must come with transitions as columns"),
+        ({"terminal": [2]}, r"terminal\[0\] must be a state from 0 to 1, got 2"),
+    ],
+)
+def test_wrong_tables_are_rejected_with_a_sentence(change, message):
+    given = {"transitions": np.full((2, 1, 2), 0.5), "features": np.ones((2, 1)), **change}
+    with pytest.raises(sc.SerdError, match=message):
+        sc.from_transitions(discount=0.9, **given)
+
+
+def test_an_environment_without_a_table_is_rejected():
+    with pytest.raises(sc.SerdError, match="environment must have a table P"):
+        sc.from_gymnasium(object(), discount=0.9)
+    with pytest.raises(sc.SerdError, match="features must be given where outcome models"):
+        sc.from_gymnasium(gymnasium.make("FrozenLake-v1"), discount=0.9, model_of=0)

@@ -1,0 +1,57 @@
+"""The flat interface: every name is there, its documents run, and imports stay lazy."""
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import serd_core as sc
+
+
+def test_every_name_of_the_stub_is_the_object_of_its_module(root):
+    stub = (root / "serd_core" / "__init__.pyi").read_text()
+    names = set(re.findall(r"(\w+) as \1\b", stub))
+    assert names <= set(dir(sc))
+    for name in names:
+        assert getattr(sc, name).__name__ == name
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        sc.nothing  # noqa: B018
+
+
+def test_importing_the_package_imports_no_module_of_it():
+    code = "import sys, serd_core; print(sum(m.startswith('serd_core.') for m in sys.modules))"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout.strip() == "0"
+
+
+def blocks_of(path):
+    return re.findall(r"```python\n(.*?)```", path.read_text(encoding="utf-8"), re.DOTALL)
+
+
+def test_the_page_of_the_library_runs_and_finds_the_truth(root, capsys):
+    names = {}
+    blocks = blocks_of(root / "docs" / "library.md")
+    exec("\n".join(blocks[:1]), names)
+    fit, errors = names["fit"], names["errors"]
+    assert fit.converged
+    assert abs(fit.reward_weights[0] - 20.0) < 3.0 * errors.reward[0]
+    exec("\n".join(blocks[1:]), names)
+    assert names["fit"].converged
+    np.testing.assert_allclose(names["fit"].outcome_probabilities, 1 / 3, atol=0.05)
+    assert "std. error" in capsys.readouterr().out
+
+
+def test_frozen_lake_takes_at_most_twenty_lines(root):
+    first = blocks_of(root / "docs" / "library.md")[0]
+    assert len([line for line in first.splitlines() if line.strip()]) <= 20
+
+
+def test_the_readme_of_the_distribution_runs(root, capsys):
+    (block,) = blocks_of(root / "distributions" / "serd-core" / "README.md")
+    exec(block, {})
+    assert "converged: yes" in capsys.readouterr().out
