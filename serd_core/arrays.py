@@ -69,6 +69,15 @@ def require_index(name: str, array: IntArray, size: int, what: str) -> None:
         )
 
 
+def require_kind(name: str, given: object, kinds: tuple[type, ...], example: str) -> None:
+    """SerdError unless an argument is an object of one of the classes."""
+    if not isinstance(given, kinds):
+        wanted = " or ".join(kind.__name__ for kind in kinds)
+        raise SerdError(
+            f"{name} must be a {wanted} object, got {given!r}; use for example {example}"
+        )
+
+
 def require_generator(rng: object) -> None:
     """SerdError unless `rng` is a generator of NumPy."""
     if not isinstance(rng, np.random.Generator):

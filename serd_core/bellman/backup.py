@@ -11,6 +11,8 @@ from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
+#: Values beyond overflow in sums and differences.
+LARGEST_VALUE = 1e300
 EPSILON = float(np.finfo(np.float64).eps)
 
 
@@ -26,11 +28,13 @@ class BellmanProblem:
     def __post_init__(self) -> None:
         available = self.mdp.available
         allowed = np.where(available, self.rewards, 0.0)
-        if not np.all(np.isfinite(allowed)):
-            state, action = np.argwhere(~np.isfinite(allowed))[0]
+        largest = LARGEST_VALUE * (1.0 - self.discount)
+        if not max(float(allowed.max()), -float(allowed.min())) <= largest:
+            state, action = np.argwhere(~(np.abs(allowed) <= largest))[0]
             raise SerdError(
-                f"rewards[{state}, {action}] must be finite, got {allowed[state, action]}; use"
-                " smaller weights or features, and mark forbidden actions unavailable"
+                f"rewards[{state}, {action}] must be finite and at most {largest:.3g} in size, got"
+                f" {allowed[state, action]}; use smaller weights or features, and mark forbidden"
+                " actions unavailable"
             )
         object.__setattr__(self, "rewards", np.where(available, self.rewards, -np.inf))
 

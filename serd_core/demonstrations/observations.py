@@ -40,6 +40,7 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
     """Count; SerdError naming the first decision the MDP rules out."""
     if not len(decisions):
         raise SerdError(f"{name} must hold at least one decision, got none; record an episode")
+    _require_distinct_times(decisions, name)
     counts = state_action_counts(decisions, mdp.n_states, mdp.n_actions)
     _require_available(mdp, decisions, name)
     group_of_decision = _observed_groups(mdp, decisions, name)
@@ -64,6 +65,19 @@ def explained(mdp: Mdp, decisions: Decisions) -> BoolArray:
     row = decisions.state * mdp.n_actions + decisions.action
     found = mdp.transitions.groups.find(row, decisions.next_state) >= 0
     return np.asarray(inside & found)
+
+
+def _require_distinct_times(decisions: Decisions, name: str) -> None:
+    order = np.lexsort((decisions.time_s, decisions.episode))
+    episode, time_s = decisions.episode[order], decisions.time_s[order]
+    twice = np.flatnonzero((np.diff(episode) == 0) & (np.diff(time_s) == 0))
+    if twice.size:
+        first, second = sorted(order[twice[0] : twice[0] + 2].tolist())
+        raise SerdError(
+            f"{name} must have one decision per episode and time, got {name}[{first}] and"
+            f" {name}[{second}] both in episode {decisions.episode[first]} at"
+            f" {decisions.time_s[first]} s; drop one, or number the decisions of the episode"
+        )
 
 
 def _require_available(mdp: Mdp, decisions: Decisions, name: str) -> None:

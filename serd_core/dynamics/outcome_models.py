@@ -88,6 +88,11 @@ class OutcomeModels(TransitionModel):
         lengths = self.available.ravel() * self.n_outcomes
         return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
 
+    @property
+    def n_entries(self) -> int:
+        """K per available pair."""
+        return int(np.count_nonzero(self.available)) * self.n_outcomes
+
     @cached_property
     def successor(self) -> IntArray:
         """(E,) next state of each entry."""

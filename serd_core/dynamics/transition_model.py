@@ -155,6 +155,11 @@ class TransitionModel(ABC):
         """Number of actions A."""
         return int(self.available.shape[1])
 
+    @property
+    def n_entries(self) -> int:
+        """Number of entries E."""
+        return len(self.successor)
+
     @cached_property
     def row(self) -> IntArray:
         """(E,) row s * n_actions + a of each entry."""

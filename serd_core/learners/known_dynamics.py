@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, require_kind
 from serd_core.ascent.ascent import Ascent, AscentResult, FunctionObjective, StepCallback
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import Observations, observe
@@ -51,6 +51,7 @@ class RewardSearch:
         on_step: StepCallback | None,
     ) -> FitResult:
         """The fit at the maximum of a function of the (F,) weights with its gradient."""
+        require_kind("ascent", ascent, (Ascent,), "Lbfgs()")
         return self.result(
             ascent.maximise(FunctionObjective(objective), self.start.reward, on_step)
         )

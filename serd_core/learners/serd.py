@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, require_kind
 from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs
@@ -59,6 +59,16 @@ class SerdSettings:
     ascent: Ascent = LBFGS
     solver: BellmanSolver = field(default_factory=Newton)
     linear_solver: LinearSolver = field(default_factory=Automatic)
+
+    def __post_init__(self) -> None:
+        for name, kinds, example in (
+            ("belief", (Belief,), "FreeBelief()"),
+            ("prior", (Prior, PriorByEvidence), "GaussianPrior(1.0, Block.REWARD)"),
+            ("ascent", (Ascent,), "Lbfgs()"),
+            ("solver", (BellmanSolver,), "Newton()"),
+            ("linear_solver", (LinearSolver,), "Automatic()"),
+        ):
+            require_kind(name, getattr(self, name), kinds, example)
 
 
 SETTINGS = SerdSettings()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array
+from serd_core.arrays import FloatArray, float_array, require_generator
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -41,6 +41,7 @@ def initial_weights_or_sample(
         return float_array("initial_weights", initial_weights, (n_features,))
     if rng is None:
         raise SerdError("initial_weights or rng must be given, got neither; pass one of them")
+    require_generator(rng)
     return rng.uniform(-10.0, 10.0, n_features)
 
 

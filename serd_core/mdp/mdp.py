@@ -13,6 +13,7 @@ from serd_core.arrays import BoolArray, FloatArray, Shape, first_index, float_ar
 from serd_core.bellman.linear.policy_pattern import PolicyPattern, policy_pattern
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
+from serd_core.memory import BYTES_PER_ENTRY, require_memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +29,11 @@ class Mdp:
 
     def __post_init__(self) -> None:
         require_discount(self.discount)
+        require_memory(
+            f"the transitions of {self.n_states} states and {self.n_actions} actions",
+            BYTES_PER_ENTRY * float(self.transitions.n_entries),
+            "use fewer states, or fewer outcomes of each action",
+        )
         stuck = first_index(~self.available.any(axis=1))
         if stuck is not None:
             raise SerdError(

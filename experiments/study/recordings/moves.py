@@ -21,11 +21,11 @@ def counted_moves(decisions: Decisions) -> list[Move]:
 
 
 def decisions_of_moves(moves: Sequence[Sequence[int]], source: str = "") -> Decisions:
-    """Decisions with the counted moves; all in episode 0 at time 0."""
+    """Decisions with the counted moves; each an episode of its own."""
     columns = np.array(moves, dtype=np.int64).reshape(-1, 4)
     state, action, following = np.repeat(columns[:, :3], columns[:, 3], axis=0).T
     return Decisions(
-        episode=np.zeros(len(state), dtype=np.int64),
+        episode=np.arange(len(state)),
         time_s=np.zeros(len(state)),
         state=state,
         action=action,

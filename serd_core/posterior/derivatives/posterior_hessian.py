@@ -25,11 +25,15 @@ from serd_core.arrays import FloatArray
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.linear.linear_solver import LinearSystem
 from serd_core.dynamics.transition_model import Transitions, transitions_at
+from serd_core.memory import require_memory
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.derivatives.adjoint import Adjoint
 from serd_core.posterior.derivatives.transition_derivatives import log_transition_hessian
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
+
+#: Tables of the size of dQ/dtheta that exist at a time.
+COPIES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +55,12 @@ def sensitivities(
     """Derivatives by reward weights, then dynamics parameters."""
     model = transitions.model
     rows = model.available.size
+    n_derivatives = features.shape[2] + local_jacobian.shape[1]
+    require_memory(
+        f"second derivatives by {n_derivatives} parameters over {rows} pairs (s, a)",
+        COPIES * 8.0 * rows * n_derivatives,
+        "fit by Lbfgs() with a prior that is given, or learn fewer parameters",
+    )
     weighted = scipy.sparse.csr_array(
         (discount * solution.value[model.successor], (model.row, model.local_index)),
         shape=(rows, len(local_jacobian)),

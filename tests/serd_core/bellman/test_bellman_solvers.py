@@ -177,7 +177,9 @@ def test_the_starting_value_must_be_finite_and_of_the_right_length(gridworld):
 def test_rewards_that_are_not_finite_are_refused_with_the_place(minimum_example):
     transitions = transitions_of(minimum_example.mdp.transitions, np.full((2, 2), 0.5))
     rewards = np.array([[0.0, np.nan, np.nan], [np.nan, np.nan, 1.0]])
-    with pytest.raises(SerdError, match=r"rewards\[0, 1\] must be finite, got nan; use smaller"):
+    with pytest.raises(
+        SerdError, match=r"rewards\[0, 1\] must be finite and at most .*, got nan; use smaller"
+    ):
         BellmanProblem(SoftBellman(), rewards, transitions, minimum_example.mdp)
 
 

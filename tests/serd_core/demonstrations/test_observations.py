@@ -7,7 +7,7 @@ from serd_core.demonstrations.observations import explained, observe
 def table(rows):
     state, action, following = np.array(rows).T
     zeros = np.zeros(len(rows), int)
-    return Decisions(zeros, zeros.astype(float), state, action, following)
+    return Decisions(zeros, np.arange(len(rows)), state, action, following)
 
 
 def test_counts_say_everything_about_the_decisions(minimum_example):

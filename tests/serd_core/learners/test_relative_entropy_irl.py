@@ -211,7 +211,7 @@ def test_a_fit_takes_its_thresholds_from_the_lengths_and_ends_of_its_episodes():
         grid=grid, flow=np.ones(3, int), goal_states=[2], wall_distance_m=np.ones(3), discount=0.9
     )
     steps = np.array([0, 1, 0, 1])
-    absorbed = Decisions([0, 0, 1, 1], np.zeros(4), steps, np.ones(4, int), steps + 1)
+    absorbed = Decisions([0, 0, 1, 1], steps * 1.0, steps, np.ones(4, int), steps + 1)
     policy = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
     common = {"sampling_policy": policy, "initial_weights": np.ones(3), "max_steps": 3}
     for decisions, horizon, shortest in (

@@ -44,7 +44,7 @@ def test_the_error_of_an_observed_outcome_is_that_of_a_proportion(minimum_exampl
     zeros = np.zeros(160, int)
     both = Decisions(
         zeros,
-        zeros.astype(float),
+        np.arange(160.0),
         np.concatenate([decisions.state, state]),
         np.concatenate([decisions.action, action]),
         np.concatenate([decisions.next_state, np.array([0, 1, 1, 0] * 15)]),

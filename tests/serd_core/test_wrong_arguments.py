@@ -1,0 +1,72 @@
+"""Arguments that used to fail deep inside are rejected by name, rule, value and fix."""
+
+import numpy as np
+import pytest
+
+import serd_core as sc
+from serd_core import memory
+
+FITS = [sc.fit_mdce_serd, sc.fit_pm_serd]
+
+
+@pytest.mark.parametrize("fit", FITS)
+@pytest.mark.parametrize(
+    ("argument", "message"),
+    [
+        ({"prior": 0.1}, r"prior must be a Prior .*got 0.1; use for example GaussianPrior"),
+        ({"belief": "free"}, r"belief must be a Belief object, got 'free'; use .* FreeBelief\(\)"),
+        ({"belief": sc.FreeBelief}, "belief must be a Belief object, got <class"),
+        ({"ascent": "lbfgs"}, "ascent must be a Ascent object, got 'lbfgs'"),
+        ({"prior": sc.UniformPrior(), "rng": 0}, "rng must be a numpy.random.Generator, got 0"),
+    ],
+)
+def test_objects_of_another_kind_are_rejected(gridworld, fit, argument, message):
+    with pytest.raises(sc.SerdError, match=message):
+        fit(gridworld.problem, gridworld.decisions, **argument)
+
+
+@pytest.mark.parametrize("size", [1e308, 1e300])
+@pytest.mark.parametrize("solve", [sc.soft_policy, sc.optimal_policy])
+def test_weights_whose_values_overflow_are_rejected(gridworld, solve, size):
+    with pytest.raises(
+        sc.SerdError, match=r"rewards\[\d+, \d\] must be finite and at most 1e\+299"
+    ):
+        solve(gridworld.problem, [0.0, size], gridworld.probabilities)
+    large = solve(gridworld.problem, [0.0, 1e298], gridworld.probabilities)
+    assert np.all(np.isfinite(large.probabilities))
+
+
+def test_two_decisions_of_one_episode_and_time_are_rejected(gridworld):
+    given = gridworld.decisions
+    twice = given.select(np.append(np.arange(len(given)), 3))
+    with pytest.raises(sc.SerdError, match=r"got decisions\[3\] and decisions\[300\] both in epis"):
+        sc.fit_mdce_serd(gridworld.problem, twice)
+
+
+def test_a_feature_that_no_decision_depends_on_is_named(gridworld):
+    problem = gridworld.problem
+    features = np.concatenate([problem.features, np.zeros((25, 5, 1))], axis=2)
+    wider = sc.TabularProblem(problem.mdp, features, (*problem.feature_names, "never visited"))
+    fit = sc.fit_mdce_irl_by_likelihood(
+        wider, gridworld.decisions, initial_weights=np.zeros(3), dynamics=gridworld.probabilities
+    )
+    assert not fit.converged
+    assert fit.message.endswith(
+        "nothing determines +1.00 reward never visited; give these numbers a prior"
+    ) or fit.message.endswith(
+        "nothing determines -1.00 reward never visited; give these numbers a prior"
+    )
+
+
+def test_what_would_not_fit_into_memory_is_refused_with_the_bytes_it_needs(gridworld, monkeypatch):
+    problem = gridworld.problem
+    monkeypatch.setattr(memory, "memory_limit", lambda: 30_000)
+    with pytest.raises(
+        sc.SerdError,
+        match=r"the transitions of 25 states and 5 actions must fit into memory, but needs"
+        r" 6.25e\+04 bytes of 3e\+04; use fewer states",
+    ):
+        sc.Mdp(problem.mdp.transitions, 0.9)
+    monkeypatch.setattr(memory, "memory_limit", lambda: 100_000)
+    with pytest.raises(sc.SerdError, match="second derivatives by 47 parameters over 125 pairs"):
+        sc.fit_mdce_serd(problem, gridworld.decisions)
