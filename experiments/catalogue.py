@@ -4,6 +4,7 @@ from experiments.avoidance import AvoidanceConfig, run_avoidance
 from experiments.gridworld.ascents import AscentsConfig, run_ascents
 from experiments.gridworld.early_stopping import EarlyStoppingConfig, run_early_stopping
 from experiments.gridworld.experiment import GridworldConfig, run_gridworld
+from experiments.hidden_actions import HiddenActionsConfig, run_hidden_actions
 from experiments.minimum_example import MinimumExampleConfig, run_minimum_example
 from experiments.multi_start import MultiStartConfig, run_multi_start
 from experiments.next_demonstration import NextDemonstrationConfig, run_next_demonstration
@@ -52,6 +53,12 @@ EXPERIMENTS = (
         "what choices reveal of a move that is avoided",
         AvoidanceConfig,
         run_avoidance,
+    ),
+    Experiment(
+        "hidden-actions",
+        "rewards and dynamics from states alone",
+        HiddenActionsConfig,
+        run_hidden_actions,
     ),
     Experiment(
         "next-demonstration",

@@ -22,6 +22,7 @@ from serd_core.bellman.linear.krylov import Krylov as Krylov
 from serd_core.bellman.linear.sparse_lu import SparseLu as SparseLu
 from serd_core.bellman.newton import Newton as Newton
 from serd_core.bellman.value_iteration import ValueIteration as ValueIteration
+from serd_core.demonstrations.decisions import HIDDEN as HIDDEN
 from serd_core.demonstrations.decisions import Decisions as Decisions
 from serd_core.demonstrations.simulation import sample_decisions as sample_decisions
 from serd_core.demonstrations.tables import decisions_from_columns as decisions_from_columns
@@ -65,6 +66,7 @@ from serd_core.priors.norm import NormPrior as NormPrior
 from serd_core.priors.prior import UniformPrior as UniformPrior
 from serd_core.selection.evaluation import dynamics_divergence as dynamics_divergence
 from serd_core.selection.evaluation import fitted_policy as fitted_policy
+from serd_core.selection.evaluation import move_log_likelihood as move_log_likelihood
 from serd_core.selection.evaluation import policy_log_likelihood as policy_log_likelihood
 from serd_core.selection.evaluation import validation_log_likelihood as validation_log_likelihood
 from serd_core.selection.multi_start import multi_start as multi_start

@@ -295,7 +295,8 @@ def evidence_start(
     problem = posterior.problem
     if belief.learns_dynamics:
         require_outcome_models(problem.mdp.transitions, "PriorByEvidence")
-    given = dynamics_or_estimate(problem, decisions, dynamics)
+    learned = belief.learns_dynamics
+    given = dynamics_or_estimate(problem, decisions, dynamics, learned=learned)
     n_features = len(problem.feature_names)
     weights = np.zeros(n_features) if initial_weights is None else initial_weights
     start = starting_parameters(problem, posterior.policy_model, weights, given, belief)

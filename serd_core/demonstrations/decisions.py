@@ -4,7 +4,7 @@ Rows of one episode share an episode number; `time_s` orders them.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from serd_core.errors import SerdError
 # decision in between it is two.
 _LATE = 1.5
 
+#: Marks a decision whose action was not observed.
+HIDDEN = -1
+
 
 @dataclass(frozen=True, eq=False)
 class Decisions:
@@ -22,7 +25,8 @@ class Decisions:
 
     episode: (N,) number of the episode, any non-negative integers.
     time_s: (N,) when the decision was taken.
-    state, action, next_state: (N,) indices of the problem they were made in.
+    state, action, next_state: (N,) indices of the problem they were made in; action is `HIDDEN`
+    where only the states were observed.
     source: where they come from, for reports.
     """
 
@@ -38,7 +42,7 @@ class Decisions:
         for name in ("episode", "state", "action", "next_state"):
             column = int_array(name, getattr(self, name), (None,))
             _require_length(name, len(column), len(self.time_s))
-            _require_not_negative(name, column)
+            _require_at_least(name, column, HIDDEN if name == "action" else 0)
             object.__setattr__(self, name, column)
 
     def __len__(self) -> int:
@@ -48,6 +52,16 @@ class Decisions:
         """The columns by name, as `pandas.DataFrame` and `decisions_from_columns` take them."""
         names = ("episode", "time_s", "state", "action", "next_state")
         return {name: getattr(self, name) for name in names}
+
+    @property
+    def hidden(self) -> BoolArray:
+        """(N,) decisions whose action was not observed."""
+        return np.asarray(self.action == HIDDEN)
+
+    def with_hidden_actions(self, rows: BoolArray | None = None) -> "Decisions":
+        """The same decisions without the actions of the given rows (N,), by default of all."""
+        wanted = np.ones(len(self), dtype=np.bool_) if rows is None else rows
+        return replace(self, action=np.where(wanted, HIDDEN, self.action))
 
     @property
     def episodes(self) -> IntArray:
@@ -78,12 +92,23 @@ class Decisions:
 
 
 def state_action_counts(decisions: Decisions, n_states: int, n_actions: int) -> FloatArray:
-    """(S, A) how often each action was taken in each state: n(s, a)."""
+    """(S, A) how often each action was taken in each state: n(s, a); all must be known."""
+    require_shown(decisions, "counts of actions")
     _require_below("state", decisions.state, n_states)
     _require_below("action", decisions.action, n_actions)
     pair = decisions.state * n_actions + decisions.action
     counts = np.bincount(pair, minlength=n_states * n_actions)
     return counts.reshape(n_states, n_actions).astype(np.float64)
+
+
+def require_shown(decisions: Decisions, purpose: str) -> None:
+    """SerdError naming the first decision whose action is hidden."""
+    rows = np.flatnonzero(decisions.hidden)
+    if rows.size:
+        raise SerdError(
+            f"action[{rows[0]}] must be known for {purpose}, got a hidden one; learn by"
+            " fit_mdce_serd or fit_pm_serd, which need states only"
+        )
 
 
 def state_counts(decisions: Decisions, n_states: int) -> FloatArray:
@@ -130,11 +155,12 @@ def _require_length(name: str, length: int, expected: int) -> None:
         )
 
 
-def _require_not_negative(name: str, column: IntArray) -> None:
-    bad = np.flatnonzero(column < 0)
+def _require_at_least(name: str, column: IntArray, least: int) -> None:
+    bad = np.flatnonzero(column < least)
     if bad.size:
+        rule = "not be negative" if least == 0 else f"be an index or {HIDDEN} for a hidden action"
         raise SerdError(
-            f"{name}[{bad[0]}] must not be negative, got {column[bad[0]]}"
+            f"{name}[{bad[0]}] must {rule}, got {column[bad[0]]}"
             "; drop decisions outside the problem"
         )
 

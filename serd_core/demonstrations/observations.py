@@ -1,6 +1,7 @@
 """The counts of demonstrations that the likelihood depends on.
 
-P(D | theta) of (4.7) is a product over decisions, so n(s, a) and n(s, a, s') are sufficient.
+P(D | theta) of (4.7) is a product over decisions, so n(s, a) and n(s, a, s') are sufficient. Where
+actions are hidden it has the factor sum_a pi(a | s) P(s' | s, a), and m(s, s') is sufficient.
 """
 
 from dataclasses import dataclass
@@ -8,20 +9,37 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.demonstrations.decisions import Decisions, state_action_counts
+from serd_core.demonstrations.decisions import Decisions, state_action_counts, state_counts
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
+
+
+@dataclass(frozen=True, eq=False)
+class HiddenMoves:
+    """Observed (s, s') whose action is hidden, and the transitions (s, a, s') that explain each.
+
+    count: (T,) how often each distinct (s, s') was observed.
+    place, move: (H,) of each explaining transition its place in `Observations.group`, and which of
+    the T it explains.
+    """
+
+    count: FloatArray
+    place: IntArray
+    move: IntArray
+
+    def __bool__(self) -> bool:
+        return bool(len(self.count))
 
 
 @dataclass(frozen=True, eq=False)
 class Observations:
     """Sufficient statistics of demonstrations in one MDP.
 
-    state_action: (S, A) counts n(s, a).
-    group: distinct observed transitions as indices into `mdp.transitions.groups`;
-    group_count: how often each was observed.
-    entry: entries of P that belong to an observed transition; entry_group: place of each in
-    `group`.
+    state_action: (S, A) counts n(s, a) of decisions with their action.
+    group: distinct transitions as indices into `mdp.transitions.groups`, those observed and those
+    that explain a hidden action; group_count: how often each was observed.
+    entry: entries of P that belong to one of these; entry_group: place of each in `group`.
+    hidden: moves whose action is hidden.
     """
 
     state_action: FloatArray
@@ -29,11 +47,12 @@ class Observations:
     group_count: FloatArray
     entry: IntArray
     entry_group: IntArray
+    hidden: HiddenMoves
 
     @property
     def n_decisions(self) -> int:
-        """Number of decisions."""
-        return int(self.state_action.sum())
+        """Number of decisions, with and without their action."""
+        return int(self.state_action.sum() + self.hidden.count.sum())
 
 
 def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observations:
@@ -41,10 +60,18 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
     if not len(decisions):
         raise SerdError(f"{name} must hold at least one decision, got none; record an episode")
     _require_distinct_times(decisions, name)
-    counts = state_action_counts(decisions, mdp.n_states, mdp.n_actions)
+    state_counts(decisions, mdp.n_states)
+    shown = np.flatnonzero(~decisions.hidden)
+    counts = state_action_counts(decisions.select(shown), mdp.n_states, mdp.n_actions)
     _require_available(mdp, decisions, name)
-    group_of_decision = _observed_groups(mdp, decisions, name)
-    group, count = np.unique(group_of_decision, return_counts=True)
+    _require_explained(decisions, explained(mdp, decisions), name)
+    observed = _taken_transitions(mdp, decisions.select(shown))
+    hidden = decisions.select(decisions.hidden)
+    pairs = np.stack([hidden.state, hidden.next_state], axis=1)
+    _, first, moves = np.unique(pairs, axis=0, return_index=True, return_counts=True)
+    candidates = explaining_transitions(mdp, hidden.select(first))
+    move, column = np.nonzero(candidates >= 0)
+    group = np.unique(np.concatenate([observed, candidates[move, column]]))
     place = np.full(len(mdp.transitions.groups), -1, dtype=np.int64)
     place[group] = np.arange(len(group))
     place_of_entry = place[mdp.transitions.groups.group_of_entry]
@@ -52,19 +79,19 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
     return Observations(
         state_action=counts,
         group=group,
-        group_count=count.astype(np.float64),
+        group_count=np.bincount(place[observed], minlength=len(group)).astype(np.float64),
         entry=entry,
         entry_group=place_of_entry[entry],
+        hidden=HiddenMoves(moves.astype(np.float64), place[candidates[move, column]], move),
     )
 
 
 def explained(mdp: Mdp, decisions: Decisions) -> BoolArray:
     """(N,) which decisions the MDP allows; every learner rejects the others."""
-    inside = (decisions.state < mdp.n_states) & (decisions.next_state < mdp.n_states)
-    inside &= decisions.action < mdp.n_actions
-    row = decisions.state * mdp.n_actions + decisions.action
-    found = mdp.transitions.groups.find(row, decisions.next_state) >= 0
-    return np.asarray(inside & found)
+    found = _taken_transitions(mdp, decisions) >= 0
+    hidden = decisions.hidden
+    found[hidden] = np.any(explaining_transitions(mdp, decisions.select(hidden)) >= 0, axis=1)
+    return np.asarray(found)
 
 
 def _require_distinct_times(decisions: Decisions, name: str) -> None:
@@ -80,8 +107,32 @@ def _require_distinct_times(decisions: Decisions, name: str) -> None:
         )
 
 
+def explaining_transitions(mdp: Mdp, decisions: Decisions) -> IntArray:
+    """(N, A) the transition (s, a, s') of each action that a decision may have taken, else -1."""
+    actions = np.arange(mdp.n_actions)
+    found = _found(mdp, decisions.state[:, None], actions, decisions.next_state[:, None])
+    return np.where(decisions.hidden[:, None] | (decisions.action[:, None] == actions), found, -1)
+
+
+def _taken_transitions(mdp: Mdp, decisions: Decisions) -> IntArray:
+    """(N,) the transition (s, a, s') of each decision; -1 where there is none or a is hidden."""
+    found = _found(mdp, decisions.state, decisions.action, decisions.next_state)
+    inside = (decisions.action >= 0) & (decisions.action < mdp.n_actions)
+    return np.where(inside, found, -1)
+
+
+def _found(mdp: Mdp, state: IntArray, action: IntArray, following: IntArray) -> IntArray:
+    """Transition of each triple, whose shapes are broadcast; -1 where there is none."""
+    inside = (state < mdp.n_states) & (following < mdp.n_states)
+    row, successor = np.broadcast_arrays(
+        np.where(inside, state, 0) * mdp.n_actions + action, np.where(inside, following, 0)
+    )
+    return np.where(inside, mdp.transitions.groups.find(row, successor), -1)
+
+
 def _require_available(mdp: Mdp, decisions: Decisions, name: str) -> None:
-    wrong = np.flatnonzero(~mdp.available[decisions.state, decisions.action])
+    given = mdp.available[decisions.state, decisions.action] | decisions.hidden
+    wrong = np.flatnonzero(~given)
     if wrong.size:
         first = int(wrong[0])
         raise SerdError(
@@ -90,17 +141,14 @@ def _require_available(mdp: Mdp, decisions: Decisions, name: str) -> None:
         )
 
 
-def _observed_groups(mdp: Mdp, decisions: Decisions, name: str) -> IntArray:
-    row = decisions.state * mdp.n_actions + decisions.action
-    outside = np.flatnonzero(decisions.next_state >= mdp.n_states)
-    found = mdp.transitions.groups.find(row, np.minimum(decisions.next_state, mdp.n_states - 1))
-    found[outside] = -1
-    wrong = np.flatnonzero(found < 0)
+def _require_explained(decisions: Decisions, possible: BoolArray, name: str) -> None:
+    wrong = np.flatnonzero(~possible)
     if wrong.size:
         first = int(wrong[0])
+        hidden = decisions.hidden[first]
+        action = "any action" if hidden else f"action {decisions.action[first]}"
         raise SerdError(
             f"{name}[{first}] reaches state {decisions.next_state[first]} from state"
-            f" {decisions.state[first]} by action {decisions.action[first]}, which no outcome"
+            f" {decisions.state[first]} by {action}, which no outcome"
             " explains; drop that decision or extend the model"
         )
-    return found

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.demonstrations.decisions import Decisions, rows_by_trajectory
+from serd_core.demonstrations.decisions import Decisions, require_shown, rows_by_trajectory
 from serd_core.mdp.problem import Problem
 
 
@@ -56,6 +56,7 @@ def trajectories_of(decisions: Decisions) -> Trajectories:
 
 def discounted_features(problem: Problem, decisions: Decisions) -> FloatArray:
     """(N, F) phi of each trajectory over its observed decisions."""
+    require_shown(decisions, "features of trajectories")
     episodes = trajectories_of(decisions)
     weight = problem.mdp.discount ** episodes.step.astype(np.float64)
     observed = problem.features[decisions.state, decisions.action] * weight[:, None]

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray, weighted_counts
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
@@ -136,6 +136,7 @@ def estimate_dynamics(
     problem: Problem, decisions: Decisions, pseudo_count: float = 1.0
 ) -> FloatArray:
     """(M, K) outcome probabilities; SerdError where the estimate did not converge."""
+    require_shown(decisions, "the M-estimate of dynamics by counts")
     model = outcome_models_of(problem.mdp)
     estimate = most_likely_dynamics(model, observe(problem.mdp, decisions), pseudo_count)
     if not estimate.converged:

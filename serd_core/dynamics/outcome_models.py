@@ -39,6 +39,9 @@ class OutcomeModels(TransitionModel):
     model_of: (S, A) local model of each state and action (ignored where not available).
     available: (S, A) mask of actions that exist.
     n_models: M; beta: scale of the energies.
+    intended: (M,) outcome that the actions of each model are named after, None where there is none.
+    Where actions are hidden, renaming actions and outcomes alike often changes no likelihood; fits
+    then start where the intended outcomes are the most likely ones.
     """
 
     successors: IntArray
@@ -46,6 +49,7 @@ class OutcomeModels(TransitionModel):
     available: BoolArray
     n_models: int
     beta: float = 1.0
+    intended: IntArray | None = None
 
     def __post_init__(self) -> None:
         successors = int_array("successors", self.successors, (None, None, None))
@@ -68,6 +72,10 @@ class OutcomeModels(TransitionModel):
             "successors", np.where(available[:, :, None], successors, 0), pairs[0], "a state"
         )
         require_index("model_of", np.where(available, model_of, 0), self.n_models, "a model")
+        if self.intended is not None:
+            intended = int_array("intended", self.intended, (self.n_models,))
+            require_index("intended", intended, successors.shape[2], "an outcome")
+            object.__setattr__(self, "intended", intended)
         object.__setattr__(self, "successors", successors)
         object.__setattr__(self, "model_of", model_of)
         object.__setattr__(self, "available", available)

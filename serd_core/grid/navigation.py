@@ -32,6 +32,8 @@ FEATURE_NAMES = ("goal", "social_norm", "inverse_wall_distance")
 
 WITH_FLOW, AGAINST_FLOW, ACROSS_FLOW, WAITING = range(4)
 NO_FLOW = -1
+#: Outcome that the actions of each model are named after.
+INTENDED_OUTCOMES: IntArray = np.array([Outcome.FORWARD] * 3 + [Outcome.STAY], dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +103,7 @@ def _outcome_models(grid: Grid, flow: IntArray, goals: IntArray, beta: float) ->
         available=available,
         n_models=len(MODEL_NAMES),
         beta=beta,
+        intended=INTENDED_OUTCOMES,
     )
 
 

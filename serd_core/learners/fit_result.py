@@ -44,6 +44,8 @@ class FitResult:
     temperature: theta_P; 1 where the policy model has none, as soft policies do.
     objective: what the learner maximised, for SERD the log posterior J, else by its own docstring;
     objective_trace: (n_steps,) the same after each step.
+    policy_log_likelihood, dynamics_log_likelihood: of decisions with their action;
+    hidden_log_likelihood: of those without.
     gradient_norm: largest entry of the gradient over the numbers that were free, for SERD per
     decision; at a kink that of the smallest mean of the gradients around (`KinkedAscent`).
     converged: the gradient norm is within the ascent's tolerance, the last Bellman solve certified,
@@ -74,6 +76,7 @@ class FitResult:
     error_bound: float
     assumptions: Assumptions | None
     undetermined: tuple[str, ...] = ()
+    hidden_log_likelihood: float = 0.0
 
     def summary(self, errors: "StandardErrors | None" = None) -> str:
         """A table of the reward weights and how the fit went, for people.
@@ -84,7 +87,8 @@ class FitResult:
             f"converged: {'yes' if self.converged else 'no'} ({self.message})",
             f"decisions: {self.n_decisions}   steps: {self.n_steps}",
             f"log-likelihood: {self.policy_log_likelihood:.4f} of actions,"
-            f" {self.dynamics_log_likelihood:.4f} of transitions",
+            f" {self.dynamics_log_likelihood:.4f} of transitions,"
+            f" {self.hidden_log_likelihood:.4f} of moves with hidden actions",
             "",
         ]
         width = max(len("reward"), *(len(name) for name in self.feature_names))
@@ -149,4 +153,5 @@ def fit_result(
         error_bound=final.solution.error_bound,
         assumptions=assumptions,
         undetermined=undetermined,
+        hidden_log_likelihood=final.hidden_log_likelihood,
     )

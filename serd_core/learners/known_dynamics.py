@@ -8,7 +8,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, require_kind
 from serd_core.ascent.ascent import Ascent, AscentResult, FunctionObjective, StepCallback
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
@@ -83,6 +83,7 @@ def reward_search(
     dynamics: FloatArray | None,
 ) -> RewardSearch:
     """Prepare a search from the arguments that all these learners take."""
+    require_shown(decisions, "learners of rewards by features or choices")
     observations = observe(problem.mdp, decisions)
     known = dynamics_or_estimate(problem, decisions, dynamics)
     weights = initial_weights_or_sample(problem, initial_weights, rng)

@@ -4,6 +4,9 @@ The policy model defines how experts choose (maximum causal entropy or policy ma
 how what they believed relates to what is true, the prior what else is known, and the ascent how
 parameters move. The gradient is that of the thesis, by adjoint instead of Q-gradient recursion.
 
+Decisions whose action is `HIDDEN` count by the likelihood of their states alone
+(docs/hidden_actions.md); all functions here accept them, among others or alone.
+
 MDCE SERD (section 4.4.1) has the maximum discounted causal entropy policy. PM SERD (section 4.4.2)
 has a Boltzmann policy over optimal Q-values, whose temperature theta_P is learned as well. Scaling
 all rewards and theta_P by one factor changes nothing, so demonstrations determine their ratio only.
@@ -111,7 +114,8 @@ def fit_serd(
             posterior, belief, settings.prior, start, on_step, staged=staged
         ).result()
     weights = initial_weights_or_sample(problem, initial_weights, rng)
-    given = dynamics_or_estimate(problem, decisions, dynamics)
+    learned = settings.belief.learns_dynamics
+    given = dynamics_or_estimate(problem, decisions, dynamics, learned=learned)
     observations = observe(problem.mdp, decisions)
     start = starting_parameters(problem, policy_model, weights, given, settings.belief)
     initial_probabilities = problem.mdp.transitions.local_probabilities(start.truth)

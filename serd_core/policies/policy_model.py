@@ -32,10 +32,15 @@ class PolicyModel(ABC):
         """Temperature of the Boltzmann distribution over Q."""
 
     @abstractmethod
+    def parameter_scores(self, policy_parameters: FloatArray, q: FloatArray) -> FloatArray:
+        """(S, A, p) derivative of log pi(a | s) by the p numbers of theta_P."""
+
     def parameter_gradient(
         self, policy_parameters: FloatArray, q: FloatArray, log_policy_gradient: FloatArray
     ) -> FloatArray:
         """Gradient by theta_P of sum_sa w(s,a) log pi(a|s) for w = `log_policy_gradient`."""
+        scores = self.parameter_scores(policy_parameters, q)
+        return np.tensordot(log_policy_gradient, scores, axes=2)
 
     @abstractmethod
     def parameter_curvature(
@@ -75,12 +80,10 @@ class MdcePolicy(PolicyModel):
         del policy_parameters
         return 1.0
 
-    def parameter_gradient(
-        self, policy_parameters: FloatArray, q: FloatArray, log_policy_gradient: FloatArray
-    ) -> FloatArray:
+    def parameter_scores(self, policy_parameters: FloatArray, q: FloatArray) -> FloatArray:
         """Empty."""
-        del policy_parameters, q, log_policy_gradient
-        return np.zeros(0)
+        del policy_parameters
+        return np.zeros((*q.shape, 0))
 
     def parameter_curvature(
         self, policy_parameters: FloatArray, q: FloatArray, counts: FloatArray
@@ -116,13 +119,11 @@ class PolicyMatchingPolicy(PolicyModel):
         """theta_P."""
         return float(policy_parameters[0])
 
-    def parameter_gradient(
-        self, policy_parameters: FloatArray, q: FloatArray, log_policy_gradient: FloatArray
-    ) -> FloatArray:
-        """(1,) sum w (E_pi[Q] - Q) / theta_P^2 (4.63, second case)."""
+    def parameter_scores(self, policy_parameters: FloatArray, q: FloatArray) -> FloatArray:
+        """(S, A, 1) (E_pi[Q] - Q) / theta_P^2 (4.63, second case)."""
         temperature = self.temperature(policy_parameters)
         shortfall = _shortfall(boltzmann(q, temperature), q)
-        return np.array([np.sum(log_policy_gradient * shortfall) / temperature**2])
+        return np.asarray(shortfall[:, :, None] / temperature**2)
 
     def parameter_curvature(
         self, policy_parameters: FloatArray, q: FloatArray, counts: FloatArray

@@ -2,6 +2,9 @@
 
     J(theta) = sum_D log pi_theta(a | s) + sum_D log P_T(s' | s, a) + log P(theta)
 
+A decision whose action is hidden has log sum_a pi_theta(a | s) P_T(s' | s, a) in place of the first
+two (`serd_core.posterior.hidden_actions`).
+
 Where several outcomes land in s', their probabilities add up; the likelihood selects none of them.
 """
 
@@ -23,6 +26,7 @@ from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.derivatives.adjoint import Adjoint, adjoint
+from serd_core.posterior.hidden_actions import ExpectedCounts, expected_counts
 from serd_core.posterior.parameters import Parameters
 from serd_core.priors.prior import Prior
 
@@ -47,31 +51,43 @@ def require_possible(observations: Observations, mdp: Mdp, local_probabilities: 
     """SerdError naming the first observed transition of probability 0: nothing makes it likely."""
     model = mdp.transitions
     found = model.groups.probabilities(model.entries(local_probabilities))[observations.group]
-    impossible = observations.group[found <= 0]
+    hidden = observations.hidden
+    of_moves = weighted_counts(hidden.move, found[hidden.place], len(hidden.count))
+    wrong = (observations.group_count > 0) & (found <= 0)
+    wrong[hidden.place] |= of_moves[hidden.move] <= 0
+    impossible = observations.group[wrong]
     if impossible.size:
         state, action = divmod(int(model.groups.row[impossible[0]]), mdp.n_actions)
+        by = f"action {action}" if np.all(of_moves > 0) else "any action"
         raise SerdError(
             f"dynamics must explain every decision, but rule out the observed step from state"
-            f" {state} by action {action} to state {model.groups.successor[impossible[0]]}; give"
+            f" {state} by {by} to state {model.groups.successor[impossible[0]]}; give"
             " it a positive probability or drop such decisions"
         )
 
 
 @dataclass(frozen=True, eq=False)
 class PosteriorValue:
-    """J in its three parts, its gradient by all blocks, the solved equation and its adjoint."""
+    """J in its parts, its gradient by all blocks, the solved equation and its adjoint.
+
+    policy_log_likelihood, dynamics_log_likelihood: of decisions with their action;
+    hidden_log_likelihood: of those without. expected: counts at which the gradient was taken.
+    """
 
     policy_log_likelihood: float
     dynamics_log_likelihood: float
+    hidden_log_likelihood: float
     log_prior: float
     gradient: Parameters
     solution: BellmanSolution
     adjoint: Adjoint
+    expected: ExpectedCounts
 
     @property
     def objective(self) -> float:
         """J(theta)."""
-        return self.policy_log_likelihood + self.dynamics_log_likelihood + self.log_prior
+        shown = self.policy_log_likelihood + self.dynamics_log_likelihood
+        return shown + self.hidden_log_likelihood + self.log_prior
 
 
 #: Offset of a feature, in ranges, from which rounding of the rewards would drown the differences.
@@ -105,26 +121,30 @@ class Posterior:
         believed = transitions_at(self._model, parameters.belief)
         solution = self.q_iteration(parameters, believed, initial_value)
         log_policy = self.policy_model.log_probabilities(parameters.policy, solution.q)
-        gradients = self._q_gradient(parameters, believed, solution, np.exp(log_policy))
         tied = parameters.truth is parameters.belief
         true = believed if tied else transitions_at(self._model, parameters.truth)
-        dynamics_value, by_truth = self._dynamics(parameters.truth, true)
+        expected = expected_counts(self._model, self.observations, log_policy, true.entries)
+        seen, counts = self.observations, expected.observations.state_action
+        gradients = self._q_gradient(parameters, believed, solution, np.exp(log_policy), counts)
+        dynamics_value, entry_gradient = dynamics_log_likelihood(seen, true.entries)
+        if seen.hidden:
+            _, entry_gradient = dynamics_log_likelihood(expected.observations, true.entries)
         log_prior = self.prior.evaluate(self._model, parameters)
         gradient = Parameters(
             reward=np.tensordot(gradients.reward_gradient, self.features, axes=2),
             belief=self._by_dynamics(parameters.belief, gradients.entry_gradient),
-            truth=by_truth,
-            policy=self.policy_model.parameter_gradient(
-                parameters.policy, solution.q, self._counts
-            ),
+            truth=self._by_dynamics(parameters.truth, entry_gradient),
+            policy=self.policy_model.parameter_gradient(parameters.policy, solution.q, counts),
         )
         return PosteriorValue(
-            policy_log_likelihood=expected_log_policy(self._counts, log_policy),
+            policy_log_likelihood=expected_log_policy(seen.state_action, log_policy),
             dynamics_log_likelihood=dynamics_value,
+            hidden_log_likelihood=expected.log_likelihood,
             log_prior=log_prior.value,
             gradient=gradient + log_prior.gradient,
             solution=solution,
             adjoint=gradients,
+            expected=expected,
         )
 
     def q_iteration(
@@ -139,23 +159,16 @@ class Posterior:
     def _model(self) -> TransitionModel:
         return self.problem.mdp.transitions
 
-    @property
-    def _counts(self) -> FloatArray:
-        return self.observations.state_action
-
     def _q_gradient(
         self,
         parameters: Parameters,
         believed: Transitions,
         solution: BellmanSolution,
         policy: FloatArray,
+        counts: FloatArray,
     ) -> Adjoint:
-        by_q = self.policy_model.q_gradient(parameters.policy, policy, self._counts)
+        by_q = self.policy_model.q_gradient(parameters.policy, policy, counts)
         return adjoint(self.problem.mdp, believed, solution, by_q, self.linear_solver)
-
-    def _dynamics(self, theta: FloatArray, true: Transitions) -> tuple[float, FloatArray]:
-        value, entry_gradient = dynamics_log_likelihood(self.observations, true.entries)
-        return value, self._by_dynamics(theta, entry_gradient)
 
     def _by_dynamics(self, theta: FloatArray, entry_gradient: FloatArray) -> FloatArray:
         return self._model.pull_back(theta, self._model.gather(entry_gradient))

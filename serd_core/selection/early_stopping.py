@@ -21,6 +21,7 @@ from serd_core.learners.start import (
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief
+from serd_core.posterior.hidden_actions import expected_counts
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior, expected_log_policy
 from serd_core.priors.prior import UniformPrior
@@ -104,7 +105,8 @@ def fit_serd_with_early_stopping(
 ) -> FitResult:
     """`fit_serd` on the (training) decisions, ended by the likelihood of the validation ones."""
     weights = initial_weights_or_sample(problem, initial_weights, rng)
-    given = dynamics_or_estimate(problem, decisions, dynamics)
+    learned = settings.belief.learns_dynamics
+    given = dynamics_or_estimate(problem, decisions, dynamics, learned=learned)
     like = starting_parameters(problem, policy_model, weights, given, settings.belief)
     score = validation_score(problem, validation, policy_model, settings.belief, like)
     return fit_serd(
@@ -139,6 +141,10 @@ def validation_score(
         solution = posterior.q_iteration(parameters, believed, None)
         log_policy = policy_model.log_probabilities(parameters.policy, solution.q)
         total = expected_log_policy(observations.state_action, log_policy)
+        if observations.hidden:
+            entries = model.entries(model.local_probabilities(parameters.truth))
+            found = expected_counts(model, observations, log_policy, entries)
+            total += found.log_likelihood
         return total / observations.n_decisions
 
     return score

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.special import rel_entr
 
 from serd_core.arrays import FloatArray, float_array, weighted_counts
-from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe
+from serd_core.demonstrations.decisions import Decisions, require_shown
+from serd_core.demonstrations.observations import explaining_transitions, observe
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
@@ -22,6 +22,7 @@ from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 
 def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatArray) -> float:
     """Mean log pi(a | s) over the decisions; -inf where the policy rules one out."""
+    require_shown(decisions, "the likelihood of a policy alone")
     counts = observe(problem.mdp, decisions).state_action
     chosen = checked_policy("policy", policy, problem.mdp)
     seen = counts > 0
@@ -42,8 +43,37 @@ def fitted_policy(problem: Problem, fit: FitResult) -> FloatArray:
 
 
 def validation_log_likelihood(problem: Problem, decisions: Decisions, fit: FitResult) -> float:
-    """Mean log-likelihood of decisions under the policy of a fit."""
-    return policy_log_likelihood(problem, decisions, fitted_policy(problem, fit))
+    """Mean log-likelihood of decisions under the policy of a fit.
+
+    That of a hidden action is log sum_a pi(a | s) P(s' | s, a), with the fit's dynamics.
+    """
+    policy = fitted_policy(problem, fit)
+    if not decisions.hidden.any():
+        return policy_log_likelihood(problem, decisions, policy)
+    shown, hidden = decisions.select(~decisions.hidden), decisions.select(decisions.hidden)
+    total = move_log_likelihood(problem, hidden, policy, fit.outcome_probabilities).sum()
+    if len(shown):
+        total += len(shown) * policy_log_likelihood(problem, shown, policy)
+    return float(total / len(decisions))
+
+
+def move_log_likelihood(
+    problem: Problem, decisions: Decisions, policy: FloatArray, outcome_probabilities: FloatArray
+) -> FloatArray:
+    """(N,) log-likelihood of each decision under an (S, A) policy and outcome probabilities.
+
+    log pi(a | s) P(s' | s, a), and where the action is hidden the log of its sum over actions;
+    -inf for what they rule out.
+    """
+    mdp = problem.mdp
+    chosen = checked_policy("policy", policy, mdp)
+    table = np.asarray(outcome_probabilities, np.float64)
+    entries = transitions_of(mdp.transitions, table).entries
+    found = explaining_transitions(mdp, decisions)
+    by_group = mdp.transitions.groups.probabilities(entries)
+    moved = np.where(found >= 0, by_group[found], 0.0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(np.sum(chosen[decisions.state] * moved, axis=1)))
 
 
 def dynamics_divergence(

@@ -3,7 +3,8 @@
     observed (Hessian):     -d2 J / d theta2                       (with the prior's part)
     outer product (BHHH):   sum over decisions of score score^T    (likelihood only)
 
-The score of a decision is the gradient of log pi(a|s) + log P(s'|s,a). Both matrices estimate the
+The score of a decision is the gradient of log pi(a|s) + log P(s'|s,a), and with a hidden action its
+mean over the actions that explain the move. Both matrices estimate the
 same Fisher information for many decisions under a true model; a large difference between them is
 evidence against the model.
 """
@@ -26,46 +27,11 @@ from serd_core.posterior.derivatives.posterior_hessian import (
     posterior_hessian,
     vector_hessian,
 )
-from serd_core.posterior.derivatives.transition_derivatives import transition_jacobian
-from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.derivatives.scores import transition_scores
+from serd_core.posterior.hidden_actions import move_scores
+from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import Prior
-
-
-def decision_scores(
-    posterior: Posterior,
-    parameters: Parameters,
-    q: FloatArray,
-    by_q: FloatArray,
-) -> FloatArray:
-    """(G, blocks) score of each distinct observed (s, a, s') for Q and its derivatives."""
-    model, observations = posterior.problem.mdp.transitions, posterior.observations
-    policy_model = posterior.policy_model
-    policy = np.exp(policy_model.log_probabilities(parameters.policy, q))
-    mean = np.einsum("sa,san->sn", policy, by_q)
-    state, action = np.divmod(model.groups.row[observations.group], model.n_actions)
-    temperature = policy_model.temperature(parameters.policy)
-    scores = np.zeros((len(state), len(parameters.vector)))
-    scores[:, : by_q.shape[2]] = (by_q[state, action] - mean[state]) / temperature
-    if len(parameters.policy):
-        for row, pair in enumerate(zip(state, action, strict=True)):
-            single = np.zeros_like(q)
-            single[pair] = 1.0
-            scores[row, parameters.place(Block.POLICY)] = policy_model.parameter_gradient(
-                parameters.policy, q, single
-            )
-    scores[:, parameters.place(Block.TRUTH)] += _transition_scores(posterior, parameters)
-    return scores
-
-
-def _transition_scores(posterior: Posterior, parameters: Parameters) -> FloatArray:
-    model, group = posterior.problem.mdp.transitions, posterior.observations.group
-    local = model.local_probabilities(parameters.truth)
-    probability = model.groups.probabilities(model.entries(local))[group]
-    wanted = np.zeros(len(model.groups), dtype=np.bool_)
-    wanted[group] = True
-    slopes = transition_jacobian(model, model.local_jacobian(parameters.truth), wanted)
-    return np.asarray(slopes / probability[:, None])
 
 
 def score_sizes(
@@ -126,9 +92,13 @@ def fit_information(
     hessian = posterior_hessian(posterior, fit.parameters, at)
     jacobian = assumed.belief.jacobian(fit.parameters)
     q, by_q = at.solution.q, curvature_parts(posterior, fit.parameters, at).sensitivities.by_q
-    free_scores = decision_scores(posterior, fit.parameters, q, by_q) @ jacobian
+    scores = transition_scores(
+        problem.mdp.transitions, assumed.policy_model, fit.parameters, observations.group, q, by_q
+    )
+    scores = np.concatenate([scores, move_scores(observations, at.expected.share, scores)])
+    free_scores = scores @ jacobian
     sizes = score_sizes(posterior, fit.parameters, q, by_q)
-    counts = observations.group_count
+    counts = np.concatenate([observations.group_count, observations.hidden.count])
     return Information(
         names=free_names(problem, fit.parameters, jacobian),
         observed=-vector_hessian(assumed.belief, hessian, at.gradient, fit.parameters),

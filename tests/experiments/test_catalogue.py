@@ -7,6 +7,7 @@ from experiments.catalogue import EXPERIMENTS
 from experiments.gridworld.ascents import AscentsConfig
 from experiments.gridworld.early_stopping import EarlyStoppingConfig
 from experiments.gridworld.experiment import GridworldConfig
+from experiments.hidden_actions import HiddenActionsConfig
 from experiments.minimum_example import MinimumExampleConfig
 from experiments.multi_start import MultiStartConfig
 from experiments.next_demonstration import NextDemonstrationConfig
@@ -21,6 +22,7 @@ DATA = Path(__file__).parents[3] / "shared" / "data" / "rust1987"
 SMALL = {
     "minimum-example": MinimumExampleConfig(n_sets=8, sizes=(3,)),
     "avoidance": AvoidanceConfig(n_repetitions=1, sizes=(2,)),
+    "hidden-actions": HiddenActionsConfig(n_repetitions=1, sizes=(60,), side=4),
     "next-demonstration": NextDemonstrationConfig(n_repetitions=2, most=2, test_episodes=5),
     "multi-start": MultiStartConfig(n_sets=2, sizes=(3,), n_starts=3),
     "early-stopping": EarlyStoppingConfig(side=5, sizes=(3,), n_steps=8, n_repetitions=1),
@@ -37,6 +39,7 @@ BY_NAME = {experiment.name: experiment for experiment in EXPERIMENTS}
 LEFT_BEHIND = {
     "minimum-example": {"estimates.csv", "log_likelihood.csv", "estimates.png"},
     "avoidance": {"posteriors.csv", "summary.csv", "avoidance.png"},
+    "hidden-actions": {"estimates.csv", "summary.csv", "hidden_actions.png"},
     "next-demonstration": {"shortfalls.csv", "needed.csv", "next_demonstration.png"},
     "multi-start": {"explanations.csv", "shares.csv", "shares.png", "example.txt"},
     "early-stopping": {"measures.csv", "log_likelihood.csv", "measures.png"},

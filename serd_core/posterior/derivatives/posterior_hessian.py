@@ -13,7 +13,8 @@ policy's log-likelihood has by rewards, believed dynamics and temperature
     J_QQ       = -n(s) / temperature^2 Cov_pi,       T_QQ = y(s) Cov_pi for soft, 0 for hard
     T_Qtheta   = gamma dP dV,                        T_thetatheta = gamma d2P V
 
-where y = gamma P^T lambda is the state part of the adjoint.
+where y = gamma P^T lambda is the state part of the adjoint. Moves whose action is hidden count as
+expected, and add the covariance of their scores (`serd_core.posterior.hidden_actions`).
 """
 
 from dataclasses import dataclass
@@ -28,7 +29,9 @@ from serd_core.dynamics.transition_model import Transitions, transitions_at
 from serd_core.memory import require_memory
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.derivatives.adjoint import Adjoint
+from serd_core.posterior.derivatives.scores import transition_scores
 from serd_core.posterior.derivatives.transition_derivatives import log_transition_hessian
+from serd_core.posterior.hidden_actions import covariance_of_scores
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
 
@@ -117,10 +120,15 @@ def posterior_hessian(
     table = posterior.prior.hessian(model, parameters)
     truth = parameters.place(Block.TRUTH)
     counts = np.zeros(len(model.groups))
-    counts[posterior.observations.group] = posterior.observations.group_count
+    seen = at.expected.observations
+    counts[seen.group] = seen.group_count
     table[truth, truth] += log_transition_hessian(model, parameters.truth, counts)
     parts = curvature_parts(posterior, parameters, at)
     _add_policy_part(table, posterior, parameters, at, parts)
+    if seen.hidden:
+        q, by_q = at.solution.q, parts.sensitivities.by_q
+        scores = transition_scores(model, posterior.policy_model, parameters, seen.group, q, by_q)
+        table += covariance_of_scores(seen, at.expected.share, scores)
     return table
 
 
@@ -166,7 +174,7 @@ def _add_policy_part(
     at: PosteriorValue,
     parts: CurvatureParts,
 ) -> None:
-    model, counts = posterior.policy_model, posterior.observations.state_action
+    model, counts = posterior.policy_model, at.expected.observations.state_action
     by_q, n_features = parts.sensitivities.by_q, len(parameters.reward)
     policy = np.exp(model.log_probabilities(parameters.policy, at.solution.q))
     temperature = model.temperature(parameters.policy)

@@ -16,13 +16,14 @@ from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.posterior.beliefs import FixedBelief, FreeBelief, TiedBelief
 from serd_core.posterior.derivatives.posterior_hessian import curvature_parts
+from serd_core.posterior.derivatives.scores import transition_scores
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import UniformPrior
 from serd_core.uncertainty.identifiability import gauge_free_basis, identifiability
-from serd_core.uncertainty.information import decision_scores, fit_information
+from serd_core.uncertainty.information import fit_information
 from serd_core.uncertainty.standard_errors import (
     confidence_interval,
     standard_errors,
@@ -83,7 +84,8 @@ def test_scores_add_up_to_the_gradient_of_the_likelihood(gridworld, policy_model
     parameters = type(at)(at.reward, at.belief, at.truth, policy_model.initial_parameters)
     found = posterior.evaluate(parameters)
     by_q = curvature_parts(posterior, parameters, found).sensitivities.by_q
-    scores = decision_scores(posterior, parameters, found.solution.q, by_q)
+    model, group = problem.mdp.transitions, posterior.observations.group
+    scores = transition_scores(model, policy_model, parameters, group, found.solution.q, by_q)
     counts = posterior.observations.group_count
     np.testing.assert_allclose(counts @ scores, found.gradient.vector, atol=1e-6)
     assert counts.sum() == len(gridworld.decisions)

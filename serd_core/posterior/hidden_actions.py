@@ -1,0 +1,73 @@
+"""Likelihood of moves whose action is hidden, by the expected counts of their actions.
+
+    L = sum m(s, s') log Z(s, s'),    Z(s, s') = sum_a pi(a | s) P(s' | s, a)
+
+With q(a | s, s') = pi(a | s) P(s' | s, a) / Z, the probability of each action given the move,
+
+    dL  = sum m E_q[d log pi + d log P]
+    d2L = sum m E_q[d2 log pi + d2 log P] + sum m Cov_q[d log pi + d log P]
+
+(Fisher, Louis 1982). So gradient and Hessian are those of decisions with their action at the
+expected counts m q, and the Hessian has one more term.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, floored, weighted_counts
+from serd_core.demonstrations.observations import Observations
+from serd_core.dynamics.transition_model import TransitionModel
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedCounts:
+    """Observations in which expected counts stand for hidden actions.
+
+    observations: with `state_action` and `group_count` of shown and of hidden actions.
+    share: (H,) q of each transition that explains a hidden action; log_likelihood: L.
+    """
+
+    observations: Observations
+    share: FloatArray
+    log_likelihood: float
+
+
+def expected_counts(
+    model: TransitionModel, seen: Observations, log_policy: FloatArray, entries: FloatArray
+) -> ExpectedCounts:
+    """Share hidden actions for an (S, A) log policy and (E,) entries of P."""
+    hidden = seen.hidden
+    if not hidden:
+        return ExpectedCounts(seen, np.zeros(0), 0.0)
+    row = model.groups.row[seen.group[hidden.place]]
+    probability = weighted_counts(seen.entry_group, entries[seen.entry], len(seen.group))
+    log_joint = log_policy.ravel()[row] + np.log(floored(probability[hidden.place]))
+    largest = np.full(len(hidden.count), -np.inf)
+    np.maximum.at(largest, hidden.move, log_joint)
+    share = np.exp(log_joint - largest[hidden.move])
+    total = weighted_counts(hidden.move, share, len(hidden.count))
+    share /= total[hidden.move]
+    expected = hidden.count[hidden.move] * share
+    by_pair = weighted_counts(row, expected, seen.state_action.size)
+    completed = replace(
+        seen,
+        state_action=seen.state_action + by_pair.reshape(seen.state_action.shape),
+        group_count=seen.group_count + weighted_counts(hidden.place, expected, len(seen.group)),
+    )
+    return ExpectedCounts(completed, share, float(hidden.count @ (largest + np.log(total))))
+
+
+def move_scores(seen: Observations, share: FloatArray, scores: FloatArray) -> FloatArray:
+    """(T, n) score of each hidden move, E_q of the (G, n) scores of the transitions `group`."""
+    found = np.zeros((len(seen.hidden.count), scores.shape[1]))
+    np.add.at(found, seen.hidden.move, share[:, None] * scores[seen.hidden.place])
+    return found
+
+
+def covariance_of_scores(seen: Observations, share: FloatArray, scores: FloatArray) -> FloatArray:
+    """(n, n) sum m Cov_q of the (G, n) scores of the transitions `group`."""
+    hidden = seen.hidden
+    mean = move_scores(seen, share, scores)
+    centred = scores[hidden.place] - mean[hidden.move]
+    return np.asarray((centred * (hidden.count[hidden.move] * share)[:, None]).T @ centred)

@@ -1,0 +1,164 @@
+"""The likelihood of states alone against sums over actions and finite differences."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from serd_core.bellman.linear.sparse_lu import SparseLu
+from serd_core.bellman.newton import Newton
+from serd_core.demonstrations.observations import observe
+from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
+from serd_core.posterior.beliefs import (
+    BeliefAroundTruth,
+    CoupledBelief,
+    FixedBelief,
+    FreeBelief,
+    TiedBelief,
+)
+from serd_core.posterior.derivatives.differences import gradient_differences
+from serd_core.posterior.derivatives.posterior_hessian import posterior_hessian, vector_hessian
+from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.posterior import Posterior, require_possible
+from serd_core.priors.dirichlet import DirichletPrior
+from serd_core.priors.divergence import KldPrior
+from serd_core.priors.entropy import EntropyPrior
+from serd_core.priors.gaussian import GaussianPrior
+from serd_core.priors.prior import UniformPrior
+
+BELIEFS = [
+    TiedBelief(),
+    FreeBelief(),
+    CoupledBelief(weight=0.7),
+    BeliefAroundTruth(0.8),
+    FixedBelief(),
+]
+POLICIES = [MdcePolicy(), PolicyMatchingPolicy(start_temperature=1.7)]
+
+
+def posterior_of(random_problem, seed, policy_model, belief, share_hidden):
+    """A posterior of random decisions of which some hide their action, and its free vector."""
+    problem, table = random_problem(seed)
+    rng = np.random.default_rng(seed)
+    uniform = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
+    start = np.full(problem.mdp.n_states, 1 / problem.mdp.n_states)
+    decisions = sample_decisions(
+        problem.mdp, uniform, table, start, n_episodes=10, n_steps=8, rng=rng
+    )
+    if not len(decisions):
+        return None
+    decisions = decisions.with_hidden_actions(rng.random(len(decisions)) < share_hidden)
+    prior = KldPrior(0.3, reference=table) + EntropyPrior(0.2, Block.BELIEF)
+    prior = prior + GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.3) + belief.prior
+    model = problem.mdp.transitions
+    observations = observe(problem.mdp, decisions)
+    posterior = Posterior(problem, observations, policy_model, prior, Newton(), SparseLu())
+    like = Parameters(
+        rng.normal(size=2),
+        rng.normal(size=model.n_parameters),
+        rng.normal(size=model.n_parameters),
+        policy_model.initial_parameters,
+    )
+    return posterior, belief.unpack(belief.pack(like), like), decisions
+
+
+@pytest.mark.parametrize("share_hidden", [1.0, 0.5], ids=["all hidden", "mixed"])
+@pytest.mark.parametrize("belief", BELIEFS, ids=lambda belief: type(belief).__name__)
+@pytest.mark.parametrize("policy_model", POLICIES, ids=lambda model: type(model).__name__)
+@settings(deadline=None, max_examples=6)
+@given(seed=st.integers(0, 10_000))
+def test_gradient_and_hessian_are_the_finite_differences(
+    random_problem, policy_model, belief, share_hidden, seed
+):
+    made = posterior_of(random_problem, seed, policy_model, belief, share_hidden)
+    if made is None:
+        return
+    posterior, parameters, _ = made
+    vector, step = belief.pack(parameters), 1e-5
+
+    def value(free):
+        return posterior.evaluate(belief.unpack(free, parameters)).objective
+
+    def gradient(free):
+        at = belief.unpack(free, parameters)
+        return belief.pull_back(posterior.evaluate(at).gradient, at)
+
+    def slope(unit):
+        """Fourth order, so that rounding and not the step limits it."""
+        near, far = (value(vector + k * step * unit) for k in (1, 2))
+        back, behind = (value(vector - k * step * unit) for k in (1, 2))
+        return (8 * (near - back) - (far - behind)) / (12 * step)
+
+    numeric = np.array([slope(unit) for unit in np.eye(len(vector))])
+    scale = max(1.0, np.max(np.abs(numeric)))
+    np.testing.assert_allclose(gradient(vector) / scale, numeric / scale, rtol=0, atol=1e-6)
+    found = posterior.evaluate(parameters)
+    blocks = posterior_hessian(posterior, parameters, found)
+    exact = vector_hessian(belief, blocks, found.gradient, parameters)
+    differences = gradient_differences(gradient, vector)
+    scale = max(1.0, np.max(np.abs(differences)))
+    np.testing.assert_allclose(exact / scale, differences / scale, atol=3e-6)
+
+
+@pytest.mark.parametrize("policy_model", POLICIES, ids=lambda model: type(model).__name__)
+def test_the_likelihood_is_the_sum_over_actions_of_each_decision(random_problem, policy_model):
+    """Naive twin: walk through the decisions one by one."""
+    belief = FreeBelief()
+    posterior, parameters, decisions = posterior_of(random_problem, 5, policy_model, belief, 0.5)
+    assert decisions.hidden.any()
+    assert not decisions.hidden.all()
+    found = posterior.evaluate(parameters)
+    model = posterior.problem.mdp.transitions
+    policy = np.exp(policy_model.log_probabilities(parameters.policy, found.solution.q))
+    table, hidden, shown = model.local_probabilities(parameters.truth), 0.0, 0.0
+    for s, a, following in zip(
+        decisions.state, decisions.action, decisions.next_state, strict=True
+    ):
+        joint = [
+            policy[s, each]
+            * table[model.model_of[s, each]][model.successors[s, each] == following].sum()
+            for each in range(model.n_actions)
+        ]
+        if a < 0:
+            hidden += np.log(sum(joint))
+        else:
+            shown += np.log(joint[a])
+    assert found.hidden_log_likelihood == pytest.approx(hidden)
+    assert found.policy_log_likelihood + found.dynamics_log_likelihood == pytest.approx(shown)
+    assert found.objective == pytest.approx(hidden + shown + found.log_prior)
+
+
+def test_where_one_action_explains_each_move_hiding_it_costs_nothing(minimum_example):
+    """With certain outcomes of their own, states reveal the actions."""
+    mdp = minimum_example.mdp
+    uniform = mdp.available / mdp.available.sum(axis=1, keepdims=True)
+    table = np.array([[1.0, 0.0], [0.0, 1.0]])
+    decisions = sample_decisions(
+        mdp,
+        uniform,
+        table,
+        np.array([1.0, 0.0]),
+        n_episodes=50,
+        n_steps=3,
+        rng=np.random.default_rng(0),
+    )
+    theta = mdp.transitions.fixed_parameters_of(table)
+    at = Parameters(np.array([0.4]), theta, theta, np.zeros(0))
+    shown, hidden = (
+        Posterior(minimum_example, observe(mdp, each), MdcePolicy(), UniformPrior()).evaluate(at)
+        for each in (decisions, decisions.with_hidden_actions())
+    )
+    assert hidden.hidden_log_likelihood == pytest.approx(shown.objective)
+    np.testing.assert_allclose(hidden.gradient.vector, shown.gradient.vector, atol=1e-9)
+
+
+def test_dynamics_that_explain_a_hidden_move_by_no_action_are_rejected(minimum_example):
+    from serd_core.demonstrations.decisions import HIDDEN, Decisions
+    from serd_core.errors import SerdError
+
+    decisions = Decisions([0], [0.0], [0], [HIDDEN], [1])
+    observations = observe(minimum_example.mdp, decisions)
+    require_possible(observations, minimum_example.mdp, np.array([[1.0, 0.0], [0.5, 0.5]]))
+    with pytest.raises(SerdError, match="from state 0 by any action to state 1"):
+        require_possible(observations, minimum_example.mdp, np.array([[1.0, 0.0], [1.0, 0.0]]))
