@@ -49,6 +49,7 @@ from serd_core.mdp.mdp import Mdp as Mdp
 from serd_core.mdp.problem import TabularProblem as TabularProblem
 from serd_core.mdp.tables import from_gymnasium as from_gymnasium
 from serd_core.mdp.tables import from_transitions as from_transitions
+from serd_core.policies.counterfactual import counterfactual_policy as counterfactual_policy
 from serd_core.policies.solved_policy import boltzmann_policy as boltzmann_policy
 from serd_core.policies.solved_policy import optimal_policy as optimal_policy
 from serd_core.policies.solved_policy import soft_policy as soft_policy
@@ -70,9 +71,15 @@ from serd_core.selection.evaluation import move_log_likelihood as move_log_likel
 from serd_core.selection.evaluation import policy_log_likelihood as policy_log_likelihood
 from serd_core.selection.evaluation import validation_log_likelihood as validation_log_likelihood
 from serd_core.selection.multi_start import multi_start as multi_start
+from serd_core.uncertainty.bootstrap import bootstrap as bootstrap
+from serd_core.uncertainty.hypothesis_tests import likelihood_ratio_test as likelihood_ratio_test
+from serd_core.uncertainty.hypothesis_tests import score_test as score_test
+from serd_core.uncertainty.hypothesis_tests import vuong_test as vuong_test
 from serd_core.uncertainty.identifiability import identifiability as identifiability
 from serd_core.uncertainty.information import fit_information as fit_information
+from serd_core.uncertainty.standard_errors import clustered_outer_product as clustered_outer_product
 from serd_core.uncertainty.standard_errors import confidence_interval as confidence_interval
 from serd_core.uncertainty.standard_errors import standard_errors as standard_errors
+from serd_core.uncertainty.two_step import two_step_standard_errors as two_step_standard_errors
 
 __version__: str

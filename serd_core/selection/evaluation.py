@@ -76,6 +76,18 @@ def move_log_likelihood(
         return np.asarray(np.log(np.sum(chosen[decisions.state] * moved, axis=1)))
 
 
+def decision_log_likelihoods(problem: Problem, decisions: Decisions, fit: FitResult) -> FloatArray:
+    """(N,) log pi(a | s) + log P(s' | s, a) of each decision under a fit, -inf where ruled out."""
+    observe(problem.mdp, decisions)
+    model = problem.mdp.transitions
+    row = decisions.state * model.n_actions + decisions.action
+    entries = transitions_of(model, fit.outcome_probabilities).entries
+    reached = model.groups.probabilities(entries)[model.groups.find(row, decisions.next_state)]
+    chosen = fitted_policy(problem, fit)[decisions.state, decisions.action]
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(chosen) + np.log(reached))
+
+
 def dynamics_divergence(
     problem: Problem, truth: FloatArray, estimate: FloatArray, visits: FloatArray
 ) -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError
@@ -56,6 +56,7 @@ class Information:
     n_decisions: how many; converged: whether the fit did, in what is determined.
     gauge: (g, n) directions that change nothing, such as a constant added to all energies of an
     outcome model. parameters: where they were taken; jacobian: (all blocks, n).
+    group: (G,) distinct observed transitions, as indices into those of the model; scores: (G, n).
     """
 
     names: tuple[str, ...]
@@ -68,6 +69,8 @@ class Information:
     gauge: FloatArray
     parameters: Parameters
     jacobian: FloatArray
+    group: IntArray
+    scores: FloatArray
 
 
 def fit_information(
@@ -110,6 +113,8 @@ def fit_information(
         gauge=free_gauge(problem, fit.parameters, jacobian),
         parameters=fit.parameters,
         jacobian=jacobian,
+        group=observations.group,
+        scores=free_scores,
     )
 
 

@@ -4,6 +4,14 @@ The covariance is the inverse of an information matrix with the gauge taken out;
 probabilities get theirs by the delta method, which does not depend on the gauge. A parameter that
 a null direction moves has an infinite standard error: the data do not determine it.
 
+Where the model is wrong, or decisions of one episode depend on each other, the covariance is the
+sandwich A^-1 B A^-1 of the observed information A and the outer product B of the scores, summed by
+decision (White, Econometrica 50, 1982) or by cluster (Liang and Zeger, Biometrika 73, 1986):
+
+    errors = standard_errors(problem, information, meat=information.outer_product)
+    meat = clustered_outer_product(problem, information, decisions)
+    errors = standard_errors(problem, information, meat=meat)
+
 All this holds at an optimum where J is smooth: there the gradient g is 0. Elsewhere, as on the way
 to it or at a kink, the Newton step M^-1 g leads away from the point, by sqrt(g . M^-1 g) standard
 errors at most in any direction, and standard errors computed there mean little.
@@ -15,7 +23,8 @@ import numpy as np
 import scipy.special
 import scipy.stats
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, IntArray, float_array, int_array
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.parameters import Block
@@ -49,15 +58,18 @@ class StandardErrors:
 def standard_errors(
     problem: Problem,
     information: Information,
-    matrix: FloatArray,
+    matrix: FloatArray | None = None,
     null_share: float = NULL_SHARE,
     *,
+    meat: FloatArray | None = None,
     require_optimum: bool = True,
 ) -> StandardErrors:
-    """From one of `information.observed` and `information.outer_product`.
+    """From one of `information.observed`, the default, and `information.outer_product`.
 
+    meat: (n, n) sum of the outer products of scores, for the sandwich with `matrix` around it.
     require_optimum: SerdError where the fit did not converge or the gradient is not 0 there.
     """
+    matrix = information.observed if matrix is None else matrix
     found = spectrum(information, matrix, null_share)
     if found.values[0] < -1e-6 * abs(found.values[-1]):
         raise SerdError(
@@ -69,15 +81,16 @@ def standard_errors(
     at, model = information.parameters, problem.mdp.transitions
     moved = {block: information.jacobian[at.place(block)] for block in Block}
     shape = model.local_probabilities(at.truth).shape
+    spread = _spread(found, meat)
     truth = model.local_jacobian(at.truth) @ moved[Block.TRUTH]
     belief = model.local_jacobian(at.belief) @ moved[Block.BELIEF]
     return StandardErrors(
         names=information.names,
-        free=_errors(np.eye(len(matrix)), found),
-        covariance=found.covariance,
-        reward=_errors(moved[Block.REWARD], found),
-        outcome_probabilities=_errors(truth, found).reshape(shape),
-        believed_outcome_probabilities=_errors(belief, found).reshape(shape),
+        free=_errors(np.eye(len(matrix)), found, spread),
+        covariance=_covariance(found, spread),
+        reward=_errors(moved[Block.REWARD], found, spread),
+        outcome_probabilities=_errors(truth, found, spread).reshape(shape),
+        believed_outcome_probabilities=_errors(belief, found, spread).reshape(shape),
     )
 
 
@@ -108,11 +121,49 @@ def _normal_quantile(coverage: float) -> float:
     return float(scipy.stats.norm.ppf(0.5 + coverage / 2.0))
 
 
-def _errors(rows: FloatArray, found: Spectrum) -> FloatArray:
+def clustered_outer_product(
+    problem: Problem,
+    information: Information,
+    decisions: Decisions,
+    clusters: IntArray | None = None,
+) -> FloatArray:
+    """(n, n) sum over clusters of the outer product of the sum of their scores.
+
+    clusters: (N,) of each decision; None for episodes. With the factor C / (C - 1) of C clusters
+    (Cameron and Miller, Journal of Human Resources 50, 2015).
+    """
+    given = decisions.episode if clusters is None else clusters
+    labels = int_array("clusters", given, (len(decisions),))
+    names, cluster = np.unique(labels, return_inverse=True)
+    if len(names) < 2:
+        raise SerdError(f"clusters must be at least 2, got {len(names)}; record more episodes")
+    model = problem.mdp.transitions
+    row = decisions.state * model.n_actions + decisions.action
+    place = np.searchsorted(information.group, model.groups.find(row, decisions.next_state))
+    sums = np.zeros((len(names), len(information.names)))
+    np.add.at(sums, cluster, information.scores[place])
+    return np.asarray(len(names) / (len(names) - 1.0) * (sums.T @ sums))
+
+
+def _spread(found: Spectrum, meat: FloatArray | None) -> FloatArray:
+    """(k, k) covariance along the k directions that are known."""
+    known = ~found.null
+    if meat is None:
+        return np.diag(1.0 / found.values[known])
+    inner = found.directions[known] / found.values[known][:, None]
+    return np.asarray(inner @ float_array("meat", meat) @ inner.T)
+
+
+def _covariance(found: Spectrum, spread: FloatArray) -> FloatArray:
+    known = found.directions[~found.null]
+    return np.asarray(known.T @ spread @ known)
+
+
+def _errors(rows: FloatArray, found: Spectrum, spread: FloatArray) -> FloatArray:
     """Standard error of each linear combination of the free numbers."""
     moves = rows @ found.directions.T
     total = np.linalg.norm(moves, axis=1)
     touched = np.linalg.norm(moves[:, found.null], axis=1) > TOUCHED * total
-    known = ~found.null
-    variance = (moves[:, known] ** 2 / found.values[known]).sum(axis=1)
+    known = moves[:, ~found.null]
+    variance = np.maximum(np.sum((known @ spread) * known, axis=1), 0.0)
     return np.where(touched, np.inf, np.sqrt(variance))

@@ -1,0 +1,67 @@
+"""Bootstrap over episodes: errors and intervals of whatever is estimated from decisions.
+
+Episodes are drawn with replacement, as decisions within one depend on each other (Efron and
+Tibshirani, An Introduction to the Bootstrap, 1993). An estimate that learns the dynamics anew from
+each sample has their uncertainty in its errors.
+
+    found = bootstrap(decisions, lambda d: fit_mdce_serd(problem, d).reward_weights, rng=rng)
+    found.standard_errors, found.interval(0.95)
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, require_generator
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.errors import SerdError
+
+
+@dataclass(frozen=True, eq=False)
+class Bootstrap:
+    """estimates: (n, ...) of the resampled decisions."""
+
+    estimates: FloatArray
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """Standard deviation of the estimates."""
+        return np.asarray(self.estimates.std(axis=0, ddof=1))
+
+    def interval(self, coverage: float = 0.95) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper end of the percentile intervals."""
+        if not 0.0 < coverage < 1.0:
+            raise SerdError(f"coverage must be between 0 and 1, got {coverage}; use 0.95")
+        tails = np.array([(1.0 - coverage) / 2.0, (1.0 + coverage) / 2.0])
+        low, high = np.quantile(self.estimates, tails, axis=0)
+        return low, high
+
+
+def bootstrap(
+    decisions: Decisions,
+    estimate: Callable[[Decisions], FloatArray],
+    *,
+    rng: np.random.Generator,
+    n: int = 200,
+) -> Bootstrap:
+    """Estimates from n samples of as many episodes as there are, drawn with replacement."""
+    require_generator(rng)
+    episodes = decisions.episodes
+    if n < 2 or len(episodes) < 2:
+        raise SerdError(
+            f"bootstrap must have at least 2 samples and 2 episodes, got {n} and {len(episodes)}"
+        )
+    rows = [np.flatnonzero(decisions.episode == episode) for episode in episodes]
+    drawn = rng.integers(len(episodes), size=(n, len(episodes)))
+    return Bootstrap(np.stack([estimate(_sample(decisions, rows, each)) for each in drawn]))
+
+
+def _sample(
+    decisions: Decisions, rows: list[np.ndarray[tuple[int], np.dtype[np.int64]]], drawn: FloatArray
+) -> Decisions:
+    """The drawn episodes, numbered anew, so that one drawn twice is two."""
+    chosen = [rows[int(place)] for place in drawn]
+    columns = decisions.select(np.concatenate(chosen)).columns()
+    columns["episode"] = np.repeat(np.arange(len(chosen)), [len(each) for each in chosen])
+    return Decisions(**columns, source=decisions.source)  # type: ignore[arg-type]

@@ -1,0 +1,92 @@
+"""Standard errors of rewards that were learned under dynamics estimated before, from the same data.
+
+Rewards w under an estimate t of the dynamics solve g(w, t) = 0 with the error of t in it. For the
+scores s1 of the transitions, s2 of the choices and the pseudo-counts of the M-estimate, the stacked
+conditions have the derivative and covariance
+
+    A = -[ d s1/dt    0     ]      B = sum (s1, s2) (s1, s2)^T,     Cov = A^-1 B A^-T
+         [ d s2/dt  d s2/dw ]
+
+(Newey and McFadden, Handbook of Econometrics IV, 1994, section 6; under a true model it is the
+estimator of Murphy and Topel, Journal of Business and Economic Statistics 3, 1985). Errors that
+take the dynamics as known are too small.
+"""
+
+import numpy as np
+import scipy.linalg
+
+from serd_core.arrays import FloatArray
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
+from serd_core.dynamics.estimation import outcome_models_of
+from serd_core.errors import SerdError
+from serd_core.learners.fit_result import FitResult
+from serd_core.mdp.problem import Problem
+from serd_core.posterior.beliefs import FixedBelief
+from serd_core.posterior.coordinates import gauge_free_basis
+from serd_core.posterior.derivatives.posterior_hessian import curvature_parts, posterior_hessian
+from serd_core.posterior.derivatives.transition_derivatives import log_transition_hessian
+from serd_core.posterior.parameters import Block
+from serd_core.posterior.posterior import Posterior
+from serd_core.priors.dirichlet import DirichletPrior
+from serd_core.uncertainty.information import decision_scores
+from serd_core.uncertainty.standard_errors import StandardErrors
+
+
+def two_step_standard_errors(
+    problem: Problem, decisions: Decisions, fit: FitResult, *, pseudo_count: float = 1.0
+) -> StandardErrors:
+    """For a fit by likelihood under the M-estimate of its own decisions.
+
+    pseudo_count: that of the estimate. The errors hold where the model is wrong, too (sandwich).
+    """
+    assumed, model = fit.assumptions, outcome_models_of(problem.mdp)
+    if assumed is None or not isinstance(assumed.belief, FixedBelief):
+        raise SerdError(
+            "fit must be one of rewards under an estimate of the dynamics, got one that learned"
+            " both at once; use standard_errors"
+        )
+    at, observations = fit.parameters, observe(problem.mdp, decisions)
+    posterior = Posterior(problem, observations, assumed.policy_model, assumed.prior)
+    found = posterior.evaluate(at)
+    hessian = posterior_hessian(posterior, at, found)
+    by_q = curvature_parts(posterior, at, found).sensitivities.by_q
+    scores = decision_scores(posterior, at, found.solution.q, by_q)
+    reward, truth, belief = (at.place(block) for block in (Block.REWARD, Block.TRUTH, Block.BELIEF))
+    counts = np.zeros(len(model.groups))
+    counts[observations.group] = observations.group_count
+    smoothing = DirichletPrior(pseudo_count).hessian(model, at)[truth, truth]
+    own = log_transition_hessian(model, at.truth, counts) + smoothing
+    basis = gauge_free_basis(model.gauge)
+    n_dynamics, n_rewards = basis.shape[1], len(at.reward)
+    slope = np.zeros((n_dynamics + n_rewards,) * 2)
+    slope[:n_dynamics, :n_dynamics] = -basis.T @ own @ basis
+    slope[n_dynamics:, :n_dynamics] = -hessian[reward, belief] @ basis
+    slope[n_dynamics:, n_dynamics:] = -hessian[reward, reward]
+    stacked = np.concatenate([scores[:, truth] @ basis, scores[:, reward]], axis=1)
+    spread = (stacked * observations.group_count[:, None]).T @ stacked
+    try:
+        inverse = scipy.linalg.inv(slope)
+    except scipy.linalg.LinAlgError as error:
+        raise SerdError(
+            "decisions must determine every reward weight, got a singular information matrix; use"
+            " identifiability to find what they leave open"
+        ) from error
+    covariance = inverse @ spread @ inverse.T
+    jacobian = model.local_jacobian(at.truth) @ basis
+    shape = model.local_probabilities(at.truth).shape
+    of_dynamics = _errors(jacobian, covariance[:n_dynamics, :n_dynamics]).reshape(shape)
+    of_rewards = covariance[n_dynamics:, n_dynamics:]
+    errors = np.sqrt(np.diag(of_rewards))
+    return StandardErrors(
+        names=tuple(f"reward {name}" for name in problem.feature_names),
+        free=errors,
+        covariance=of_rewards,
+        reward=errors,
+        outcome_probabilities=of_dynamics,
+        believed_outcome_probabilities=of_dynamics,
+    )
+
+
+def _errors(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.maximum(np.sum((jacobian @ covariance) * jacobian, axis=1), 0.0)))

@@ -1,0 +1,230 @@
+"""Sandwich, clusters, two steps, bootstrap and tests, by closed forms and simulation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.stats
+
+import serd_core as sc
+from serd_core.selection.evaluation import decision_log_likelihoods
+
+
+def bandit(n_features=1):
+    """One state, two actions: the choice is a logit of the weights; a second feature is 0 at b."""
+    features = np.zeros((1, 2, n_features))
+    features[0, 0, 0] = 1.0
+    return sc.from_transitions(np.ones((1, 2, 1)), features, discount=0.5)
+
+
+def choices(actions, episode=None):
+    actions = np.asarray(actions)
+    zeros = np.zeros(len(actions), int)
+    number = np.arange(len(actions)) if episode is None else episode
+    return sc.Decisions(number, np.arange(len(actions)), zeros, actions, zeros)
+
+
+def fitted(problem, decisions, **options):
+    start = np.zeros(len(problem.feature_names))
+    return sc.fit_mdce_irl_by_likelihood(problem, decisions, initial_weights=start, **options)
+
+
+def test_the_sandwich_of_a_logit_is_its_closed_form():
+    """Scores are 1 - p and -p, so B = A = n p (1 - p), and all errors are equal."""
+    problem, decisions = bandit(), choices([0] * 30 + [1] * 70)
+    information = sc.fit_information(problem, decisions, fitted(problem, decisions))
+    plain = sc.standard_errors(problem, information)
+    robust = sc.standard_errors(problem, information, meat=information.outer_product)
+    assert plain.reward[0] == pytest.approx(1 / np.sqrt(100 * 0.3 * 0.7), rel=1e-6)
+    assert robust.reward[0] == pytest.approx(plain.reward[0], rel=1e-6)
+
+
+def test_clusters_of_equal_choices_count_as_one_choice():
+    """Ten equal choices per episode: sqrt(10) times the error, with C / (C - 1)."""
+    actions = np.repeat([0] * 6 + [1] * 14, 10)
+    problem, decisions = bandit(), choices(actions, np.repeat(np.arange(20), 10))
+    information = sc.fit_information(problem, decisions, fitted(problem, decisions))
+    meat = sc.clustered_outer_product(problem, information, decisions)
+    by_cluster = sc.standard_errors(problem, information, meat=meat).reward[0]
+    plain = sc.standard_errors(problem, information).reward[0]
+    assert by_cluster / plain == pytest.approx(np.sqrt(10 * 20 / 19), rel=1e-6)
+    with pytest.raises(sc.SerdError, match="clusters must be at least 2, got 1"):
+        sc.clustered_outer_product(problem, information, decisions, np.zeros(200, int))
+
+
+def gamble(n_episodes=100, seed=0):
+    """State 0 stays or risks to visit state 1, which is avoided, or 2 by a toss; both lead back.
+
+    The weight that is learned depends on the estimated probability. Returns problem and decisions.
+    """
+    successors = np.zeros((3, 2, 2), int)
+    successors[0, 1] = [1, 2]
+    available = np.array([[True, True], [True, False], [True, False]])
+    models = sc.OutcomeModels(successors, np.array([[1, 0], [1, 0], [1, 0]]), available, n_models=2)
+    features = np.zeros((3, 2, 1))
+    features[1] = 1.0
+    problem = sc.TabularProblem(sc.Mdp(models, 0.9), features, ("avoided",))
+    truth = np.array([[0.5, 0.5], [0.5, 0.5]])
+    policy = sc.soft_policy(problem, [-4.0], truth).probabilities
+    start = np.array([1.0, 0, 0])
+    decisions = sc.sample_decisions(
+        problem.mdp,
+        policy,
+        truth,
+        start,
+        n_episodes=n_episodes,
+        n_steps=4,
+        rng=np.random.default_rng(seed),
+    )
+    return problem, decisions
+
+
+def test_two_step_errors_cover_the_truth_where_plain_ones_do_not():
+    covered = {"plain": 0, "two steps": 0}
+    estimates, errors, n = [], [], 100
+    for seed in range(n):
+        problem, decisions = gamble(seed=seed)
+        fit = fitted(problem, decisions)
+        information = sc.fit_information(problem, decisions, fit)
+        plain = sc.standard_errors(problem, information).reward[0]
+        corrected = sc.two_step_standard_errors(problem, decisions, fit).reward[0]
+        estimates.append(fit.reward_weights[0])
+        errors.append(corrected)
+        away = abs(fit.reward_weights[0] + 4.0)
+        covered["plain"] += away <= 1.96 * plain
+        covered["two steps"] += away <= 1.96 * corrected
+    assert scipy.stats.binomtest(covered["two steps"], n, 0.95).pvalue > 0.01
+    assert scipy.stats.binomtest(covered["plain"], n, 0.95).pvalue < 1e-3
+    assert np.mean(errors) == pytest.approx(np.std(estimates), rel=0.2)
+
+
+def test_two_step_errors_are_those_of_a_bootstrap_of_both_steps():
+    problem, decisions = gamble(n_episodes=300)
+    fit = fitted(problem, decisions)
+    found = sc.bootstrap(
+        decisions,
+        lambda sample: fitted(problem, sample).reward_weights,
+        rng=np.random.default_rng(1),
+        n=100,
+    )
+    expected = sc.two_step_standard_errors(problem, decisions, fit).reward
+    np.testing.assert_allclose(found.standard_errors, expected, rtol=0.25)
+    low, high = found.interval()
+    assert low < fit.reward_weights < high
+
+
+def test_two_step_errors_of_a_fit_of_both_at_once_are_refused():
+    problem, decisions = gamble()
+    fit = sc.fit_mdce_serd(problem, decisions)
+    with pytest.raises(sc.SerdError, match="got one that learned both at once; use standard_err"):
+        sc.two_step_standard_errors(problem, decisions, fit)
+
+
+def test_a_bootstrap_of_a_mean_has_its_error_and_keeps_episodes_whole():
+    actions = np.repeat([0] * 60 + [1] * 140, 5)
+    decisions = choices(actions, np.repeat(np.arange(200), 5))
+    found = sc.bootstrap(
+        decisions, lambda sample: sample.action.mean(), rng=np.random.default_rng(0), n=400
+    )
+    assert found.standard_errors == pytest.approx(np.sqrt(0.7 * 0.3 / 200), rel=0.1)
+    with pytest.raises(sc.SerdError, match=r"rng must be a numpy\.random\.Generator, got 0"):
+        sc.bootstrap(decisions, lambda sample: sample.action.mean(), rng=0)
+
+
+def two_arms():
+    """Two states of choice that follow each other; a feature for choosing a in each."""
+    transitions = np.zeros((2, 2, 2))
+    transitions[0, :, 1] = transitions[1, :, 0] = 1.0
+    features = np.zeros((2, 2, 2))
+    features[0, 0, 0] = features[1, 0, 1] = 1.0
+    wide = sc.from_transitions(transitions, features, discount=0.5, feature_names=("x", "y"))
+    narrow = sc.from_transitions(
+        transitions, features[:, :, :1], discount=0.5, feature_names=("x",)
+    )
+    return narrow, wide
+
+
+def alternate(rng, n, p_second):
+    action = np.where(np.arange(n) % 2 == 0, rng.random(n) < 0.4, rng.random(n) < p_second)
+    state = np.arange(n) % 2
+    return sc.Decisions(np.arange(n) // 2, np.arange(n) % 2, state, action.astype(int), 1 - state)
+
+
+def test_likelihood_ratio_and_score_of_a_coin_are_their_closed_forms():
+    """y = 0 means a fair coin in the second state: G = 2 n KL and the score is Pearson's X^2."""
+    narrow, wide = two_arms()
+    decisions = alternate(np.random.default_rng(3), 400, 0.6)
+    share = decisions.action[1::2].mean()
+    restricted, full = fitted(narrow, decisions), fitted(wide, decisions)
+    ratio = sc.likelihood_ratio_test(restricted, full)
+    entropy = share * np.log(2 * share) + (1 - share) * np.log(2 * (1 - share))
+    assert ratio.statistic == pytest.approx(2 * 200 * entropy, rel=1e-5)
+    score = sc.score_test(wide, decisions, restricted)
+    assert score.statistic == pytest.approx(200 * (2 * share - 1) ** 2, rel=1e-5)
+    assert (score.degrees_of_freedom, ratio.degrees_of_freedom) == (1, 1)
+    assert score.p_value == pytest.approx(scipy.stats.chi2.sf(score.statistic, 1))
+
+
+def test_a_true_restriction_is_rejected_as_often_as_the_level_states():
+    narrow, wide = two_arms()
+    rng, rejected, n = np.random.default_rng(0), 0, 200
+    for _ in range(n):
+        decisions = alternate(rng, 200, 0.5)
+        rejected += sc.score_test(wide, decisions, fitted(narrow, decisions)).p_value < 0.1
+    assert scipy.stats.binomtest(rejected, n, 0.1).pvalue > 0.01
+
+
+def test_vuong_compares_by_the_mean_difference_of_log_likelihoods():
+    narrow, wide = two_arms()
+    other = replace(narrow, features=wide.features[:, :, 1:], feature_names=("y",))
+    decisions = alternate(np.random.default_rng(1), 400, 0.9)
+    first, second = fitted(narrow, decisions), fitted(other, decisions)
+    found = sc.vuong_test(decisions, (narrow, first), (other, second), by_episode=False)
+    logs = [
+        decision_log_likelihoods(p, decisions, f) for p, f in ((narrow, first), (other, second))
+    ]
+    assert logs[0].sum() == pytest.approx(first.policy_log_likelihood)
+    expected = scipy.stats.ttest_1samp(logs[0] - logs[1], 0.0)
+    assert found.statistic == pytest.approx(expected.statistic * np.sqrt(400 / 399), rel=1e-9)
+    assert found.statistic < -3
+    assert found.p_value < 1e-3
+    with pytest.raises(sc.SerdError, match="use likelihood_ratio_test for nested ones"):
+        sc.vuong_test(decisions, (narrow, first), (narrow, first))
+
+
+def test_tests_of_likelihoods_refuse_priors_and_models_that_are_not_nested():
+    narrow, wide = two_arms()
+    decisions = alternate(np.random.default_rng(1), 40, 0.5)
+    with_prior = fitted(narrow, decisions, prior=sc.GaussianPrior(1.0, sc.Block.REWARD))
+    full = fitted(wide, decisions)
+    with pytest.raises(sc.SerdError, match="must have fits that converged without a prior"):
+        sc.likelihood_ratio_test(with_prior, full)
+    with pytest.raises(sc.SerdError, match="n_restrictions must be at least 1, got -1"):
+        sc.likelihood_ratio_test(full, fitted(narrow, decisions))
+    with pytest.raises(sc.SerdError, match="problem must have every feature of the restricted"):
+        sc.score_test(narrow, decisions, full)
+
+
+def test_counterfactuals_of_a_logit():
+    problem, decisions = bandit(), choices([0] * 30 + [1] * 70)
+    fit = fitted(problem, decisions)
+    doubled = sc.counterfactual_policy(problem, fit, reward_weights=2 * fit.reward_weights)
+    assert doubled.probabilities[0, 0] == pytest.approx(0.09 / (0.09 + 0.49), rel=1e-4)
+    forced = sc.counterfactual_policy(problem, fit, available=[[False, True]])
+    np.testing.assert_array_equal(forced.probabilities, [[0.0, 1.0]])
+    with pytest.raises(sc.SerdError, match="available must be a subset of the problem's actions"):
+        sc.counterfactual_policy(
+            sc.from_transitions(np.ones((1, 2, 1)) * [[[1], [0]]], np.ones((1, 1)), discount=0.5),
+            fit,
+            available=[[True, True]],
+        )
+
+
+def test_counterfactual_dynamics_change_what_the_expert_expects():
+    problem, decisions = gamble(n_episodes=300)
+    fit = sc.fit_mdce_serd(problem, decisions)
+    sure = np.array([[1.0, 0.0], [0.5, 0.5]])
+    changed = sc.counterfactual_policy(problem, fit, outcome_probabilities=sure)
+    same = sc.counterfactual_policy(problem, fit)
+    np.testing.assert_allclose(same.probabilities, sc.fitted_policy(problem, fit))
+    assert changed.probabilities[0, 1] < same.probabilities[0, 1]
