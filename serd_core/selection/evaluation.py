@@ -79,6 +79,8 @@ def move_log_likelihood(
 def decision_log_likelihoods(problem: Problem, decisions: Decisions, fit: FitResult) -> FloatArray:
     """(N,) log pi(a | s) + log P(s' | s, a) of each decision under a fit, -inf where ruled out."""
     observe(problem.mdp, decisions)
+    if decisions.hidden.any():
+        raise SerdError("decisions must show their actions here; select those with ~hidden")
     model = problem.mdp.transitions
     row = decisions.state * model.n_actions + decisions.action
     entries = transitions_of(model, fit.outcome_probabilities).entries

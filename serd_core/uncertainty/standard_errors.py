@@ -137,6 +137,11 @@ def clustered_outer_product(
     names, cluster = np.unique(labels, return_inverse=True)
     if len(names) < 2:
         raise SerdError(f"clusters must be at least 2, got {len(names)}; record more episodes")
+    if decisions.hidden.any():
+        raise SerdError(
+            "decisions must show their actions where scores are summed by cluster, got"
+            f" {int(decisions.hidden.sum())} without; use bootstrap"
+        )
     model = problem.mdp.transitions
     row = decisions.state * model.n_actions + decisions.action
     place = np.searchsorted(information.group, model.groups.find(row, decisions.next_state))

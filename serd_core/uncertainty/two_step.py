@@ -25,11 +25,11 @@ from serd_core.mdp.problem import Problem
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.coordinates import gauge_free_basis
 from serd_core.posterior.derivatives.posterior_hessian import curvature_parts, posterior_hessian
+from serd_core.posterior.derivatives.scores import transition_scores
 from serd_core.posterior.derivatives.transition_derivatives import log_transition_hessian
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.dirichlet import DirichletPrior
-from serd_core.uncertainty.information import decision_scores
 from serd_core.uncertainty.standard_errors import StandardErrors
 
 
@@ -51,7 +51,9 @@ def two_step_standard_errors(
     found = posterior.evaluate(at)
     hessian = posterior_hessian(posterior, at, found)
     by_q = curvature_parts(posterior, at, found).sensitivities.by_q
-    scores = decision_scores(posterior, at, found.solution.q, by_q)
+    scores = transition_scores(
+        model, assumed.policy_model, at, observations.group, found.solution.q, by_q
+    )
     reward, truth, belief = (at.place(block) for block in (Block.REWARD, Block.TRUTH, Block.BELIEF))
     counts = np.zeros(len(model.groups))
     counts[observations.group] = observations.group_count
