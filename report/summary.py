@@ -131,7 +131,8 @@ def trapped_states(inputs: ReportInputs) -> BoolArray:
 
 
 def decisions_per_model(problem: NavigationProblem, decisions: Decisions) -> IntArray:
-    """(M,) number of decisions that each outcome model applies to."""
+    """(M,) number of decisions with their action that each outcome model applies to."""
     models = problem.outcome_models
+    decisions = decisions.select(~decisions.hidden)
     used = models.model_of[decisions.state, decisions.action]
     return np.bincount(used, minlength=models.n_models)

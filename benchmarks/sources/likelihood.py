@@ -1,4 +1,7 @@
-"""Held-out log-likelihood of the decisions of a table, beside that of the uniform policy."""
+"""Held-out log-likelihood of the decisions of a table, beside that of the uniform policy.
+
+Where actions are hidden it is that of the states, and uniform are policy and outcomes.
+"""
 
 from dataclasses import dataclass
 from math import log
@@ -12,7 +15,8 @@ from serd_app.learning.recipe import learn, require_enough
 from serd_app.learning.settings import LearningSettings
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.selection.evaluation import validation_log_likelihood
+from serd_core.grid.navigation import NavigationProblem
+from serd_core.selection.evaluation import move_log_likelihood, validation_log_likelihood
 
 _FOLDS = 4
 #: With more decisions than these, one fold is held out instead of each in turn.
@@ -21,7 +25,7 @@ _FEW = 200
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Per decision: log-likelihood of n decisions that were not learned from, and log(1/5)."""
+    """Per decision: log-likelihood of n decisions that were not learned from, and by chance."""
 
     n: int
     learned: float
@@ -36,13 +40,24 @@ def held_out(table: Path) -> HeldOut:
     require_enough(files.demonstrations, settings)
     settings = settings.model_copy(update={"minimum_decisions": 1})
     fold = _folds(decisions)
-    total, n = 0.0, 0
+    total, by_chance, n = 0.0, 0.0, 0
     for each in range(_FOLDS if len(decisions) < _FEW else 1):
         kept, left = (decisions.select(rows) for rows in (fold != each, fold == each))
         fit = learn(files.task, Demonstrations(kept), settings).fit
         total += len(left) * validation_log_likelihood(problem, left, fit)
+        by_chance += uniform_log_likelihood(problem, left)
         n += len(left)
-    return HeldOut(n, total / n, -log(problem.mdp.transitions.available.shape[1]))
+    return HeldOut(n, total / n, by_chance / n)
+
+
+def uniform_log_likelihood(problem: NavigationProblem, decisions: Decisions) -> float:
+    """Sum of log(1/5), and where the action is hidden of the states if all is likely alike."""
+    mdp, models = problem.mdp, problem.outcome_models
+    hidden = decisions.select(decisions.hidden)
+    policy = mdp.available / mdp.available.sum(axis=1, keepdims=True)
+    table = np.full((models.n_models, models.n_outcomes), 1.0 / models.n_outcomes)
+    moves = move_log_likelihood(problem, hidden, policy, table).sum() if len(hidden) else 0.0
+    return float(moves) - (len(decisions) - len(hidden)) * log(mdp.n_actions)
 
 
 def _folds(decisions: Decisions) -> IntArray:

@@ -16,6 +16,7 @@ from serd_app.demonstrations.discretise import (
 )
 from serd_app.demonstrations.goal import goal_entries_s
 from serd_app.drives.episode_spans import CUT_OFF
+from serd_app.drives.hidden_actions import with_hidden_actions
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.sessions import DriveSessions, read_drives
 from serd_core.demonstrations.decisions import Decisions
@@ -56,12 +57,16 @@ def demonstrations_of_bag(
     *,
     tolerant: bool = False,
     seen: set[bytes] | None = None,
+    hidden: bool = False,
 ) -> tuple[Demonstrations, DiscretisationReport]:
     """Those of a bag, and what became of every intent; BagError where there is nothing to use.
 
-    tolerant: use what a broken bag still holds. seen: see `fresh_from_drive`.
+    tolerant: use what a broken bag still holds. seen: see `fresh_from_drive`. hidden: without
+    intents, from poses and episodes alone.
     """
-    drives = read_drives(bag, tolerant=tolerant)
+    drives: Sequence[RecordedDrive] = read_drives(bag, tolerant=tolerant, intents=not hidden)
+    if hidden:
+        drives = [with_hidden_actions(each, decision_period_s) for each in drives]
     found, report = demonstrations_of_drives(drives, grid, decision_period_s, seen=seen)
     if not len(found.decisions):
         raise BagError(f"bag {bag} holds no decision to learn from: {report}; record more")
@@ -95,6 +100,7 @@ class LiveDrive(DriveSessions):
     """Collects robot_pose, intent and episode as they come; gives the decisions of a bag of them.
 
     earlier: demonstrations known before. report: what became of the intents of the last session.
+    hidden: whether poses and episodes alone are used.
     """
 
     def __init__(
@@ -103,9 +109,12 @@ class LiveDrive(DriveSessions):
         grid: Grid,
         decision_period_s: float,
         earlier: Demonstrations | None = None,
+        *,
+        hidden: bool = False,
     ) -> None:
         super().__init__(source)
         self._grid, self._period_s, self._earlier = grid, decision_period_s, earlier
+        self._hidden = hidden
         self.report: DiscretisationReport | None = None
 
     def gathered(self, *, unfinished: bool = True) -> Demonstrations:
@@ -114,8 +123,9 @@ class LiveDrive(DriveSessions):
         if not unfinished and last.episodes and last.episodes[-1].outcome == CUT_OFF:
             last = replace(last, episodes=last.episodes[:-1])
         known = [] if self._earlier is None else [self._earlier]
-        seen = {row for each in known for row in each.episode_rows.values()}
-        for drive in (*before, last):
+        seen = {row for one in known for row in one.episode_rows.values()}
+        for each in (*before, last):
+            drive = with_hidden_actions(each, self._period_s) if self._hidden else each
             here, self.report = fresh_from_drive(drive, self._grid, self._period_s, seen)
             known.append(here)
         return joined(known)

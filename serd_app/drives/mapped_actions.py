@@ -5,7 +5,7 @@ robot's heading and averaged over a decision period it is the direction of the a
 `minimum_speed_mps`. A period in which no command holds has no action, which need not mean to wait.
 Waypoint: the direction from the robot to it, WAIT where it is nearer than `reached_m`.
 Motion: the direction from the place of the robot to that one period later, WAIT below
-`minimum_speed_mps` on average.
+`minimum_speed_mps` on average. Hidden: no action, at the same times.
 """
 
 from array import array
@@ -19,9 +19,10 @@ from bags.message_times import TimesOnClock, placed_s
 from bags.messages.fields import POSES, VECTORS, VELOCITIES, FieldReader, field_reader
 from bags.topic import RawMessage, Topic
 from serd_app.drives.episode_spans import EpisodeSpan
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_app.drives.recorded_drive import NOT_FINITE, actions_of_directions
 from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Action, action_of_direction
 
 NO_COMMAND = "no command recorded then"
@@ -64,7 +65,7 @@ class MappedIntents:
 
 
 class MappedActions:
-    """Collects the messages of the action topic; topic: None where actions come from motion."""
+    """Collects the messages of the action topic; topic: None where none has actions."""
 
     def __init__(self, mapping: BagMapping, topic: Topic | None, source: str) -> None:
         self._mapping, self._source = mapping, source
@@ -94,10 +95,12 @@ class MappedActions:
     ) -> MappedIntents:
         """The decisions; BagError where the topic has no message."""
         if self._read is None:
-            return motion_intents(track, spans, period_s, self._mapping.minimum_speed_mps)
+            return posed_intents(self._mapping, track, spans, period_s)
         at_s, vectors, n_unclear = self.stated(track)
         if self._mapping.action_from == "velocity":
-            return self._driven(at_s, vectors, n_unclear, track, _ticks(spans, period_s), period_s)
+            return self._driven(
+                at_s, vectors, n_unclear, track, decision_times(spans, period_s), period_s
+            )
         dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
         return MappedIntents(at_s, self._actions(at_s, vectors, track), dropped)
 
@@ -114,7 +117,7 @@ class MappedActions:
             raise BagError(
                 f"{self._source}: action_topic {', '.join(self.topics)} must hold messages, it"
                 " holds none; name the topic in the mapping that the robot was driven by, or set"
-                " action_from: motion"
+                " action_from: hidden"
             )
         at_s = track.placed(rows[:, 0], rows[:, 1])
         order = np.argsort(at_s, kind="stable")
@@ -157,23 +160,29 @@ class MappedActions:
         return MappedIntents(decided_s[commanded], actions[commanded], dropped, n_bad_commands)
 
 
-def motion_intents(
-    track: PoseTrack, spans: tuple[EpisodeSpan, ...], period_s: float, minimum_speed_mps: float
+def posed_intents(
+    mapping: BagMapping | TableMapping,
+    track: PoseTrack,
+    spans: tuple[EpisodeSpan, ...],
+    period_s: float,
 ) -> MappedIntents:
-    """Each period's action is where the robot is at its end, or at that of its episode."""
-    ends = [np.full(len(_ticks((span,), period_s)), span.end_s) for span in spans]
-    start_s = _ticks(spans, period_s)
+    """Decisions of poses alone: hidden, or by the motion, which is where the robot is at the end of
+    the period or of its episode."""
+    ends = [np.full(len(decision_times((span,), period_s)), span.end_s) for span in spans]
+    start_s = decision_times(spans, period_s)
+    if mapping.action_from == "hidden":
+        return MappedIntents(start_s, np.full(len(start_s), HIDDEN, dtype=np.int64))
     end_s = np.minimum(start_s + period_s, np.concatenate(ends) if ends else start_s)
     actions = actions_of_waypoints(
         position_m=track.at(start_s),
         waypoint_m=track.at(end_s),
-        reached_m=minimum_speed_mps * period_s,
+        reached_m=mapping.minimum_speed_mps * period_s,
     )
     return MappedIntents(start_s, actions)
 
 
-def _ticks(spans: tuple[EpisodeSpan, ...], period_s: float) -> FloatArray:
-    """Decision times: every period from the start of each episode."""
+def decision_times(spans: tuple[EpisodeSpan, ...], period_s: float) -> FloatArray:
+    """(N,) every period from the start of each episode."""
     ticks = [np.arange(span.start_s, span.end_s - _STAMP_TOLERANCE_S, period_s) for span in spans]
     return np.concatenate(ticks) if ticks else np.zeros(0)
 

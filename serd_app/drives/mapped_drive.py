@@ -36,8 +36,8 @@ def mapped_messages(
 ) -> "MappedMessages":
     """To be filled; BagError where the topics do not hold what the mapping needs."""
     poses = MappedPoses(known, mapping, source)
-    by_motion = mapping.action_from == "motion"
-    action = None if by_motion else known[topic_named(known, mapping.action_topic)]
+    own_topic = mapping.has_action_topic
+    action = known[topic_named(known, mapping.action_topic)] if own_topic else None
     return MappedMessages(
         mapping,
         source,
@@ -63,7 +63,7 @@ class MappedMessages:
             raise BagError(
                 f"{self.source}: pose_topic {self.mapping.pose_topic} must have a heading, by"
                 " which velocities are turned, it has x and y alone; name a third path in"
-                " pose_fields, or set action_from: motion"
+                " pose_fields, or set action_from: hidden"
             )
 
     @property

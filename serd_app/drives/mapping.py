@@ -31,7 +31,12 @@ class DriveMapping(StrictModel):
 
 
 class TableMapping(DriveMapping, TableColumns):
-    """A table of trajectories; see `DriveMapping` and `TableColumns`."""
+    """A table of trajectories; see `DriveMapping` and `TableColumns`.
+
+    action_from: see `BagMapping`.
+    """
+
+    action_from: Literal["hidden", "motion"] = "hidden"
 
 
 class BagMapping(DriveMapping):
@@ -41,7 +46,8 @@ class BagMapping(DriveMapping):
     the pose nearest to the top of the message.
     frame: frame of the grid; poses in another are brought there by /tf; empty: as they are.
     action_from, action_topic: `intent` (a vector), `velocity` (a twist, or the speed of a steered
-    vehicle), `waypoint` (a pose), or `motion` (no topic): where the robot went within the period.
+    vehicle), `waypoint` (a pose); without a topic `hidden` (the states alone are learned from) or
+    `motion` (where the robot went within the period is taken as its action).
     action_fields: field paths of two numbers, or one of a message; empty: as for pose_fields. Of a
     velocity they are forward and left, or forward alone.
     episode_topic: marks as our recorder writes them; empty: see `DriveMapping`.
@@ -56,7 +62,7 @@ class BagMapping(DriveMapping):
     pose_fields: tuple[str, ...] = Field(default=(), max_length=3)
     frame: str = ""
     robot_frame: str = "base_link"
-    action_from: Literal["intent", "velocity", "waypoint", "motion"] = "intent"
+    action_from: Literal["intent", "velocity", "waypoint", "motion", "hidden"] = "intent"
     action_topic: str = "intent"
     action_fields: tuple[str, ...] = Field(default=(), max_length=2)
     episode_topic: str = ""
@@ -65,3 +71,8 @@ class BagMapping(DriveMapping):
     delay_s: float = Field(default=0.0, ge=0)
     silence: Literal["unknown", "wait"] = "unknown"
     waypoint_reached_m: float = Field(default=0.25, ge=0)
+
+    @property
+    def has_action_topic(self) -> bool:
+        """Whether actions are messages."""
+        return self.action_from not in ("motion", "hidden")

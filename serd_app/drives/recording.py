@@ -1,7 +1,7 @@
 """One recording of demonstrations, a bag or a table: its drives, and what could not be read."""
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from bags.reader import BagReader
 from bags.rosbag2.layout import is_bag_file
 from bags.topic import topics_named
 from serd_app.drives.episode_spans import EPISODE
+from serd_app.drives.hidden_actions import with_hidden_actions
 from serd_app.drives.mapped_drive import mapped_drive_in
 from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping, DriveMapping, TableMapping
 from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive
@@ -53,12 +54,27 @@ def is_table(path: Path) -> bool:
 
 
 def read_recording(
-    bag: Path, period_s: float, *, mapping: DriveMapping | None, tolerant: bool
+    bag: Path,
+    period_s: float,
+    *,
+    mapping: DriveMapping | None,
+    tolerant: bool,
+    hidden: bool = False,
 ) -> Recording:
     """A bag of our recorder, or with a mapping any bag, or a table of trajectories.
 
-    tolerant: read what a damaged bag holds.
+    tolerant: read what a damaged bag holds. hidden: leave out the actions.
     """
+    found = _recording(bag, period_s, mapping, tolerant)
+    if not hidden:
+        return found
+    drives = tuple(with_hidden_actions(drive, period_s) for drive in found.drives)
+    return replace(found, drives=drives)
+
+
+def _recording(
+    bag: Path, period_s: float, mapping: DriveMapping | None, tolerant: bool
+) -> Recording:
     if is_table(bag):
         table = mapping if isinstance(mapping, TableMapping) else TableMapping()
         found = drives_of_table(bag, table, period_s)

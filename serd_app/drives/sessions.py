@@ -106,20 +106,24 @@ class DriveSessions:
         return distance_ns[newest] < distance_ns[own]
 
 
-def read_drives(directory: str | Path, *, tolerant: bool = False) -> tuple[RecordedDrive, ...]:
+def read_drives(
+    directory: str | Path, *, tolerant: bool = False, intents: bool = True
+) -> tuple[RecordedDrive, ...]:
     """The drives of a bag; BagError names a topic that is missing or a message that is damaged.
 
-    tolerant: read what a broken bag still holds.
+    tolerant: read what a broken bag still holds. intents: see `drives_in`.
     """
-    return drives_in(BagReader(directory, tolerant=tolerant))
+    return drives_in(BagReader(directory, tolerant=tolerant), intents=intents)
 
 
-def drives_in(reader: BagReader) -> tuple[RecordedDrive, ...]:
+def drives_in(reader: BagReader, *, intents: bool = True) -> tuple[RecordedDrive, ...]:
     """The drives of an opened bag, whose `damage` then lists what could not be read.
 
-    Where stamps of one of the topics are wrong, the bag is read again by its log times.
+    Where stamps of one of the topics are wrong, the bag is read again by its log times. intents:
+    whether these are read, without which a drive has poses and episodes alone.
     """
-    kinds = {topic_named(reader.topics, kind): kind for kind in (POSE, INTENT, EPISODE)}
+    wanted = (POSE, INTENT, EPISODE) if intents else (POSE, EPISODE)
+    kinds = {topic_named(reader.topics, kind): kind for kind in wanted}
     times = {kind: _Times() for kind in kinds.values()}
     n_faults = len(reader.damage)
     found = DriveSessions(source_of(reader.path))

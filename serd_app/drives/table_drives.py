@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_app.drives.mapped_actions import PoseTrack, motion_intents
+from serd_app.drives.mapped_actions import PoseTrack, posed_intents
 from serd_app.drives.mapping import TableMapping
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.unmarked import unmarked_spans, usual_gap_s
@@ -50,7 +50,7 @@ def _drive(track: Track, mapping: TableMapping, period_s: float, source: str) ->
     spans, cuts = unmarked_spans(track.time_s, track.position_m, longest_gap_s, mapping)
     yaw_rad = np.zeros((len(track.time_s), 1))
     poses = PoseTrack(track.time_s, track.time_s, np.hstack([track.position_m, yaw_rad]))
-    intents = motion_intents(poses, spans, period_s, mapping.minimum_speed_mps)
+    intents = posed_intents(mapping, poses, spans, period_s)
     return RecordedDrive(
         pose_time_s=track.time_s,
         position_m=track.position_m,

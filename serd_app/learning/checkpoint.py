@@ -86,9 +86,12 @@ class CheckpointFolder:
 
 
 class LearnerMemory:
-    """Demonstrations as they come, and the newest weights, from and to a checkpoint folder."""
+    """Demonstrations as they come, and the newest weights, from and to a checkpoint folder.
 
-    def __init__(self, scenario: Scenario, folder: Path) -> None:
+    hidden: see `LiveDrive`.
+    """
+
+    def __init__(self, scenario: Scenario, folder: Path, *, hidden: bool = False) -> None:
         grid = grid_of(scenario)
         self.folder = CheckpointFolder(folder, scenario.name, grid)
         loaded = self.folder.load()
@@ -97,7 +100,11 @@ class LearnerMemory:
         if earlier is not None:
             self.demonstrations = Demonstrations(earlier, self._checkpoint.goal_entry_s)
         self.drive = LiveDrive(
-            "live topics", grid, scenario.decision_period_s, earlier=self.demonstrations
+            "live topics",
+            grid,
+            scenario.decision_period_s,
+            earlier=self.demonstrations,
+            hidden=hidden,
         )
 
     @property

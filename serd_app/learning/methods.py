@@ -13,6 +13,7 @@ from itertools import product
 
 import numpy as np
 
+from serd_app.errors import AppError
 from serd_app.learning.priors import uniform_prior, uniform_prior_on_both
 from serd_app.learning.settings import MethodName, RecipeSettings
 from serd_core.arrays import FloatArray
@@ -34,6 +35,7 @@ from serd_core.learners.policy_matching import fit_policy_matching
 from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.learners.staged_start import weights_under_initial_dynamics
+from serd_core.learners.start import dynamics_of_hidden_actions
 from serd_core.posterior.beliefs import Belief, CoupledBelief, FreeBelief, TiedBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
@@ -43,6 +45,13 @@ from serd_core.selection.evaluation import validation_log_likelihood
 from serd_core.selection.prior_weight import select_weight, split_episodes
 
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=200)
+#: Methods that accept decisions whose action is hidden.
+LEARN_FROM_STATES: tuple[MethodName, ...] = (
+    "mdce_serd",
+    "mdce_serd_evidence",
+    "mdce_serd_coupled",
+    "mdce_serd_free",
+)
 #: Policy matching has its maxima on kinks.
 KINKED = KinkedAscent(smooth=ASCENT, gradient_tolerance=1e-5)
 #: Fixes the common scale of rewards and temperature, on which the likelihood does not depend.
@@ -112,13 +121,19 @@ class FitData:
             self._estimates[decisions] = estimate_dynamics(self.problem, decisions, pseudo_count)
         return self._estimates[decisions]
 
+    def start_dynamics(self, decisions: Decisions) -> FloatArray:
+        """(M, K) where SERD starts: the M-estimate, and where actions are hidden its substitute."""
+        if decisions.hidden.any():
+            return dynamics_of_hidden_actions(self.problem, decisions)
+        return self.estimate(decisions)
+
     def start(self, decisions: Decisions, on_step: OnStep | None) -> FloatArray:
         """(F,) reward weights SERD starts from; on_step: called after each step of the search."""
         if self.initial_weights is not None:
             return self.initial_weights
         if decisions not in self._starts:
             self._starts[decisions] = weights_under_initial_dynamics(
-                self.problem, decisions, dynamics=self.estimate(decisions), on_step=on_step
+                self.problem, decisions, dynamics=self.start_dynamics(decisions), on_step=on_step
             )
         return self._starts[decisions]
 
@@ -269,6 +284,23 @@ def relative_entropy_irl(data: FitData) -> MethodResult:
     return MethodResult(fit, f"none; thresholds {share:g} of Hoeffding's, smoothing {smoothing:g}")
 
 
+def method_for(wanted: MethodName, decisions: Decisions) -> MethodName:
+    """The method that learns these decisions; AppError where it needs actions that are hidden.
+
+    mdce_serd has a prior around counted dynamics. Without actions there is nothing to count, and
+    the same model gets its prior by evidence.
+    """
+    if not decisions.hidden.any():
+        return wanted
+    if wanted not in LEARN_FROM_STATES:
+        raise AppError(
+            f"method must be one of {', '.join(LEARN_FROM_STATES)} where actions are hidden, got"
+            f" {wanted}, which counts actions; take mdce_serd, or decisions of 'serd demos' by a"
+            " mapping with action_from: motion"
+        )
+    return "mdce_serd_evidence" if wanted == "mdce_serd" else wanted
+
+
 METHODS: dict[MethodName, Callable[[FitData], MethodResult]] = {
     "mdce_serd": mdce_serd,
     "mdce_serd_evidence": mdce_serd_evidence,
@@ -348,7 +380,7 @@ def _fit_serd(
         data.problem,
         decisions,
         initial_weights=data.start(decisions, on_step),
-        dynamics=data.estimate(decisions),
+        dynamics=data.start_dynamics(decisions),
         belief=belief,
         prior=prior + data.reward_prior,
         ascent=ASCENT,

@@ -13,6 +13,7 @@ from serd_app.learning.methods import (
     ProgressCallback,
     fit_data,
     ignore_progress,
+    method_for,
 )
 from serd_app.learning.outcome import FitOutcome
 from serd_app.learning.settings import LearningSettings
@@ -69,12 +70,13 @@ def learn(
         initial_weights=warm_weights,
         on_progress=on_progress,
     )
-    found = METHODS[settings.method](data)
+    method = method_for(settings.method, decisions)
+    found = METHODS[method](data)
     model = model_of_fit(
         found.fit,
         problem,
         scenario=task.scenario,
-        method=settings.method,
+        method=method,
         prior=found.prior,
         decision_period_s=task.decision_period_s,
         n_episodes=len(decisions.episodes),

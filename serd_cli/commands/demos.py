@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -17,6 +17,7 @@ from serd_app.demonstrations.recorded import (
     files_beside,
     save_demonstrations,
 )
+from serd_app.demonstrations.suggestion.suggest import mapping_of_poses
 from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_app.drives.recording import is_table, read_recording
 from serd_cli.errors import UsageError
@@ -66,6 +67,10 @@ def demos(
         Path | None,
         typer.Option(help="YAML file that maps the topics of a bag or the columns of a table"),
     ] = None,
+    actions: Annotated[
+        Literal["auto", "hidden"],
+        typer.Option(help="auto: as recorded, hidden where there are poses alone; hidden: all"),
+    ] = "auto",
     lerobot: Annotated[
         Path | None, typer.Option(help="new folder for a LeRobot dataset (v3.0) of all episodes")
     ] = None,
@@ -89,16 +94,19 @@ def demos(
     A place without a scenario: --cell-size-m 0.5 in place of --scenario.
 
     A bag of another robot needs a mapping, which 'serd bag suggest BAG' writes.
-    Its keys: pose_topic, pose_fields, frame, robot_frame; action_from (intent,
-    velocity, waypoint or motion), action_topic, action_fields; of velocities
+    A bag of poses alone needs none: its actions are hidden, and 'serd learn'
+    learns from the states. Keys of a mapping: pose_topic, pose_fields, frame,
+    robot_frame; action_from (intent, velocity, waypoint; hidden or motion
+    without a topic), action_topic, action_fields; of velocities
     hold_s, delay_s, silence (unknown or wait), minimum_speed_mps; of waypoints
     waypoint_reached_m; episode_topic, or goals_m, goal_radius_m, stop_s,
     round_trips; longest_gap_s; people_topic.
 
     A table (CSV, text as TUM, KITTI, ETH/UCY and PeTrack write it, Parquet)
     has a time, x and y, and where there are several agents their ids: each
-    is a demonstration, and all of them are the people. Keys of its mapping:
-    time, agent, x, y (columns); fps, time_unit, unit; goals_m and the others.
+    is a demonstration, and all of them are the people; actions are hidden.
+    Keys of its mapping: time, agent, x, y (columns); fps, time_unit, unit;
+    action_from (hidden or motion), goals_m and the others.
     """
     require_suffix(output, ".csv")
     require_apart(output, files_beside(output).values(), (scenario, mapping or ""))
@@ -109,7 +117,12 @@ def demos(
     if mapping and len(kinds) > 1:
         raise UsageError(f"--mapping must be for bags or for tables, got {mapping} for both")
     chosen = load_yaml_model(mapping, kinds.pop()) if mapping else None
-    recordings = [read_recording(bag, period, mapping=chosen, tolerant=tolerant) for bag in bags]
+    hidden = actions == "hidden"
+    mappings = [chosen or (None if is_table(bag) else mapping_of_poses(bag)) for bag in bags]
+    recordings = [
+        read_recording(bag, period, mapping=each, tolerant=tolerant, hidden=hidden)
+        for bag, each in zip(bags, mappings, strict=True)
+    ]
     grid = grid_of(known) if known else fitted_grid(recordings, cell_size_m or 0.0)
     found = demonstrations_of_all(recordings, grid, period)
     _require_decisions(found)
@@ -119,6 +132,7 @@ def demos(
     save_demonstrations(output, place, found, flow)
     save_pictures(output, place, found, flow)
     if lerobot is not None:
+        _require_actions(found)
         save_lerobot(lerobot, [drive for each in recordings for drive in each.drives], period)
     files = {name: path for name, path in files_beside(output).items() if path.exists()}
     files |= {"LeRobot dataset": lerobot} if lerobot is not None else {}
@@ -141,6 +155,15 @@ def _require_decisions(found: list[RecordedDemonstrations]) -> None:
         outside = any(OFF_GRID in each.report.dropped for each in found)
         fix = "is it this scenario?" if outside else "'serd bag check' lists what they hold"
         raise UsageError(f"there is no decision to learn from in {counts}; {fix}")
+
+
+def _require_actions(found: list[RecordedDemonstrations]) -> None:
+    hidden = [each.bag for each in found if each.decisions.hidden.any()]
+    if hidden:
+        raise UsageError(
+            f"--lerobot needs actions, which are hidden in {hidden[0]}; set action_from: motion in"
+            " a --mapping to take the displacement as action"
+        )
 
 
 def _require_place(scenario: str, cell_size_m: float | None, period_s: float | None) -> None:

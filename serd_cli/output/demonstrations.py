@@ -65,6 +65,7 @@ def remarks(found: Sequence[RecordedDemonstrations]) -> Iterable[str]:
             *_pieces(each.recording),
             *_place(each),
             *_waits(each),
+            *_hidden(each),
         ):
             yield f"{name}: {line}"
 
@@ -114,6 +115,15 @@ def _waits(found: RecordedDemonstrations) -> Iterable[str]:
             " robot moves, so its actions do not explain its motion; 'serd bag suggest"
             f" {found.bag}' finds how long it follows a command, or set action_from: motion in the"
             " mapping"
+        )
+
+
+def _hidden(found: RecordedDemonstrations) -> Iterable[str]:
+    count = int(found.decisions.hidden.sum())
+    if count:
+        yield (
+            f"{counted(count, 'decision')} without action, as poses alone are used: 'serd learn'"
+            " learns from the states"
         )
 
 

@@ -218,6 +218,9 @@ class LearnerConfig(LearningSettings, NodeConfig):
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
     bag: str = setting("", "learn from this bag at start; from live topics when empty")
+    actions: Literal["recorded", "hidden"] = setting(
+        "recorded", "hidden: learn from poses and episodes alone, without intents"
+    )
     learn_on: Literal["call", "episode"] = setting(
         "episode",
         "live: learn at the end of each episode, or only when the service learn is called",

@@ -66,7 +66,8 @@ class LearnerNode(SerdNode[LearnerConfig]):
         return bool(self.config.bag) and self.config.exit_when_done
 
     def _listen(self) -> LearnerMemory:
-        memory = LearnerMemory(self._scenario, _checkpoint_folder(self.config))
+        hidden = self.config.actions == "hidden"
+        memory = LearnerMemory(self._scenario, _checkpoint_folder(self.config), hidden=hidden)
         self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
         for topic in (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE):
             kind = topic_type(topic, stamped_cmd_vel=False)
@@ -156,7 +157,10 @@ class LearnerNode(SerdNode[LearnerConfig]):
 
     def _read(self) -> Demonstrations:
         demonstrations, report = demonstrations_of_bag(
-            self.config.bag, grid_of(self._scenario), self._scenario.decision_period_s
+            self.config.bag,
+            grid_of(self._scenario),
+            self._scenario.decision_period_s,
+            hidden=self.config.actions == "hidden",
         )
         decisions = demonstrations.decisions
         text = f"{len(decisions)} decisions from {self.config.bag}: {report}"

@@ -282,6 +282,38 @@ def test_a_wrong_key_in_a_mapping_file_gets_the_nearest_right_one(serd, drive_ba
     assert "did you mean 'pose_topic'?" in ended.err
 
 
+def test_actions_can_be_hidden(serd, drive_bag, tmp_path):
+    """At the times of intents, or without any every period."""
+    shown, hidden = tmp_path / "shown.csv", tmp_path / "hidden.csv"
+    options = ("--scenario", "hallway", "--output")
+    serd("demos", drive_bag("one"), *options, shown)
+    first = load_decisions(shown)
+    for bag in (drive_bag("two"), drive_bag("silent", intents=False)):
+        ended = serd("demos", bag, "--actions", "hidden", *options, hidden)
+        assert ended.code == 0, ended.err
+        found = load_decisions(hidden)
+        assert found.hidden.all()
+        np.testing.assert_array_equal(found.state, first.state)
+        np.testing.assert_array_equal(found.next_state, first.next_state)
+    assert "5 decisions without action" in ended.out
+
+
+def test_a_bag_of_poses_alone_needs_no_mapping(serd, drive_bag, tmp_path):
+    bag, table = tmp_path / "poses", tmp_path / "decisions.csv"
+    reader = BagReader(drive_bag())
+    with BagWriter(bag) as writer:
+        writer.add_topic("/somewhere/pose", reader.topics["/robot_pose"].type_name)
+        for message in reader.messages(["/robot_pose"]):
+            writer.write("/somewhere/pose", message.data, message.log_time_ns)
+    ended = serd("demos", bag, "--scenario", "hallway", "--output", table)
+    assert ended.code == 0, ended.err
+    assert load_decisions(table).hidden.all()
+    assert len(load_decisions(table)) == 5
+    ended = serd("demos", bag, "--scenario", "hallway", "--lerobot", tmp_path / "dataset")
+    assert ended.code == 2
+    assert "--lerobot needs actions, which are hidden in" in ended.err
+
+
 def test_a_mapping_of_bags_and_tables_together_is_refused(serd, drive_bag, tmp_path):
     table, mapping = tmp_path / "table.csv", tmp_path / "mapping.yaml"
     table.write_text("t,x,y\n0,1,1\n1,2,1\n")
@@ -304,9 +336,13 @@ def test_each_agent_of_a_table_is_a_demonstration_among_the_others(serd, tmp_pat
     assert ended.code == 0, ended.err
     values = json.loads(ended.out)
     assert (values["bags"][0]["n_decisions"], values["bags"][0]["n_episodes"]) == (160, 20)
-    assert set(load_decisions(table).action.tolist()) == {Action.EAST}
+    assert load_decisions(table).hidden.all()
     assert values["flow"]["n_known"] == 11
     mapping = tmp_path / "mapping.yaml"
+    mapping.write_text("action_from: motion\n")
+    words = ("demos", path, "--cell-size-m", 1, "--period-s", 1, "--output", table)
+    assert serd(*words, "--mapping", mapping).code == 0
+    assert set(load_decisions(table).action.tolist()) == {Action.EAST}
     mapping.write_text("unit: cm\nstop_s: 5\n")
     ended = serd("demos", path, path, "--mapping", mapping, "--cell-size-m", 0.01, "--json")
     first, again = json.loads(ended.out)["bags"]

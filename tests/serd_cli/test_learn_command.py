@@ -28,6 +28,25 @@ WEIGHTS = np.array([5.0, 1.0, 0.2])
 TRUTH = np.array(list(OUTCOMES.values()))
 
 
+def test_states_alone_are_learned_from(serd, demonstrations, tmp_path):
+    """The same rewards and dynamics as with actions, within what is left open."""
+    table, model = demonstrations(n_episodes=60), tmp_path / "model.yaml"
+    decisions = load_decisions(table)
+    save_decisions(table, decisions.with_hidden_actions())
+    assert load_decisions(table).hidden.all()
+    ended = serd("learn", table, "--output", model, "--json")
+    assert ended.code == 0, ended.err
+    values = json.loads(ended.out)
+    assert values["method"] == "mdce_serd_evidence"
+    assert load_model(model).method == "mdce_serd_evidence"
+    learned = np.array(values["outcome_probabilities"])
+    assert abs(learned[0, 1] - TRUTH[0, 1]) < 0.1
+    assert values["weight.goal"] > 0
+    ended = serd("learn", table, "--output", model, "--method", "policy_matching")
+    assert ended.code == 2
+    assert "where actions are hidden, got policy_matching, which counts actions" in ended.err
+
+
 @pytest.fixture
 def demonstrations(tmp_path):
     """Writes what `serd demos` writes: a soft expert's decisions under a flow of people."""

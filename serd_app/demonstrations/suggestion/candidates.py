@@ -89,10 +89,10 @@ class Candidates:
 
     def _mapped(self, mapping: BagMapping) -> MappedMessages:
         poses = self._poses[mapping.pose_topic].under(mapping)
-        if mapping.action_from == "motion":
-            actions = MappedActions(mapping, None, self._source)
-        else:
+        if mapping.has_action_topic:
             actions = self.actions[mapping.action_topic].under(mapping)
+        else:
+            actions = MappedActions(mapping, None, self._source)
         return MappedMessages(mapping, self._source, poses, actions)
 
     def _own_messages(self) -> MappedMessages | None:

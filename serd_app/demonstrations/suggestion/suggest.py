@@ -3,7 +3,8 @@
 Topics are ranked by type and name. Each pose topic must move, and each pair of a pose and a command
 topic is tested: how often do command and motion disagree, by hold and delay? The mapping is then
 used as `serd demos` uses it. Where the robot moves in more than 2 % of the decisions to wait, its
-commands do not explain its motion, and the motion itself becomes the action.
+commands do not explain its motion. Then, and where there are none, actions are hidden: learning
+uses the poses alone.
 """
 
 import json
@@ -14,7 +15,7 @@ from pathlib import Path
 from bags.damage import Losses
 from bags.errors import BagError
 from bags.reader import BagReader
-from bags.topic import Topic
+from bags.topic import Topic, topics_named
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, DiscretisationReport
 from serd_app.demonstrations.fitted_grid import fitted_grid
 from serd_app.demonstrations.recorded import demonstrations_of_all
@@ -27,8 +28,10 @@ from serd_app.demonstrations.suggestion.candidates import (
 )
 from serd_app.demonstrations.suggestion.command_fit import USUAL_HOLD_S, CommandFit, fit_commands
 from serd_app.demonstrations.suggestion.names import in_one_namespace
+from serd_app.drives.episode_spans import EPISODE
 from serd_app.drives.mapped_actions import MappedActions
 from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping
+from serd_app.drives.recorded_drive import INTENT
 from serd_app.drives.recording import Recording, is_table
 from serd_app.errors import AppError
 
@@ -38,6 +41,7 @@ _MOST_DISAGREEMENT = 0.25
 #: Pairs that disagree more than the best one by less than this are taken by their names.
 _EQUAL = 0.03
 _STILL = 0.98
+_MOTION = ("(motion: the displacement within the period is the action)",)
 #: Of the usual minimum speed: a period of little motion is then no wait.
 _SPEED_SHARES = (1.0, 0.4, 0.2)
 
@@ -101,9 +105,22 @@ def suggest_mapping(bag: Path) -> Suggestion:
         found = _tested(bag, collected, collected.own.mapping, own, poses[0])
         if found.reports:
             return found
-    return _by_velocity(bag, collected, poses, comments) or _by_motion(
+    return _by_velocity(bag, collected, poses, comments) or _by_poses(
         bag, collected, poses, comments
     )
+
+
+def mapping_of_poses(bag: Path) -> BagMapping | None:
+    """By the likeliest pose of a bag without commands and intents; None for any other bag."""
+    reader = BagReader(bag, tolerant=True)
+    if topics_named(reader.topics, INTENT):
+        return None
+    collected = Candidates(reader)
+    poses = collected.poses()
+    if collected.actions or not poses:
+        return None
+    marks = EPISODE if len(topics_named(reader.topics, EPISODE)) == 1 else ""
+    return _poses_alone(poses[0]).model_copy(update={"episode_topic": marks})
 
 
 def _by_velocity(
@@ -115,7 +132,10 @@ def _by_velocity(
     """None where no command topic explains the motion; the comments then state how far."""
     pairs = list(_fitted(poses, collected.actions))
     if not pairs:
-        comments["action_from"] = ("no velocity commands were found: the motion is the action",)
+        comments["action_from"] = (
+            "no velocity commands were found, so actions are hidden",
+            *_MOTION,
+        )
         return None
     pairs = [each for each in pairs if in_one_namespace(each[0].topic.name, each[1])] or pairs
     least = min(fit.disagreement for *_, fit in pairs)
@@ -132,7 +152,10 @@ def _by_velocity(
         *others,
     )
     if fit.disagreement > _MOST_DISAGREEMENT:
-        comments["action_from"] += ("so the commands are of no use, and the motion is the action",)
+        comments["action_from"] += (
+            "so the commands are of no use, and actions are hidden",
+            *_MOTION,
+        )
         return None
     shares = []
     for mapping in _velocity_mappings(pose, name, fit):
@@ -145,7 +168,7 @@ def _by_velocity(
     if shares:
         waits = f"{100 * min(shares):.1f} % of the decisions"
         reason = f"{waits} would be waits while the robot moves"
-    comments["action_from"] += (f"{reason}, so the motion is the action",)
+    comments["action_from"] += (f"{reason}, so actions are hidden", *_MOTION)
     return None
 
 
@@ -192,7 +215,7 @@ def _hold_comments(fit: CommandFit) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def _by_motion(
+def _by_poses(
     bag: Path,
     collected: Candidates,
     poses: Sequence[PoseCandidate],
@@ -200,8 +223,7 @@ def _by_motion(
 ) -> Suggestion:
     """By the likeliest pose; AppError where no pose gives a decision."""
     for pose in poses:
-        values = {"action_from": "motion", "minimum_speed_mps": minimum_speed_mps(pose.track)}
-        mapping = pose.mapping.model_copy(update=values)
+        mapping = _poses_alone(pose)
         found = _tested(bag, collected, mapping, comments, pose)
         if found.reports:
             return found
@@ -209,6 +231,11 @@ def _by_motion(
         f"bag {bag} must hold a drive of at least {PERIOD_S:g} s without gaps, its poses"
         f" ({', '.join(each.topic.name for each in poses)}) give no decision; record a longer one"
     )
+
+
+def _poses_alone(pose: PoseCandidate) -> BagMapping:
+    values = {"action_from": "hidden", "minimum_speed_mps": minimum_speed_mps(pose.track)}
+    return pose.mapping.model_copy(update=values)
 
 
 def _tested(

@@ -59,6 +59,19 @@ def same(first: Demonstrations, second: Demonstrations) -> bool:
     )
 
 
+def test_poses_alone_give_the_hidden_decisions_of_the_bag(messages):
+    bag, sent = messages
+    offline, _ = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s, hidden=True)
+    drive = LiveDrive("live", GRID, HALLWAY.decision_period_s, hidden=True)
+    for topic, data in sent:
+        if topic != "intent":
+            drive.take(topic, data)
+    assert same(drive.gathered(), offline)
+    assert offline.decisions.hidden.all()
+    shown, _ = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)
+    assert len(offline.decisions) >= len(shown.decisions)
+
+
 def test_live_messages_give_the_decisions_of_the_bag(messages):
     bag, sent = messages
     offline, report = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)

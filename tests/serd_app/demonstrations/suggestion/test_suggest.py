@@ -111,10 +111,10 @@ def test_odometry_with_a_clock_an_hour_ahead_is_no_hindrance(bag, tmp_path):
     assert suggested(bag, tmp_path).mapping.action_from == "velocity"
 
 
-def test_without_commands_the_motion_is_the_action(bag, tmp_path):
+def test_without_commands_actions_are_hidden(bag, tmp_path):
     bag.add_odometry("/odom", Robot().drive(key_presses(np.random.default_rng(4)), 70.0))
     found = suggested(bag, tmp_path)
-    assert found.mapping.action_from == "motion"
+    assert found.mapping.action_from == "hidden"
     assert "no velocity commands were found" in found.comments["action_from"][0]
 
 
@@ -123,7 +123,7 @@ def test_commands_that_do_not_explain_the_motion_are_not_taken(bag, tmp_path):
     bag.add_odometry("/odom", Robot().drive(key_presses(rng), 70.0))
     bag.add_commands("/cmd_vel", [(0.5 * n, rng.normal(), 0.0) for n in range(140)])
     found = suggested(bag, tmp_path)
-    assert found.mapping.action_from == "motion"
+    assert found.mapping.action_from == "hidden"
     assert "disagree in" in found.comments["action_from"][0]
 
 
@@ -181,7 +181,7 @@ def test_recordings_of_ours_get_their_intents_unless_they_are_of_several_robots(
             kind = "geometry_msgs/msg/Vector3Stamped"
             bag.add(f"{robot}/intent", kind, 2.0 * number + 0.001, data)
     found = suggested(bag, tmp_path)
-    assert found.mapping.action_from == ("intent" if len(robots) == 1 else "motion")
+    assert found.mapping.action_from == ("intent" if len(robots) == 1 else "hidden")
 
 
 def test_a_table_needs_no_mapping(tmp_path):
