@@ -10,7 +10,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # The libraries read the variable when they load.
 from benchmarks import bags_throughput, receipt_times, speed_figure
-from benchmarks.driving import closed_loop, crowd_peers, lockstep
+from benchmarks.driving import closed_loop, crowd_peers, drives, lockstep
 from benchmarks.faults import kill_matrix
 from benchmarks.learning import (
     belief_choice,
@@ -29,6 +29,7 @@ BENCHMARKS = {
     "calibration": calibration.run,
     "closed_loop": closed_loop.run,
     "crowd_peers": crowd_peers.run,
+    "drives": drives.run,
     "gradient": gradient.run,
     "growth": growth.run,
     "kill_matrix": kill_matrix.run,

@@ -118,7 +118,7 @@ def _code_files() -> Iterator[Path]:
         yield from sorted(
             path
             for path in (ROOT / package).rglob("*")
-            if path.suffix in (".py", ".yaml") and path.parent.name != "pictures"
+            if path.suffix in (".py", ".yaml", ".urdf") and path.parent.name != "pictures"
         )
 
 

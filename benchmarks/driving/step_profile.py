@@ -18,7 +18,8 @@ from sim.planning.catalogue import make_planner
 from sim.planning.recovery import RecoveringPlanner
 from sim.robot.contacts import ContactCounter
 from sim.robot.lidar import Lidar
-from sim.robot.robot import Robot
+from sim.robot.physical_robot import PhysicalRobot
+from sim.robot.robot import KinematicRobot
 from sim.safety.guard import Guard
 from sim.safety.world_guard import no_guard
 from sim.scenario.scenario import Scenario
@@ -27,7 +28,11 @@ from sim.world.world import HallwayWorld
 #: What belongs to each part: (class, method).
 PARTS: dict[str, tuple[tuple[type, str], ...]] = {
     "crowd": ((Crowd, "step"), (Crowd, "push_out_of")),
-    "physics": ((Robot, "drive"), (ContactCounter, "update")),
+    "physics": (
+        (KinematicRobot, "drive"),
+        (PhysicalRobot, "drive"),
+        (ContactCounter, "update"),
+    ),
     "lidar": ((Lidar, "scan"),),
     "planner": ((RecoveringPlanner, "step"),),
     "guard": ((Guard, "step"),),

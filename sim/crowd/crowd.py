@@ -80,6 +80,13 @@ class Crowd:
         if self._walls.distance_m.size and self._walls.distance_m.min() < 2.0 * self.body_radius_m:
             self._leave_walls()
 
+    def move(
+        self, person: int, place_m: tuple[float, float], velocity_mps: tuple[float, float]
+    ) -> None:
+        """Set where a person is and how fast, after a push."""
+        self.x_m[person], self.y_m[person] = place_m
+        self.velocity_x_mps[person], self.velocity_y_mps[person] = velocity_mps
+
     def push_out_of(self, robot: RobotBody) -> None:
         """Move people who overlap the robot's footprint towards its edge; it does not move."""
         away_x, away_y = self.x_m - robot.x_m, self.y_m - robot.y_m

@@ -21,7 +21,7 @@ from sim.errors import SimError
 from sim.planning.catalogue import make_planner, planner_in_world, require_people_source
 from sim.robot.contacts import ContactCounts
 from sim.scenario.grid import grid_of, start_states_of
-from sim.scenario.scenario import Scenario, load_scenario
+from sim.scenario.scenario import Scenario, load_scenario, scenario_content
 from sim.world.world import HallwayWorld
 from storage.files import read_text
 from storage.row_table import Key, Row, RowTable
@@ -145,7 +145,7 @@ def scenario_of(name: str, n_people: int | None) -> Scenario:
 
 def inputs_digest(scenario: str, driver: str) -> str:
     """Digest of the contents of the scenario and, if one drives, of the model."""
-    text = load_scenario(scenario).model_dump_json()
+    text = scenario_content(load_scenario(scenario))
     if driver.endswith(MODEL_SUFFIXES):
         text += read_text(driver)
     return f"sha256:{hashlib.sha256(text.encode()).hexdigest()[:12]}"

@@ -1,10 +1,13 @@
 """Contacts of the robot with people and walls, classified by who ran into whom.
 
 A contact begins when the bodies touch and ends when they are a little apart again, so that one
-bump counts once. It is the robot's when it closes in faster than the person does.
+bump counts once. It is the robot's when it closes in faster than the person does. Without physics
+bodies touch when they overlap, and contacts have no impulse.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -13,6 +16,8 @@ from sim.crowd.crowd import Crowd, RobotBody
 
 _TOUCH_M = 0.0
 _APART_M = 0.05
+
+ContactKind = Literal["robot_on_person", "person_on_robot", "robot_on_wall"]
 
 
 @dataclass(frozen=True)
@@ -24,23 +29,71 @@ class ContactCounts:
     robot_on_wall: int = 0
 
 
+@dataclass(frozen=True)
+class Touch:
+    """A contact during one control period.
+
+    impulse_ns: normal impulse in N s. closing_mps: speed of approach before it. by_robot: whether
+    the robot closed in faster.
+    """
+
+    impulse_ns: float
+    closing_mps: float
+    by_robot: bool
+
+
+@dataclass(frozen=True)
+class Touches:
+    """Contacts with people, by their index, and with walls during one control period."""
+
+    people: Mapping[int, Touch]
+    walls: Touch | None
+
+
+@dataclass(frozen=True)
+class ContactEvent:
+    """A contact that began, as the physics has it.
+
+    tick: control periods since the episode began. impulse_ns: normal impulse (N s) in its first
+    control period. closing_mps: speed of approach before it.
+    """
+
+    tick: int
+    kind: ContactKind
+    person: int | None
+    impulse_ns: float
+    closing_mps: float
+
+
 class ContactCounter:
     """Counts contacts over an episode of `n_people` people."""
 
     def __init__(self, n_people: int) -> None:
         self.counts = ContactCounts()
+        self.events: tuple[ContactEvent, ...] = ()
         self.minimum_distance_m = np.inf
         self._touching: BoolArray = np.zeros(n_people, dtype=np.bool_)
         self._touching_wall = False
+        self._tick = 0
 
-    def update(self, crowd: Crowd, robot: RobotBody, wall_distance_m: float) -> None:
-        """Count what touches now; distances are between surfaces."""
+    def update(
+        self,
+        crowd: Crowd,
+        robot: RobotBody,
+        wall_distance_m: float,
+        touches: Touches | None = None,
+    ) -> None:
+        """Count what touches now; distances are between surfaces. touches: those of the physics."""
+        self._tick += 1
         on_person = on_robot = 0
         if len(crowd):
-            on_person, on_robot = self._update_people(crowd, robot)
+            on_person, on_robot = self._update_people(crowd, robot, touches)
         gap = wall_distance_m - robot.radius_m
-        on_wall = int(gap < _TOUCH_M and not self._touching_wall)
-        self._touching_wall = gap < (_APART_M if self._touching_wall else _TOUCH_M)
+        touch = gap < _TOUCH_M if touches is None else touches.walls is not None
+        on_wall = int(touch and not self._touching_wall)
+        self._touching_wall = touch or (self._touching_wall and gap < _APART_M)
+        if on_wall and touches is not None and touches.walls is not None:
+            self._add_event("robot_on_wall", None, touches.walls)
         if on_person or on_robot or on_wall:
             self.counts = ContactCounts(
                 robot_on_person=self.counts.robot_on_person + on_person,
@@ -48,19 +101,36 @@ class ContactCounter:
                 robot_on_wall=self.counts.robot_on_wall + on_wall,
             )
 
-    def _update_people(self, crowd: Crowd, robot: RobotBody) -> tuple[int, int]:
+    def _update_people(
+        self, crowd: Crowd, robot: RobotBody, touches: Touches | None
+    ) -> tuple[int, int]:
         away_x, away_y = crowd.x_m - robot.x_m, crowd.y_m - robot.y_m
         distance = np.sqrt(away_x * away_x + away_y * away_y)
         gap = distance - (robot.radius_m + crowd.body_radius_m)
         nearest = float(gap.min())
         self.minimum_distance_m = min(self.minimum_distance_m, nearest)
-        if nearest >= _APART_M:
+        if nearest >= _APART_M and not (touches and touches.people):
             self._touching[:] = False
             return 0, 0
-        new = (gap < _TOUCH_M) & ~self._touching
-        self._touching = (gap < _TOUCH_M) | (self._touching & (gap < _APART_M))
-        by_robot = new & _robot_closes_in_faster(crowd, robot, away_x, away_y)
+        if touches is None:
+            touch = gap < _TOUCH_M
+            new = touch & ~self._touching
+            by_robot = new & _robot_closes_in_faster(crowd, robot, away_x, away_y)
+        else:
+            touch, by_robot = np.zeros_like(self._touching), np.zeros_like(self._touching)
+            touch[list(touches.people)] = True
+            new = touch & ~self._touching
+            for person in np.flatnonzero(new).tolist():
+                seen = touches.people[person]
+                by_robot[person] = seen.by_robot
+                kind: ContactKind = "robot_on_person" if seen.by_robot else "person_on_robot"
+                self._add_event(kind, person, seen)
+        self._touching = touch | (self._touching & (gap < _APART_M))
         return int(by_robot.sum()), int((new & ~by_robot).sum())
+
+    def _add_event(self, kind: ContactKind, person: int | None, touch: Touch) -> None:
+        event = ContactEvent(self._tick, kind, person, touch.impulse_ns, touch.closing_mps)
+        self.events = (*self.events, event)
 
 
 def _robot_closes_in_faster(

@@ -6,10 +6,8 @@ a snapshot could not hold; `robot` keeps the robot out of the walls. People are 
 Bullet gets their positions for ray tests and pictures only, when one is made.
 """
 
-import math
 import os
 import sys
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,32 +15,10 @@ from numpy.typing import NDArray
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
 from sim.pictures.camera import Camera, as_frame, overview_camera
+from sim.robot.bullet import add_wall, pybullet
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings import RobotSettings
 
-_STANDARD_ERROR = 2
-
-
-def import_pybullet() -> Any:
-    """The pybullet module; what its import writes to standard error is thrown away."""
-    sys.stderr.flush()
-    kept = os.dup(_STANDARD_ERROR)
-    null = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(null, _STANDARD_ERROR)
-        import pybullet
-    finally:
-        os.dup2(kept, _STANDARD_ERROR)
-        os.close(kept)
-        os.close(null)
-    return pybullet
-
-
-pybullet = import_pybullet()
-
-
-_WALL_THICKNESS_M = 0.1
-_WALL_HEIGHT_M = 0.8
 _PERSON_HEIGHT_M = 1.75
 _NO_COLLISION = 0
 _WALL_COLOUR = (0.75, 0.73, 0.7, 1.0)
@@ -165,21 +141,9 @@ class Physics:
         )
 
     def _add_wall(self, start: FloatArray, end: FloatArray) -> None:
-        """A box whose face towards the left of start -> end lies on the segment."""
-        along = end - start
-        length = float(np.hypot(*along))
-        outwards = np.array([along[1], -along[0]]) / length
-        middle = 0.5 * (start + end) + 0.5 * _WALL_THICKNESS_M * outwards
-        half = (0.5 * length, 0.5 * _WALL_THICKNESS_M, 0.5 * _WALL_HEIGHT_M)
-        yaw = math.atan2(along[1], along[0])
-        self._add_fixed_body(
-            pybullet.createCollisionShape(
-                pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client
-            ),
-            (float(middle[0]), float(middle[1]), half[2]),
-            (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)),
-            _WALL_COLOUR,
-        )
+        wall = add_wall(self.client, start, end)
+        pybullet.changeVisualShape(wall, -1, rgbaColor=_WALL_COLOUR, physicsClientId=self.client)
+        self._ignore_contacts_with_robot(wall)
 
     def _add_fixed_body(
         self,

@@ -1,4 +1,4 @@
-"""The motion of the robot: limits, physics, walls."""
+"""The motion of a robot that has the commanded velocity, within its limits and outside walls."""
 
 import math
 from dataclasses import dataclass, replace
@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.crowd.crowd import RobotBody
+from sim.crowd.crowd import Crowd, RobotBody
 from sim.crowd.distances import WallGeometry
+from sim.robot.contacts import Touches
 from sim.robot.physics import Physics
 from sim.robot.unicycle import chord_velocity, limited_velocity
 from sim.scenario.scenario import Scenario
@@ -44,8 +45,11 @@ def standing_at(pose: Pose) -> RobotState:
     return RobotState(pose[0], pose[1], (math.sin(half), math.cos(half)))
 
 
-class Robot:
-    """Drives commands in a physics world; `state` is the truth."""
+class KinematicRobot:
+    """Drives commands exactly; `state` is the truth."""
+
+    #: It has no wheels.
+    wheel_motion: tuple[float, float] | None = None
 
     def __init__(self, scenario: Scenario, physics: Physics) -> None:
         self._settings = scenario.robot
@@ -61,7 +65,11 @@ class Robot:
         self.state = state
         self.wall_distance_m = self._distance_to_walls_m()
 
-    def drive(self, command: Command) -> None:
+    def snapshot(self) -> RobotState:
+        """The state."""
+        return self.state
+
+    def drive(self, command: Command, _crowd: Crowd) -> Touches | None:
         """One control period towards the command; what a wall takes of the speed is lost."""
         before = self.state
         speed, yaw_rate = limited_velocity(
@@ -76,6 +84,10 @@ class Robot:
         self.wall_distance_m = self._distance_to_walls_m()
         if self.wall_distance_m < self._settings.radius_m:
             self._leave_walls(before.pose)
+        return None
+
+    def close(self) -> None:
+        """Nothing to give back."""
 
     def _leave_walls(self, before: Pose) -> None:
         """Slide along the walls: out of them, with what is left of the speed along the heading.

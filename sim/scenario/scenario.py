@@ -26,6 +26,7 @@ from sim.scenario.settings import (
     RobotSettings,
 )
 from sim.scenario.walkable_cells import WalkableCells, walkable_cells
+from storage.files import read_text
 from storage.nearest import nearest_name
 from storage.settings import setting
 from storage.yaml_config import StrictModel, load_yaml_model
@@ -201,9 +202,17 @@ def builtin_scenarios() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _BUILTIN_FOLDER.glob("*.yaml")))
 
 
+def scenario_content(scenario: Scenario) -> str:
+    """All values of a scenario, and the URDF that it drives."""
+    text = scenario.model_dump_json()
+    if scenario.robot.drive == "physical":
+        text += read_text(scenario.robot.urdf_path)
+    return text
+
+
 def scenario_digest(scenario: Scenario) -> str:
-    """Digest of all values of a scenario."""
-    return hashlib.sha256(scenario.model_dump_json().encode()).hexdigest()[:12]
+    """Digest of the content of a scenario."""
+    return hashlib.sha256(scenario_content(scenario).encode()).hexdigest()[:12]
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:

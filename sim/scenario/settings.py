@@ -1,11 +1,13 @@
 """Settings of the robot, its sensors and the crowd, as they stand in a scenario file."""
 
 import math
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, field_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from sim.crowd.social_force import model_named, model_names
+from sim.robot.urdf import BUILTIN_URDF, DifferentialDrive, read_differential_drive
 from sim.scenario.polygon import require_simple
 from storage.settings import setting
 from storage.yaml_config import StrictModel
@@ -30,6 +32,52 @@ class RobotSettings(StrictModel):
     acc_lim_theta_radps2: float = setting(
         12.0, "largest acceleration of turns", unit="rad/s²", gt=0
     )
+    drive: Literal["kinematic", "physical"] = setting(
+        "kinematic",
+        "kinematic: the commanded velocity within the limits; physical: a rigid body on wheels with"
+        " motors, friction and contacts. The keys below belong to `physical`",
+    )
+    decel_lim_x_mps2: float = setting(
+        6.0, "largest deceleration; floor and motors may allow less", unit="m/s²", gt=0
+    )
+    urdf: str = setting("", "URDF file of the robot; empty: the built-in robot")
+    left_wheel_joint: str = setting("left_wheel_joint", "joint of the left wheel in the URDF")
+    right_wheel_joint: str = setting("right_wheel_joint", "joint of the right wheel in the URDF")
+    wheel_radius_m: float | None = setting(
+        None,
+        "radius that controller and odometry assume; that of the URDF by default",
+        unit="m",
+        gt=0,
+    )
+    wheel_separation_m: float | None = setting(
+        None,
+        "distance of the wheels that controller and odometry assume; that of the URDF by default",
+        unit="m",
+        gt=0,
+    )
+    wheel_torque_nm: float = setting(5.0, "largest torque of each motor", unit="N m", gt=0)
+
+    @model_validator(mode="after")
+    def _drivable(self) -> "RobotSettings":
+        if self.drive == "physical":
+            drive = self.differential_drive()
+            if drive.radius_m is None and self.wheel_radius_m is None:
+                raise ValueError(
+                    f"wheel_radius_m must be given, for the wheels of {drive.path} are neither"
+                    " cylinders nor spheres"
+                )
+        return self
+
+    def differential_drive(self) -> DifferentialDrive:
+        """The drive of the URDF."""
+        return read_differential_drive(
+            self.urdf_path, self.left_wheel_joint, self.right_wheel_joint
+        )
+
+    @property
+    def urdf_path(self) -> Path:
+        """The file of the physical robot."""
+        return Path(self.urdf) if self.urdf else BUILTIN_URDF
 
 
 class LidarSettings(StrictModel):

@@ -17,11 +17,12 @@ from sim.crowd.crowd import Crowd, start_crowd
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
 from sim.pictures.camera import Camera, overview_camera
-from sim.robot.contacts import ContactCounter, ContactCounts
+from sim.robot.contacts import ContactCounter, ContactCounts, ContactEvent
 from sim.robot.lidar import Lidar
 from sim.robot.odometry import Odometry
+from sim.robot.physical_robot import PhysicalRobot
 from sim.robot.physics import Physics
-from sim.robot.robot import Robot, RobotState, standing_at
+from sim.robot.robot import KinematicRobot, RobotState, standing_at
 from sim.scenario.goal import Area
 from sim.scenario.grid import grid_of, start_states_of
 from sim.scenario.occupancy import OccupancyRaster, occupancy_raster
@@ -64,7 +65,11 @@ class HallwayWorld:
         self._gui = gui
         self._lidar = Lidar(scenario.lidar, scenario.wall_segments_m, person_radius_m)
         self._physics = Physics(scenario, person_radius_m, gui=gui)
-        self._robot = Robot(scenario, self._physics)
+        self._robot = (
+            PhysicalRobot(scenario, person_radius_m)
+            if scenario.robot.drive == "physical"
+            else KinematicRobot(scenario, self._physics)
+        )
         self._episode = self._first_tick = 0
         self._contacts = ContactCounter(0)
         self._odometry = Odometry(
@@ -93,13 +98,16 @@ class HallwayWorld:
             command = STOP
         seen = self._robot.body if self.scenario.pedestrians.robot_visible else None
         crowd.step(self.scenario.control_period_s, seen)
-        self._robot.drive(command)
-        self._odometry.follow(self._robot.state.pose)
-        self._contacts.update(crowd, self._robot.body, self._robot.wall_distance_m)
+        touches = self._robot.drive(command, crowd)
+        if self._robot.wheel_motion is None:
+            self._odometry.follow(self._robot.state.pose)
+        else:
+            self._odometry.add(*self._robot.wheel_motion)
+        self._contacts.update(crowd, self._robot.body, self._robot.wall_distance_m, touches)
         crowd.push_out_of(self._robot.body)
         self.tick += 1
         if self._gui:
-            self._physics.place_people(crowd.x_m, crowd.y_m)
+            self._show()
         self._observation = self._observe()
         return self._observation
 
@@ -123,6 +131,11 @@ class HallwayWorld:
     def contacts(self) -> ContactCounts:
         """Contacts in this episode."""
         return self._contacts.counts
+
+    @property
+    def contact_events(self) -> tuple[ContactEvent, ...]:
+        """Contacts in this episode, in their order; the physical drive alone has them."""
+        return self._contacts.events
 
     @property
     def minimum_person_distance_m(self) -> float:
@@ -168,8 +181,8 @@ class HallwayWorld:
 
     def picture(self, camera: Camera | None = None) -> NDArray[np.uint8]:
         """(height, width, 3) picture of the world now, the whole of it when no camera is given."""
-        crowd = self._running()
-        self._physics.place_people(crowd.x_m, crowd.y_m)
+        self._running()
+        self._show()
         return self._physics.render(camera if camera else overview_camera(self.scenario))
 
     def snapshot(self) -> WorldState:
@@ -182,7 +195,7 @@ class HallwayWorld:
             first_tick=self._first_tick,
             n_rejected_commands=self.n_rejected_commands,
             goal_area_m=self.goal_area_m,
-            robot=self._robot.state,
+            robot=self._robot.snapshot(),
             crowd=deepcopy(self._running()),
             contacts=deepcopy(self._contacts),
             odometry=deepcopy(self._odometry),
@@ -210,6 +223,7 @@ class HallwayWorld:
 
     def close(self) -> None:
         """Give PyBullet's world back; a second call does nothing."""
+        self._robot.close()
         self._physics.close()
 
     def __enter__(self) -> "HallwayWorld":
@@ -222,6 +236,12 @@ class HallwayWorld:
         if self._crowd is None:
             raise SimError("the world must be reset before use; call reset(episode) first")
         return self._crowd
+
+    def _show(self) -> None:
+        """Put robot and people of the pictures where they are."""
+        crowd, robot = self._running(), self._robot.state
+        self._physics.place_robot(robot.x_m, robot.y_m, robot.half_turn)
+        self._physics.place_people(crowd.x_m, crowd.y_m)
 
     def _begin(self, episode: int, robot: RobotState) -> None:
         """New people on their loops, not yet warmed up, and the robot in the given state."""

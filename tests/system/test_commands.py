@@ -112,6 +112,7 @@ def test_the_workspace_builds_with_plain_colcon(tmp_path):
     assert (prefix / "share/serd_ros/config/nodes.yaml").exists()
     installed = next((prefix / "lib").glob("python3*")) / "site-packages"
     for name in (
+        "sim/robot/hallway_robot.urdf",
         "sim/scenario/scenarios/hallway.yaml",
         "serd_ros/graph/graph.yaml",
         "teleop/page/static",

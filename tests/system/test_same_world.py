@@ -68,21 +68,24 @@ def test_a_seed_gives_the_same_trajectory_in_process_and_through_ros(nodes, tmp_
     assert_nothing_was_lost(bag, sum(len(poses) for poses in expected_poses))
 
 
-def noisy_hallway(folder):
+def noisy_hallway(folder, drive):
     """The hallway with a noisy lidar and wheels that slip, as a file."""
     hallway = load_scenario("hallway")
+    robot = hallway.robot.model_copy(update={"drive": drive})
     lidar = hallway.lidar.model_copy(update={"noise_deviation_m": 0.02})
     slip = hallway.odometry.model_copy(
         update={"distance_scale_deviation": 0.05, "distance_noise_m": 0.02}
     )
     path = folder / "noisy.yaml"
-    path.write_text(model_yaml(hallway.model_copy(update={"lidar": lidar, "odometry": slip})))
+    parts = {"robot": robot, "lidar": lidar, "odometry": slip}
+    path.write_text(model_yaml(hallway.model_copy(update=parts)))
     return path
 
 
-def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(nodes, tmp_path):
+@pytest.mark.parametrize("drive", ["kinematic", "physical"])
+def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(nodes, tmp_path, drive):
     """The planner node gets no people; /odom is the pose by the wheels alone."""
-    path, bag = noisy_hallway(tmp_path), tmp_path / "bag"
+    path, bag = noisy_hallway(tmp_path, drive), tmp_path / "bag"
     processes = nodes.start_stack(
         "demonstrate",
         scenario=str(path),

@@ -28,6 +28,7 @@ setup(
             "data/*",
             "static/*",
             "*.xml",
+            "*.urdf",
         ]
     },
     include_package_data=True,

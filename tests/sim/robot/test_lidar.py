@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sim.robot.bullet import pybullet
 from sim.robot.lidar import Lidar
-from sim.robot.physics import Physics, pybullet
+from sim.robot.physics import Physics
 from sim.scenario.scenario import load_scenario
 from sim.scenario.settings import LidarSettings
 from sim.world.command import STOP

@@ -1,0 +1,200 @@
+"""The differential drive of a URDF: two wheel joints on one axis, and bodies that have mass.
+
+Frames are those of the root link at zero joint angles: x forward, y left, z up.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from serd_core.arrays import FloatArray
+from sim.errors import SimError
+from storage.nearest import hint
+
+BUILTIN_URDF = Path(__file__).with_name("hallway_robot.urdf")
+_ON_AXIS_M = 1e-3
+_ON_AXIS = 1e-3
+
+
+@dataclass(frozen=True)
+class DifferentialDrive:
+    """Left value first.
+
+    turns_forward: +1 where a positive joint velocity drives forward, else -1.
+    radius_m: of the wheels, None where their geometry is neither a cylinder nor a sphere.
+    axle_height_m: of the wheels' centres in the root link's frame.
+    friction: coefficient by link, where the URDF has one in `<contact>`.
+    massless: links without `<inertial>`.
+    """
+
+    path: Path
+    wheel_joints: tuple[str, str]
+    turns_forward: tuple[float, float]
+    radius_m: float | None
+    separation_m: float
+    axle_height_m: float
+    friction: dict[str, float]
+    massless: frozenset[str]
+
+
+def read_differential_drive(
+    path: Path, left_joint: str = "left_wheel_joint", right_joint: str = "right_wheel_joint"
+) -> DifferentialDrive:
+    """The drive of a URDF; SimError where it cannot drive."""
+    root = _parsed(path)
+    joints = {
+        each.get("name", ""): each for each in root.iter("joint") if each.find("child") is not None
+    }
+    links = {each.get("name", ""): each for each in root.findall("link")}
+    for name, link in links.items():
+        _require_massive(path, name, link)
+    wheels = [_wheel_joint(path, joints, name) for name in (left_joint, right_joint)]
+    names = [_end(wheel, "child") for wheel in wheels]
+    for name in names:
+        if name not in links or links[name].find("inertial") is None:
+            raise SimError(
+                f"{path}: the wheel link {name!r} must have an <inertial> element, got none; add it"
+            )
+    frames = [_frame_in_root(wheel, joints) for wheel in wheels]
+    axes = [
+        frame[:3, :3] @ _numbers(wheel.find("axis"), "xyz", "1 0 0")
+        for frame, wheel in zip(frames, wheels, strict=True)
+    ]
+    left_m, right_m = (frame[:3, 3] for frame in frames)
+    _require_one_axis(path, left_m, right_m, axes)
+    return DifferentialDrive(
+        path=path,
+        wheel_joints=(left_joint, right_joint),
+        turns_forward=(float(np.sign(axes[0][1])), float(np.sign(axes[1][1]))),
+        radius_m=_wheel_radius_m(links[names[0]]),
+        separation_m=float(left_m[1] - right_m[1]),
+        axle_height_m=float(left_m[2]),
+        friction={
+            name: float(value.get("value", "nan"))
+            for name, link in links.items()
+            if (value := link.find("contact/lateral_friction")) is not None
+        },
+        massless=frozenset(name for name in links if links[name].find("inertial") is None),
+    )
+
+
+def _parsed(path: Path) -> ET.Element:
+    try:
+        root = ET.parse(path).getroot()
+    except OSError as error:
+        raise SimError(
+            f"urdf must be a file that can be read, got {str(path)!r} ({error.strerror})"
+            "; name an existing file"
+        ) from None
+    except ET.ParseError as error:
+        raise SimError(f"{path} must be a URDF in XML, but it is not: {error}; repair it") from None
+    if root.tag != "robot":
+        raise SimError(f"{path} must have the root element <robot>, got <{root.tag}>; repair it")
+    return root
+
+
+def _wheel_joint(path: Path, joints: dict[str, ET.Element], name: str) -> ET.Element:
+    if name not in joints:
+        raise SimError(
+            f"{path} must have the wheel joint {name!r}, but does not; {hint(name, joints)}"
+        )
+    kind = joints[name].get("type")
+    if kind != "continuous":
+        raise SimError(
+            f"{path}: joint {name!r} of a wheel must be continuous, got {kind}; change it"
+        )
+    return joints[name]
+
+
+def _require_massive(path: Path, name: str, link: ET.Element) -> None:
+    """Every mass above zero and every inertia positive definite."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return
+    mass_kg = float(_numbers(inertial.find("mass"), "value", "0")[0])
+    if not (np.isfinite(mass_kg) and mass_kg > 0.0):
+        raise SimError(
+            f"{path}: the mass of link {name!r} must be above 0, got {mass_kg:g}; set it"
+        )
+    entries = {
+        key: float(_numbers(inertial.find("inertia"), key, "0")[0])
+        for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    }
+    xx, xy, xz, yy, yz, zz = entries.values()
+    matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if not np.isfinite(matrix).all() or np.linalg.eigvalsh(matrix)[0] <= 0.0:
+        text = ", ".join(f"{key} {value:g}" for key, value in entries.items())
+        raise SimError(
+            f"{path}: the inertia of link {name!r} must be positive definite, got {text}"
+            "; correct it"
+        )
+
+
+def _require_one_axis(
+    path: Path, left_m: FloatArray, right_m: FloatArray, axes: list[FloatArray]
+) -> None:
+    """Both wheels turn about one line along y, the left one further left."""
+    across = left_m - right_m
+    off_axis_m = float(np.hypot(across[0], across[2]))
+    askew = max(float(np.hypot(np.hypot(axis[0], axis[2]), abs(axis[1]) - 1.0)) for axis in axes)
+    if not (off_axis_m < _ON_AXIS_M and askew < _ON_AXIS):
+        raise SimError(
+            f"{path}: the wheels must turn about one axis along y, by joint axes of length 1, but "
+            f"their centres are {off_axis_m:.3f} m off it and an axis differs by {askew:.3f}"
+            "; correct origins and axes of the joints"
+        )
+    if across[1] <= 0.0:
+        raise SimError(
+            f"{path}: the left wheel must be at the larger y, got y {left_m[1]:g} m for the left "
+            f"and {right_m[1]:g} m for the right one; swap the names"
+        )
+
+
+def _frame_in_root(joint: ET.Element, joints: dict[str, ET.Element]) -> FloatArray:
+    """(4, 4) pose of a joint's frame in the root link's."""
+    by_child = {_end(each, "child"): each for each in joints.values()}
+    frame = np.eye(4)
+    for each in _chain(joint, by_child):
+        origin = np.eye(4)
+        place = each.find("origin")
+        origin[:3, :3] = Rotation.from_euler("xyz", _numbers(place, "rpy", "0 0 0")).as_matrix()
+        origin[:3, 3] = _numbers(place, "xyz", "0 0 0")
+        frame = origin @ frame
+    return frame
+
+
+def _chain(joint: ET.Element, by_child: dict[str, ET.Element]) -> Iterator[ET.Element]:
+    """The joint and those between it and the root link."""
+    seen: ET.Element | None = joint
+    for _ in range(len(by_child)):
+        if seen is None:
+            return
+        yield seen
+        seen = by_child.get(_end(seen, "parent"))
+
+
+def _wheel_radius_m(link: ET.Element) -> float | None:
+    for geometry in ("collision", "visual"):
+        for shape in ("sphere", "cylinder"):
+            found = link.find(f"{geometry}/geometry/{shape}")
+            if found is not None:
+                return float(_numbers(found, "radius", "nan")[0])
+    return None
+
+
+def _end(joint: ET.Element, which: str) -> str:
+    end = joint.find(which)
+    return "" if end is None else end.get("link", "")
+
+
+def _numbers(element: ET.Element | None, key: str, default: str) -> FloatArray:
+    """The numbers of an attribute; NaN where it holds something else."""
+    text = default if element is None else element.get(key, default)
+    try:
+        return np.array([float(word) for word in text.split()])
+    except ValueError:
+        return np.full(len(default.split()), np.nan)

@@ -1,0 +1,131 @@
+"""What is read of a URDF, and the sentence for one that cannot drive."""
+
+import pytest
+
+from serd_core.errors import SerdError
+from sim.robot.urdf import BUILTIN_URDF, read_differential_drive
+from sim.world.command import Command
+from sim.world.world import HallwayWorld
+from support.wheeled_robots import physical, urdf_with
+
+LEFT = '<origin xyz="0 0.16 0.08"/>\n    <axis xyz="0 1 0"/>'
+
+
+def test_the_built_in_robot_has_two_wheels_and_their_measures():
+    drive = read_differential_drive(BUILTIN_URDF)
+    assert drive.turns_forward == (1.0, 1.0)
+    assert (drive.radius_m, drive.separation_m) == (0.08, 0.32)
+    assert drive.axle_height_m == 0.08
+
+
+def test_a_frame_that_is_turned_and_an_axis_that_points_back_are_the_same_drive(tmp_path):
+    """The left joint is rolled by -90 degrees, so that its z is y; the right axis is -y."""
+    path = urdf_with(
+        tmp_path,
+        (LEFT, '<origin xyz="0 0.16 0.08" rpy="-1.5707963267948966 0 0"/><axis xyz="0 0 1"/>'),
+        (LEFT.replace("0.16", "-0.16"), LEFT.replace("0.16", "-0.16").replace("0 1 0", "0 -1 0")),
+    )
+    drive = read_differential_drive(path)
+    assert drive.turns_forward == (1.0, -1.0)
+    assert drive.separation_m == pytest.approx(0.32)
+    with HallwayWorld(physical(urdf=str(path)), seed=1) as world:
+        before = world.reset(0)
+        for _ in range(20):
+            seen = world.step(Command(0.3, 0.0))
+        assert seen.speed_mps == pytest.approx(0.3, abs=0.01)
+        assert seen.yaw_rad == pytest.approx(before.yaw_rad, abs=0.01)
+
+
+def test_links_without_mass_are_frames_and_joints_between_count(tmp_path):
+    """base_footprint 1 m behind the base and 0.1 m below it; the wheel is where it was."""
+    path = urdf_with(
+        tmp_path,
+        (
+            '<link name="base_link">',
+            '<link name="base_footprint"/><joint name="foot" type="fixed">'
+            '<parent link="base_footprint"/><child link="base_link"/>'
+            '<origin xyz="0.01 0 -0.1"/></joint><link name="base_link">',
+        ),
+    )
+    drive = read_differential_drive(path)
+    assert drive.massless == {"base_footprint"}
+    assert drive.axle_height_m == pytest.approx(-0.02)
+    with HallwayWorld(physical(urdf=str(path)), seed=1) as world:
+        world.reset(0)
+        for _ in range(20):
+            seen = world.step(Command(0.3, 0.0))
+    assert seen.speed_mps == pytest.approx(0.3, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"left_wheel_joint"', '"left_weel_joint"', "must have the wheel joint 'left_wheel_joint'"),
+        ('<mass value="16"/>', '<mass value="0"/>', "mass of link 'base_link' must be above 0"),
+        ('<mass value="16"/>', '<mass value="-3"/>', "must be above 0, got -3"),
+        ('<mass value="16"/>', '<mass value="heavy"/>', "must be above 0, got nan"),
+        ('ixx="0.29" ixy="0"', 'ixx="0.29" ixy="0.3"', "'base_link' must be positive definite"),
+        ('izz="0.5"', 'izz="0"', "must be positive definite, got ixx 0.29"),
+        ('xyz="0 0.16 0.08"', 'xyz="0.02 0.16 0.08"', "their centres are 0.02"),
+        (LEFT, LEFT.replace("0 1 0", "0.1 1 0"), "an axis differs by 0.1"),
+        (LEFT, LEFT.replace("0 1 0", "0 2 0"), "by joint axes of length 1"),
+        (LEFT, LEFT.replace("0 1 0", "0 up 0"), "an axis differs by nan"),
+        (LEFT, LEFT.replace("0.16", "-0.17"), "the left wheel must be at the larger y"),
+        ('name="left_wheel_joint" type="continuous"', 'name="left_wheel_joint" type="fixed"',
+         "must be continuous, got fixed"),
+        ("<robot", "<robot <", "must be a URDF in XML"),
+        ("robot", "model", "must have the root element <robot>, got <model>"),
+    ],
+)  # fmt: skip
+def test_a_urdf_that_cannot_drive_is_refused_in_one_sentence(tmp_path, old, new, message):
+    path = urdf_with(tmp_path, (old, new))
+    with pytest.raises(SerdError, match=message):
+        read_differential_drive(path)
+    with pytest.raises(ValueError, match=message):
+        physical(urdf=str(path))
+
+
+def test_a_wheel_without_inertia_is_refused(tmp_path):
+    text = BUILTIN_URDF.read_text(encoding="utf-8")
+    start = text.index("<inertial>", text.index('<link name="left_wheel">'))
+    path = tmp_path / "light.urdf"
+    path.write_text(text[:start] + text[text.index("</inertial>", start) + 11 :])
+    with pytest.raises(SerdError, match="'left_wheel' must have an <inertial> element"):
+        read_differential_drive(path)
+
+
+def test_a_urdf_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(SerdError, match="name an existing file"):
+        read_differential_drive(tmp_path / "none.urdf")
+
+
+def test_wheels_of_an_unknown_shape_need_their_radius_as_a_key(tmp_path):
+    box = '<box size="0.16 0.04 0.16"/>'
+    path = urdf_with(
+        tmp_path,
+        ('<sphere radius="0.08"/>', box),
+        ('<cylinder radius="0.08" length="0.04"/>', box),
+    )
+    with pytest.raises(ValueError, match="wheel_radius_m must be given"):
+        physical(urdf=str(path))
+    assert physical(urdf=str(path), wheel_radius_m=0.08).robot.wheel_radius_m == 0.08
+
+
+def test_a_robot_that_is_wider_than_its_radius_is_refused(tmp_path):
+    path = urdf_with(tmp_path, ('<cylinder radius="0.25" length="0.17"/>',
+                                '<cylinder radius="0.31" length="0.17"/>'))  # fmt: skip
+    with pytest.raises(SerdError, match=r"radius_m must cover the robot .* extends 0\.31"):
+        HallwayWorld(physical(urdf=str(path)), seed=1)
+
+
+def test_a_mesh_that_is_missing_is_refused(tmp_path):
+    path = urdf_with(tmp_path, ('<cylinder radius="0.25" length="0.17"/>',
+                                '<mesh filename="none.stl"/>'))  # fmt: skip
+    with pytest.raises(SerdError, match="must load in PyBullet"):
+        HallwayWorld(physical(urdf=str(path)), seed=1)
+
+
+@pytest.mark.parametrize("key", ["wheel_radius_m", "wheel_separation_m", "wheel_torque_nm"])
+def test_a_measure_that_is_not_positive_is_refused(key):
+    with pytest.raises(ValueError, match=key):
+        physical(**{key: 0.0})

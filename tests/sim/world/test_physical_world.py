@@ -1,0 +1,147 @@
+"""The world with rigid bodies: one seed one trajectory, snapshots, contacts with impulses."""
+
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from sim.robot.robot import standing_at
+from sim.world.command import STOP, Command
+from sim.world.world import HallwayWorld
+from support.wheeled_robots import physical
+
+CROWDED = physical(people=40)
+
+TRAJECTORY_PROGRAM = """
+import hashlib
+from sim.scenario.scenario import load_scenario
+from sim.world.command import Command
+from sim.world.world import HallwayWorld
+place = load_scenario("hallway")
+robot = place.robot.model_copy(update={"drive": "physical"})
+world = HallwayWorld(place.model_copy(update={"robot": robot}), seed=11)
+world.reset(2)
+digest = hashlib.sha256()
+for tick in range(150):
+    seen = world.step(Command(0.8, 0.4 if tick % 60 < 30 else -0.4))
+    digest.update(repr((seen.pose, world.odometry_pose)).encode())
+    digest.update(seen.people_position_m.tobytes())
+print(digest.hexdigest(), world.contacts)
+"""
+
+
+def blind(scenario):
+    """People who do not see the robot, and walk into it."""
+    people = scenario.pedestrians.model_copy(update={"robot_visible": False})
+    return scenario.model_copy(update={"pedestrians": people})
+
+
+def follow(world, n_steps=50):
+    seen = [world.step(Command(0.8, 0.3)) for _ in range(n_steps)]
+    return (
+        [(each.pose, each.speed_mps, each.people_position_m.tobytes()) for each in seen],
+        world.contacts,
+        world.contact_events,
+        world.odometry_pose,
+    )
+
+
+def test_one_seed_gives_the_same_trajectory_in_every_process():
+    outputs = {
+        subprocess.run(
+            [sys.executable, "-W", "error", "-c", TRAJECTORY_PROGRAM],
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+        for _ in range(2)
+    }
+    assert len(outputs) == 1
+
+
+def test_an_episode_does_not_depend_on_the_episodes_before_it():
+    scenario = blind(CROWDED)
+    with HallwayWorld(scenario, seed=3) as used, HallwayWorld(scenario, seed=3) as new:
+        for episode in (1, 4):
+            used.reset(episode)
+            follow(used)
+        used.reset(5)
+        new.reset(5)
+        assert follow(used) == follow(new)
+
+
+@pytest.mark.parametrize("place_m", [(3.0, 8.0, 0.3), (5.6, 8.0, 0.0)])
+def test_a_restored_snapshot_repeats_what_followed_bit_for_bit_even_in_contact(place_m):
+    scenario = blind(CROWDED)
+    with HallwayWorld(scenario, seed=7) as world, HallwayWorld(scenario, seed=7) as other:
+        world.reset(0)
+        world._robot.place(standing_at(place_m))
+        while not world.contact_events:
+            world.step(Command(0.6, 0.0))
+        state = pickle.loads(pickle.dumps(world.snapshot()))  # noqa: S301 (made right here)
+        first = follow(world)
+        world.restore(state)
+        assert follow(world) == first
+        other.restore(state)
+        assert follow(other) == first
+
+
+def test_a_robot_driven_at_a_wall_stays_out_of_it_and_the_contact_counts_once():
+    with HallwayWorld(physical(), seed=1) as world:
+        world.reset(0)
+        world._robot.place(standing_at((5.0, 8.0, 0.0)))
+        for _ in range(60):
+            seen = world.step(Command(1.0, 0.0))
+        (event,) = world.contact_events
+    assert seen.x_m == pytest.approx(5.75, abs=0.01)
+    assert world.contacts.robot_on_wall == 1
+    assert event.kind == "robot_on_wall"
+    assert event.closing_mps == pytest.approx(1.0, abs=0.05)
+    assert 0.5 * 18.0 < event.impulse_ns < 1.5 * 18.0
+
+
+def meeting(robot_command, person_mps):
+    """(contacts, events, robot's x, person's x): the robot at x = 2 and a person at x = 3."""
+    with HallwayWorld(blind(physical(people=1)), seed=1) as world:
+        world.reset(0)
+        world._robot.place(standing_at((2.0, 8.0, 0.0)))
+        crowd = world._crowd
+        crowd.x_m[0], crowd.y_m[0] = 3.0, 8.0
+        places = []
+        for _ in range(30):
+            if not world.contact_events:
+                crowd.velocity_x_mps[0], crowd.velocity_y_mps[0] = person_mps, 0.0
+                crowd.desired_speed_mps[0] = abs(person_mps) + 1e-9
+            seen = world.step(robot_command)
+            places.append((seen.x_m, float(crowd.x_m[0])))
+        return world.contacts, world.contact_events, np.array(places)
+
+
+def test_driving_into_a_standing_person_is_the_robots_contact_and_pushes_the_person():
+    contacts, events, places = meeting(Command(0.8, 0.0), 0.0)
+    assert contacts.robot_on_person >= 1
+    assert contacts.person_on_robot == 0
+    assert events[0].closing_mps == pytest.approx(0.8, abs=0.1)
+    # The person weighs four times as much: at most m M / (m + M) times the speed of approach.
+    assert 0.3 * 14.5 * 0.8 < events[0].impulse_ns < 3.0 * 14.5 * 0.8
+    assert places[-1, 1] > 3.0
+
+
+def test_walking_into_the_standing_robot_is_the_persons_contact_and_pushes_the_robot():
+    contacts, events, places = meeting(STOP, -1.0)
+    assert contacts.robot_on_person == 0
+    assert contacts.person_on_robot >= 1
+    assert events[0].person == 0
+    assert 0.7 < events[0].closing_mps <= 1.0
+    assert places[-1, 0] < 1.99
+
+
+def test_people_never_overlap_the_robot_by_more_than_a_centimetre():
+    with HallwayWorld(blind(CROWDED), seed=5) as world:
+        world.reset(0)
+        for _ in range(200):
+            world.step(Command(0.5, 0.3))
+        assert world.contacts.person_on_robot + world.contacts.robot_on_person > 0
+        assert world.minimum_person_distance_m > -0.03
