@@ -10,6 +10,7 @@ from experiments.multi_start import MultiStartConfig, run_multi_start
 from experiments.next_demonstration import NextDemonstrationConfig, run_next_demonstration
 from experiments.policy_cost import PolicyCostConfig, run_policy_cost
 from experiments.priors import PriorsConfig, run_priors
+from experiments.routes import RoutesConfig, run_routes
 from experiments.running.experiment import Experiment
 from experiments.rust import RustConfig, run_rust
 
@@ -65,6 +66,9 @@ EXPERIMENTS = (
         "what choosing the next demonstration saves",
         NextDemonstrationConfig,
         run_next_demonstration,
+    ),
+    Experiment(
+        "routes", "route choice with many destinations (recursive logit)", RoutesConfig, run_routes
     ),
     Experiment("rust", "bus engine replacement (Rust 1987)", RustConfig, run_rust),
 )

@@ -1,4 +1,4 @@
-"""Names of the flat interface, `import serd_core as sc`; docs/library.md describes them."""
+"""Names of the flat interface; docs/library.md describes them."""
 
 from serd_core.arrival.chain import arrival_time_distribution as arrival_time_distribution
 from serd_core.ascent.gradient_ascent import GradientAscent as GradientAscent
@@ -65,6 +65,12 @@ from serd_core.priors.entropy import EntropyPrior as EntropyPrior
 from serd_core.priors.gaussian import GaussianPrior as GaussianPrior
 from serd_core.priors.norm import NormPrior as NormPrior
 from serd_core.priors.prior import UniformPrior as UniformPrior
+from serd_core.routes.network import RouteNetwork as RouteNetwork
+from serd_core.routes.network import Trips as Trips
+from serd_core.routes.network import trips_on as trips_on
+from serd_core.routes.recursive_logit import fit_routes as fit_routes
+from serd_core.routes.recursive_logit import route_values as route_values
+from serd_core.routes.simulation import sample_routes as sample_routes
 from serd_core.selection.evaluation import dynamics_divergence as dynamics_divergence
 from serd_core.selection.evaluation import fitted_policy as fitted_policy
 from serd_core.selection.evaluation import move_log_likelihood as move_log_likelihood

@@ -1,0 +1,1 @@
+"""Route choice on networks: recursive logit with many destinations, undiscounted."""
