@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from serd_core.arrays import FloatArray, IntArray
+from serd_core.bayes.draws import PosteriorDraws
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
@@ -56,6 +57,24 @@ class OutcomeModel(StrictModel):
     initial: Probabilities
 
 
+class ModelDraws(StrictModel):
+    """Draws of the posterior: what the demonstrations leave open.
+
+    reward_weights: a row of weights per draw; learned: per draw a row per outcome model.
+    """
+
+    reward_weights: tuple[tuple[float, ...], ...] = ()
+    learned: tuple[tuple[Probabilities, ...], ...] = ()
+
+    @classmethod
+    def of(cls, draws: PosteriorDraws) -> "ModelDraws":
+        """The draws of a fit."""
+        tables = draws.outcome_probabilities
+        return cls.model_validate(
+            {"reward_weights": draws.reward.tolist(), "learned": tables.tolist()}
+        )
+
+
 class FitRecord(StrictModel):
     """How the fit went; the fields of `FitResult`."""
 
@@ -77,6 +96,7 @@ class ModelFile(StrictModel):
 
     flow: picture of the direction people walk in per cell, as `storage.grid_picture` has it; none
     where it is that of the scenario.
+    draws: none where the fit has no posterior.
     goal_entry_s: how long after the beginning of its last decision period each demonstration was in
     the goal area; none where that was not recorded.
     """
@@ -97,12 +117,26 @@ class ModelFile(StrictModel):
     flow: tuple[str, ...] = ()
     goal_entry_s: tuple[Annotated[float, Field(gt=0)], ...] = ()
     fit: FitRecord
+    draws: ModelDraws = ModelDraws()
 
     @model_validator(mode="after")
     def _rows_are_distributions(self) -> "ModelFile":
         for model in self.outcome_models:
             for kind in ("learned", "believed", "initial"):
                 _require_distribution(f"{model.name}.{kind}", getattr(model, kind), self)
+        return self
+
+    @model_validator(mode="after")
+    def _draws_fit(self) -> "ModelFile":
+        if len(self.draws.reward_weights) != len(self.draws.learned):
+            raise ValueError("draws must have as many reward_weights as learned tables")
+        if any(len(row) != len(self.reward_weights) for row in self.draws.reward_weights):
+            raise ValueError("draws.reward_weights must have a weight per feature")
+        for number, table in enumerate(self.draws.learned):
+            if len(table) != len(self.outcome_models):
+                raise ValueError("draws.learned must have a row per outcome model")
+            for row in table:
+                _require_distribution(f"draws.learned {number}", row, self)
         return self
 
     def flow_on(self, path: str | Path, grid: Grid) -> IntArray | None:
@@ -154,6 +188,7 @@ def model_of_fit(
     n_episodes: int,
     goal_entry_s: Sequence[float] = (),
     own_flow: bool = False,
+    draws: PosteriorDraws | None = None,
 ) -> ModelFile:
     """The fit of a navigation problem as a model file.
 
@@ -184,6 +219,7 @@ def model_of_fit(
         flow=flow_picture(problem.grid, problem.flow) if own_flow else (),
         goal_entry_s=tuple(float(entry_s) for entry_s in goal_entry_s),
         fit=FitRecord(n_episodes=n_episodes, **values),
+        draws=ModelDraws() if draws is None else ModelDraws.of(draws),
     )
 
 

@@ -43,8 +43,12 @@ class ArrivalCurve:
 
 
 def predicted_curve(predicted: ArrivalLaw, n_episodes: int) -> ArrivalCurve:
-    """Predicted CDF; the band is where the share of `n_episodes` episodes would fall in 95 %."""
-    lower, upper = sampling_band(predicted.cdf, n_episodes)
+    """Predicted CDF; the band is where the share of `n_episodes` episodes would fall in 95 %.
+
+    It includes what the demonstrations leave open where the model has a posterior.
+    """
+    draws = predicted.cdf if predicted.cdf_draws is None else predicted.cdf_draws
+    lower, upper = sampling_band(draws, n_episodes)
     return ArrivalCurve(predicted.times_s, predicted.cdf, lower, upper)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.bayes.design import expected_information_gain
 from serd_core.bayes.information import outcome_information
-from serd_core.bayes.laplace import laplace
+from serd_core.bayes.laplace import Laplace, laplace
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid, Outcome
@@ -78,12 +78,19 @@ class Knowledge:
         return max(self.gains, key=lambda row: row.gain_nats)
 
 
-def knowledge_of(
+def posterior_of(
     problem: NavigationProblem, decisions: Decisions, fit: FitResult
-) -> Knowledge | None:
-    """None where the fit has no posterior: no proper prior on the dynamics, or no maximum."""
+) -> Laplace | None:
+    """None where the fit has none: its prior is no density, or it is at no maximum."""
     try:
-        posterior = laplace(problem, decisions, fit)
+        return laplace(problem, decisions, fit)
+    except SerdError:
+        return None
+
+
+def knowledge_of(problem: NavigationProblem, posterior: Laplace) -> Knowledge | None:
+    """None where the dynamics were not learned."""
+    try:
         found = outcome_information(posterior, MASS)
         gain = expected_information_gain(posterior)
     except SerdError:

@@ -7,7 +7,7 @@ import numpy as np
 from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.demonstrations.flow_table import load_flow
 from serd_app.errors import AppError
-from serd_app.learning.knowledge import knowledge_of
+from serd_app.learning.knowledge import knowledge_of, posterior_of
 from serd_app.learning.methods import (
     METHODS,
     ProgressCallback,
@@ -18,6 +18,7 @@ from serd_app.learning.methods import (
 from serd_app.learning.outcome import FitOutcome
 from serd_app.learning.settings import LearningSettings
 from serd_core.arrays import FloatArray
+from serd_core.bayes.draws import laplace_draws
 from serd_core.grid.navigation import NavigationProblem
 from sim.scenario.grid import grid_of, navigation_problem_of
 from sim.scenario.scenario import Scenario
@@ -62,16 +63,18 @@ def learn(
     """
     require_enough(demonstrations, settings)
     decisions, problem = demonstrations.decisions, task.problem
+    rng = np.random.default_rng(settings.seed)
     data = fit_data(
         problem,
         decisions,
         settings,
-        np.random.default_rng(settings.seed),
+        rng,
         initial_weights=warm_weights,
         on_progress=on_progress,
     )
     method = method_for(settings.method, decisions)
     found = METHODS[method](data)
+    posterior = posterior_of(problem, decisions, found.fit)
     model = model_of_fit(
         found.fit,
         problem,
@@ -82,8 +85,9 @@ def learn(
         n_episodes=len(decisions.episodes),
         goal_entry_s=demonstrations.goal_entry_s,
         own_flow=task.own_flow,
+        draws=None if posterior is None else laplace_draws(posterior, rng),
     )
-    known = knowledge_of(problem, decisions, found.fit)
+    known = None if posterior is None else knowledge_of(problem, posterior)
     return FitOutcome(found.fit, model, found.prior_weight, found.validation, known)
 
 

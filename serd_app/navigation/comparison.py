@@ -15,12 +15,17 @@ from serd_core.arrival.bands import clopper_pearson
 from serd_core.arrival.law import ArrivalLaw, largest_gap, law_in_seconds
 from storage.episode_table import EpisodeResult
 
+#: Shares between which nine in ten arrive.
+_BAND = 0.05, 0.95
+_ROUNDING_S = 1e-9
+
 
 @dataclass(frozen=True)
 class Comparison:
     """Times in seconds, None where so many never arrive.
 
-    median_s, most_s: by which half and nine in ten of all episodes have arrived. largest_gap:
+    median_s, most_s: by which half and nine in ten of all episodes have arrived. predicted_band_s:
+    from the 5 % to the 95 % quantile; covered: share of episodes that arrived within. largest_gap:
     Kolmogorov-Smirnov distance of the predicted law and the measured times; largest_gap_thesis: of
     the thesis's law, which dates arrivals to the ends of decision periods.
     """
@@ -35,6 +40,8 @@ class Comparison:
     measured_median_s: float | None
     predicted_most_s: float | None
     measured_most_s: float | None
+    predicted_band_s: tuple[float | None, float | None]
+    covered: float
     largest_gap: float
     largest_gap_thesis: float
     robot_on_person: int
@@ -58,6 +65,7 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
     thesis = law_in_seconds(counts, period_s=strategy.scenario.decision_period_s)
     times_s = np.array([row.time_of_arrival_s if row.arrived else math.inf for row in episodes])
     n_arrived = int(np.isfinite(times_s).sum())
+    band_s = law.quantile_s(_BAND[0]), law.quantile_s(_BAND[1])
     low, high = clopper_pearson([n_arrived], len(episodes))
     return Comparison(
         n_episodes=len(episodes),
@@ -70,6 +78,8 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
         measured_median_s=_quantile_s(times_s, HALF),
         predicted_most_s=law.quantile_s(MOST),
         measured_most_s=_quantile_s(times_s, MOST),
+        predicted_band_s=band_s,
+        covered=_covered(band_s, times_s),
         largest_gap=largest_gap(law, times_s),
         largest_gap_thesis=largest_gap(thesis, times_s),
         robot_on_person=sum(row.robot_on_person for row in episodes),
@@ -86,6 +96,12 @@ def predicted_law(strategy: Strategy, start_area: str) -> ArrivalLaw:
     """Time of arrival from anywhere in a start area, up to the time-out."""
     starts = start_distribution(strategy.scenario, start_area)
     return strategy.law_s(strategy.predicted_arrival(starts, strategy.n_periods))
+
+
+def _covered(band_s: tuple[float | None, float | None], times_s: FloatArray) -> float:
+    """Share of times within a band; an end that is never reached is at infinity."""
+    low_s, high_s = (math.inf if end_s is None else end_s for end_s in band_s)
+    return float(np.mean((times_s >= low_s - _ROUNDING_S) & (times_s <= high_s + _ROUNDING_S)))
 
 
 def _ending(row: EpisodeResult) -> str:

@@ -6,7 +6,8 @@ same size. Grid, flow, walls and goal are the scenario's own.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,7 +29,7 @@ from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
 from sim.scenario.grid import grid_of, navigation_problem_of, start_states_of
 from sim.scenario.scenario import Scenario
 from storage.errors import FileError
-from storage.model_file import ModelFile, load_model, require_grid
+from storage.model_file import ModelFile, Probabilities, load_model, require_grid
 
 SOLVERS = {"optimal": optimal_policy, "soft": soft_policy}
 #: A state that arrives before the time-out with less than this probability is called a trap.
@@ -41,8 +42,9 @@ class Strategy:
     """A solved model on the grid of a scenario.
 
     scenario: its goal area is the one planned for. outcome_probabilities: (M, K) in the problem's
-    order. entry_times_s: see `serd_core.arrival.law`. transferred: whether the model was learned on
-    another grid.
+    order; outcome_draws: (n, M, K) draws of their posterior, over which predictions are averaged,
+    of one table without a posterior. entry_times_s: see `serd_core.arrival.law`. transferred:
+    whether the model was learned on another grid.
     """
 
     scenario: Scenario
@@ -50,6 +52,7 @@ class Strategy:
     policy: Policy
     file: ModelFile
     outcome_probabilities: FloatArray
+    outcome_draws: FloatArray
     entry_times_s: tuple[float, ...]
     timeout_s: float
     transferred: bool = False
@@ -61,12 +64,12 @@ class Strategy:
 
     def predicted_arrival(self, start_distribution: FloatArray, n_periods: int) -> ArrivalTimes:
         """Distribution of the time of arrival from (S,) start probabilities."""
-        return arrival_time_distribution(
-            self.problem,
-            self.policy.probabilities,
-            self.outcome_probabilities,
-            start_distribution,
-            n_periods,
+        problem, policy = self.problem, self.policy.probabilities
+        return ArrivalTimes.average(
+            [
+                arrival_time_distribution(problem, policy, table, start_distribution, n_periods)
+                for table in self.outcome_draws
+            ]
         )
 
     def law_s(self, arrival: ArrivalTimes) -> ArrivalLaw:
@@ -77,8 +80,9 @@ class Strategy:
     @cached_property
     def arrival(self) -> ArrivalByState:
         """The remaining time from every state, up to the time-out."""
-        return arrival_by_state(
-            self.problem, self.policy.probabilities, self.outcome_probabilities, self.n_periods
+        problem, policy = self.problem, self.policy.probabilities
+        return ArrivalByState.average(
+            [arrival_by_state(problem, policy, t, self.n_periods) for t in self.outcome_draws]
         )
 
     @cached_property
@@ -157,13 +161,22 @@ def load_strategy(
         problem = navigation_problem_of(scenario, file.discount, file.feature_names, flow)
     except SerdError as error:
         raise FileError(f"{path}: {error}; learn the model again") from None
-    probabilities = _outcome_probabilities(path, file, problem)
+    rows = tuple(each.learned for each in file.outcome_models)
+    probabilities = _outcome_probabilities(path, file, problem, rows)
+    draws = np.array(
+        [_outcome_probabilities(path, file, problem, table) for table in file.draws.learned]
+        or [probabilities]
+    )
+    policy = SOLVERS[kind](problem, file.weights, probabilities)
+    if kind == "soft" and file.draws.learned:
+        policy = replace(policy, probabilities=_averaged(problem, file, draws))
     return Strategy(
         scenario=scenario,
         problem=problem,
-        policy=SOLVERS[kind](problem, file.weights, probabilities),
+        policy=policy,
         file=file,
         outcome_probabilities=probabilities,
+        outcome_draws=draws,
         entry_times_s=file.goal_entry_s,
         timeout_s=scenario.episode_timeout_s if timeout_s is None else timeout_s,
         transferred=transferred,
@@ -194,9 +207,18 @@ def _require_same_scale(path: str, file: ModelFile, scenario: Scenario) -> None:
             )
 
 
-def _outcome_probabilities(path: str, file: ModelFile, problem: NavigationProblem) -> FloatArray:
-    """(M, K) rows and columns by name."""
-    rows = {each.name: each.learned for each in file.outcome_models}
+def _averaged(problem: NavigationProblem, file: ModelFile, draws: FloatArray) -> FloatArray:
+    """(S, A) the expert's policy averaged over the posterior."""
+    pairs = zip(np.array(file.draws.reward_weights), draws, strict=True)
+    each = [soft_policy(problem, weights, table).probabilities for weights, table in pairs]
+    return np.asarray(np.mean(each, axis=0))
+
+
+def _outcome_probabilities(
+    path: str, file: ModelFile, problem: NavigationProblem, table: Sequence[Probabilities]
+) -> FloatArray:
+    """(M, K) rows and columns by name. table: a row per outcome model of the file."""
+    rows = {each.name: row for each, row in zip(file.outcome_models, table, strict=True)}
     for kind, needed, there in (
         ("outcome_models", problem.model_names, rows),
         ("outcome_names", _OUTCOME_NAMES, file.outcome_names),

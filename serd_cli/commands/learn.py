@@ -74,9 +74,11 @@ def learn(
     also posterior.csv, and next_demonstration.csv and .png, the information
     that a demonstration from each cell is expected to add.
 
-    Rewards and dynamics: mdce_serd (the expert knows the dynamics), its
-    variants _coupled and _free (the expert's belief differs), pm_serd
-    (Boltzmann policy). Rewards under counted dynamics: mdce_irl,
+    Rewards and dynamics: mdce_serd_evidence (the expert knows the
+    dynamics; prior by evidence, predictions averaged over the posterior),
+    mdce_serd (divergence prior, its weight by validation), its variants
+    _coupled and _free (the expert's belief differs), pm_serd (Boltzmann
+    policy). Rewards under counted dynamics: mdce_irl,
     mdce_irl_entropy, maxent_irl, policy_matching, relative_entropy_irl.
     """
     require_suffix(output, ".yaml", ".yml")

@@ -42,6 +42,8 @@ def comparison_table(found: Comparison) -> Table:
         ("nine in ten by", found.predicted_most_s, found.measured_most_s),
     ):
         table.add_row(name, _seconds(predicted_s), _seconds(measured_s))
+    low_s, high_s = map(_seconds, found.predicted_band_s)
+    table.add_row("nine in ten between", f"{low_s} and {high_s}", f"{found.covered:.0%} did")
     return table
 
 

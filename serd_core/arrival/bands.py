@@ -10,10 +10,11 @@ curve with less.
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.special
 import scipy.stats
 from numpy.typing import ArrayLike
 
-from serd_core.arrays import FloatArray, bool_array, first_index, float_array
+from serd_core.arrays import FloatArray, IntArray, bool_array, first_index, float_array
 from serd_core.errors import SerdError
 
 #: Sums of probabilities may pass 0 or 1 by this much.
@@ -100,6 +101,7 @@ def sampling_band(
 ) -> tuple[FloatArray, FloatArray]:
     """Where the share of `n_episodes` falls if a predicted CDF is right: binomial quantiles.
 
+    cdf: (T,), or (n, T) by n draws of a posterior: quantiles of the mixture of their binomials.
     Pointwise; discreteness makes the true coverage at least the stated one.
     """
     _require_coverage(coverage)
@@ -109,11 +111,22 @@ def sampling_band(
     bad = first_index((given < -ROUNDING) | (given > 1.0 + ROUNDING))
     if bad is not None:
         raise SerdError(f"cdf{list(bad)} must be a probability, got {given[bad]}")
-    probability = np.clip(given, 0.0, 1.0)
+    probability = np.clip(np.atleast_2d(given), 0.0, 1.0)
     tail = (1.0 - coverage) / 2.0
-    lower = scipy.stats.binom.ppf(tail, n_episodes, probability) / n_episodes
-    upper = scipy.stats.binom.ppf(1.0 - tail, n_episodes, probability) / n_episodes
-    return np.maximum(lower, 0.0), np.asarray(upper)
+    counts = (_mixture_quantile(share, n_episodes, probability) for share in (tail, 1.0 - tail))
+    lower, upper = (count / n_episodes for count in counts)
+    return lower, upper
+
+
+def _mixture_quantile(share: float, n_trials: int, probability: FloatArray) -> IntArray:
+    """(T,) smallest count with P(at most that many) >= share, by bisection."""
+    low = np.zeros(probability.shape[1], dtype=np.int64)
+    high = np.full_like(low, n_trials)
+    while np.any(low < high):
+        middle = (low + high) // 2
+        below = scipy.special.bdtr(middle, n_trials, probability).mean(axis=0) < share
+        low, high = np.where(below, middle + 1, low), np.where(below, high, middle)
+    return low
 
 
 def _require_coverage(coverage: float) -> None:

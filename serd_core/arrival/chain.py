@@ -11,6 +11,7 @@ F_n(s) is the probability of having arrived n decision periods after being in s.
 no memory, that is the law of the remaining time given all that has happened so far.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -42,12 +43,21 @@ class ArrivalTimes:
     """Predicted arrival.
 
     periods: (n_periods + 1,) 0, 1, ...; cdf: probability of having arrived by each period.
-    arrival_probability: probability of ever arriving.
+    arrival_probability: probability of ever arriving. cdf_draws: (n, n_periods + 1) by each draw
+    of a posterior, of which the others are means; None for one model.
     """
 
     periods: IntArray
     cdf: FloatArray
     arrival_probability: float
+    cdf_draws: FloatArray | None = None
+
+    @classmethod
+    def average(cls, each: Sequence["ArrivalTimes"]) -> "ArrivalTimes":
+        """Posterior prediction from that of each draw."""
+        cdf_draws = np.stack([one.cdf for one in each])
+        probability = float(np.mean([one.arrival_probability for one in each]))
+        return cls(each[0].periods, cdf_draws.mean(axis=0), probability, cdf_draws)
 
 
 def arrival_time_distribution(
@@ -101,6 +111,12 @@ class ArrivalByState:
 
     cdf: FloatArray
     arrival_probability: FloatArray
+
+    @classmethod
+    def average(cls, each: Sequence["ArrivalByState"]) -> "ArrivalByState":
+        """Posterior prediction from that of each draw."""
+        probability = np.mean([one.arrival_probability for one in each], axis=0)
+        return cls(np.mean([one.cdf for one in each], axis=0), probability)
 
     @property
     def n_periods(self) -> int:

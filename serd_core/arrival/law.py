@@ -10,7 +10,7 @@ where U is taken as independent of N. Its distribution is that of the entry time
 demonstrations, each as likely as the other. The thesis is the case U = D.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,12 +27,13 @@ _SAME_TIME_S = 1e-9
 class ArrivalLaw:
     """A step function: cdf (n,) from each of times_s (n,) up to the next, 0 before the first.
 
-    arrival_probability: of ever arriving, which cdf approaches.
+    arrival_probability: of ever arriving, which cdf approaches. cdf_draws: see `ArrivalTimes`.
     """
 
     times_s: FloatArray
     cdf: FloatArray
     arrival_probability: float
+    cdf_draws: FloatArray | None = None
 
     def probability_by(self, time_s: ArrayLike) -> FloatArray:
         """Probability of having arrived by a time, or by each of several."""
@@ -47,7 +48,7 @@ class ArrivalLaw:
 
     def delayed(self, delay_s: float) -> "ArrivalLaw":
         """The same law counted from `delay_s` before: remaining time as time since the start."""
-        return ArrivalLaw(self.times_s + delay_s, self.cdf, self.arrival_probability)
+        return replace(self, times_s=self.times_s + delay_s)
 
 
 def law_in_seconds(
@@ -64,12 +65,17 @@ def law_in_seconds(
     # Within period n the CDF climbs from F(n-1) to F(n), by equal steps at the entry times.
     distinct_s, counts = np.unique(entry_s, return_counts=True)
     share = np.cumsum(counts) / len(entry_s)
-    steps = arrival.cdf[:-1, None] + np.diff(arrival.cdf)[:, None] * share[None, :]
+
+    def climbing(cdf: FloatArray) -> FloatArray:
+        steps = cdf[..., :-1, None] + np.diff(cdf)[..., None] * share
+        return np.concatenate([cdf[..., :1], steps.reshape(*cdf.shape[:-1], -1)], axis=-1)
+
     times_s = period_s * begun[:, None] + distinct_s[None, :]
     return ArrivalLaw(
         times_s=np.concatenate([[0.0], times_s.ravel()]),
-        cdf=np.concatenate([arrival.cdf[:1], steps.ravel()]),
+        cdf=climbing(arrival.cdf),
         arrival_probability=arrival.arrival_probability,
+        cdf_draws=None if arrival.cdf_draws is None else climbing(arrival.cdf_draws),
     )
 
 

@@ -13,7 +13,7 @@ import pytest
 from report.inputs import FileLink, ReportInputs, RunFacts
 from report.summary import summary_of
 from report.write import write_report
-from serd_app.learning.knowledge import knowledge_of
+from serd_app.learning.knowledge import knowledge_of, posterior_of
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
 
@@ -186,7 +186,9 @@ def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_nex
 ) -> None:
     problem = inputs.problem
     fit = fit_mdce_serd(problem, inputs.demonstrations)
-    known = knowledge_of(problem, inputs.demonstrations, fit)
+    posterior = posterior_of(problem, inputs.demonstrations, fit)
+    assert posterior is not None
+    known = knowledge_of(problem, posterior)
     assert known is not None
     page = Page(write_report(replace(inputs, fit=fit, knowledge=known), tmp_path).read_text())
     assert page.tags.count("figure") == len(FIGURES) + 1

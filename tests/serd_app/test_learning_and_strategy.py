@@ -32,7 +32,7 @@ TRUTH = np.array(
         [0.8, 0.05, 0.05, 0.05, 0.05],
     ]
 )
-CONFIG = LearnerConfig(bag="sampled")
+CONFIG = LearnerConfig(bag="sampled", method="mdce_serd")
 
 
 @pytest.fixture(scope="module")

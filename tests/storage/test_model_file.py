@@ -11,6 +11,7 @@ from storage.errors import FileError
 from storage.model_file import (
     FitRecord,
     GridSummary,
+    ModelDraws,
     ModelFile,
     OutcomeModel,
     load_model,
@@ -54,6 +55,27 @@ def test_a_model_survives_a_round_trip(tmp_path):
     assert loaded.outcome_probabilities.tolist() == [list(ROW)]
     assert loaded.believed_outcome_probabilities.tolist() == [list(ROW[::-1])]
     assert loaded.initial_outcome_probabilities.tolist() == [[0.2] * 5]
+
+
+def test_draws_survive_a_round_trip(tmp_path):
+    draws = ModelDraws(reward_weights=((1 / 3, 2.0), (0.1, -1e-7)), learned=((ROW,), (ROW[::-1],)))
+    save_model(tmp_path / "model.yaml", model(draws=draws))
+    assert load_model(tmp_path / "model.yaml").draws == draws
+
+
+@pytest.mark.parametrize(
+    ("weights", "learned", "sentence"),
+    [
+        (((1.0, 2.0),), (), "as many reward_weights as learned tables"),
+        (((1.0,),), ((ROW,),), "a weight per feature"),
+        (((1.0, 2.0),), ((ROW, ROW),), "a row per outcome model"),
+        (((1.0, 2.0),), (((0.5, 0.6, 0, 0, 0),),), "must sum to 1, got 1.1"),
+        (((1.0, 2.0),), (((0.5, 0.5),),), "one probability per outcome"),
+    ],
+)
+def test_draws_that_do_not_fit_the_model_are_rejected(weights, learned, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        model(draws=ModelDraws(reward_weights=weights, learned=learned))
 
 
 @pytest.mark.parametrize(

@@ -4,16 +4,24 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.learning.knowledge import knowledge_lines, knowledge_of, load_knowledge
+from serd_app.learning.knowledge import (
+    knowledge_lines,
+    knowledge_of,
+    load_knowledge,
+    posterior_of,
+)
 from serd_app.learning.outcome import outcome_files, save_outcome
 from serd_app.learning.recipe import learn, task_in
 from serd_app.learning.settings import LearningSettings
+from serd_core.bayes.draws import N_DRAWS
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import AGAINST_FLOW, MODEL_NAMES, WITH_FLOW
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.policies.solved_policy import soft_policy
+from serd_core.posterior.parameters import Block
+from serd_core.priors.gaussian import GaussianPrior
 from sim.scenario.grid import start_states_of
 from sim.scenario.scenario import load_scenario
 from tests.conftest import OUTCOMES
@@ -40,7 +48,7 @@ def demonstrations():
 
 @pytest.fixture(scope="module")
 def outcome(demonstrations):
-    return learn(TASK, demonstrations, LearningSettings(method="mdce_serd_evidence"))
+    return learn(TASK, demonstrations, LearningSettings())
 
 
 def test_every_outcome_has_its_interval_and_every_cell_its_gain(outcome):
@@ -82,9 +90,28 @@ def test_gains_of_another_grid_are_rejected(outcome, tmp_path):
         load_knowledge(outcome_files(tmp_path / "model.yaml"), other)
 
 
+def test_the_model_holds_draws_around_the_fit(outcome):
+    draws = outcome.model.draws
+    assert len(draws.reward_weights) == len(draws.learned) == N_DRAWS
+    weights, fit = np.array(draws.reward_weights), outcome.fit
+    assert weights.mean(axis=0) == pytest.approx(fit.reward_weights, rel=1e-6)  # mirrored pairs
+    tables = np.array(draws.learned)
+    error = tables.std(axis=0) / np.sqrt(N_DRAWS)
+    assert np.all(np.abs(tables.mean(axis=0) - fit.outcome_probabilities) < 0.1 + 4 * error)
+    rows = outcome.knowledge.by_model[WITH_FLOW]
+    low, high = (np.array([getattr(row, end) for row in rows]) for end in ("lower", "upper"))
+    inside = (tables[:, 0] >= low) & (tables[:, 0] <= high)
+    assert 0.75 < inside.mean() < 0.99
+
+
 def test_a_fit_without_a_posterior_of_the_dynamics_has_none(demonstrations):
     decisions = demonstrations.decisions
     fit = fit_mdce_irl_by_likelihood(
         PROBLEM, decisions, initial_weights=np.zeros(3), dynamics=TRUTH
     )
-    assert knowledge_of(PROBLEM, decisions, fit) is None
+    assert posterior_of(PROBLEM, decisions, fit) is None
+    normal = GaussianPrior(1.0, Block.REWARD)
+    fit = fit_mdce_irl_by_likelihood(
+        PROBLEM, decisions, initial_weights=np.zeros(3), dynamics=TRUTH, prior=normal
+    )
+    assert knowledge_of(PROBLEM, posterior_of(PROBLEM, decisions, fit)) is None

@@ -135,6 +135,21 @@ def test_the_sampling_band_holds_the_share_of_episodes_as_often_as_it_says(n_epi
     assert binom.pmf(counts, n_episodes, probability)[inside].sum() >= 0.95 - 1e-9
 
 
+def test_the_sampling_band_of_a_posterior_holds_counts_of_its_mixture_of_binomials():
+    draws = np.random.default_rng(4).beta(20.0, [[4.0, 20.0, 0.5]], size=(50, 3))
+    n_episodes, counts = 60, np.arange(61)
+    lower, upper = sampling_band(draws, n_episodes)
+    mixture = binom.pmf(counts[:, None, None], n_episodes, draws).mean(axis=1)
+    inside = (counts[:, None] >= n_episodes * lower) & (counts[:, None] <= n_episodes * upper)
+    covered = np.where(inside, mixture, 0.0).sum(axis=0)
+    assert np.all(covered >= 0.95)
+    ends = [mixture[: round(60 * low) + 1, t].sum() for t, low in enumerate(lower)]
+    assert np.all(np.array(ends) >= 0.025)
+    narrow = sampling_band(draws.mean(axis=0), n_episodes)
+    assert np.all(upper - lower >= narrow[1] - narrow[0])
+    assert upper[1] - lower[1] > 1.2 * (narrow[1] - narrow[0])[1]
+
+
 def test_wrong_arguments_are_refused_by_name():
     problem = corridor()
     good = always(problem, Action.NORTH)
