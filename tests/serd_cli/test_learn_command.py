@@ -212,7 +212,8 @@ def test_too_little_before_the_goal_is_refused_with_what_lies_behind_it(serd, de
 
 def test_what_nobody_did_is_said_to_be_open(serd, demonstrations):
     nowhere = np.full(GRID.n_states, -1)
-    ended = serd("learn", demonstrations(flow=nowhere), "--flow", "none")
+    table = demonstrations(flow=nowhere)
+    ended = serd("learn", table, "--flow", "none", "--method", "mdce_serd")
     assert ended.code == 0
     assert "against flow (stay, forward, right, back, left)" in ended.err + ended.out
     assert "20.0±open" in ended.out
@@ -273,6 +274,7 @@ def test_every_method_gives_a_model_that_navigates(serd, demonstrations, method)
 
 def test_the_prior_weight_of_a_model_is_the_best_on_validation(serd, demonstrations):
     words = [word for weight in ("0.1", "1000") for word in ("--prior-weight", weight)]
+    words += ["--method", "mdce_serd"]
     found = learned(serd("learn", demonstrations(n_episodes=8), *words, "--json"))
     scores = found["validation_log_likelihoods"]
     assert set(scores) == {"0.1", "1000.0"}
@@ -285,11 +287,11 @@ def test_what_is_known_of_outcomes_is_printed_and_mapped(serd, demonstrations, t
     table = demonstrations(n_episodes=3)
     model = tmp_path / "out" / "model.yaml"
     model.parent.mkdir()
-    ended = serd("learn", table, "--method", "mdce_serd_evidence", "--output", model)
+    ended = serd("learn", table, "--output", model)
     assert ended.code == 0, ended.err
     assert "against flow: " in ended.out
     assert "a demonstration from " in ended.out
     for name in ("posterior.csv", "next_demonstration.csv", "next_demonstration.png"):
         assert (model.parent / name).stat().st_size > 100
-    found = learned(serd("learn", table, "--json"))
+    found = learned(serd("learn", table, "--method", "mdce_serd", "--json"))
     assert found["knowledge"] is None
