@@ -85,14 +85,14 @@ class PlannerSettings(StrictModel):
     wait_duration: float = setting(2.0, "third recovery: waiting time", unit="s", gt=0)
 
     def limited(self, robot: RobotSettings) -> RobotSettings:
-        """The robot as the planners may drive it."""
-        return robot.model_copy(
-            update={
-                of_robot: getattr(self, name)
-                for name, of_robot in _LIMITS.items()
-                if getattr(self, name) is not None
-            }
-        )
+        """The robot as the planners may drive it; they brake as they accelerate."""
+        given = {
+            of_robot: getattr(self, name)
+            for name, of_robot in _LIMITS.items()
+            if getattr(self, name) is not None
+        }
+        limited = robot.model_copy(update=given)
+        return limited.model_copy(update={"decel_lim_x_mps2": limited.acc_lim_x_mps2})
 
     def complete(self, robot: RobotSettings, control_period_s: float) -> "PlannerSettings":
         """The same with every value that defaults to the robot's or the control period's."""

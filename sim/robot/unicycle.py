@@ -14,8 +14,10 @@ def limited_velocity(
     wanted_w = min(
         max(command.angular_radps, -robot.max_vel_theta_radps), robot.max_vel_theta_radps
     )
+    brakes = (wanted_v - speed_mps) * speed_mps < 0.0
+    limit_mps2 = robot.decel_lim_x_mps2 if brakes else robot.acc_lim_x_mps2
     return (
-        _towards(speed_mps, wanted_v, robot.acc_lim_x_mps2 * step_s),
+        _towards(speed_mps, wanted_v, limit_mps2 * step_s),
         _towards(yaw_rate_radps, wanted_w, robot.acc_lim_theta_radps2 * step_s),
     )
 

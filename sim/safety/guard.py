@@ -309,11 +309,11 @@ def _reach_m(settings: GuardSettings) -> float:
     speed, slow = settings.max_vel_x, min(settings.linear_limit, settings.max_vel_x)
     follows_s = settings.reaction_time + 2.0 / settings.controller_frequency
     old_m = speed * settings.source_timeout
-    walked_m = settings.person_speed * (follows_s + slow / settings.acc_lim_x)
+    walked_m = settings.person_speed * (follows_s + slow / settings.braking)
     zones_m = max(settings.radius + settings.collision_margin, settings.stop_radius)
     return old_m + max(
-        zones_m + speed * follows_s + 0.5 * speed**2 / settings.acc_lim_x,
-        zones_m + slow * follows_s + 0.5 * slow**2 / settings.acc_lim_x + walked_m,
+        zones_m + speed * follows_s + 0.5 * speed**2 / settings.braking,
+        zones_m + slow * follows_s + 0.5 * slow**2 / settings.braking + walked_m,
         settings.slowdown_radius,
     )
 

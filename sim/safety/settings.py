@@ -31,7 +31,10 @@ class GuardSettings(StrictModel):
         _ROBOT.max_vel_theta_radps, "largest turning rate", unit="rad/s", gt=0
     )
     acc_lim_x: float = setting(
-        _ROBOT.acc_lim_x_mps2, "acceleration and braking of the robot", unit="m/s²", gt=0
+        _ROBOT.acc_lim_x_mps2, "acceleration of the robot", unit="m/s²", gt=0
+    )
+    decel_lim_x: float = setting(
+        0.0, "deceleration of the robot at a stop; 0: acc_lim_x", unit="m/s²", ge=0
     )
     acc_lim_theta: float = setting(
         _ROBOT.acc_lim_theta_radps2, "acceleration of turns of the robot", unit="rad/s²", gt=0
@@ -142,6 +145,11 @@ class GuardSettings(StrictModel):
                 )
         return self
 
+    @property
+    def braking(self) -> float:
+        """Deceleration at a stop in m/s²."""
+        return self.decel_lim_x or self.acc_lim_x
+
     def robot(self) -> RobotSettings:
         """The robot with these limits; backward as fast as forward."""
         return RobotSettings(
@@ -150,6 +158,7 @@ class GuardSettings(StrictModel):
             min_vel_x_mps=-self.max_vel_x,
             max_vel_theta_radps=self.max_vel_theta,
             acc_lim_x_mps2=self.acc_lim_x,
+            decel_lim_x_mps2=self.braking,
             acc_lim_theta_radps2=self.acc_lim_theta,
         )
 
@@ -166,6 +175,7 @@ class GuardSettings(StrictModel):
             max_vel_x=robot.max_vel_x_mps,
             max_vel_theta=robot.max_vel_theta_radps,
             acc_lim_x=robot.acc_lim_x_mps2,
+            decel_lim_x=robot.decel_lim_x_mps2,
             acc_lim_theta=robot.acc_lim_theta_radps2,
             controller_frequency=1.0 / scenario.control_period_s,
             person_radius=model_named(scenario.pedestrians.model).body_radius_m,

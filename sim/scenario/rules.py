@@ -69,6 +69,16 @@ def require_control_period(control_period_s: float, robot: RobotSettings) -> Non
         )
 
 
+def require_braking(robot: RobotSettings) -> None:
+    """Planners brake as they accelerate, so the robot must be able to."""
+    if robot.decel_lim_x_mps2 < robot.acc_lim_x_mps2:
+        raise ValueError(
+            f"robot.decel_lim_x_mps2 must be at least robot.acc_lim_x_mps2"
+            f" ({robot.acc_lim_x_mps2:g}), with which planners brake, got"
+            f" {robot.decel_lim_x_mps2:g}; lower robot.acc_lim_x_mps2"
+        )
+
+
 def require_timeout(timeout_s: float, decision_period_s: float) -> None:
     """An episode must have time for a decision."""
     if timeout_s < decision_period_s:

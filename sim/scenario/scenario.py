@@ -100,6 +100,7 @@ class Scenario(StrictModel):
     def _consistent(self) -> "Scenario":
         rules.require_finite_scale(self.model_dump())
         rules.require_control_period(self.control_period_s, self.robot)
+        rules.require_braking(self.robot)
         rules.require_whole_periods(
             "decision_period_s", self.decision_period_s, self.control_period_s
         )

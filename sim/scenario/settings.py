@@ -28,7 +28,12 @@ class RobotSettings(StrictModel):
     max_vel_x_mps: float = setting(1.2, "largest speed forward", unit="m/s", gt=0)
     min_vel_x_mps: float = setting(-0.3, "largest speed backward", unit="m/s", le=0)
     max_vel_theta_radps: float = setting(3.5, "largest turning rate", unit="rad/s", gt=0)
-    acc_lim_x_mps2: float = setting(2.5, "largest acceleration", unit="m/s²", gt=0)
+    acc_lim_x_mps2: float = setting(
+        2.5, "largest acceleration, and deceleration that planners plan with", unit="m/s²", gt=0
+    )
+    decel_lim_x_mps2: float = setting(
+        5.0, "largest deceleration, for stops of guard and timeouts", unit="m/s²", gt=0
+    )
     acc_lim_theta_radps2: float = setting(
         12.0, "largest acceleration of turns", unit="rad/s²", gt=0
     )

@@ -98,7 +98,8 @@ def test_a_scenarios_planner_keeps_to_its_accelerations(name):
 @pytest.mark.parametrize("scenario", [load_scenario(name) for name in builtin_scenarios()])
 def test_giving_all_the_defaults_changes_nothing(scenario):
     complete = scenario.local_planner.complete(scenario.robot, scenario.control_period_s)
-    assert complete.limited(scenario.robot) == scenario.robot
+    braking = {"decel_lim_x_mps2": scenario.robot.acc_lim_x_mps2}  # as planners accelerate
+    assert complete.limited(scenario.robot) == scenario.robot.model_copy(update=braking)
     assert None not in complete.model_dump().values()
     explicit = scenario.with_local_planner(complete)
     for name in planner_names():

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from sim.robot.unicycle import chord_velocity, limited_velocity
 from sim.scenario.settings import RobotSettings
-from sim.world.command import Command
+from sim.world.command import STOP, Command
 
 ROBOT = RobotSettings()
 
@@ -19,8 +19,19 @@ def test_no_command_breaks_a_limit_of_speed_or_acceleration(v, w, speed, turn):
     new_speed, new_turn = limited_velocity(Command(v, w), speed, turn, ROBOT, 0.05)
     assert ROBOT.min_vel_x_mps - 1e-12 <= new_speed <= ROBOT.max_vel_x_mps + 1e-12
     assert abs(new_turn) <= ROBOT.max_vel_theta_radps + 1e-12
-    assert abs(new_speed - speed) <= ROBOT.acc_lim_x_mps2 * 0.05 + 1e-12
+    brakes = (new_speed - speed) * speed < 0.0
+    limit_mps2 = ROBOT.decel_lim_x_mps2 if brakes else ROBOT.acc_lim_x_mps2
+    assert abs(new_speed - speed) <= limit_mps2 * 0.05 + 1e-12
     assert abs(new_turn - turn) <= ROBOT.acc_lim_theta_radps2 * 0.05 + 1e-12
+
+
+def test_a_stop_brakes_with_the_deceleration_limit_and_a_start_takes_the_acceleration_limit():
+    speed, speeds = 1.2, []
+    while speed > 0.0:
+        speed, _ = limited_velocity(STOP, speed, 0.0, ROBOT, 0.05)
+        speeds.append(speed)
+    assert len(speeds) * 0.05 == pytest.approx(1.2 / 5.0, abs=0.05)
+    assert limited_velocity(Command(1.2, 0.0), 0.0, 0.0, ROBOT, 0.05)[0] == 2.5 * 0.05
 
 
 @given(yaw=st.floats(-3, 3), speed=st.floats(-1, 1.2), turn=st.floats(-3.5, 3.5))
