@@ -46,9 +46,6 @@ class PhysicalRobot:
         self._wheel_radius_m = radius_m
         self._separation_m = settings.wheel_separation_m or drive.separation_m
         self._settings, self._step_s = settings, scenario.control_period_s
-        self._brakes = settings.model_copy(
-            update={"acc_lim_x_mps2": max(settings.decel_lim_x_mps2, settings.acc_lim_x_mps2)}
-        )
         self._dynamics = Dynamics(scenario, person_radius_m)
         self._walls = WallGeometry(1, scenario.wall_segments_m)
         self.state = PhysicalState(0.0, 0.0, (0.0, 1.0))
@@ -76,7 +73,7 @@ class PhysicalRobot:
         crowd: has made its step, and gets the motion of those people.
         """
         before = self.state
-        target = self._limited(command, before.target)
+        target = limited_velocity(command, *before.target, self._settings, self._step_s)
         velocities = np.stack([crowd.velocity_x_mps, crowd.velocity_y_mps], axis=1)
         places = np.stack([crowd.x_m, crowd.y_m], axis=1) - self._step_s * velocities
         near = self._dynamics.near_people(before.pose, places, velocities)
@@ -101,11 +98,6 @@ class PhysicalRobot:
     def close(self) -> None:
         """Give PyBullet's world back; a second call does nothing."""
         self._dynamics.close()
-
-    def _limited(self, command: Command, target: tuple[float, float]) -> tuple[float, float]:
-        slows_down = target[0] * (command.linear_mps - target[0]) < 0.0
-        limits = self._brakes if slows_down else self._settings
-        return limited_velocity(command, *target, limits, self._step_s)
 
     def _wheel_speeds(self, target: tuple[float, float]) -> tuple[float, float]:
         speed, half = target[0], 0.5 * target[1] * self._separation_m

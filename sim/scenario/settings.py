@@ -32,7 +32,11 @@ class RobotSettings(StrictModel):
         2.5, "largest acceleration, and deceleration that planners plan with", unit="m/s²", gt=0
     )
     decel_lim_x_mps2: float = setting(
-        5.0, "largest deceleration, for stops of guard and timeouts", unit="m/s²", gt=0
+        6.0,
+        "largest deceleration, for stops of guard and timeouts; floor and motors of a physical"
+        " drive may allow less",
+        unit="m/s²",
+        gt=0,
     )
     acc_lim_theta_radps2: float = setting(
         12.0, "largest acceleration of turns", unit="rad/s²", gt=0
@@ -41,9 +45,6 @@ class RobotSettings(StrictModel):
         "kinematic",
         "kinematic: the commanded velocity within the limits; physical: a rigid body on wheels with"
         " motors, friction and contacts. The keys below belong to `physical`",
-    )
-    decel_lim_x_mps2: float = setting(
-        6.0, "largest deceleration; floor and motors may allow less", unit="m/s²", gt=0
     )
     urdf: str = setting("", "URDF file of the robot; empty: the built-in robot")
     left_wheel_joint: str = setting("left_wheel_joint", "joint of the left wheel in the URDF")

@@ -52,7 +52,9 @@ def test_what_is_given_wins_and_reaches_the_planner(slow_corridor):
 
 def test_a_node_without_parameters_plans_for_the_very_robot_of_the_scenario():
     scenario, given = config("hallway").planned_scenario(), load_scenario("hallway")
-    assert scenario.local_planner.limited(scenario.robot) == scenario.robot
+    braking = {"decel_lim_x_mps2": given.robot.acc_lim_x_mps2}  # as planners accelerate
+    limited = scenario.local_planner.limited(scenario.robot)
+    assert limited == given.robot.model_copy(update=braking)
     complete = given.local_planner.complete(given.robot, given.control_period_s)
     assert scenario.local_planner == complete
 

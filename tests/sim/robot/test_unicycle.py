@@ -30,7 +30,7 @@ def test_a_stop_brakes_with_the_deceleration_limit_and_a_start_takes_the_acceler
     while speed > 0.0:
         speed, _ = limited_velocity(STOP, speed, 0.0, ROBOT, 0.05)
         speeds.append(speed)
-    assert len(speeds) * 0.05 == pytest.approx(1.2 / 5.0, abs=0.05)
+    assert len(speeds) * 0.05 == pytest.approx(1.2 / 6.0, abs=0.05)
     assert limited_velocity(Command(1.2, 0.0), 0.0, 0.0, ROBOT, 0.05)[0] == 2.5 * 0.05
 
 

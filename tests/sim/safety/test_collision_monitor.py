@@ -17,7 +17,7 @@ from sim.scenario.settings import RobotSettings
 from sim.world.command import Command
 
 ROBOT, STEP_S = RobotSettings(), 0.05
-SETTINGS = GuardSettings()
+SETTINGS = GuardSettings(decel_lim_x=ROBOT.decel_lim_x_mps2)
 NOTHING = np.zeros((0, 2))
 FORWARD = Command(1.2, 0.0)
 
