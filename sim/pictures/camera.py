@@ -77,13 +77,14 @@ def _nearer_fit(camera: Camera, points_m: FloatArray) -> Camera:
 
 
 def chase_camera(pose: tuple[float, float, float], distance_m: float = 6.0) -> Camera:
-    """A camera behind the robot, looking the way it goes."""
+    """A camera behind the robot that looks at a point ahead of it, the way it goes."""
     x_m, y_m, yaw_rad = pose
+    ahead_m = 0.25 * distance_m
     return Camera(
-        target_m=(x_m, y_m, 0.5),
+        target_m=(x_m + ahead_m * math.cos(yaw_rad), y_m + ahead_m * math.sin(yaw_rad), 0.5),
         distance_m=distance_m,
         yaw_deg=math.degrees(yaw_rad) - 90.0,
-        pitch_deg=-55.0,
+        pitch_deg=-35.0,
     )
 
 

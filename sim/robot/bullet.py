@@ -1,35 +1,61 @@
-"""PyBullet, and the walls that its worlds share."""
+"""PyBullet, and the walls and files that its worlds share."""
 
 import math
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
+from sim.errors import SimError
 
-_STANDARD_ERROR = 2
+_STANDARD_OUTPUT, _STANDARD_ERROR = 1, 2
 _WALL_THICKNESS_M = 0.1
 _WALL_HEIGHT_M = 0.8
 
 
-def _import_pybullet() -> Any:
-    """The pybullet module; what its import writes to standard error is thrown away."""
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Throw away what PyBullet itself writes to the terminal."""
+    sys.stdout.flush()
     sys.stderr.flush()
-    kept = os.dup(_STANDARD_ERROR)
+    kept = [(stream, os.dup(stream)) for stream in (_STANDARD_OUTPUT, _STANDARD_ERROR)]
     null = os.open(os.devnull, os.O_WRONLY)
     try:
-        os.dup2(null, _STANDARD_ERROR)
-        import pybullet
+        for stream, _ in kept:
+            os.dup2(null, stream)
+        yield
     finally:
-        os.dup2(kept, _STANDARD_ERROR)
-        os.close(kept)
+        for stream, copy in kept:
+            os.dup2(copy, stream)
+            os.close(copy)
         os.close(null)
+
+
+def _import_pybullet() -> Any:
+    """The pybullet module, which reports its build time on import."""
+    with _silent():
+        import pybullet
     return pybullet
 
 
 pybullet = _import_pybullet()
+
+
+def load_urdf(client: int, path: Path, **options: object) -> int:
+    """Add the body of a URDF; SimError where PyBullet cannot."""
+    try:
+        with _silent():
+            body: int = pybullet.loadURDF(str(path), physicsClientId=client, **options)
+    except pybullet.error as error:
+        raise SimError(
+            f"{path} must load in PyBullet, but does not: {error}; check its files"
+        ) from None
+    return body
 
 
 def add_wall(client: int, start_m: FloatArray, end_m: FloatArray) -> int:

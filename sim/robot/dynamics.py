@@ -14,7 +14,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
-from sim.robot.bullet import add_wall, pybullet
+from sim.robot.bullet import add_wall, load_urdf, pybullet
 from sim.scenario.scenario import Scenario
 
 Pose = tuple[float, float, float]
@@ -217,14 +217,7 @@ class Dynamics:
 
     def _load_robot(self) -> int:
         drive, client = self._drive, self._client
-        try:
-            body: int = pybullet.loadURDF(
-                str(drive.path), flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client
-            )
-        except pybullet.error as error:
-            raise SimError(
-                f"{drive.path} must load in PyBullet, but does not: {error}; check its files"
-            ) from None
+        body = load_urdf(client, drive.path, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
         root = pybullet.getBodyInfo(body, client)[0].decode()
         links = {root: -1}
         joints = {}

@@ -51,10 +51,10 @@ class KinematicRobot:
     #: It has no wheels.
     wheel_motion: tuple[float, float] | None = None
 
-    def __init__(self, scenario: Scenario, physics: Physics) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         self._settings = scenario.robot
         self._step_s = scenario.control_period_s
-        self._physics = physics
+        self._physics = Physics(scenario)
         self._walls = WallGeometry(1, scenario.wall_segments_m)
         self.state = standing_at((0.0, 0.0, 0.0))
         self.wall_distance_m = math.inf
@@ -87,7 +87,8 @@ class KinematicRobot:
         return None
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Give PyBullet's world back; a second call does nothing."""
+        self._physics.close()
 
     def _leave_walls(self, before: Pose) -> None:
         """Slide along the walls: out of them, with what is left of the speed along the heading.

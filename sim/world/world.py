@@ -17,11 +17,11 @@ from sim.crowd.crowd import Crowd, start_crowd
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
 from sim.pictures.camera import Camera, overview_camera
+from sim.pictures.scene import Scene
 from sim.robot.contacts import ContactCounter, ContactCounts, ContactEvent
 from sim.robot.lidar import Lidar
 from sim.robot.odometry import Odometry
 from sim.robot.physical_robot import PhysicalRobot
-from sim.robot.physics import Physics
 from sim.robot.robot import KinematicRobot, RobotState, standing_at
 from sim.scenario.goal import Area
 from sim.scenario.grid import grid_of, start_states_of
@@ -62,13 +62,13 @@ class HallwayWorld:
         self.goal_area_m: Area = scenario.goal_area_m
         self.tick = 0
         self.n_rejected_commands = 0
-        self._gui = gui
         self._lidar = Lidar(scenario.lidar, scenario.wall_segments_m, person_radius_m)
-        self._physics = Physics(scenario, person_radius_m, gui=gui)
+        self._window = Scene(scenario, gui=True) if gui else None
+        self._pictures: Scene | None = None
         self._robot = (
             PhysicalRobot(scenario, person_radius_m)
             if scenario.robot.drive == "physical"
-            else KinematicRobot(scenario, self._physics)
+            else KinematicRobot(scenario)
         )
         self._episode = self._first_tick = 0
         self._contacts = ContactCounter(0)
@@ -106,8 +106,8 @@ class HallwayWorld:
         self._contacts.update(crowd, self._robot.body, self._robot.wall_distance_m, touches)
         crowd.push_out_of(self._robot.body)
         self.tick += 1
-        if self._gui:
-            self._show()
+        if self._window is not None:
+            self._show_in(self._window)
         self._observation = self._observe()
         return self._observation
 
@@ -181,9 +181,11 @@ class HallwayWorld:
 
     def picture(self, camera: Camera | None = None) -> NDArray[np.uint8]:
         """(height, width, 3) picture of the world now, the whole of it when no camera is given."""
-        self._running()
-        self._show()
-        return self._physics.render(camera if camera else overview_camera(self.scenario))
+        scene = self._window or self._pictures
+        if scene is None:
+            scene = self._pictures = Scene(self.scenario)
+        self._show_in(scene)
+        return scene.render(camera if camera else overview_camera(self.scenario))
 
     def snapshot(self) -> WorldState:
         """Copy of all that changes; it can be pickled."""
@@ -224,7 +226,9 @@ class HallwayWorld:
     def close(self) -> None:
         """Give PyBullet's world back; a second call does nothing."""
         self._robot.close()
-        self._physics.close()
+        for scene in (self._window, self._pictures):
+            if scene is not None:
+                scene.close()
 
     def __enter__(self) -> "HallwayWorld":
         return self
@@ -237,11 +241,14 @@ class HallwayWorld:
             raise SimError("the world must be reset before use; call reset(episode) first")
         return self._crowd
 
-    def _show(self) -> None:
-        """Put robot and people of the pictures where they are."""
-        crowd, robot = self._running(), self._robot.state
-        self._physics.place_robot(robot.x_m, robot.y_m, robot.half_turn)
-        self._physics.place_people(crowd.x_m, crowd.y_m)
+    def _show_in(self, scene: Scene) -> None:
+        """Put robot and people of a scene where they are."""
+        crowd = self._running()
+        scene.place_robot(self._robot.state.pose)
+        scene.place_people(
+            np.stack([crowd.x_m, crowd.y_m], axis=1),
+            np.stack([crowd.velocity_x_mps, crowd.velocity_y_mps], axis=1),
+        )
 
     def _begin(self, episode: int, robot: RobotState) -> None:
         """New people on their loops, not yet warmed up, and the robot in the given state."""

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.robot.bullet import pybullet
+from sim.robot.bullet import add_wall, pybullet
 from sim.robot.lidar import Lidar
-from sim.robot.physics import Physics
 from sim.scenario.scenario import load_scenario
 from sim.scenario.settings import LidarSettings
 from sim.world.command import STOP
@@ -36,13 +35,19 @@ def test_the_scan_is_that_of_the_physics_worlds_ray_tests(pose):
     people_x, people_y = rng.uniform(0, 6, 24), rng.uniform(6, 20, 24)
     far = np.hypot(people_x - pose[0], people_y - pose[1]) > 0.6
     people_x, people_y = np.where(far, people_x, 0.3), np.where(far, people_y, 0.3)
-    physics = Physics(HALLWAY, 0.25)
-    physics.place_people(people_x, people_y)
+    client = pybullet.connect(pybullet.DIRECT)
+    for wall in HALLWAY.wall_segments_m:
+        add_wall(client, *wall)
+    capsule = pybullet.createCollisionShape(
+        pybullet.GEOM_CAPSULE, radius=0.25, height=1.25, physicsClientId=client
+    )
+    for x_m, y_m in zip(people_x, people_y, strict=True):
+        pybullet.createMultiBody(0.0, capsule, -1, (x_m, y_m, 0.875), physicsClientId=client)
     angle = LIDAR.angles_rad + pose[2]
     direction = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
     start = np.array([pose[0], pose[1], 0.3]) + 0.1 * direction
-    share = ray_shares(physics, start, start + 9.9 * direction)
-    physics.close()
+    share = ray_shares(client, start, start + 9.9 * direction)
+    pybullet.disconnect(client)
     expected = np.where(share < 1.0, 0.1 + 9.9 * share, np.inf)
     ranges = LIDAR.scan(pose, people_x, people_y)
     both = np.isfinite(expected) & np.isfinite(ranges)
@@ -51,12 +56,12 @@ def test_the_scan_is_that_of_the_physics_worlds_ray_tests(pose):
     assert np.percentile(np.abs(ranges[both] - expected[both]), 98) < 0.005
 
 
-def ray_shares(physics, start_m, end_m):
-    """(R,) free share of each ray from (R, 3) start to end; 1 where it hits only the robot."""
+def ray_shares(client, start_m, end_m):
+    """(R,) free share of each ray from (R, 3) start to end; 1 where it hits nothing."""
     hits = pybullet.rayTestBatch(
-        start_m.tolist(), end_m.tolist(), numThreads=1, physicsClientId=physics.client
+        start_m.tolist(), end_m.tolist(), numThreads=1, physicsClientId=client
     )
-    return np.array([hit[2] if hit[0] != physics._robot else 1.0 for hit in hits])
+    return np.array([hit[2] for hit in hits])
 
 
 def test_noise_has_its_deviation_and_is_the_same_when_asked_twice_at_one_tick():

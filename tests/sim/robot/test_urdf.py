@@ -104,7 +104,7 @@ def test_wheels_of_an_unknown_shape_need_their_radius_as_a_key(tmp_path):
     path = urdf_with(
         tmp_path,
         ('<sphere radius="0.08"/>', box),
-        ('<cylinder radius="0.08" length="0.04"/>', box),
+        ('<cylinder radius="0.08" length="0.05"/>', box),
     )
     with pytest.raises(ValueError, match="wheel_radius_m must be given"):
         physical(urdf=str(path))
