@@ -136,10 +136,10 @@ def test_a_person_who_runs_into_a_standing_robot_does_not_keep_it_from_leaving()
 
 
 def test_points_that_may_come_nearer_keep_the_robot_further_away():
-    """Until a robot at 0.5 m/s stands, 0.3 s later, a person comes 0.39 m nearer."""
+    """Until a robot at 0.5 m/s stands, 0.2 s later, a person comes 0.26 m nearer."""
     robot, command = Robot(speed_mps=0.5), Command(0.5, 0.0)
     monitor = CollisionMonitor(SETTINGS)
-    ahead = obstacles(wall_ahead(0.6))
+    ahead = obstacles(wall_ahead(0.5))
     walking = replace(ahead, points_mps=1.3)
     assert monitor.step(command, robot.speeds, ahead)[0] == command
     assert monitor.step(command, robot.speeds, walking)[0].linear_mps < 0.5
@@ -150,7 +150,7 @@ def test_points_that_may_come_nearer_keep_the_robot_further_away():
 
 
 def test_single_points_are_no_obstacle_where_more_are_wanted():
-    seen = obstacles([(0.4, 0.0)])
+    seen = obstacles([(0.34, 0.0)])
     assert CollisionMonitor(SETTINGS).step(FORWARD, (0.5, 0.0), seen)[0] == FORWARD
     strict = SETTINGS.model_copy(update={"min_points": 1})
     assert CollisionMonitor(strict).step(FORWARD, (0.5, 0.0), seen)[0] != FORWARD
