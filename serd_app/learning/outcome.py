@@ -55,7 +55,14 @@ class FitOutcome:
             "n_steps": fit.n_steps,
             **({} if self.prior_weight is None else {"prior_weight": self.prior_weight}),
             **{f"weight.{name}": weight for name, weight in self.model.reward_weights.items()},
+            **({} if self.knowledge is None else _next_start(self.knowledge)),
         }
+
+
+def _next_start(known: Knowledge) -> dict[str, float]:
+    """Where the next demonstration is expected to teach most."""
+    best = known.next_start
+    return {"next_x_m": best.x_m, "next_y_m": best.y_m, "next_gain_nats": best.gain_nats}
 
 
 def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:

@@ -1,4 +1,4 @@
-"""The state that the page shows: world, intent, waypoint, episode, mux and recorder."""
+"""The state that the page shows: world, intent, waypoint, episode, mux, recorder and learner."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from sensor_msgs.msg import LaserScan
 
 from serd_core.grid.grid import Action, Grid
 from serd_ros.convert.command import from_intent
-from serd_ros.convert.diagnostics import values_of
+from serd_ros.convert.diagnostics import from_learner_report, values_of
 from serd_ros.convert.pose import from_waypoint_message
 from serd_ros.convert.sensors import from_scan
 from serd_ros.endpoints import qos, topics
@@ -38,6 +38,7 @@ class PageView:
         self._action = Action.WAIT
         self._waypoint: Waypoint | None = None
         self._health: dict[str, dict[str, str]] = {}
+        self._next_start: tuple[float, float] | None = None
         node.create_subscription(LaserScan, topics.SCAN, self._on_scan, qos.STATE)
         node.create_subscription(Vector3Stamped, topics.INTENT, self._on_intent, qos.STATE)
         node.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.STATE)
@@ -62,6 +63,7 @@ class PageView:
             "mux": self._health.get("teleop_mux"),
             "guard": self._health.get("guard"),
             "recorder": self._health.get("demo_recorder"),
+            "next_start": self._next_start,
         }
 
     def clear(self) -> None:
@@ -73,6 +75,7 @@ class PageView:
             values = values_of(message, name)
             if values is not None:
                 self._health[name] = values
+        self._next_start = from_learner_report(message) or self._next_start
 
     def _on_scan(self, message: LaserScan) -> None:
         _, self._ranges = from_scan(message, self._scenario.lidar)

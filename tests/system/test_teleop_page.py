@@ -11,6 +11,7 @@ from itertools import cycle
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Vector3Stamped
 from nav_msgs.msg import Odometry
 from rosbags.highlevel import AnyReader
@@ -25,6 +26,7 @@ from serd_app.drives.sessions import read_drives
 from serd_cli.node_commands import stack_processes
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import from_intent
+from serd_ros.convert.diagnostics import to_diagnostics
 from serd_ros.convert.pose import from_odometry, from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
@@ -455,6 +457,21 @@ def push_anew(page, world):
 
     release_stick()
     world.drive_until(lambda: world.speed_mps > 0.1, press=push_stick, release=release_stick)
+
+
+def test_the_page_shows_from_where_a_demonstration_teaches_most(driving, world, tmp_path):
+    page = driving
+    assert not page.part("teaches").is_displayed()
+    learner = world.probe.node.create_publisher(DiagnosticArray, "diagnostics", qos.STATE)
+    world.probe.spin_until(learner.get_subscription_count)
+
+    def shown():
+        learner.publish(to_diagnostics("learner", 0.0, {"next_x_m": 1.5, "next_y_m": 3.5}))
+        return page.part("teaches").is_displayed()
+
+    page.wait(shown)
+    assert page.faults() == []
+    keep_picture(page, tmp_path)
 
 
 def test_buttons_start_save_and_discard_episodes(driving, world):

@@ -7,6 +7,7 @@ const COLOURS = {
   start: "#dde7f4", person: "#e8963f", personNose: "#8c4e18", robot: "#265cb4", nose: "#f0f4fc",
   trail: "rgb(38 92 180 / .35)", seen: "rgb(38 92 180 / .055)", scan: "#c2386b", next: "#7b5bc4",
   chosen: "rgb(38 92 180 / .13)", text: "#3f7d4e",
+  teaches: "#00847e",
 };
 const TRAIL_STEP_M = 0.08;
 const STEPS = { north: [0, 1], east: [1, 0], south: [0, -1], west: [-1, 0] };
@@ -73,6 +74,7 @@ export class View extends Brush {
     const { world } = state;
     this.drawScan();
     this.drawChoice(state);
+    this.drawNextStart(state);
     this.drawTrail();
     for (const person of world.people) this.drawPerson(person);
     this.drawRobot(world.robot);
@@ -114,6 +116,12 @@ export class View extends Brush {
     context.strokeStyle = COLOURS.next;
     context.strokeRect(...this.square(next, size - 0.12));
     context.restore();
+  }
+
+  drawNextStart({ next_start: place, episode }) {
+    if (!place || episode.phase === "running") return;
+    this.ring(place, 0.36, COLOURS.teaches, 3);
+    this.disc(place, 0.13, COLOURS.teaches);
   }
 
   drawTrail() {

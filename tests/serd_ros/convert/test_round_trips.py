@@ -22,6 +22,7 @@ from serd_ros.convert.command import (
 from serd_ros.convert.diagnostics import (
     EpisodeMark,
     from_episode_message,
+    from_learner_report,
     to_diagnostics,
     to_episode_message,
     values_of,
@@ -55,7 +56,7 @@ from serd_ros.convert.sensors import (
     to_scan,
 )
 from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
-from serd_ros.errors import NodeError
+from serd_ros.errors import MessageError, NodeError
 from sim.episodes.result import EpisodeStart
 from sim.scenario.occupancy import OccupancyRaster
 from sim.scenario.settings import LidarSettings
@@ -284,6 +285,20 @@ def test_an_arrival_law_of_thousands_of_small_steps_is_told_to_a_thousandth():
     assert len(back.times_s) <= 1001
     asked = np.linspace(0.0, 100.0, 777)
     assert np.abs(back.probability_by(asked) - law.probability_by(asked)).max() < 1.3e-3
+
+
+def test_the_next_start_of_a_learner_survives_and_must_be_a_place():
+    def report(**values):
+        return to_diagnostics("learner", 0.0, values)
+
+    assert from_learner_report(report(next_x_m=1.5, next_y_m=-0.25)) == (1.5, -0.25)
+    assert from_learner_report(report(step=3)) is None
+    assert from_learner_report(to_diagnostics("guard", 0.0, {"next_x_m": 1.0})) is None
+    for values in ({"next_x_m": 1.0}, {"next_x_m": "x", "next_y_m": 0.0}):
+        with pytest.raises(MessageError):
+            from_learner_report(report(**values))
+    with pytest.raises(MessageError, match="must be finite"):
+        from_learner_report(report(next_x_m=1.0, next_y_m=math.nan))
 
 
 def test_a_goal_is_taken_from_the_map_only():
