@@ -19,7 +19,7 @@ from sim.planning.catalogue import make_planner
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.world.world import HallwayWorld
 
-SEEDS = range(1, 9)
+SEEDS = range(1, 11)
 SCENARIOS = ("hallway", "crossing")
 DRIVERS = ("expert_with_flow", "expert_against_flow")
 DRIVES = ("kinematic", "physical")
@@ -85,7 +85,7 @@ def summary(condition: tuple[str, ...], rows: pd.DataFrame) -> dict[str, Any]:
         "robot_on_person": int(rows["robot_on_person"].sum()),
         "person_on_robot": int(rows["person_on_robot"].sum()),
         "robot_on_wall": int(rows["robot_on_wall"].sum()),
-        "median_impulse_ns": float(np.median(impulses)) if len(impulses) else math.nan,
+        "median_impulse_ns": float(np.median(impulses)) if len(impulses) else None,
         "largest_impulse_ns": float(impulses.max(initial=0.0)),
         "odometry_error_m": float(rows["odometry_error_m"].mean()),
         "process_us": float(rows["process_us"].median()),

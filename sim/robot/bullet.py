@@ -78,3 +78,15 @@ def add_wall(client: int, start_m: FloatArray, end_m: FloatArray) -> int:
         physicsClientId=client,
     )
     return body
+
+
+def let_move_freely(client: int, body: int) -> None:
+    """No damping by the air, no sleep. PyBullet ignores other values in a call that has these."""
+    pybullet.changeDynamics(
+        body,
+        -1,
+        linearDamping=0.0,
+        angularDamping=0.0,
+        activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
+        physicsClientId=client,
+    )

@@ -1,9 +1,7 @@
 """Rigid bodies under gravity: a robot on driven wheels, walls, and people whom it can touch.
 
-A person is an upright capsule on two prismatic joints without motors: it keeps its velocity unless
-the robot pushes it, and it pushes the robot. Walls and other people act on people in the crowd's
-model alone. A world is built anew for each start, because contacts carry hidden state from substep
-to substep, which only a new world is free of.
+A world is built anew for each start, because contacts carry hidden state from substep to substep,
+which only a new world is free of.
 """
 
 import math
@@ -12,35 +10,24 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
 from sim.errors import SimError
-from sim.robot.bullet import add_wall, load_urdf, pybullet
+from sim.robot.bullet import add_wall, let_move_freely, load_urdf, pybullet
+from sim.robot.people_bodies import MOST_NEAR, Moving, PeopleBodies, Velocity
 from sim.scenario.scenario import Scenario
 
 Pose = tuple[float, float, float]
-Velocity = tuple[float, float]
 Wheels = tuple[float, float]
-Moving = tuple[tuple[float, float], Velocity]
 Quaternion = tuple[float, float, float, float]
 
-#: Mean of adults.
-PERSON_MASS_KG = 75.0
 _GRAVITY_MPS2 = 9.81
 _LONGEST_SUBSTEP_S = 0.005
 _SOLVER_ITERATIONS = 20
 #: Share of a penetration that a substep corrects. The correction is a velocity: the default of 0.2
 #: makes bodies bounce off that walk into each other.
 _CONTACT_ERP = 0.02
-_FLOOR_FRICTION, _WHEEL_FRICTION, _PERSON_FRICTION = 1.0, 0.8, 0.3
+_FLOOR_FRICTION, _WHEEL_FRICTION = 1.0, 0.8
 _SETTLING_S = 0.3
-#: People who are this close to the robot's surface at the start of a control period may touch it.
-_REACH_M = 0.3
-_MOST_NEAR = 12
-#: The capsule reaches below the floor, so that its side is a cylinder down to the floor.
-_PERSON_SIDE_M = 1.5
-_OUT_OF_THE_WAY_M = 1000.0
 _FOOTPRINT_TOLERANCE_M = 0.02
-_NO_COLLISION = 0
 #: Of a link without <inertial>, for which PyBullet would assume 1 kg.
 _FRAME_MASS_KG, _FRAME_INERTIA_KGM2 = 1e-3, (1e-6, 1e-6, 1e-6)
 
@@ -101,9 +88,6 @@ class Dynamics:
         self._torque_nm = settings.wheel_torque_nm
         self._n_substeps = math.ceil(scenario.control_period_s / _LONGEST_SUBSTEP_S - 1e-9)
         self._substep_s = scenario.control_period_s / self._n_substeps
-        self._reach_m = settings.radius_m + person_radius_m + _REACH_M
-        #: The person in each capsule that is in use.
-        self._near: dict[int, int] = {}
         self._start: Start | None = None
         self._periods: list[Period] = []
         self._client = -1
@@ -122,9 +106,9 @@ class Dynamics:
     def drive(self, period: Period, *, near_walls: bool = False) -> Impulses:
         """Advance by one control period; contacts with walls count when `near_walls`."""
         self._periods.append(period)
-        self._set_people(period.people)
+        self.people.place(period.people)
         impulses = Impulses()
-        watched = near_walls or bool(self._near)
+        watched = near_walls or bool(period.people)
         for substep in range(1, self._n_substeps + 1):
             share = substep / self._n_substeps
             left, right = (
@@ -136,25 +120,6 @@ class Dynamics:
             if watched:
                 self._add_contacts(impulses)
         return impulses
-
-    def near_people(
-        self, robot: Pose, positions_m: FloatArray, velocities_mps: FloatArray
-    ) -> dict[int, Moving]:
-        """Those of the (N, 2) people who may touch the robot in the next control period."""
-        away = np.hypot(positions_m[:, 0] - robot[0], positions_m[:, 1] - robot[1])
-        near = np.flatnonzero(away < self._reach_m)
-        nearest = near[np.argsort(away[near], kind="stable")][: len(self._slots)].tolist()
-        return {
-            person: (_pair(positions_m[person]), _pair(velocities_mps[person]))
-            for person in nearest
-        }
-
-    def person(self, person: int) -> tuple[Velocity, Velocity]:
-        """Position and velocity of a person who is near."""
-        slot = next(slot for slot, each in self._near.items() if each == person)
-        states = pybullet.getJointStates(self._slots[slot], (0, 1), self._client)
-        (x_m, vx_mps, *_), (y_m, vy_mps, *_) = states
-        return (x_m, y_m), (vx_mps, vy_mps)
 
     @property
     def motion(self) -> BodyMotion:
@@ -212,8 +177,12 @@ class Dynamics:
         self._walls = {add_wall(client, *segment) for segment in self._scenario.wall_segments_m}
         self._robot = self._load_robot()
         self._require_footprint()
-        self._slots = self._add_people()
-        self._near.clear()
+        self.people = PeopleBodies(
+            client,
+            min(self._scenario.pedestrians.count, MOST_NEAR),
+            self._person_radius_m,
+            apart_from=(self._floor, *self._walls),
+        )
 
     def _load_robot(self) -> int:
         drive, client = self._drive, self._client
@@ -237,7 +206,7 @@ class Dynamics:
                 physicsClientId=client,
                 **(frame if name in drive.massless else {}),
             )
-        self._let_move_freely(body)
+        let_move_freely(client, body)
         self._mass_in_root = pybullet.getDynamicsInfo(body, -1, client)[3:5]
         x, y, z, w = self._mass_in_root[1]
         self._root_turn = (-x, -y, -z, w)
@@ -254,73 +223,6 @@ class Dynamics:
                 f"robot.radius_m must cover the robot of {self._drive.path}, which extends "
                 f"{widest_m:.3f} m from its root link, got {radius_m:g} m; raise it"
             )
-
-    def _add_people(self) -> list[int]:
-        count = min(self._scenario.pedestrians.count, _MOST_NEAR)
-        if not count:
-            return []
-        capsule = pybullet.createCollisionShape(
-            pybullet.GEOM_CAPSULE,
-            radius=self._person_radius_m,
-            height=_PERSON_SIDE_M,
-            physicsClientId=self._client,
-        )
-        people = [self._add_person(slot, capsule) for slot in range(count)]
-        for body in people:
-            for other in (self._floor, *self._walls):
-                self._separate(body, other, -1)
-            for other in people[: people.index(body)]:
-                self._separate(body, other, 1)
-        return people
-
-    def _add_person(self, slot: int, capsule: int) -> int:
-        here, level = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
-        body: int = pybullet.createMultiBody(
-            0.0,
-            basePosition=(0.0, 0.0, 0.5 * _PERSON_SIDE_M),
-            linkMasses=(_FRAME_MASS_KG, PERSON_MASS_KG),
-            linkCollisionShapeIndices=(-1, capsule),
-            linkVisualShapeIndices=(-1, -1),
-            linkPositions=(here, here),
-            linkOrientations=(level, level),
-            linkInertialFramePositions=(here, here),
-            linkInertialFrameOrientations=(level, level),
-            linkParentIndices=(0, 1),
-            linkJointTypes=(pybullet.JOINT_PRISMATIC, pybullet.JOINT_PRISMATIC),
-            linkJointAxis=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-            physicsClientId=self._client,
-        )
-        for joint in (0, 1):
-            pybullet.setJointMotorControl2(
-                body, joint, pybullet.VELOCITY_CONTROL, force=0.0, physicsClientId=self._client
-            )
-            pybullet.changeDynamics(
-                body,
-                joint,
-                lateralFriction=_PERSON_FRICTION,
-                restitution=0.0,
-                physicsClientId=self._client,
-            )
-        self._let_move_freely(body)
-        for joint, place_m in enumerate(_aside(slot)):
-            pybullet.resetJointState(body, joint, place_m, 0.0, self._client)
-        return body
-
-    def _let_move_freely(self, body: int) -> None:
-        """No damping by the air, no sleep; of the base alone, whose call ignores other values."""
-        pybullet.changeDynamics(
-            body,
-            -1,
-            linearDamping=0.0,
-            angularDamping=0.0,
-            activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
-            physicsClientId=self._client,
-        )
-
-    def _separate(self, person: int, other: int, link: int) -> None:
-        pybullet.setCollisionFilterPair(
-            person, other, 1, link, _NO_COLLISION, physicsClientId=self._client
-        )
 
     def _set_base(self, pose: Pose) -> None:
         """Put the root link where the wheels touch the floor."""
@@ -360,24 +262,6 @@ class Dynamics:
             physicsClientId=self._client,
         )
 
-    def _set_people(self, people: Mapping[int, Moving]) -> None:
-        """Move people into capsules; one who is still near keeps the capsule."""
-        for slot in [slot for slot, person in self._near.items() if person not in people]:
-            del self._near[slot]
-            self._set_person(slot, _aside(slot), (0.0, 0.0))
-        placed = {person: slot for slot, person in self._near.items()}
-        free = (slot for slot in range(len(self._slots)) if slot not in self._near)
-        for person, (place_m, velocity_mps) in people.items():
-            slot = placed[person] if person in placed else next(free)
-            self._near[slot] = person
-            self._set_person(slot, place_m, velocity_mps)
-
-    def _set_person(self, slot: int, place_m: Velocity, velocity_mps: Velocity) -> None:
-        for joint in (0, 1):
-            pybullet.resetJointState(
-                self._slots[slot], joint, place_m[joint], velocity_mps[joint], self._client
-            )
-
     def _add_contacts(self, impulses: Impulses) -> None:
         for contact in pybullet.getContactPoints(self._robot, physicsClientId=self._client):
             other, force_n = contact[2], contact[9]
@@ -387,17 +271,8 @@ class Dynamics:
             if other in self._walls:
                 impulses.walls += impulse
             else:
-                person = self._near[self._slots.index(other)]
+                person = self.people.person_in(other)
                 impulses.people[person] = impulses.people.get(person, 0.0) + impulse
-
-
-def _aside(slot: int) -> Velocity:
-    """Where a capsule is that no person is in."""
-    return _OUT_OF_THE_WAY_M, 3.0 * slot
-
-
-def _pair(row: FloatArray) -> Velocity:
-    return float(row[0]), float(row[1])
 
 
 def _yaw_of(turn: Quaternion) -> float:

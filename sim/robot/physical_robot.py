@@ -13,7 +13,8 @@ import numpy as np
 from sim.crowd.crowd import Crowd, RobotBody
 from sim.crowd.distances import WallGeometry
 from sim.robot.contacts import Touch, Touches
-from sim.robot.dynamics import BodyMotion, Dynamics, History, Impulses, Period, Start, Velocity
+from sim.robot.dynamics import BodyMotion, Dynamics, History, Impulses, Period, Start
+from sim.robot.people_bodies import Velocity, near_people
 from sim.robot.robot import RobotState
 from sim.robot.unicycle import limited_velocity
 from sim.scenario.scenario import Scenario
@@ -46,6 +47,7 @@ class PhysicalRobot:
         self._wheel_radius_m = radius_m
         self._separation_m = settings.wheel_separation_m or drive.separation_m
         self._settings, self._step_s = settings, scenario.control_period_s
+        self._reach_m = settings.radius_m + person_radius_m
         self._dynamics = Dynamics(scenario, person_radius_m)
         self._walls = WallGeometry(1, scenario.wall_segments_m)
         self.state = PhysicalState(0.0, 0.0, (0.0, 1.0))
@@ -76,13 +78,13 @@ class PhysicalRobot:
         target = limited_velocity(command, *before.target, self._settings, self._step_s)
         velocities = np.stack([crowd.velocity_x_mps, crowd.velocity_y_mps], axis=1)
         places = np.stack([crowd.x_m, crowd.y_m], axis=1) - self._step_s * velocities
-        near = self._dynamics.near_people(before.pose, places, velocities)
+        near = near_people(before.pose[:2], self._reach_m, places, velocities)
         period = Period(self._wheel_speeds(before.target), self._wheel_speeds(target), near)
         near_walls = self.wall_distance_m < self._settings.radius_m + _NEAR_WALLS_M
         impulses = self._dynamics.drive(period, near_walls=near_walls)
         touches = self._touches(impulses, crowd)
         for person in impulses.people:
-            crowd.move(person, *self._dynamics.person(person))
+            crowd.move(person, *self._dynamics.people.motion(person))
         self.state = _state(self._dynamics.motion, target)
         self.wheel_motion = self._wheel_motion(before.wheels_rad)
         self._measure_walls()

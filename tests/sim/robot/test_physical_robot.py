@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from sim.robot.dynamics import PERSON_MASS_KG, Dynamics, Period, Start
+from sim.robot.dynamics import Dynamics, Period, Start
+from sim.robot.people_bodies import PERSON_MASS_KG
 from sim.robot.robot import standing_at
 from sim.world.command import STOP, Command
 from sim.world.world import HallwayWorld
@@ -180,7 +181,7 @@ def test_a_walking_person_pushes_a_freely_rolling_robot_with_conserved_momentum(
     dynamics = Dynamics(scenario, 0.25)
     dynamics.place(Start((3.0, 8.0, 0.0)))
     impulses = dynamics.drive(Period(HOLD, HOLD, {0: ((2.48, 8.0), (1.0, 0.0))}))
-    (_, (person_mps, sideways_mps)), motion = dynamics.person(0), dynamics.motion
+    (_, (person_mps, sideways_mps)), motion = dynamics.people.motion(0), dynamics.motion
     dynamics.close()
     robot_kg = MASS_KG + 2.0 * WHEEL_INERTIA_KGM2 / WHEEL_RADIUS_M**2
     momentum = PERSON_MASS_KG * person_mps + robot_kg * motion.velocity_mps[0]
