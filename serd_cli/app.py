@@ -19,6 +19,7 @@ COMMANDS = (
     "bag",
     "demos",
     "learn",
+    "compare",
     "scenario",
     "crowd",
     "episode",

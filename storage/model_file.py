@@ -85,6 +85,7 @@ class FitRecord(StrictModel):
     objective: float
     policy_log_likelihood: float
     dynamics_log_likelihood: float
+    hidden_log_likelihood: float = 0.0
     log_prior: float
     gradient_norm: float
     n_steps: int
@@ -97,6 +98,7 @@ class ModelFile(StrictModel):
     flow: picture of the direction people walk in per cell, as `storage.grid_picture` has it; none
     where it is that of the scenario.
     draws: none where the fit has no posterior.
+    goals_m: centres of the goal cells.
     goal_entry_s: how long after the beginning of its last decision period each demonstration was in
     the goal area; none where that was not recorded.
     """
@@ -115,6 +117,7 @@ class ModelFile(StrictModel):
     outcome_models: tuple[OutcomeModel, ...] = Field(min_length=1)
     grid: GridSummary
     flow: tuple[str, ...] = ()
+    goals_m: tuple[tuple[float, float], ...] = ()
     goal_entry_s: tuple[Annotated[float, Field(gt=0)], ...] = ()
     fit: FitRecord
     draws: ModelDraws = ModelDraws()
@@ -217,6 +220,7 @@ def model_of_fit(
         ),
         grid=GridSummary.of(problem.grid),
         flow=flow_picture(problem.grid, problem.flow) if own_flow else (),
+        goals_m=tuple((float(x), float(y)) for x, y in problem.grid.centers_m[problem.goal_states]),
         goal_entry_s=tuple(float(entry_s) for entry_s in goal_entry_s),
         fit=FitRecord(n_episodes=n_episodes, **values),
         draws=ModelDraws() if draws is None else ModelDraws.of(draws),

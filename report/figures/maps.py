@@ -21,6 +21,7 @@ from report.figures.map_axes import (
 )
 from report.style import in_words
 from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from serd_core.grid.navigation import NO_FLOW
 from storage.quantities import counted
@@ -75,6 +76,53 @@ def draw_gain(layout: HallwayLayout | None, grid: Grid, gain_nats: FloatArray) -
         colour_bar_below(figure, axes, cells, "expected information in nats")
         axes.set_title("a demonstration from the star teaches most", loc="left")
     return figure
+
+
+def draw_surprises(
+    grid: Grid, decisions: Decisions, surprising: BoolArray, layout: HallwayLayout | None = None
+) -> Figure:
+    """Decisions per cell in shades of blue, and those surprising (N,) as red arrows to the cell
+    reached; a circle where it is the same cell. Wider where there are several."""
+    visits = np.bincount(decisions.state, minlength=grid.n_states).astype(np.float64)
+    moves = np.stack([decisions.state, decisions.next_state], axis=1)[surprising]
+    (state, following), count = _distinct(moves)
+    with style.report_style():
+        figure, axes = place_figure(grid, layout)
+        cells = draw_cells(axes, grid, visits, Normalize(0, max(visits.max(), 1)), style.VALUE_MAP)
+        if layout is not None:
+            draw_areas(axes, layout, filled=False)
+        shift = grid.centers_m[following] - grid.centers_m[state]
+        moved = following != state
+        for times in np.unique(count[moved]).tolist():
+            here = moved & (count == times)
+            look = {"color": style.RED, "zorder": 5, "gid": "surprising moves"}
+            width = 0.012 * min(1.0 + np.log2(times), 4.0)
+            draw_vectors(axes, grid.centers_m[state[here]], 0.8 * shift[here], width=width, **look)
+        x_m, y_m = grid.centers_m[state[~moved]].T
+        axes.scatter(
+            x_m,
+            y_m,
+            s=25 * np.minimum(1.0 + np.log2(count[~moved]), 4.0),
+            facecolors="none",
+            edgecolors=style.RED,
+            linewidths=1.4,
+            zorder=5,
+            gid="surprising waits",
+        )
+        if layout is None:
+            axes.autoscale_view()
+        colour_bar_below(figure, axes, cells, "decisions taken in the cell")
+        axes.set_title(
+            f"{int(surprising.sum())} of {counted(len(decisions), 'decision')} surprising\n"
+            "(red: to the cell reached, circle: none)"
+        )
+    return figure
+
+
+def _distinct(moves: IntArray) -> tuple[IntArray, IntArray]:
+    """(2, n) distinct moves and (n,) how often each is."""
+    found, count = np.unique(moves.reshape(-1, 2), axis=0, return_counts=True)
+    return found.T, count.astype(np.int64)
 
 
 def draw_features(

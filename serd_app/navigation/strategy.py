@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -155,16 +156,17 @@ def load_strategy(
     transferred = file.grid.fingerprint != grid.fingerprint()
     if transferred and not transfer:
         require_grid(path, file, grid)
-    _require_same_scale(path, file, scenario)
+    here = scenario.cell_size_m, scenario.decision_period_s
+    require_same_scale(path, file, scenario.name, *here)
     flow = None if transferred else file.flow_on(path, grid)
     try:
         problem = navigation_problem_of(scenario, file.discount, file.feature_names, flow)
     except SerdError as error:
         raise FileError(f"{path}: {error}; learn the model again") from None
     rows = tuple(each.learned for each in file.outcome_models)
-    probabilities = _outcome_probabilities(path, file, problem, rows)
+    probabilities = outcome_probabilities_of(path, file, problem, rows)
     draws = np.array(
-        [_outcome_probabilities(path, file, problem, table) for table in file.draws.learned]
+        [outcome_probabilities_of(path, file, problem, table) for table in file.draws.learned]
         or [probabilities]
     )
     policy = SOLVERS[kind](problem, file.weights, probabilities)
@@ -195,14 +197,17 @@ def arrows_of(policy: Policy) -> list[Action]:
     return [Action(int(action)) for action in policy.greedy]
 
 
-def _require_same_scale(path: str, file: ModelFile, scenario: Scenario) -> None:
+def require_same_scale(
+    path: str | Path, file: ModelFile, where: str | Path, cell_size_m: float, period_s: float
+) -> None:
+    """FileError where cells or decision periods of `where` are not as long as the model's."""
     for what, unit, there, here in (
-        ("cells", "m", file.grid.cell_size_m, scenario.cell_size_m),
-        ("decision periods", "s", file.decision_period_s, scenario.decision_period_s),
+        ("cells", "m", file.grid.cell_size_m, cell_size_m),
+        ("decision periods", "s", file.decision_period_s, period_s),
     ):
         if there != here:
             raise FileError(
-                f"{path}: was learned with {what} of {there:g} {unit}, but {scenario.name!r} has "
+                f"{path}: was learned with {what} of {there:g} {unit}, but {str(where)!r} has "
                 f"{here:g} {unit}; its outcome probabilities hold for its own only: learn one here"
             )
 
@@ -214,19 +219,19 @@ def _averaged(problem: NavigationProblem, file: ModelFile, draws: FloatArray) ->
     return np.asarray(np.mean(each, axis=0))
 
 
-def _outcome_probabilities(
-    path: str, file: ModelFile, problem: NavigationProblem, table: Sequence[Probabilities]
+def outcome_probabilities_of(
+    path: str | Path, file: ModelFile, problem: NavigationProblem, table: Sequence[Probabilities]
 ) -> FloatArray:
     """(M, K) rows and columns by name. table: a row per outcome model of the file."""
     rows = {each.name: row for each, row in zip(file.outcome_models, table, strict=True)}
-    for kind, needed, there in (
+    for what, needed, there in (
         ("outcome_models", problem.model_names, rows),
         ("outcome_names", _OUTCOME_NAMES, file.outcome_names),
     ):
         missing = [name for name in needed if name not in there]
         if missing:
             raise FileError(
-                f"{path}: {kind} must have {', '.join(needed)}, but {missing[0]!r} is missing"
+                f"{path}: {what} must have {', '.join(needed)}, but {missing[0]!r} is missing"
                 "; learn the model again"
             )
     columns = [file.outcome_names.index(name) for name in _OUTCOME_NAMES]

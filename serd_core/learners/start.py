@@ -4,23 +4,17 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, float_array, require_generator
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe
-from serd_core.dynamics.estimation import (
-    estimate_dynamics,
-    most_likely_dynamics,
-    outcome_models_of,
-)
+from serd_core.dynamics.estimation import estimate_dynamics, outcome_models_of
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import Belief, TiedBelief
-from serd_core.posterior.hidden_actions import expected_counts
 from serd_core.posterior.parameters import Parameters
 
 TIED = TiedBelief()
 #: Probability of intended outcomes where a fit of hidden actions starts.
-INTENDED_SHARE = 0.6
+INTENDED_SHARE = 0.9
 
 
 def dynamics_or_estimate(
@@ -48,28 +42,27 @@ def dynamics_or_estimate(
 
 
 def dynamics_of_hidden_actions(problem: Problem, decisions: Decisions) -> FloatArray:
-    """(M, K) M-estimate at the counts expected if actions are equally likely: a start, no more.
+    """(M, K) where a fit of hidden actions starts: the intended outcome of each model is likely.
 
-    Outcomes then have the probability they have among decisions with their action, or
-    `INTENDED_SHARE` where they are the intended one of their model.
+    Models that decisions with their action have get the M-estimate of these.
     """
-    mdp, model = problem.mdp, outcome_models_of(problem.mdp)
-    shown = decisions.select(~decisions.hidden)
-    if model.intended is not None:
-        other = (1.0 - INTENDED_SHARE) / max(model.n_outcomes - 1, 1)
-        table = np.full((model.n_models, model.n_outcomes), other)
-        table[np.arange(model.n_models), model.intended] = INTENDED_SHARE
-        table /= table.sum(axis=1, keepdims=True)
-    elif len(shown):
-        table = estimate_dynamics(problem, shown)
-    else:
+    model, shown = outcome_models_of(problem.mdp), decisions.select(~decisions.hidden)
+    if model.intended is None and not len(shown):
         raise SerdError(
             "dynamics must be given as a start where all actions are hidden, got None; pass a table"
             " in which the intended outcomes are the most likely, or OutcomeModels with `intended`"
         )
-    uniform = np.log(np.maximum(mdp.available, 1e-300) / mdp.available.sum(axis=1, keepdims=True))
-    seen = expected_counts(model, observe(mdp, decisions), uniform, model.entries(table))
-    return most_likely_dynamics(model, seen.observations).probabilities
+    if model.intended is None:
+        return estimate_dynamics(problem, shown)
+    other = (1.0 - INTENDED_SHARE) / max(model.n_outcomes - 1, 1)
+    table = np.full((model.n_models, model.n_outcomes), other)
+    table[np.arange(model.n_models), model.intended] = INTENDED_SHARE
+    table /= table.sum(axis=1, keepdims=True)
+    if len(shown):
+        estimate = estimate_dynamics(problem, shown)
+        counted = np.unique(model.model_of[shown.state, shown.action])
+        table[counted] = estimate[counted]
+    return table
 
 
 def initial_weights_or_sample(

@@ -1,0 +1,178 @@
+"""How usual trajectories are for a learned model: episodes ranked among simulated ones.
+
+Trajectories are a table of decisions with the files beside it, or what `serd demos` reads, which is
+then put on the grid of the model.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from serd_app.demonstrations.flow_field import PEDESTRIANS, FlowField, flow_from_recordings
+from serd_app.demonstrations.grid_file import load_grid
+from serd_app.demonstrations.recorded import (
+    Place,
+    demonstrations_of_all,
+    files_beside,
+    save_demonstrations,
+)
+from serd_app.demonstrations.suggestion.suggest import mapping_of_poses
+from serd_app.drives.mapping import BagMapping, DriveMapping
+from serd_app.drives.recording import is_table, read_recording
+from serd_app.errors import AppError
+from serd_app.learning.learning_files import FlowSource, LearningFiles, read_learning_files
+from serd_app.learning.outcome import outcome_files
+from serd_app.navigation.strategy import outcome_probabilities_of, require_same_scale
+from serd_core.arrays import BoolArray, FloatArray
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.grid import Grid
+from serd_core.grid.navigation import NavigationProblem
+from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
+from serd_core.selection.surprise import EpisodeScores, episode_scores, tail_probabilities
+from sim.scenario.scenario import load_scenario
+from storage.errors import FileError
+from storage.model_file import ModelFile, load_model
+
+#: Methods whose policy is Boltzmann over optimal values.
+_OF_OPTIMAL_VALUES = ("pm_serd", "policy_matching")
+
+
+@dataclass(frozen=True, eq=False)
+class Familiarity:
+    """decisions (N,) with their tail probabilities (N,); scores of the episodes.
+
+    discretised: what became of the recording, empty for a table of decisions.
+    """
+
+    problem: NavigationProblem
+    decisions: Decisions
+    tails: FloatArray
+    scores: EpisodeScores
+    discretised: str
+
+    def surprising(self, level: float) -> BoolArray:
+        """(N,) decisions with a tail probability below the level."""
+        return np.asarray(self.tails < level)
+
+
+def familiarity_of(
+    model: Path,
+    trajectories: Path,
+    *,
+    mapping: DriveMapping | None = None,
+    flow: FlowSource = "auto",
+    goals_m: tuple[tuple[float, float], ...] = (),
+    n_simulated: int = 200,
+    seed: int = 0,
+) -> Familiarity:
+    """Score trajectories by the policy and dynamics of a model file.
+
+    goals_m: in place of the model's own; flow: see `read_learning_files`. FileError where cells or
+    periods differ from those of the model.
+    """
+    file = load_model(model)
+    files, discretised = _files(model, file, trajectories, mapping, flow, goals_m)
+    task, decisions = files.task, files.demonstrations.decisions
+    grid = task.problem.grid
+    require_same_scale(model, file, trajectories, grid.cell_size_m, task.decision_period_s)
+    if not len(decisions):
+        raise AppError(
+            f"{trajectories} must hold a decision before the goal, got none; name another --goal"
+        )
+    policy, outcomes = _policy(model, file, task.problem)
+    scores = episode_scores(
+        task.problem,
+        decisions,
+        policy,
+        outcomes,
+        n_simulated=n_simulated,
+        rng=np.random.default_rng(seed),
+    )
+    tails = tail_probabilities(task.problem, decisions, policy, outcomes)
+    return Familiarity(task.problem, decisions, tails, scores, discretised)
+
+
+def _policy(
+    model: Path, file: ModelFile, problem: NavigationProblem
+) -> tuple[FloatArray, FloatArray]:
+    """(S, A) policy and (M, K) true outcome probabilities of a model on a problem."""
+    missing = [name for name in problem.feature_names if name not in file.reward_weights]
+    if missing:
+        raise FileError(
+            f"{model}: reward_weights must have {missing[0]!r}, got {', '.join(file.feature_names)}"
+            "; learn the model again"
+        )
+    weights = np.array([file.reward_weights[name] for name in problem.feature_names])
+    believed, learned = (
+        outcome_probabilities_of(model, file, problem, rows)
+        for rows in (
+            tuple(each.believed for each in file.outcome_models),
+            tuple(each.learned for each in file.outcome_models),
+        )
+    )
+    if file.method in _OF_OPTIMAL_VALUES:
+        return boltzmann_policy(problem, weights, believed, file.temperature).probabilities, learned
+    return soft_policy(problem, weights, believed).probabilities, learned
+
+
+def _files(
+    model: Path,
+    file: ModelFile,
+    trajectories: Path,
+    mapping: DriveMapping | None,
+    flow: FlowSource,
+    goals_m: tuple[tuple[float, float], ...],
+) -> tuple[LearningFiles, str]:
+    is_decisions = files_beside(trajectories)["record"].exists()
+    if is_decisions and mapping is not None:
+        raise AppError(
+            f"--mapping must be left out for a table of decisions, got one for {trajectories}"
+        )
+    if is_decisions:
+        own = load_grid(files_beside(trajectories)["grid"]).fingerprint() == file.grid.fingerprint
+        goals = goals_m or (file.goals_m if own else ())
+        files = read_learning_files(
+            trajectories, discount=file.discount, flow=flow, goals_m=tuple(goals)
+        )
+        return files, ""
+    with TemporaryDirectory() as folder:
+        table = Path(folder) / "decisions.csv"
+        discretised = _discretise(model, file, trajectories, mapping, table)
+        files = read_learning_files(
+            table, discount=file.discount, flow=flow, goals_m=goals_m or file.goals_m
+        )
+        return files, discretised
+
+
+def _discretise(
+    model: Path, file: ModelFile, trajectories: Path, mapping: DriveMapping | None, table: Path
+) -> str:
+    """Write decisions on the model's grid, with the people of the recording or the model's flow."""
+    grid = load_grid(outcome_files(model)["grid"])
+    chosen = mapping or (None if is_table(trajectories) else mapping_of_poses(trajectories))
+    recording = read_recording(trajectories, file.decision_period_s, mapping=chosen, tolerant=False)
+    found = demonstrations_of_all([recording], grid, file.decision_period_s)
+    if not len(found[0].decisions):
+        raise AppError(
+            f"{trajectories} holds no decision on the grid of {model}: {found[0].report}; is it of"
+            " the same place?"
+        )
+    topic = chosen.people_topic if isinstance(chosen, BagMapping) else PEDESTRIANS
+    flow = flow_from_recordings([recording], grid, topic=topic)
+    place = Place(
+        grid, file.decision_period_s, load_scenario(file.scenario) if file.scenario else None
+    )
+    save_demonstrations(table, place, found, flow or _flow_of_model(model, file, grid))
+    return str(found[0].report)
+
+
+def _flow_of_model(model: Path, file: ModelFile, grid: Grid) -> FlowField | None:
+    flow = file.flow_on(model, grid)
+    if flow is None:
+        return None
+    n_states = grid.n_states
+    return FlowField(
+        flow, np.zeros((n_states, 2)), np.zeros(n_states), np.zeros(n_states, dtype=np.int64)
+    )

@@ -1,0 +1,182 @@
+"""`serd compare`: how usual trajectories are for a learned model."""
+
+import math
+from dataclasses import asdict, astuple, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from report.figures.map_axes import layout_of
+from report.figures.maps import draw_surprises
+from report.style import png_bytes
+from serd_app.drives.mapping import BagMapping, TableMapping
+from serd_app.drives.recording import is_table
+from serd_app.learning.learning_files import FlowSource
+from serd_app.navigation.familiarity import Familiarity, familiarity_of
+from serd_cli.options import AsJson
+from serd_cli.output.paths import require_apart, require_suffix
+from serd_cli.output.terminal import console, print_json
+from sim.scenario.goal import point_of
+from sim.scenario.scenario import load_scenario
+from storage.files import atomic_write_bytes
+from storage.model_file import load_model
+from storage.quantities import counted
+from storage.table import columns_of, write_table
+from storage.yaml_config import load_yaml_model
+
+#: Episodes listed on the terminal, those of the lowest ranks.
+_LISTED = 10
+#: Rank below which an episode is unusual.
+_UNUSUAL = 0.05
+
+
+@dataclass(frozen=True)
+class EpisodeRow:
+    """An episode of the table; log_likelihood, simulated: means per decision, rank: 0 to 1.
+
+    log_likelihood: None where the model rules out a decision.
+    """
+
+    episode: int
+    decisions: int
+    log_likelihood: float | None
+    simulated: float | None
+    rank: float
+    surprising: int
+
+
+def register(app: typer.Typer) -> None:
+    """Add the subcommand."""
+    app.command(no_args_is_help=True)(compare)
+
+
+def compare(
+    model: Annotated[Path, typer.Argument(help="file of a learned model")],
+    trajectories: Annotated[
+        Path, typer.Argument(help="table of decisions, bag, or table of trajectories")
+    ],
+    output: Annotated[Path, typer.Option(help="table to write, ending in .csv")] = Path(
+        "compared.csv"
+    ),
+    mapping: Annotated[
+        Path | None, typer.Option(help="YAML file as for 'serd demos', not for decisions")
+    ] = None,
+    flow: Annotated[FlowSource, typer.Option(help="way people walk, as in 'serd learn'")] = "auto",
+    goal: Annotated[
+        list[str] | None, typer.Option(help="x,y (m) of a goal cell, repeat; the model's own")
+    ] = None,
+    simulations: Annotated[int, typer.Option(help="simulated episodes for each one", min=1)] = 200,
+    surprise: Annotated[
+        float, typer.Option(help="mark decisions of a lower tail probability", min=0, max=1)
+    ] = 0.01,
+    seed: Annotated[int, typer.Option(help="of the simulated episodes", min=0)] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Score trajectories by a learned model, and mark the decisions that surprise it.
+
+    serd compare model.yaml others.csv
+
+    The table has a row per episode: its mean log-likelihood per decision, that
+    of episodes simulated from the model, and its rank among these, from 0 (less
+    likely than all) to 1. Beside it is a picture: decisions are surprising where
+    all that is as likely or less in their cell has a probability below
+    --surprise together.
+    """
+    require_suffix(output, ".csv")
+    picture = output.with_suffix(".png")
+    require_apart(output, (picture,), (str(model), str(trajectories), mapping or ""))
+    chosen = None
+    if mapping is not None:
+        chosen = load_yaml_model(mapping, TableMapping if is_table(trajectories) else BagMapping)
+    found = familiarity_of(
+        model,
+        trajectories,
+        mapping=chosen,
+        flow=flow,
+        goals_m=tuple(point_of(each) for each in goal or ()),
+        n_simulated=simulations,
+        seed=seed,
+    )
+    rows = _rows(found, surprise)
+    write_table(output, columns_of(EpisodeRow), map(astuple, rows))
+    scenario = load_model(model).scenario
+    layout = layout_of(load_scenario(scenario)) if scenario else None
+    figure = draw_surprises(found.problem.grid, found.decisions, found.surprising(surprise), layout)
+    atomic_write_bytes(picture, png_bytes(figure))
+    values = _values(found, rows, {"table": output, "picture": picture})
+    if as_json:
+        print_json({**values, "episodes": [asdict(each) for each in rows]})
+        return
+    _print(rows, values)
+
+
+def _rows(found: Familiarity, level: float) -> list[EpisodeRow]:
+    scores, surprising = found.scores, found.surprising(level)
+    counts = (np.sum(surprising[found.decisions.episode == n]) for n in scores.episode)
+    columns = (
+        scores.episode.tolist(),
+        scores.n_decisions.tolist(),
+        map(_finite, scores.log_likelihood.tolist()),
+        map(_finite, scores.expected.tolist()),
+        scores.rank.tolist(),
+        map(int, counts),
+    )
+    return [EpisodeRow(*row) for row in zip(*columns, strict=True)]
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _values(found: Familiarity, rows: list[EpisodeRow], files: dict[str, Path]) -> dict[str, Any]:
+    """Over all episodes; the log-likelihood per decision is None where one is ruled out."""
+    scores = found.scores
+    weights = scores.n_decisions / scores.n_decisions.sum()
+    return {
+        "n_episodes": len(rows),
+        "n_decisions": len(found.decisions),
+        "n_hidden": int(found.decisions.hidden.sum()),
+        "log_likelihood": _finite(float(weights @ scores.log_likelihood)),
+        "simulated": _finite(float(weights @ scores.expected)),
+        "mean_rank": float(scores.rank.mean()),
+        "n_unusual": int(np.sum(scores.rank < _UNUSUAL)),
+        "discretised": found.discretised,
+        "n_surprising": sum(each.surprising for each in rows),
+        "files": {name: path.resolve() for name, path in files.items()},
+    }
+
+
+def _print(rows: list[EpisodeRow], values: dict[str, Any]) -> None:
+    table = Table(title="Episodes of the lowest ranks", title_justify="left")
+    names = ("episode", "decisions", "log-likelihood", "simulated", "rank", "surprising")
+    for name in names:
+        table.add_column(name, justify="right")
+    for each in sorted(rows, key=lambda row: row.rank)[:_LISTED]:
+        table.add_row(
+            str(each.episode),
+            str(each.decisions),
+            _number(each.log_likelihood),
+            _number(each.simulated),
+            f"{each.rank:.3f}",
+            str(each.surprising),
+        )
+    console.print(table)
+    console.print(
+        f"{counted(values['n_episodes'], 'episode')}, {counted(values['n_decisions'], 'decision')}"
+        f" ({values['n_hidden']} without action): log-likelihood per decision"
+        f" {_number(values['log_likelihood'])}, of simulated episodes"
+        f" {_number(values['simulated'])}; mean rank {values['mean_rank']:.2f}, below"
+        f" {_UNUSUAL:g}: {values['n_unusual']}; surprising decisions: {values['n_surprising']}",
+        soft_wrap=True,
+    )
+    if values["discretised"]:
+        console.print(f"on the grid of the model: {values['discretised']}", soft_wrap=True)
+    for name, path in values["files"].items():
+        console.print(f"{name}: {path}", markup=False, soft_wrap=True)
+
+
+def _number(value: float | None) -> str:
+    return "-inf" if value is None else f"{value:.3f}"

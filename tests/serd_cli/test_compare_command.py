@@ -1,0 +1,91 @@
+"""`serd compare`: a model's own kind of episodes is usual, another kind is not."""
+
+import json
+
+import numpy as np
+import pytest
+
+from serd_app.demonstrations.decision_table import load_decisions
+
+
+def walks(path, y_m, seed, n=30):
+    """People walk 10 m east within a corridor, each in a lane around y."""
+    rng, lines = np.random.default_rng(seed), ["id,t,x,y"]
+    for agent in range(n):
+        lane_m, time_s, x_m = np.clip(y_m + rng.normal(0, 0.2), 0.1, 2.9), 100.0 * agent, 0.5
+        while x_m < 10.5:
+            lines.append(f"{agent},{time_s:.1f},{x_m:.3f},{lane_m:.3f}")
+            x_m += 0.1 * (1.0 + rng.normal(0, 0.1))
+            time_s += 0.1
+    # Two who walk across show the whole width of the corridor.
+    for agent in (n, n + 1):
+        start_s, x_m = 1e4 * agent, 5 * (agent - n) + 0.5
+        lines += [f"{agent},{start_s + y / 10:.1f},{x_m},{y / 10}" for y in range(30)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.fixture
+def model(serd, tmp_path):
+    """Learned from people who keep to the southern side."""
+    table, file = tmp_path / "decisions.csv", tmp_path / "model.yaml"
+    people = walks(tmp_path / "people.csv", 0.5, seed=0)
+    words = ("--cell-size-m", 1, "--period-s", 1)
+    assert serd("demos", people, *words, "--output", table).code == 0
+    assert serd("learn", table, "--output", file).code == 0
+    return file
+
+
+def compared(serd, *words):
+    ended = serd("compare", *words, "--json")
+    assert ended.code == 0, ended.err
+    return json.loads(ended.out)
+
+
+def test_episodes_like_those_learned_from_are_usual_and_others_are_not(serd, model, tmp_path):
+    same = walks(tmp_path / "same.csv", 0.5, seed=1)
+    other = walks(tmp_path / "other.csv", 2.5, seed=2)
+    output = tmp_path / "out.csv"
+    usual, unusual = (compared(serd, model, each, "--output", output) for each in (same, other))
+    assert usual["n_hidden"] == usual["n_decisions"] > 0
+    assert f"decisions in {usual['n_episodes']} episodes" in usual["discretised"]
+    assert usual["mean_rank"] > unusual["mean_rank"]
+    assert usual["log_likelihood"] > unusual["log_likelihood"]
+    assert len(unusual["episodes"]) == unusual["n_episodes"]
+    assert sum(each["surprising"] for each in unusual["episodes"]) == unusual["n_surprising"]
+    rows = output.read_text().splitlines()
+    assert rows[0] == "episode,decisions,log_likelihood,simulated,rank,surprising"
+    assert len(rows) == 1 + unusual["n_episodes"]
+    assert output.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    assert "Episodes of the lowest ranks" in serd("compare", model, same, "--output", output).out
+
+
+def test_a_table_of_decisions_is_compared_as_it_is(serd, model, tmp_path):
+    output = tmp_path / "out.csv"
+    table = tmp_path / "decisions.csv"
+    values = compared(serd, model, table, "--output", output, "--surprise", 1)
+    assert values["discretised"] == ""
+    assert values["n_decisions"] <= len(load_decisions(table))
+    assert values["n_surprising"] > 0
+    none = compared(serd, model, table, "--output", output, "--surprise", 0)
+    assert none["n_surprising"] == 0
+    assert values["log_likelihood"] == none["log_likelihood"]
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text("unit: m\n")
+    ended = serd("compare", model, table, "--mapping", mapping, "--output", output)
+    assert ended.code == 2
+    assert "--mapping must be left out for a table of decisions" in ended.err
+
+
+def test_other_cells_and_other_places_are_refused(serd, model, tmp_path):
+    people = walks(tmp_path / "again.csv", 0.5, seed=3)
+    table = tmp_path / "fine.csv"
+    assert serd("demos", people, "--cell-size-m", 0.5, "--output", table).code == 0
+    ended = serd("compare", model, table, "--output", tmp_path / "out.csv")
+    assert ended.code == 2
+    assert "was learned with cells of 1 m, but" in ended.err
+    far = tmp_path / "far.csv"
+    far.write_text("t,x,y\n" + "".join(f"{n / 10},{500 + n / 10},900\n" for n in range(100)))
+    ended = serd("compare", model, far, "--output", tmp_path / "out.csv")
+    assert ended.code == 2
+    assert "holds no decision on the grid of" in ended.err
