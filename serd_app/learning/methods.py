@@ -47,7 +47,6 @@ from serd_core.selection.prior_weight import select_weight, split_episodes
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=200)
 #: Methods that accept decisions whose action is hidden.
 LEARN_FROM_STATES: tuple[MethodName, ...] = (
-    "mdce_serd",
     "mdce_serd_evidence",
     "mdce_serd_coupled",
     "mdce_serd_free",
@@ -284,21 +283,15 @@ def relative_entropy_irl(data: FitData) -> MethodResult:
     return MethodResult(fit, f"none; thresholds {share:g} of Hoeffding's, smoothing {smoothing:g}")
 
 
-def method_for(wanted: MethodName, decisions: Decisions) -> MethodName:
-    """The method that learns these decisions; AppError where it needs actions that are hidden.
-
-    mdce_serd has a prior around counted dynamics. Without actions there is nothing to count, and
-    the same model gets its prior by evidence.
-    """
-    if not decisions.hidden.any():
-        return wanted
-    if wanted not in LEARN_FROM_STATES:
-        raise AppError(
-            f"method must be one of {', '.join(LEARN_FROM_STATES)} where actions are hidden, got"
-            f" {wanted}, which counts actions; take mdce_serd, or decisions of 'serd demos' by a"
-            " mapping with action_from: motion"
-        )
-    return "mdce_serd_evidence" if wanted == "mdce_serd" else wanted
+def require_learnable(method: MethodName, decisions: Decisions) -> None:
+    """AppError where the method counts actions and some are hidden."""
+    if method in LEARN_FROM_STATES or not decisions.hidden.any():
+        return
+    raise AppError(
+        f"method must be one of {', '.join(LEARN_FROM_STATES)} where actions are hidden, got"
+        f" {method}, which counts actions; take {LEARN_FROM_STATES[0]}, or take the motion as action"
+        " by action_from: motion in a mapping of 'serd demos'"
+    )
 
 
 METHODS: dict[MethodName, Callable[[FitData], MethodResult]] = {

@@ -13,7 +13,7 @@ from serd_app.learning.methods import (
     ProgressCallback,
     fit_data,
     ignore_progress,
-    method_for,
+    require_learnable,
 )
 from serd_app.learning.outcome import FitOutcome
 from serd_app.learning.settings import LearningSettings
@@ -63,6 +63,7 @@ def learn(
     """
     require_enough(demonstrations, settings)
     decisions, problem = demonstrations.decisions, task.problem
+    require_learnable(settings.method, decisions)
     rng = np.random.default_rng(settings.seed)
     data = fit_data(
         problem,
@@ -72,14 +73,13 @@ def learn(
         initial_weights=warm_weights,
         on_progress=on_progress,
     )
-    method = method_for(settings.method, decisions)
-    found = METHODS[method](data)
+    found = METHODS[settings.method](data)
     posterior = posterior_of(problem, decisions, found.fit)
     model = model_of_fit(
         found.fit,
         problem,
         scenario=task.scenario,
-        method=method,
+        method=settings.method,
         prior=found.prior,
         decision_period_s=task.decision_period_s,
         n_episodes=len(decisions.episodes),
