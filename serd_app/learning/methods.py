@@ -289,7 +289,7 @@ def require_learnable(method: MethodName, decisions: Decisions) -> None:
         return
     raise AppError(
         f"method must be one of {', '.join(LEARN_FROM_STATES)} where actions are hidden, got"
-        f" {method}, which counts actions; take {LEARN_FROM_STATES[0]}, or take the motion as action"
+        f" {method}, which counts actions; take {LEARN_FROM_STATES[0]}, or as action the motion"
         " by action_from: motion in a mapping of 'serd demos'"
     )
 
