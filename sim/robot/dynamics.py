@@ -5,6 +5,7 @@ which only a new world is free of.
 """
 
 import math
+from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -52,19 +53,12 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Period:
-    """What acts during a control period.
+class History:
+    """What has acted since the start: wheel targets of each control period, people of some."""
 
-    The wheels' target speeds change linearly from those before to those after. people: position
-    and velocity at its beginning of those who are near.
-    """
-
-    wheels_before: Wheels
-    wheels_after: Wheels
-    people: Mapping[int, Moving] = field(default_factory=dict)
-
-
-History = tuple[Start, tuple[Period, ...]]
+    start: Start
+    wheels_radps: tuple[float, ...]
+    people: Mapping[int, Mapping[int, Moving]]
 
 
 @dataclass
@@ -88,36 +82,46 @@ class Dynamics:
         self._torque_nm = settings.wheel_torque_nm
         self._n_substeps = math.ceil(scenario.control_period_s / _LONGEST_SUBSTEP_S - 1e-9)
         self._substep_s = scenario.control_period_s / self._n_substeps
-        self._start: Start | None = None
-        self._periods: list[Period] = []
+        self._start = Start((0.0, 0.0, 0.0))
+        self._target: Wheels = (0.0, 0.0)
+        self._wheel_log = array("d")
+        self._people_log: dict[int, Mapping[int, Moving]] = {}
         self._client = -1
         self._build()
 
     def place(self, start: Start) -> None:
         """Put the robot on the floor of a new world and give it a velocity."""
-        self._start, self._periods = start, []
+        self._start, self._wheel_log, self._people_log = start, array("d"), {}
         self._build()
         self._set_base(start.pose)
         self._turn_wheels((0.0, 0.0))
         for _ in range(math.ceil(_SETTLING_S / self._substep_s)):
             pybullet.stepSimulation(self._client)
+        self._target = self._rolling(start)
         self._set_velocity(start)
 
-    def drive(self, period: Period, *, near_walls: bool = False) -> Impulses:
-        """Advance by one control period; contacts with walls count when `near_walls`."""
-        self._periods.append(period)
-        self.people.place(period.people)
+    def drive(
+        self, wheels_radps: Wheels, people: Mapping[int, Moving], *, near_walls: bool = False
+    ) -> Impulses:
+        """Advance by one control period; the wheels' targets change linearly to those given.
+
+        people: those near the robot, with their motion at its beginning. near_walls: whether
+        contacts with walls are looked for.
+        """
+        if people:
+            self._people_log[len(self._wheel_log) // 2] = people
+        self._wheel_log.extend(wheels_radps)
+        before, self._target = self._target, wheels_radps
+        self.people.place(people)
         impulses = Impulses()
-        watched = near_walls or bool(period.people)
         for substep in range(1, self._n_substeps + 1):
             share = substep / self._n_substeps
             left, right = (
-                before + share * (after - before)
-                for before, after in zip(period.wheels_before, period.wheels_after, strict=True)
+                old + share * (new - old) for old, new in zip(before, wheels_radps, strict=True)
             )
             self._turn_wheels((left, right))
             pybullet.stepSimulation(self._client)
-            if watched:
+            if near_walls or people:
                 self._add_contacts(impulses)
         return impulses
 
@@ -135,19 +139,18 @@ class Dynamics:
         return BodyMotion((x_m, y_m, _yaw_of(turn)), (vx_mps, vy_mps), yaw_rate, (left, right))
 
     def save(self) -> History:
-        """All that has happened since the robot was placed."""
-        assert self._start is not None
-        return self._start, tuple(self._periods)
+        """All that has acted since the robot was placed."""
+        return History(self._start, tuple(self._wheel_log), dict(self._people_log))
 
     def load(self, history: History) -> None:
-        """Repeat what has happened, in a new world: the same calls give the same bits.
+        """Repeat what has acted, in a new world: the same calls give the same bits.
 
         A state that PyBullet saves is not enough: contacts that it restores go on differently.
         """
-        start, periods = history
-        self.place(start)
-        for period in periods:
-            self.drive(period)
+        self.place(history.start)
+        targets = history.wheels_radps
+        for period, wheels in enumerate(zip(targets[::2], targets[1::2], strict=True)):
+            self.drive(wheels, history.people.get(period, {}))
 
     def close(self) -> None:
         """Leave PyBullet; a second call does nothing."""
@@ -238,16 +241,16 @@ class Dynamics:
         velocity = (start.speed_mps * math.cos(yaw_rad), start.speed_mps * math.sin(yaw_rad), 0.0)
         turning = (0.0, 0.0, yaw_rate_radps)
         pybullet.resetBaseVelocity(self._robot, velocity, turning, self._client)
-        half = 0.5 * self._drive.separation_m * yaw_rate_radps
-        for joint, sign, rolled in zip(
-            self._wheels,
-            self._drive.turns_forward,
-            (start.speed_mps - half, start.speed_mps + half),
-            strict=True,
+        for joint, sign, speed in zip(
+            self._wheels, self._drive.turns_forward, self._rolling(start), strict=True
         ):
-            pybullet.resetJointState(
-                self._robot, joint, 0.0, sign * rolled / self._wheel_radius_m, self._client
-            )
+            pybullet.resetJointState(self._robot, joint, 0.0, sign * speed, self._client)
+
+    def _rolling(self, start: Start) -> Wheels:
+        """Speeds at which the wheels roll without slip."""
+        half = 0.5 * self._drive.separation_m * start.yaw_rate_radps
+        radius_m = self._wheel_radius_m
+        return (start.speed_mps - half) / radius_m, (start.speed_mps + half) / radius_m
 
     def _turn_wheels(self, wheels_radps: Wheels) -> None:
         pybullet.setJointMotorControlArray(

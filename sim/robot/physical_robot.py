@@ -13,7 +13,7 @@ import numpy as np
 from sim.crowd.crowd import Crowd, RobotBody
 from sim.crowd.distances import WallGeometry
 from sim.robot.contacts import Touch, Touches
-from sim.robot.dynamics import BodyMotion, Dynamics, History, Impulses, Period, Start
+from sim.robot.dynamics import BodyMotion, Dynamics, History, Impulses, Start
 from sim.robot.people_bodies import Velocity, near_people
 from sim.robot.robot import RobotState
 from sim.robot.unicycle import limited_velocity
@@ -79,9 +79,8 @@ class PhysicalRobot:
         velocities = np.stack([crowd.velocity_x_mps, crowd.velocity_y_mps], axis=1)
         places = np.stack([crowd.x_m, crowd.y_m], axis=1) - self._step_s * velocities
         near = near_people(before.pose[:2], self._reach_m, places, velocities)
-        period = Period(self._wheel_speeds(before.target), self._wheel_speeds(target), near)
         near_walls = self.wall_distance_m < self._settings.radius_m + _NEAR_WALLS_M
-        impulses = self._dynamics.drive(period, near_walls=near_walls)
+        impulses = self._dynamics.drive(self._wheel_speeds(target), near, near_walls=near_walls)
         touches = self._touches(impulses, crowd)
         for person in impulses.people:
             crowd.move(person, *self._dynamics.people.motion(person))
