@@ -1,0 +1,138 @@
+"""One vector of reward weights from experts with several goals, each an MDP with a goal of its own.
+
+    L(w) = sum over goals g of sum over decisions of g of log pi_g(a | s; w)
+
+Every goal has absorbing states, transitions and features of its own; the features have the same
+names. Networks without chance or discount are solved faster by `serd_core.routes`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, float_array
+from serd_core.ascent.ascent import Objective, StepCallback
+from serd_core.ascent.newton_ascent import NewtonAscent
+from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.observations import observe
+from serd_core.errors import SerdError
+from serd_core.learners.start import starting_parameters
+from serd_core.mdp.problem import Problem
+from serd_core.policies.policy_model import MdcePolicy
+from serd_core.posterior.beliefs import FixedBelief
+from serd_core.posterior.coordinates import LogPosterior, feature_ranges, free_numbers
+from serd_core.posterior.posterior import Posterior
+from serd_core.priors.prior import UniformPrior
+
+
+@dataclass(frozen=True, eq=False)
+class SharedRewards:
+    """Weights of highest likelihood over all goals.
+
+    reward_weights: (F,); information: (F, F) observed; log_likelihoods: (G,) of the decisions of
+    each goal.
+    """
+
+    feature_names: tuple[str, ...]
+    reward_weights: FloatArray
+    information: FloatArray
+    log_likelihoods: FloatArray
+    n_decisions: int
+    converged: bool
+    message: str
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """(F,) from the observed information."""
+        return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.information))))
+
+
+def fit_several_goals(
+    goals: Sequence[tuple[Problem, Decisions]],
+    *,
+    dynamics: FloatArray | None = None,
+    initial_weights: FloatArray | None = None,
+    on_step: StepCallback | None = None,
+) -> SharedRewards:
+    """Most likely weights of a soft expert for (problem, decisions) of each goal.
+
+    dynamics: (M, K) that all goals share; None where the transitions are known. initial_weights:
+    None for 0.
+    """
+    names = _shared_names(goals)
+    start = np.zeros(len(names))
+    if initial_weights is not None:
+        start = float_array("initial_weights", initial_weights, (len(names),))
+    ranges = np.max([feature_ranges(problem) for problem, _ in goals], axis=0)
+    each = [_log_likelihood(problem, decisions, dynamics) for problem, decisions in goals]
+    objective = SumOverGoals(each, 1.0 / ranges)
+    found = NewtonAscent().maximise(objective, start * ranges, on_step)
+    weights = found.vector / ranges
+    return SharedRewards(
+        feature_names=names,
+        reward_weights=weights,
+        information=-np.sum([goal.hessian(weights) for goal in each], axis=0),
+        log_likelihoods=np.array([goal.evaluate(weights)[0] for goal in each]),
+        n_decisions=sum(len(decisions) for _, decisions in goals),
+        converged=found.converged,
+        message=found.message,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class SumOverGoals(Objective):
+    """The sum of the goals' log-likelihoods, over weights in units of `scale` (F,)."""
+
+    goals: Sequence[Objective]
+    scale: FloatArray
+
+    def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
+        """Sum of values and of gradients."""
+        values, gradients = zip(
+            *(goal.evaluate(vector * self.scale) for goal in self.goals), strict=True
+        )
+        return float(sum(values)), np.sum(gradients, axis=0) * self.scale
+
+    def hessian(self, vector: FloatArray) -> FloatArray:
+        """Sum of second derivatives."""
+        total = np.sum([goal.hessian(vector * self.scale) for goal in self.goals], axis=0)
+        return np.asarray(total * np.outer(self.scale, self.scale))
+
+
+def _log_likelihood(
+    problem: Problem, decisions: Decisions, dynamics: FloatArray | None
+) -> LogPosterior:
+    model, policy_model = problem.mdp.transitions, MdcePolicy()
+    if dynamics is None and model.n_parameters:
+        raise SerdError(
+            f"dynamics must be given for a model with {model.n_parameters} parameters, got None;"
+            " pass estimate_dynamics(problem, decisions) or the truth"
+        )
+    known = np.zeros(0) if dynamics is None else np.asarray(dynamics, dtype=np.float64)
+    zeros = np.zeros(len(problem.feature_names))
+    at = starting_parameters(problem, policy_model, zeros, known, FixedBelief())
+    posterior = Posterior(problem, observe(problem.mdp, decisions), policy_model, UniformPrior())
+    return _PolicyOnly(posterior, free_numbers(problem, FixedBelief(), at))
+
+
+class _PolicyOnly(LogPosterior):
+    """The log-likelihood of the choices; transitions are known and only add a constant."""
+
+    def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
+        value, gradient = super().evaluate(vector)
+        _, found = self._found(vector)
+        return value - found.dynamics_log_likelihood, gradient
+
+
+def _shared_names(goals: Sequence[tuple[Problem, Decisions]]) -> tuple[str, ...]:
+    if not goals:
+        raise SerdError("goals must be at least one, got none; pass (problem, decisions) pairs")
+    names = goals[0][0].feature_names
+    for number, (problem, _) in enumerate(goals):
+        if problem.feature_names != names:
+            raise SerdError(
+                f"goals must share their features {names}, got {problem.feature_names} for goal"
+                f" {number}; rename or reorder them"
+            )
+    return names
