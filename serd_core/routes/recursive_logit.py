@@ -16,6 +16,7 @@ sum M^n b converges where the spectral radius of M is below 1, which holds exact
 The log-likelihood is concave, as V is a log-sum-exp over routes.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -24,7 +25,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
-from serd_core.arrays import FloatArray, float_array
+from serd_core.arrays import FloatArray, IntArray, float_array
 from serd_core.ascent.ascent import Objective
 from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.errors import SerdError
@@ -35,8 +36,12 @@ from serd_core.routes.network import RouteNetwork, Trips
 COPIES = 6
 #: How far below 1 rounding may bring the solution that certifies convergence.
 ROUNDING = 1e-6
-#: Halvings of the step from costs of 1 to costs at which the series converges.
+#: Times that equal costs are doubled until the series converges.
 DOUBLINGS = 30
+#: Size of a utility, and of the logarithm of a value, beyond which exponentials are not exact.
+LARGEST_UTILITY = 700.0
+#: Eigenvalue of the correlation form of the information below which weights are not determined.
+SINGULAR = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +82,10 @@ class RouteLikelihood(Objective):
         return value, self.trips.features.sum(axis=0) - self.network.features.T @ passed
 
     def values(self, weights: FloatArray) -> RouteValues | None:
-        """z of every destination; None where the series diverges. The last are kept."""
+        """z of every destination; the last are kept.
+
+        None where the series diverges, or a trip's value is too small to be a float.
+        """
         if self._last is None or not np.array_equal(self._last[0], weights):
             self._last = (weights.copy(), self._solved(weights))
         return self._last[1]
@@ -143,7 +151,7 @@ class RouteLikelihood(Objective):
 
     def _solved(self, weights: FloatArray) -> RouteValues | None:
         utilities = self.network.features @ weights
-        if not np.all(np.abs(utilities) < _LARGEST_UTILITY):
+        if not np.all(np.abs(utilities) < LARGEST_UTILITY):
             return None
         flow = np.exp(utilities)
         identity = scipy.sparse.eye_array(self.network.n_links, format="csc")
@@ -160,14 +168,8 @@ class RouteLikelihood(Objective):
             return None
         z = factor.solve(self._exits)
         at_origin = z[self.trips.origin, self.trips.to]
-        bad = np.flatnonzero(~(at_origin > 0.0))
-        if bad.size:
-            trip = int(bad[0])
-            raise SerdError(
-                f"trip {trip} must have a value above exp(-700) at its origin, got"
-                f" {at_origin[trip]} at weights {weights}; use larger units for the features"
-            )
-        return RouteValues(factor, flow, z, at_origin)
+        is_exact = bool(np.all(at_origin > np.exp(-LARGEST_UTILITY)))
+        return RouteValues(factor, flow, z, at_origin) if is_exact else None
 
     @cached_property
     def _exits(self) -> FloatArray:
@@ -176,9 +178,6 @@ class RouteLikelihood(Objective):
         for place, goal in enumerate(self.trips.destinations):
             table[self.network.exits_of(int(goal)), place] = 1.0
         return table
-
-
-_LARGEST_UTILITY = 700.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,15 +198,27 @@ class RouteFit:
 
     @property
     def standard_errors(self) -> FloatArray:
-        """(F,) from the observed information."""
-        return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.information))))
+        """(F,) from the observed information; infinite where that is singular."""
+        return np.asarray(np.sqrt(np.diag(self._covariance)))
 
     @property
     def robust_errors(self) -> FloatArray:
         """(F,) of the sandwich, trips independent of each other."""
-        inverse = np.linalg.inv(self.information)
+        inverse = self._covariance
+        if not np.all(np.isfinite(inverse)):
+            return self.standard_errors
         spread = inverse @ self.scores.T @ self.scores @ inverse
         return np.asarray(np.sqrt(np.diag(spread)))
+
+    @property
+    def _covariance(self) -> FloatArray:
+        size = np.diag(self.information)
+        if np.all(size > 0):
+            scale = np.outer(1.0 / np.sqrt(size), 1.0 / np.sqrt(size))
+            correlation = self.information * scale
+            if np.linalg.eigvalsh(correlation)[0] > SINGULAR:
+                return np.asarray(np.linalg.inv(correlation) * scale)
+        return np.full_like(self.information, np.inf)
 
     def summary(self) -> str:
         """A table of the weights, for people."""
@@ -244,7 +255,8 @@ def fit_routes(
     """
     likelihood = RouteLikelihood(network, trips)
     start = _start(likelihood, initial_weights)
-    scale = 1.0 / np.maximum(np.abs(network.features).max(axis=0), np.finfo(np.float64).tiny)
+    sizes = np.abs(network.features).max(axis=0)
+    scale = 1.0 / np.where(sizes > 0, sizes, 1.0)
     found = NewtonAscent(max_steps=max_steps).maximise(_Scaled(likelihood, scale), start / scale)
     weights = found.vector * scale
     return RouteFit(
@@ -260,7 +272,7 @@ def fit_routes(
 
 
 def route_values(
-    network: RouteNetwork, weights: FloatArray, destinations: FloatArray
+    network: RouteNetwork, weights: FloatArray, destinations: Sequence[int] | IntArray
 ) -> FloatArray:
     """(L, D) V of each link and destination; -inf where it cannot be reached.
 
@@ -297,22 +309,24 @@ def _start(likelihood: RouteLikelihood, initial_weights: FloatArray | None) -> F
         if likelihood.values(given) is None:
             raise SerdError(_diverges(given))
         return given
-    mean = np.maximum(np.abs(features).mean(axis=0), np.finfo(np.float64).tiny)
+    mean = np.abs(features).mean(axis=0)
+    mean = np.where(mean > 0, mean, 1.0)
     for power in range(DOUBLINGS):
         start: FloatArray = -(2.0**power) / (mean * features.shape[1])
-        if not np.all(features @ start > -_LARGEST_UTILITY):
+        if not np.all(features @ start > -LARGEST_UTILITY):
             break
         if likelihood.values(start) is not None:
             return start
     raise SerdError(
-        "initial_weights must be given, as the undiscounted series converged for no equal costs;"
-        " pass weights that make every cycle of links costly"
+        "initial_weights must be given, as for no equal costs the undiscounted series converged"
+        " and every trip was likelier than exp(-700); pass weights that make every cycle of links"
+        " costly"
     )
 
 
 def _diverges(weights: FloatArray) -> str:
     return (
         "weights must make the undiscounted series of routes converge, but the spectral radius of"
-        f" exp(utilities) is 1 or more at {weights.tolist()}: cycles of links cost too little; use"
-        " lower weights, or a constant per link"
+        f" exp(utilities) is 1 or more at {weights.tolist()}, or a route costs more than 700:"
+        " cycles of links cost too little; use lower weights, or a constant per link"
     )

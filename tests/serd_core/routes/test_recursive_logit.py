@@ -112,6 +112,23 @@ def test_weights_are_recovered_with_their_errors_from_many_destinations():
     assert "u-turn" in fit.summary()
 
 
+def test_a_feature_that_no_turn_has_is_named_as_undetermined_by_infinite_errors():
+    network, trips = simulated(60)
+    zero = np.zeros((len(network.from_link), 1))
+    wider = sc.RouteNetwork(
+        network.n_links,
+        network.from_link,
+        network.to_link,
+        np.concatenate([network.features, zero], axis=1),
+        (*network.feature_names, "bridge"),
+    )
+    features = np.concatenate([trips.features, np.zeros((len(trips), 1))], axis=1)
+    fit = sc.fit_routes(wider, sc.Trips(trips.origin, trips.destinations, trips.to, features))
+    assert not fit.converged
+    assert np.all(np.isinf(fit.standard_errors))
+    assert fit.summary().startswith("converged: no")
+
+
 def test_scaling_a_feature_scales_its_weight():
     network, trips = simulated(100)
     scale = np.array([1e4, 1.0, 1e-4])
