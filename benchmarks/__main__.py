@@ -9,7 +9,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # The libraries read the variable when they load.
-from benchmarks import bags_throughput, receipt_times, speed_figure
+from benchmarks import bags_throughput, compliance, receipt_times, speed_figure
 from benchmarks.driving import closed_loop, crowd_peers, drives, lockstep
 from benchmarks.faults import kill_matrix
 from benchmarks.learning import (
@@ -28,6 +28,7 @@ BENCHMARKS = {
     "belief_choice": belief_choice.run,
     "calibration": calibration.run,
     "closed_loop": closed_loop.run,
+    "compliance": compliance.run,
     "crowd_peers": crowd_peers.run,
     "drives": drives.run,
     "gradient": gradient.run,

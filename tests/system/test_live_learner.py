@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from serd_app.demonstrations.decision_table import save_decisions
+from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
 from serd_app.learning.checkpoint import CheckpointFolder, LearnerCheckpoint
 from serd_ros.endpoints import qos
@@ -65,6 +65,23 @@ def test_decisions_from_live_topics_equal_those_of_the_recording(nodes, probe, m
     assert [model.fit.n_episodes for model in models] == sorted(
         {model.fit.n_episodes for model in models}
     )
+
+
+def test_poses_of_a_bag_alone_are_learned_from(nodes, probe, models, root, tmp_path):
+    bag = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))[0]
+    table = tmp_path / "decisions.csv"
+    nodes.start_stack(
+        "learn",
+        bag=str(bag),
+        actions="hidden",
+        output=str(tmp_path / "model.yaml"),
+        decisions=str(table),
+        exit_when_done=False,
+    )
+    probe.spin_until(lambda: bool(models))
+    assert load_decisions(table).hidden.all()
+    assert models[-1].fit.hidden_log_likelihood < 0
+    assert models[-1].fit.policy_log_likelihood == 0
 
 
 def test_a_learner_killed_in_a_long_fit_resumes_from_its_last_checkpoint(
