@@ -1,7 +1,8 @@
 """Learning problems from tables of transitions: arrays, sparse matrices, columns, and Gymnasium.
 
 A terminal state gets one action, which stays. Its features count once, on arrival: staying for ever
-pays (1 - gamma) f each time, which is f in all. The rows and features given for it are not used.
+pays (1 - gamma) f each time, which is f in all. Transitions given from it are not used, nor are
+their features.
 A pair (s, a) without transitions is not available.
 """
 
@@ -63,6 +64,8 @@ def from_transitions(
     table, columns = _table_of(transitions)
     ends = _terminal_states(terminal, table.n_pairs[0])
     names = None if feature_names is None else tuple(feature_names)
+    goes_on = ~np.isin(table.state, ends)
+    kept_rows = table.select(goes_on)
     if isinstance(features, Mapping):
         if not columns:
             raise SerdError(
@@ -73,10 +76,9 @@ def from_transitions(
         size = len(np.atleast_1d(transitions["state"]))
         values = [float_array(f"features {name!r}", features[name], (size,)) for name in features]
         kept = np.asarray(transitions["probability"], dtype=np.float64) != 0
-        given: Any = table.expected(np.stack(values, axis=1)[kept])
+        given: Any = kept_rows.expected(np.stack(values, axis=1)[kept][goes_on])
     else:
         given = features
-    kept_rows = table.select(~np.isin(table.state, ends))
     model = fixed_transitions(
         table.n_pairs,
         np.concatenate([kept_rows.state, ends]),
@@ -228,7 +230,7 @@ def _gymnasium_rows(environment: Any) -> list[list[list[tuple[float, int, float,
     table = getattr(getattr(environment, "unwrapped", environment), "P", None)
     if table is None:
         raise SerdError(
-            "environment must have a table P of its transitions, as FrozenLake-v1, Taxi-v3 and"
+            "environment must have a table P of its transitions, as FrozenLake, Taxi and"
             f" CliffWalking have, got {type(environment).__name__}; use from_transitions"
         )
     return [[list(table[s][a]) for a in sorted(table[s])] for s in sorted(table)]

@@ -65,6 +65,15 @@ def test_an_environment_is_the_table_it_holds_and_its_reward():
     assert optimal.value[0] == pytest.approx(0.06889, abs=1e-5)
 
 
+def test_rewards_of_moves_from_a_terminal_state_do_not_count():
+    """Thirteen steps along the cliff cost 1 each; the table also has moves from the goal."""
+    problem = sc.from_gymnasium(gymnasium.make("CliffWalking-v1"), discount=0.9)
+    assert np.flatnonzero(problem.mdp.final).tolist() == [47]
+    value = sc.optimal_policy(problem, [1.0]).value
+    assert value[36] == pytest.approx(-(1 - 0.9**13) / 0.1, rel=1e-9)
+    assert value[47] == 0.0
+
+
 def test_outcome_models_of_an_environment_have_its_transitions():
     lake = gymnasium.make("FrozenLake-v1")
     features = np.random.default_rng(0).normal(size=(16, 4, 1))
