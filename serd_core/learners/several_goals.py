@@ -110,6 +110,11 @@ def _log_likelihood(
             " pass estimate_dynamics(problem, decisions) or the truth"
         )
     known = np.zeros(0) if dynamics is None else np.asarray(dynamics, dtype=np.float64)
+    if decisions.hidden.any():
+        raise SerdError(
+            f"decisions must show their actions, got {int(decisions.hidden.sum())} without; use"
+            " fit_mdce_serd for each goal"
+        )
     zeros = np.zeros(len(problem.feature_names))
     at = starting_parameters(problem, policy_model, zeros, known, FixedBelief())
     posterior = Posterior(problem, observe(problem.mdp, decisions), policy_model, UniformPrior())

@@ -117,7 +117,7 @@ def _chi_squared(statistic: float, number: int) -> HypothesisTest:
 
 
 def _log_likelihood(fit: FitResult) -> float:
-    return fit.policy_log_likelihood + fit.dynamics_log_likelihood
+    return fit.policy_log_likelihood + fit.dynamics_log_likelihood + fit.hidden_log_likelihood
 
 
 def _require_likelihood(*fits: FitResult) -> None:

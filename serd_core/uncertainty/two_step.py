@@ -46,6 +46,11 @@ def two_step_standard_errors(
             "fit must be one of rewards under an estimate of the dynamics, got one that learned"
             " both at once; use standard_errors"
         )
+    if decisions.hidden.any():
+        raise SerdError(
+            f"decisions must show their actions, got {int(decisions.hidden.sum())} without; use"
+            " bootstrap"
+        )
     at, observations = fit.parameters, observe(problem.mdp, decisions)
     posterior = Posterior(problem, observations, assumed.policy_model, assumed.prior)
     found = posterior.evaluate(at)

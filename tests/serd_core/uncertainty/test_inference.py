@@ -120,6 +120,21 @@ def test_two_step_errors_of_a_fit_of_both_at_once_are_refused():
         sc.two_step_standard_errors(problem, decisions, fit)
 
 
+def test_hidden_actions_are_refused_where_each_decision_needs_a_score():
+    problem, decisions = gamble()
+    fit = fitted(problem, decisions)
+    information = sc.fit_information(problem, decisions, fit)
+    columns = {**decisions.columns(), "action": np.full(len(decisions), sc.HIDDEN)}
+    hidden = sc.decisions_from_columns(columns)
+    for refused in (
+        lambda: sc.two_step_standard_errors(problem, hidden, fit),
+        lambda: sc.clustered_outer_product(problem, information, hidden),
+        lambda: decision_log_likelihoods(problem, hidden, fit),
+    ):
+        with pytest.raises(sc.SerdError, match="decisions must show their actions"):
+            refused()
+
+
 def test_a_bootstrap_of_a_mean_has_its_error_and_keeps_episodes_whole():
     actions = np.repeat([0] * 60 + [1] * 140, 5)
     decisions = choices(actions, np.repeat(np.arange(200), 5))
