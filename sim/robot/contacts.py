@@ -49,6 +49,13 @@ class Touches:
     people: Mapping[int, Touch]
     walls: Touch | None
 
+    def masks(self, n_people: int) -> tuple[BoolArray, BoolArray]:
+        """(N,) who touches the robot, and with whom it closed in faster."""
+        touch, by_robot = np.zeros((2, n_people), dtype=np.bool_)
+        for person, seen in self.people.items():
+            touch[person], by_robot[person] = True, seen.by_robot
+        return touch, by_robot
+
 
 @dataclass(frozen=True)
 class ContactEvent:
@@ -114,18 +121,16 @@ class ContactCounter:
             return 0, 0
         if touches is None:
             touch = gap < _TOUCH_M
-            new = touch & ~self._touching
-            by_robot = new & _robot_closes_in_faster(crowd, robot, away_x, away_y)
+            by_robot = _robot_closes_in_faster(crowd, robot, away_x, away_y)
         else:
-            touch, by_robot = np.zeros_like(self._touching), np.zeros_like(self._touching)
-            touch[list(touches.people)] = True
-            new = touch & ~self._touching
-            for person in np.flatnonzero(new).tolist():
-                seen = touches.people[person]
-                by_robot[person] = seen.by_robot
-                kind: ContactKind = "robot_on_person" if seen.by_robot else "person_on_robot"
-                self._add_event(kind, person, seen)
+            touch, by_robot = touches.masks(len(crowd))
+        new = touch & ~self._touching
+        by_robot &= new
         self._touching = touch | (self._touching & (gap < _APART_M))
+        if touches is not None:
+            for person in np.flatnonzero(new).tolist():
+                kind: ContactKind = "robot_on_person" if by_robot[person] else "person_on_robot"
+                self._add_event(kind, person, touches.people[person])
         return int(by_robot.sum()), int((new & ~by_robot).sum())
 
     def _add_event(self, kind: ContactKind, person: int | None, touch: Touch) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim.crowd.crowd import RobotBody
-from sim.robot.contacts import ContactCounter
+from sim.robot.contacts import ContactCounter, Touch, Touches
 
 FAR_FROM_WALLS_M = 5.0
 
@@ -88,3 +88,31 @@ def test_a_copy_of_the_counter_holds_who_touches_now():
     other = deepcopy(counter)
     other.update(one_person(0.49), robot(), FAR_FROM_WALLS_M)
     assert other.counts.person_on_robot == 1
+
+
+def test_touches_of_the_physics_count_as_they_are_with_their_impulses():
+    """A person who is 3 cm away has bounced off within the control period."""
+    counter = ContactCounter(1)
+    light, hard = Touch(2.0, 0.3, True), Touch(9.0, 0.8, False)
+    nothing = Touches({}, None)
+    for touches, x_m in (
+        (Touches({0: light}, None), 0.53),
+        (nothing, 0.52),
+        (Touches({0: hard}, None), 0.5),  # still the same contact
+        (nothing, 0.6),
+        (Touches({0: hard}, hard), 0.5),
+    ):
+        counter.update(one_person(x_m), robot(), FAR_FROM_WALLS_M, touches)
+    counts = counter.counts
+    assert (counts.robot_on_person, counts.person_on_robot, counts.robot_on_wall) == (1, 1, 1)
+    assert [(event.tick, event.kind, event.impulse_ns) for event in counter.events] == [
+        (1, "robot_on_person", 2.0),
+        (5, "person_on_robot", 9.0),
+        (5, "robot_on_wall", 9.0),
+    ]
+
+
+def test_circles_that_overlap_do_not_count_when_the_physics_has_no_contact():
+    counter = ContactCounter(1)
+    counter.update(one_person(0.49), robot(), 0.24, Touches({}, None))
+    assert counter.counts == ContactCounter(1).counts
