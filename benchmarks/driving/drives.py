@@ -19,7 +19,7 @@ from sim.planning.catalogue import make_planner
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.world.world import HallwayWorld
 
-SEEDS = range(1, 11)
+SEEDS = range(1, 7)
 SCENARIOS = ("hallway", "crossing")
 DRIVERS = ("expert_with_flow", "expert_against_flow")
 DRIVES = ("kinematic", "physical")
