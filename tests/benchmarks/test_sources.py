@@ -1,9 +1,12 @@
 """The table of sources in the documents, and the folds of what is held out."""
 
 import numpy as np
+import pytest
 
 from benchmarks.sources import likelihood, run
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import HIDDEN, Decisions
+from serd_core.grid.grid import Action, Grid
+from serd_core.grid.navigation import NO_FLOW, build_navigation_problem
 
 
 def test_only_the_rows_of_the_measured_table_are_replaced(tmp_path, monkeypatch):
@@ -26,3 +29,17 @@ def test_folds_are_whole_episodes_or_of_few_a_quarter_of_the_time():
 
     assert likelihood._folds(decisions(1, 2, 1, 1, 1)).tolist() == [0, 1, 1, 2, 3, 0]
     assert likelihood._folds(decisions(5, 3)).tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
+
+
+def test_by_chance_a_hidden_action_counts_by_its_states():
+    """In the middle of a room, each of five cells is as likely."""
+    problem = build_navigation_problem(
+        grid=Grid((0.0, 0.0), 1.0, np.ones((5, 5), bool)),
+        flow=np.full(25, NO_FLOW),
+        goal_states=[0],
+        wall_distance_m=np.ones(25),
+        discount=0.9,
+    )
+    decisions = Decisions([0, 0], [0.0, 1.0], [12, 13], [Action.EAST, HIDDEN], [13, 13])
+    found = likelihood.uniform_log_likelihood(problem, decisions)
+    assert found == pytest.approx(2 * np.log(1 / 5))

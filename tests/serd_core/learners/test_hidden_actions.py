@@ -15,6 +15,7 @@ from serd_core.grid.grid import Grid
 from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
+from serd_core.learners.start import dynamics_of_hidden_actions
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
@@ -161,6 +162,24 @@ def test_a_fit_of_hidden_actions_needs_a_start():
     decisions = Decisions([0], [0.0], [0], [HIDDEN], [1])
     with pytest.raises(SerdError, match="dynamics must be given as a start"):
         fit_mdce_serd(problem, decisions)
+
+
+def test_a_fit_starts_at_counted_dynamics_or_where_intended_outcomes_are_likely():
+    """The forest is in no decision with its action."""
+    problem = terrain_world(5)
+    models = problem.mdp.transitions
+    open_cell = int(np.flatnonzero(models.model_of[:, 0] == 0)[0])
+    ahead = models.successors[open_cell, 0, 1]
+    decisions = Decisions(
+        [0, 1], [0.0, 0.0], [open_cell, open_cell], [0, HIDDEN], [ahead, open_cell]
+    )
+    start = dynamics_of_hidden_actions(problem, decisions)
+    np.testing.assert_allclose(start[1], [0.025, 0.9, 0.025, 0.025, 0.025])
+    shown = estimate_dynamics(problem, decisions.select([0]))
+    np.testing.assert_allclose(start[0], shown[0])
+    np.testing.assert_allclose(
+        dynamics_of_hidden_actions(problem, decisions.select([1]))[0], start[1]
+    )
 
 
 @pytest.mark.parametrize(
