@@ -12,11 +12,18 @@ from matplotlib.quiver import Quiver
 
 from report.figures.hallway import draw_hallway
 from report.figures.map_axes import HallwayLayout, layout_of
-from report.figures.maps import draw_features, draw_flow_map, draw_policy_map, draw_visitation
+from report.figures.maps import (
+    draw_features,
+    draw_flow_map,
+    draw_policy_map,
+    draw_surprises,
+    draw_visitation,
+)
 from report.inputs import CrowdSnapshot
 from report.style import png_bytes, svg_bytes
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
-from serd_core.grid.grid import Action
+from serd_core.grid.grid import Action, Grid
 from serd_core.grid.navigation import NavigationProblem
 from sim.scenario.scenario import load_scenario
 
@@ -178,3 +185,22 @@ def test_flow_arrows_point_where_people_walk_and_are_red_where_the_scenario_diff
     title = figure.axes[0].get_title()
     assert f"known in {len(flow) - 2} of {len(flow)} cells" in title
     assert "1 not the scenario's" in title
+
+
+def test_surprising_decisions_are_arrows_to_the_cell_reached_and_circles_where_it_is_the_same():
+    """The first move twice, another once, one that stays, and one that does not surprise."""
+    grid = Grid((0.0, 0.0), 1.0, np.ones((2, 3), bool))
+    state, following = [0, 0, 1, 4, 5], [1, 1, 4, 4, 2]
+    decisions = Decisions(np.arange(5), np.zeros(5), state, np.zeros(5, int), following)
+    figure = draw_surprises(grid, decisions, np.array([True] * 4 + [False]))
+    arrows = artists(figure, Quiver, "surprising moves")
+    assert sorted(len(each.U) for each in arrows) == [1, 1]
+    thin, thick = sorted(arrows, key=lambda each: each.width)
+    assert (thin.U[0], thin.V[0]) == pytest.approx((0.0, 0.8))
+    assert (thick.U[0], thick.V[0]) == pytest.approx((0.8, 0.0))
+    (waits,) = [c for c in figure.axes[0].collections if c.get_gid() == "surprising waits"]
+    np.testing.assert_allclose(waits.get_offsets(), [grid.centers_m[4]])
+    assert cell_values(figure).tolist() == [2, 1, 0, 0, 1, 1]
+    assert "4 of 5 decisions surprising" in figure.axes[0].get_title()
+    none = draw_surprises(grid, decisions, np.zeros(5, bool))
+    assert not artists(none, Quiver, "surprising moves")
