@@ -1,7 +1,9 @@
 """Start a node, spin it until it is done or a signal stops it, and end with an exit code."""
 
+import math
 import signal
 import sys
+import time
 from collections.abc import Callable
 from types import FrameType
 from typing import Any
@@ -17,8 +19,10 @@ from serd_ros.process.serd_node import BAD_INPUT, SerdNode
 
 INTERNAL_ERROR = 1
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
-#: A signal ends the node after this time (s) at most, between two callbacks.
+#: A signal ends an idle node after this time (s) at most.
 _TURN_S = 0.2
+#: A node that lags behind takes what it has received before, for this time (s) at most.
+_BACKLOG_S = 1.0
 _QUOTES = "put a value that contains : into quotes, as topics:=[odom, '/imu:sensor_msgs/msg/Imu']"
 
 
@@ -71,7 +75,7 @@ def _refusal(error: RuntimeError) -> str:
 
 
 class _StopSignal:
-    """Notes the first SIGINT, SIGTERM or SIGHUP; a second one raises KeyboardInterrupt at once.
+    """Notes the time of the first SIGINT, SIGTERM or SIGHUP; a second one interrupts at once.
 
     The handler only sets a flag, since it may interrupt code that holds a lock: completing a future
     here would block for ever where the executor holds the future's lock. rclpy's own handlers close
@@ -79,7 +83,7 @@ class _StopSignal:
     """
 
     def __init__(self) -> None:
-        self.received = False
+        self.received_s = math.inf
         # nohup ignores SIGHUP, and that stays.
         self._numbers = [*_STOPPING]
         if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
@@ -90,7 +94,7 @@ class _StopSignal:
     def _receive(self, _: int, __: FrameType | None) -> None:
         for number in self._numbers:
             signal.signal(number, signal.default_int_handler)
-        self.received = True
+        self.received_s = time.monotonic()
 
 
 def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
@@ -102,18 +106,19 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
     executor.add_node(node)
     parent = ParentProcess()
 
-    def end_if_due() -> None:
-        if stop.received:
+    def end_if_due(after_s: float) -> None:
+        if time.monotonic() - stop.received_s >= after_s:
             node.finish()
         elif parent.has_ended:
             node.fail("the command that started it was killed; start it again")
 
-    node.callbacks.after_each = end_if_due
-    end_if_due()
+    node.callbacks.after_each = lambda: end_if_due(_BACKLOG_S)
+    end_if_due(0.0)
     try:
         while rclpy.ok() and not node.finished.done():
+            # It returns when no message is left.
             executor.spin_until_future_complete(node.finished, timeout_sec=_TURN_S)
-            end_if_due()
+            end_if_due(0.0)
     finally:
         parent.close()
         executor.remove_node(node)
