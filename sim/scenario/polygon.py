@@ -32,8 +32,9 @@ def counter_clockwise(polygon_m: FloatArray) -> FloatArray:
 def without_straight_corners(polygon_m: FloatArray) -> FloatArray:
     """The polygon without the corners at which it goes straight on, so that edges are whole walls.
 
-    A corner at which it goes straight back stays.
+    A corner at which it goes straight back stays, a repeated one counts once.
     """
+    polygon_m = polygon_m[(polygon_m != np.roll(polygon_m, 1, axis=0)).any(axis=1)]
     before = polygon_m - np.roll(polygon_m, 1, axis=0)
     after = np.roll(polygon_m, -1, axis=0) - polygon_m
     turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sim.scenario.polygon import (
@@ -70,6 +70,7 @@ def test_edges_close_the_polygon():
 
 
 @given(cuts=st.lists(st.tuples(st.integers(0, 5), st.floats(0.01, 0.99)), max_size=12))
+@example(cuts=[(0, 0.6440558819533597), (0, 0.6440558819533598)])  # the same point, by rounding
 def test_a_wall_cut_into_pieces_is_put_together_again(cuts):
     pieces = []
     for number, (start, end) in enumerate(edges_of(L_SHAPE)):
