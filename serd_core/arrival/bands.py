@@ -101,7 +101,8 @@ def sampling_band(
 ) -> tuple[FloatArray, FloatArray]:
     """Where the share of `n_episodes` falls if a predicted CDF is right: binomial quantiles.
 
-    cdf: (T,), or (n, T) by n draws of a posterior: quantiles of the mixture of their binomials.
+    cdf: (T,) or a number, or (n, T) by n draws of a posterior: quantiles of the mixture of their
+    binomials. Returns lower and upper of shape (T,), or numbers.
     Pointwise; discreteness makes the true coverage at least the stated one.
     """
     _require_coverage(coverage)
@@ -114,7 +115,7 @@ def sampling_band(
     probability = np.clip(np.atleast_2d(given), 0.0, 1.0)
     tail = (1.0 - coverage) / 2.0
     counts = (_mixture_quantile(share, n_episodes, probability) for share in (tail, 1.0 - tail))
-    lower, upper = (count / n_episodes for count in counts)
+    lower, upper = (np.reshape(count / n_episodes, given.shape[-1:]) for count in counts)
     return lower, upper
 
 

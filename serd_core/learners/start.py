@@ -27,11 +27,16 @@ def dynamics_or_estimate(
     """The given dynamics, or the M-estimate with a uniform prior (line 3 of Algorithm 1).
 
     In the terms of the model: an (M, K) table, or the parameters of a SparseModel. A model without
-    parameters needs neither. Where actions are hidden and the dynamics are `learned`, the estimate
-    is `dynamics_of_hidden_actions`.
+    parameters needs neither. Where actions are hidden, the estimate of dynamics that are `learned`
+    is `dynamics_of_hidden_actions`; others must be given.
     """
     model = problem.mdp.transitions
-    if dynamics is None and model.n_parameters and learned and decisions.hidden.any():
+    if dynamics is None and model.n_parameters and decisions.hidden.any():
+        if not learned:
+            raise SerdError(
+                f"action[{np.argmax(decisions.hidden)}] must be known for an estimate of the dynamics,"
+                " got a hidden one; pass dynamics, or use a belief that learns them"
+            )
         return dynamics_of_hidden_actions(problem, decisions)
     if dynamics is None:
         return estimate_dynamics(problem, decisions) if model.n_parameters else np.zeros(0)
@@ -44,7 +49,8 @@ def dynamics_or_estimate(
 def dynamics_of_hidden_actions(problem: Problem, decisions: Decisions) -> FloatArray:
     """(M, K) where a fit of hidden actions starts: the intended outcome of each model is likely.
 
-    Models that decisions with their action have get the M-estimate of these.
+    Models of pairs (s, a) that decisions show get the M-estimate of these. Without `intended` all
+    models get it; SerdError where no decision shows its action.
     """
     model, shown = outcome_models_of(problem.mdp), decisions.select(~decisions.hidden)
     if model.intended is None and not len(shown):

@@ -73,8 +73,13 @@ def from_transitions(
                 " (S, F) or (S, A, F) features"
             )
         names = names or tuple(features)
+        if set(names) != set(features):
+            raise SerdError(
+                f"feature_names must be the names of features, {tuple(features)}, got {names};"
+                " pass each name once"
+            )
         size = len(np.atleast_1d(transitions["state"]))
-        values = [float_array(f"features {name!r}", features[name], (size,)) for name in features]
+        values = [float_array(f"features {name!r}", features[name], (size,)) for name in names]
         kept = np.asarray(transitions["probability"], dtype=np.float64) != 0
         given: Any = kept_rows.expected(np.stack(values, axis=1)[kept][goes_on])
     else:
@@ -233,7 +238,18 @@ def _gymnasium_rows(environment: Any) -> list[list[list[tuple[float, int, float,
             "environment must have a table P of its transitions, as FrozenLake, Taxi and"
             f" CliffWalking have, got {type(environment).__name__}; use from_transitions"
         )
-    return [[list(table[s][a]) for a in sorted(table[s])] for s in sorted(table)]
+    _require_numbered("P", table)
+    for state in range(len(table)):
+        _require_numbered(f"P[{state}]", table[state])
+    return [[list(table[s][a]) for a in range(len(table[s]))] for s in range(len(table))]
+
+
+def _require_numbered(name: str, table: Mapping[int, Any]) -> None:
+    if set(table) != set(range(len(table))):
+        raise SerdError(
+            f"the keys of {name} must be 0 to {len(table) - 1}, got {sorted(table)}; use"
+            " from_transitions, in which a pair may be left out"
+        )
 
 
 def _outcome_lists(

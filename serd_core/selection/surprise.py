@@ -2,7 +2,8 @@
 
 An episode's score is the mean log-likelihood of its decisions. Its rank is the share of episodes
 simulated from the model, which start in the same state and take at most as many decisions, with a
-lower score. Ranks of the model's own episodes are uniform between 0 and 1.
+lower score. Ranks of the model's own episodes are uniform between 0 and 1 where their largest
+numbers of decisions were fixed beforehand, not where an episode ends for another reason.
 
 The tail probability of a decision is that of all decisions in its state that are as likely or less:
 
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, weighted_counts
+from serd_core.arrays import FloatArray, IntArray, first_index, weighted_counts
 from serd_core.demonstrations.decisions import Decisions, rows_by_trajectory
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.transition_model import transitions_of
@@ -73,7 +74,10 @@ def episode_scores(
     n_simulated: int = 200,
     rng: np.random.Generator,
 ) -> EpisodeScores:
-    """Score and rank of every episode; simulated ones hide the actions where the episode does."""
+    """Score and rank of every episode; simulated ones hide the actions where the episode does.
+
+    SerdError for an episode that hides some of its actions only, or starts in a final state.
+    """
     if n_simulated < 1:
         raise SerdError(f"n_simulated must be at least 1, got {n_simulated}; use 200")
     rows, _ = rows_by_trajectory(decisions)
@@ -82,10 +86,19 @@ def episode_scores(
     episodes, first, lengths = np.unique(ordered.episode, return_index=True, return_counts=True)
     score = np.add.reduceat(likelihood, first) / lengths
     expected, rank = np.empty(len(episodes)), np.empty(len(episodes))
-    hidden = np.array(
-        [ordered.hidden[at : at + n].any() for at, n in zip(first, lengths, strict=True)]
-    )
-    start = ordered.state[first]
+    hidden, start = ordered.hidden[first], ordered.state[first]
+    mixed = first_index(np.add.reduceat(ordered.hidden, first, dtype=int) != hidden * lengths)
+    if mixed is not None:
+        raise SerdError(
+            "decisions of an episode must all show or all hide their actions, got both in episode"
+            f" {episodes[mixed]}; hide all with with_hidden_actions"
+        )
+    final = first_index(problem.mdp.final[start])
+    if final is not None:
+        raise SerdError(
+            "episodes must not start in a final state, in which there is no choice, got episode"
+            f" {episodes[final]} in state {start[final]}; drop it"
+        )
     for state, hides in np.unique(np.stack([start, hidden], axis=1), axis=0).tolist():
         mine = np.flatnonzero((start == state) & (hidden == hides))
         sampled = sample_decisions(

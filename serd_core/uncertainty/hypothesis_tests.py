@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.stats
 
-from serd_core.arrays import weighted_counts
+from serd_core.arrays import first_index, weighted_counts
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
@@ -27,6 +27,8 @@ from serd_core.uncertainty.information import fit_information
 
 #: Standard deviation of the differences, relative to their size, that is nothing but rounding.
 ROUNDING = 1e-9
+#: Loss of log-likelihood, relative to its size, that incomplete convergence explains.
+LOSS = 1e-6
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,11 @@ def likelihood_ratio_test(
     n_restrictions: None for the number of features that the restricted fit has less.
     """
     _require_likelihood(restricted, full)
+    if restricted.n_decisions != full.n_decisions:
+        raise SerdError(
+            "restricted and full must be fits of the same decisions, got"
+            f" {restricted.n_decisions} and {full.n_decisions} decisions; fit both to all of them"
+        )
     less = len(full.reward_weights) - len(restricted.reward_weights)
     number = less if n_restrictions is None else n_restrictions
     if number < 1:
@@ -53,14 +60,21 @@ def likelihood_ratio_test(
             f"n_restrictions must be at least 1, got {number}; pass the larger model as full, and"
             " n_restrictions where both have the same features"
         )
-    gain = _log_likelihood(full) - _log_likelihood(restricted)
+    most = _log_likelihood(full)
+    gain = most - _log_likelihood(restricted)
+    if not gain >= -LOSS * (1.0 + abs(most)):
+        raise SerdError(
+            f"full must be at least as likely as restricted, got a gain of {gain}; swap them if"
+            " full is the smaller model"
+        )
     return _chi_squared(max(0.0, 2.0 * gain), number)
 
 
 def score_test(problem: Problem, decisions: Decisions, restricted: FitResult) -> HypothesisTest:
     """Whether features of `problem` that the restricted fit has not would improve it.
 
-    problem: has the features of the fit by name, and more; its MDP is that of the fit.
+    problem: has the features of the fit by name, and more; its MDP is that of the fit. Degrees of
+    freedom are the added features less the null directions.
     """
     _require_likelihood(restricted)
     missing = [name for name in restricted.feature_names if name not in problem.feature_names]
@@ -79,8 +93,20 @@ def score_test(problem: Problem, decisions: Decisions, restricted: FitResult) ->
         parameters=restricted.parameters.with_block(Block.REWARD, weights),
     )
     information = fit_information(problem, decisions, wider)
-    inverse = spectrum(information, information.observed).covariance
-    return _chi_squared(float(information.gradient @ inverse @ information.gradient), added)
+    found = spectrum(information, information.observed)
+    if found.indefinite:
+        raise SerdError(
+            "the information matrix must not have negative eigenvalues, got"
+            f" {found.values[0]}; fit the larger model and use likelihood_ratio_test"
+        )
+    number = added - int(found.null.sum())
+    if number < 1:
+        raise SerdError(
+            f"decisions must determine an added feature, got {added} added and"
+            f" {added - number} null directions; add features that are not collinear with others"
+        )
+    statistic = float(information.gradient @ found.covariance @ information.gradient)
+    return _chi_squared(statistic, number)
 
 
 def vuong_test(
@@ -98,12 +124,19 @@ def vuong_test(
     first_log, second_log = (
         decision_log_likelihoods(problem, decisions, fit) for problem, fit in (first, second)
     )
+    for name, log in (("first", first_log), ("second", second_log)):
+        bad = first_index(~np.isfinite(log))
+        if bad is not None:
+            raise SerdError(
+                f"decisions must be possible under both models, got decision {bad[0]} with a"
+                f" log-likelihood of {log[bad]} under the {name}; drop it or the model"
+            )
     each = first_log - second_log
     if by_episode:
         _, episode = np.unique(decisions.episode, return_inverse=True)
         each = weighted_counts(episode, each, int(episode.max()) + 1)
     spread = float(np.std(each))
-    if len(each) < 2 or spread <= ROUNDING * (1.0 + float(np.abs(first_log).mean())):
+    if len(each) < 2 or not spread > ROUNDING * (1.0 + float(np.abs(first_log).mean())):
         raise SerdError(
             f"the models must differ in what they predict of at least 2 episodes, got {len(each)}"
             f" with a standard deviation of {spread}; use likelihood_ratio_test for nested ones"
@@ -123,8 +156,14 @@ def _log_likelihood(fit: FitResult) -> float:
 def _require_likelihood(*fits: FitResult) -> None:
     for fit in fits:
         own = fit.assumptions
-        priors = () if own is None else (own.prior, own.belief.prior)
-        proper = [prior for prior in priors if not isinstance(prior, UniformPrior)]
+        if own is None:
+            raise SerdError(
+                "a test of likelihoods must have fits that record what they assumed, got"
+                " assumptions=None; fit again"
+            )
+        proper = [
+            prior for prior in (own.prior, own.belief.prior) if not isinstance(prior, UniformPrior)
+        ]
         if proper or not fit.converged:
             state = "converged" if fit.converged else "not converged"
             raise SerdError(

@@ -22,6 +22,8 @@ from serd_core.uncertainty.information import Information
 
 #: Eigenvalues below this share of the largest count as zero.
 NULL_SHARE = 1e-9
+#: Eigenvalues below minus this share of the largest are negative beyond rounding.
+NEGATIVE_SHARE = 1e-6
 
 # Share of the squared size of what was subtracted below which information is rounding.
 _ROUNDING = 1e-13
@@ -47,6 +49,11 @@ class Spectrum:
         """(m,) directions without information."""
         largest = max(float(self.values[-1]), np.finfo(np.float64).tiny)
         return np.asarray(self.values <= self.null_share * largest)
+
+    @property
+    def indefinite(self) -> bool:
+        """Whether an eigenvalue is negative beyond rounding."""
+        return bool(self.values[0] < -NEGATIVE_SHARE * abs(self.values[-1]))
 
     @property
     def covariance(self) -> FloatArray:

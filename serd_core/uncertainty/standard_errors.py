@@ -23,7 +23,7 @@ import numpy as np
 import scipy.special
 import scipy.stats
 
-from serd_core.arrays import FloatArray, IntArray, float_array, int_array
+from serd_core.arrays import FloatArray, IntArray, first_index, float_array, int_array
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
@@ -71,7 +71,7 @@ def standard_errors(
     """
     matrix = information.observed if matrix is None else matrix
     found = spectrum(information, matrix, null_share)
-    if found.values[0] < -1e-6 * abs(found.values[-1]):
+    if found.indefinite:
         raise SerdError(
             "the information matrix must not have negative eigenvalues, got"
             f" {found.values[0]}: the fit is no maximum; continue it until it has converged"
@@ -144,7 +144,14 @@ def clustered_outer_product(
         )
     model = problem.mdp.transitions
     row = decisions.state * model.n_actions + decisions.action
-    place = np.searchsorted(information.group, model.groups.find(row, decisions.next_state))
+    group = model.groups.find(row, decisions.next_state)
+    bad = first_index(~np.isin(group, information.group))
+    if bad is not None:
+        raise SerdError(
+            f"decisions must be those of the information, got decision {bad[0]} with a transition"
+            " that those have not; pass the decisions of fit_information"
+        )
+    place = np.searchsorted(information.group, group)
     sums = np.zeros((len(names), len(information.names)))
     np.add.at(sums, cluster, information.scores[place])
     return np.asarray(len(names) / (len(names) - 1.0) * (sums.T @ sums))

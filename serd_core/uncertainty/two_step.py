@@ -30,6 +30,8 @@ from serd_core.posterior.derivatives.transition_derivatives import log_transitio
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.dirichlet import DirichletPrior
+from serd_core.uncertainty.identifiability import identifiability
+from serd_core.uncertainty.information import fit_information
 from serd_core.uncertainty.standard_errors import StandardErrors
 
 
@@ -38,7 +40,8 @@ def two_step_standard_errors(
 ) -> StandardErrors:
     """For a fit by likelihood under the M-estimate of its own decisions.
 
-    pseudo_count: that of the estimate. The errors hold where the model is wrong, too (sandwich).
+    pseudo_count: that of the estimate. Where decisions are independent of each other, the errors
+    hold where the model is wrong, too (sandwich). SerdError for a fit with a temperature.
     """
     assumed, model = fit.assumptions, outcome_models_of(problem.mdp)
     if assumed is None or not isinstance(assumed.belief, FixedBelief):
@@ -51,6 +54,7 @@ def two_step_standard_errors(
             f"decisions must show their actions, got {int(decisions.hidden.sum())} without; use"
             " bootstrap"
         )
+    _require_rewards_at_optimum(problem, decisions, fit)
     at, observations = fit.parameters, observe(problem.mdp, decisions)
     posterior = Posterior(problem, observations, assumed.policy_model, assumed.prior)
     found = posterior.evaluate(at)
@@ -76,8 +80,8 @@ def two_step_standard_errors(
         inverse = scipy.linalg.inv(slope)
     except scipy.linalg.LinAlgError as error:
         raise SerdError(
-            "decisions must determine every reward weight, got a singular information matrix; use"
-            " identifiability to find what they leave open"
+            "decisions must determine the dynamics, got a singular information matrix; pass a"
+            f" larger pseudo_count than {pseudo_count}"
         ) from error
     covariance = inverse @ spread @ inverse.T
     jacobian = model.local_jacobian(at.truth) @ basis
@@ -93,6 +97,23 @@ def two_step_standard_errors(
         outcome_probabilities=of_dynamics,
         believed_outcome_probabilities=of_dynamics,
     )
+
+
+def _require_rewards_at_optimum(problem: Problem, decisions: Decisions, fit: FitResult) -> None:
+    if len(fit.parameters.policy):
+        raise SerdError(
+            "fit must have no temperature, which two-step errors do not cover, got"
+            f" {fit.temperature}; use bootstrap"
+        )
+    information = fit_information(problem, decisions, fit)
+    null = identifiability(information, matrix=information.observed).null
+    if null:
+        raise SerdError(
+            "decisions must determine every reward weight, got a singular information matrix along"
+            f" {null[0]}; drop one of these features"
+        )
+    if not fit.converged:
+        raise SerdError(f"fit must have converged, got {fit.message!r}; continue the fit")
 
 
 def _errors(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -135,6 +135,12 @@ def test_the_sampling_band_holds_the_share_of_episodes_as_often_as_it_says(n_epi
     assert binom.pmf(counts, n_episodes, probability)[inside].sum() >= 0.95 - 1e-9
 
 
+def test_the_sampling_band_of_a_number_is_two_numbers():
+    lower, upper = sampling_band(0.5, 20)
+    assert np.shape(lower) == np.shape(upper) == ()
+    assert (lower, upper) == tuple(np.ravel(sampling_band([0.5], 20)))
+
+
 def test_the_sampling_band_of_a_posterior_holds_counts_of_its_mixture_of_binomials():
     draws = np.random.default_rng(4).beta(20.0, [[4.0, 20.0, 0.5]], size=(50, 3))
     n_episodes, counts = 60, np.arange(61)

@@ -5,6 +5,7 @@ import pytest
 
 from serd_core.bayes.draws import credible_intervals, laplace_draws
 from serd_core.bayes.laplace import laplace
+from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import HIDDEN, Decisions
 from serd_core.demonstrations.observations import explained
 from serd_core.demonstrations.simulation import sample_decisions
@@ -19,7 +20,7 @@ from serd_core.learners.start import dynamics_of_hidden_actions
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
-from serd_core.posterior.beliefs import CoupledBelief, FreeBelief, TiedBelief
+from serd_core.posterior.beliefs import CoupledBelief, FixedBelief, FreeBelief, TiedBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.dirichlet import DirichletPrior
 from serd_core.priors.gaussian import GaussianPrior
@@ -217,3 +218,16 @@ def test_hidden_moves_that_no_action_explains_are_found():
 def test_decisions_accept_one_marker_for_hidden_actions():
     with pytest.raises(SerdError, match=r"action\[0\] must be an index or -1"):
         Decisions([0], [0.0], [0], [-2], [1])
+
+
+@pytest.mark.parametrize("prior", [UniformPrior(), PriorByEvidence()])
+def test_hidden_actions_under_dynamics_that_are_not_learned_need_dynamics(gridworld, prior):
+    hidden = gridworld.decisions.with_hidden_actions()
+    with pytest.raises(SerdError, match=r"action\[0\] must be .* one; pass dynamics, or"):
+        fit_mdce_serd(
+            gridworld.problem,
+            hidden,
+            initial_weights=np.zeros(2),
+            belief=FixedBelief(),
+            prior=prior,
+        )

@@ -108,3 +108,30 @@ def test_an_environment_without_a_table_is_rejected():
         sc.from_gymnasium(object(), discount=0.9)
     with pytest.raises(sc.SerdError, match="features must be given where outcome models"):
         sc.from_gymnasium(gymnasium.make("FrozenLake-v1"), discount=0.9, model_of=0)
+
+
+def test_features_by_name_have_the_order_of_feature_names():
+    table, _ = random_table()
+    columns = columns_of(table)
+    one, two = np.random.default_rng(1).normal(size=(2, len(columns["state"])))
+    given = {"one": one, "two": two}
+    first = sc.from_transitions(columns, given, discount=0.9)
+    names = ("two", "one")
+    other = sc.from_transitions(columns, given, discount=0.9, feature_names=names)
+    assert other.feature_names == names
+    np.testing.assert_array_equal(other.features, first.features[:, :, ::-1])
+    with pytest.raises(sc.SerdError, match="feature_names must be the names of features"):
+        sc.from_transitions(columns, given, discount=0.9, feature_names=("one", "three"))
+
+
+@pytest.mark.parametrize(
+    ("table", "name"),
+    [
+        ({0: {0: [(1.0, 0, 0.0, False)], 2: [(1.0, 1, 0.0, True)]}, 1: {0: []}}, r"P\[0\]"),
+        ({1: {0: [(1.0, 1, 0.0, False)]}}, "P"),
+    ],
+)
+def test_tables_that_leave_out_an_action_or_a_state_are_rejected(table, name):
+    environment = type("Environment", (), {"P": table})()
+    with pytest.raises(sc.SerdError, match=f"the keys of {name} must be 0 to "):
+        sc.from_gymnasium(environment, discount=0.9)

@@ -71,3 +71,16 @@ def test_an_episode_that_the_model_rules_out_has_rank_zero_or_close(minimum_exam
     assert found.rank[0] < 1 / 51
     with pytest.raises(SerdError, match="n_simulated must be at least 1, got 0"):
         episode_scores(minimum_example, impossible, policy, table, n_simulated=0, rng=rng)
+
+
+def test_episodes_without_simulated_counterparts_are_rejected(gridworld, minimum_example):
+    policy = soft_policy(gridworld.problem, gridworld.weights, gridworld.probabilities)
+    table, rng = gridworld.probabilities, np.random.default_rng(0)
+    some = np.arange(len(gridworld.decisions)) == 20
+    mixed = gridworld.decisions.with_hidden_actions(some)
+    with pytest.raises(SerdError, match=r"must all show or all hide .* got both in episode 1"):
+        episode_scores(gridworld.problem, mixed, policy.probabilities, table, rng=rng)
+    stays = Decisions([7], [0.0], [1], [2], [1])
+    choice = np.array([[0.5, 0.5, 0.0], [0.0, 0.0, 1.0]])
+    with pytest.raises(SerdError, match=r"must not start in a final state.* got episode 7 in"):
+        episode_scores(minimum_example, stays, choice, np.full((2, 2), 0.5), rng=rng)

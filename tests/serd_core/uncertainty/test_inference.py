@@ -8,6 +8,7 @@ import scipy.stats
 
 import serd_core as sc
 from serd_core.selection.evaluation import decision_log_likelihoods
+from serd_core.uncertainty import hypothesis_tests
 
 
 def bandit(n_features=1):
@@ -243,3 +244,81 @@ def test_counterfactual_dynamics_change_what_the_expert_expects():
     same = sc.counterfactual_policy(problem, fit)
     np.testing.assert_allclose(same.probabilities, sc.fitted_policy(problem, fit))
     assert changed.probabilities[0, 1] < same.probabilities[0, 1]
+
+
+def test_two_step_errors_need_an_optimum_of_rewards_that_are_determined():
+    problem, decisions = gamble()
+    fit = fitted(problem, decisions)
+    with pytest.raises(sc.SerdError, match="fit must have converged, got"):
+        sc.two_step_standard_errors(problem, decisions, replace(fit, converged=False))
+    heated = replace(fit, parameters=fit.parameters.with_block(sc.Block.POLICY, np.zeros(1)))
+    with pytest.raises(sc.SerdError, match="fit must have no temperature"):
+        sc.two_step_standard_errors(problem, decisions, heated)
+    names = ("first", "second")
+    twice = replace(
+        problem, features=problem.features * np.array([1.0, 1.0 + 1e-13]), feature_names=names
+    )
+    wider = replace(
+        fit,
+        feature_names=names,
+        parameters=fit.parameters.with_block(sc.Block.REWARD, np.repeat(fit.reward_weights / 2, 2)),
+    )
+    with pytest.raises(sc.SerdError, match=r"singular .* along .*first.*second"):
+        sc.two_step_standard_errors(twice, decisions, wider)
+
+
+def test_clusters_of_other_decisions_than_those_of_the_information_are_rejected():
+    problem, decisions = bandit(), choices([0, 0, 0, 0])
+    fit = fitted(problem, choices([0, 1, 0, 1]))
+    information = sc.fit_information(problem, decisions, fit)
+    with pytest.raises(sc.SerdError, match="must be those of the information, got decision 2"):
+        sc.clustered_outer_product(problem, information, choices([0, 0, 1, 0]))
+
+
+def test_a_score_test_counts_only_directions_that_the_data_determine():
+    narrow, wide = two_arms()
+    decisions = alternate(np.random.default_rng(3), 400, 0.6)
+    restricted = fitted(narrow, decisions)
+    features = wide.features[:, :, [0, 1, 1]]
+    third = replace(wide, features=features, feature_names=("x", "y", "z"))
+    found = sc.score_test(third, decisions, restricted)
+    assert found.degrees_of_freedom == 1
+    expected = sc.score_test(wide, decisions, restricted).statistic
+    assert found.statistic == pytest.approx(expected, rel=1e-6)
+    same = replace(wide, features=wide.features[:, :, [0, 0]])
+    with pytest.raises(sc.SerdError, match="must determine an added feature, got 1 added and 1"):
+        sc.score_test(same, decisions, restricted)
+
+
+def test_a_score_test_rejects_an_indefinite_information(monkeypatch):
+    narrow, wide = two_arms()
+    decisions = alternate(np.random.default_rng(3), 400, 0.6)
+    restricted = fitted(narrow, decisions)
+    own = sc.fit_information(wide, decisions, fitted(wide, decisions))
+    turned = replace(own, observed=own.observed * np.array([[1.0, 0.0], [0.0, -1.0]]))
+    monkeypatch.setattr(hypothesis_tests, "fit_information", lambda *_: turned)
+    with pytest.raises(sc.SerdError, match="must not have negative eigenvalues, got -"):
+        sc.score_test(wide, decisions, restricted)
+
+
+def test_vuong_rejects_decisions_that_a_model_rules_out(monkeypatch):
+    narrow, _ = two_arms()
+    decisions = alternate(np.random.default_rng(1), 40, 0.9)
+    fit = fitted(narrow, decisions)
+    ruled_out = np.where(np.arange(40) == 3, -np.inf, -1.0)
+    monkeypatch.setattr(hypothesis_tests, "decision_log_likelihoods", lambda *_: ruled_out)
+    with pytest.raises(sc.SerdError, match="got decision 3 with a log-likelihood of -inf under"):
+        sc.vuong_test(decisions, (narrow, fit), (narrow, fit))
+
+
+def test_likelihood_ratios_are_those_of_nested_fits_of_the_same_decisions():
+    narrow, wide = two_arms()
+    decisions = alternate(np.random.default_rng(3), 400, 0.6)
+    restricted, full = fitted(narrow, decisions), fitted(wide, decisions)
+    fewer = fitted(narrow, decisions.select(np.arange(398)))
+    with pytest.raises(sc.SerdError, match="same decisions, got 398 and 400 decisions"):
+        sc.likelihood_ratio_test(fewer, full)
+    with pytest.raises(sc.SerdError, match=r"full must be at least as likely .* a gain of -"):
+        sc.likelihood_ratio_test(full, restricted, n_restrictions=1)
+    with pytest.raises(sc.SerdError, match="got assumptions=None; fit again"):
+        sc.likelihood_ratio_test(replace(restricted, assumptions=None), full)
