@@ -34,8 +34,8 @@ def dynamics_or_estimate(
     if dynamics is None and model.n_parameters and decisions.hidden.any():
         if not learned:
             raise SerdError(
-                f"action[{np.argmax(decisions.hidden)}] must be known for an estimate of the dynamics,"
-                " got a hidden one; pass dynamics, or use a belief that learns them"
+                f"action[{np.argmax(decisions.hidden)}] must be known for an estimate of the"
+                " dynamics, got a hidden one; pass dynamics, or use a belief that learns them"
             )
         return dynamics_of_hidden_actions(problem, decisions)
     if dynamics is None:
