@@ -137,7 +137,7 @@ class SparseModel(TransitionModel):
 
 @dataclass(frozen=True, eq=False)
 class KnownEntries:
-    """The map of a model without parameters to its (E,) entries, and the derivative of that."""
+    """The map of a model without parameters to its (E,) entries."""
 
     entries: FloatArray
 

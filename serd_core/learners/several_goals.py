@@ -24,6 +24,7 @@ from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.coordinates import LogPosterior, feature_ranges, free_numbers
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior
+from serd_core.uncertainty.covariance import covariance_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +45,8 @@ class SharedRewards:
 
     @property
     def standard_errors(self) -> FloatArray:
-        """(F,) from the observed information."""
-        return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.information))))
+        """(F,) from the observed information; infinite where that is singular."""
+        return np.asarray(np.sqrt(np.diag(covariance_of(self.information))))
 
 
 def fit_several_goals(

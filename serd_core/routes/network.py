@@ -35,6 +35,8 @@ class RouteNetwork:
     def __post_init__(self) -> None:
         names = unique_names(self.feature_names)
         features = float_array("features", self.features, (None, len(names)))
+        if not len(features):
+            raise SerdError("features must be of at least one turn, got none; add a turn")
         ends = [int_array(name, getattr(self, name), (len(features),)) for name in _TURN]
         for name, links in zip(_TURN, ends, strict=True):
             require_index(name, links, self.n_links, "a link")

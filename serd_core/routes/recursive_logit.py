@@ -8,8 +8,9 @@ soft Bellman equation without discount is linear in z = exp V:
 (Fosgerau, Frejinger and Karlstrom, Transportation Research B 56, 2013). I - M is the same for all
 destinations, so one factorisation serves them all, their derivatives and the adjoint. The series
 sum M^n b converges where the spectral radius of M is below 1, which holds exactly where
-(I - M) x = 1 has a positive solution (I - M is an M-matrix; Berman and Plemmons 1994, theorem
-6.2.3); it then is at least 1 everywhere. With M_f = M * x_f and g = dV_d(o):
+(I - M) x = 1 has a positive solution (I - M then is an M-matrix; Berman and Plemmons 1994,
+theorem 6.2.3); it then is at least 1 everywhere. With M_f = M * x_f and M_fg = M * x_f * x_g, entry
+by entry:
 
     dz_f = (I - M)^-1 M_f z,    d2z_fg = (I - M)^-1 (M_f dz_g + M_g dz_f + M_fg z)
 
@@ -25,12 +26,13 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
-from serd_core.arrays import FloatArray, IntArray, float_array
+from serd_core.arrays import FloatArray, IntArray, first_index, float_array, int_array
 from serd_core.ascent.ascent import Objective
 from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.errors import SerdError
 from serd_core.memory import require_memory
 from serd_core.routes.network import RouteNetwork, Trips
+from serd_core.uncertainty.covariance import covariance_of
 
 #: Tables of links by destinations that exist at a time, besides one per feature.
 COPIES = 6
@@ -40,8 +42,6 @@ ROUNDING = 1e-6
 DOUBLINGS = 30
 #: Size of a utility, and of the logarithm of a value, beyond which exponentials are not exact.
 LARGEST_UTILITY = 700.0
-#: Eigenvalue of the correlation form of the information below which weights are not determined.
-SINGULAR = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,13 +212,7 @@ class RouteFit:
 
     @property
     def _covariance(self) -> FloatArray:
-        size = np.diag(self.information)
-        if np.all(size > 0):
-            scale = np.outer(1.0 / np.sqrt(size), 1.0 / np.sqrt(size))
-            correlation = self.information * scale
-            if np.linalg.eigvalsh(correlation)[0] > SINGULAR:
-                return np.asarray(np.linalg.inv(correlation) * scale)
-        return np.full_like(self.information, np.inf)
+        return covariance_of(self.information)
 
     def summary(self) -> str:
         """A table of the weights, for people."""
@@ -279,7 +273,14 @@ def route_values(
     SerdError where the undiscounted series does not converge.
     """
     checked = float_array("weights", weights, (len(network.feature_names),))
-    goals = np.asarray(destinations, dtype=np.int64)
+    goals = int_array("destinations", destinations, (None,))
+    assert network.exits is not None
+    bad = first_index(~np.isin(goals, network.exits[:, 1]))
+    if bad is not None:
+        raise SerdError(
+            f"destinations[{bad[0]}] must have an exit in the network, got {goals[bad]}; add the"
+            " exit or drop the destination"
+        )
     none = np.zeros(0, dtype=np.int64)
     trips = Trips(none, goals, none, np.zeros((0, len(network.feature_names))))
     found = RouteLikelihood(network, trips)._found(checked)

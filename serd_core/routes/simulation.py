@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, require_generator
+from serd_core.arrays import FloatArray, IntArray, int_array, require_generator, require_index
 from serd_core.errors import SerdError
 from serd_core.routes.network import RouteNetwork
 from serd_core.routes.recursive_logit import route_values
@@ -20,13 +20,16 @@ def sample_routes(
 ) -> list[list[int]]:
     """The links of one route per pair of origin and destination."""
     require_generator(rng)
-    goals, column = np.unique(np.asarray(destinations), return_inverse=True)
+    wanted = int_array("destinations", destinations, (None,))
+    starts = int_array("origins", origins, (len(wanted),))
+    require_index("origins", starts, network.n_links, "a link")
+    goals, column = np.unique(wanted, return_inverse=True)
     values = route_values(network, weights, goals)
     utility = network.features @ np.asarray(weights, dtype=np.float64)
     first = np.searchsorted(network.from_link, np.arange(network.n_links + 1))
     exits = [set(network.exits_of(int(goal)).tolist()) for goal in goals]
     routes = []
-    for origin, place in zip(np.asarray(origins).tolist(), column.tolist(), strict=True):
+    for origin, place in zip(starts.tolist(), column.tolist(), strict=True):
         value, link, route = values[:, place], int(origin), [int(origin)]
         if not np.isfinite(value[link]):
             raise SerdError(

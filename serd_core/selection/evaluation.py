@@ -9,7 +9,7 @@ log-likelihood of that is -inf.
 import numpy as np
 from scipy.special import rel_entr
 
-from serd_core.arrays import FloatArray, float_array, weighted_counts
+from serd_core.arrays import FloatArray, float_array, require_index, weighted_counts
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import explaining_transitions, observe
 from serd_core.dynamics.transition_model import transitions_of
@@ -66,6 +66,7 @@ def move_log_likelihood(
     -inf for what they rule out.
     """
     mdp = problem.mdp
+    require_index("state", decisions.state, mdp.n_states, "a state")
     chosen = checked_policy("policy", policy, mdp)
     table = np.asarray(outcome_probabilities, np.float64)
     entries = transitions_of(mdp.transitions, table).entries

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, require_generator
+from serd_core.arrays import FloatArray, first_index, require_generator
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 
@@ -45,7 +45,10 @@ def bootstrap(
     rng: np.random.Generator,
     n: int = 200,
 ) -> Bootstrap:
-    """Estimates from n samples of as many episodes as there are, drawn with replacement."""
+    """Estimates from n samples of as many episodes as there are, drawn with replacement.
+
+    SerdError where one is NaN.
+    """
     require_generator(rng)
     episodes = decisions.episodes
     if n < 2 or len(episodes) < 2:
@@ -54,7 +57,14 @@ def bootstrap(
         )
     rows = [np.flatnonzero(decisions.episode == episode) for episode in episodes]
     drawn = rng.integers(len(episodes), size=(n, len(episodes)))
-    return Bootstrap(np.stack([estimate(_sample(decisions, rows, each)) for each in drawn]))
+    found = np.stack([estimate(_sample(decisions, rows, each)) for each in drawn])
+    bad = first_index(np.isnan(found))
+    if bad is not None:
+        raise SerdError(
+            f"estimate must return numbers for every sample, got NaN for sample {bad[0]} of {n};"
+            " estimate what every sample of the episodes determines"
+        )
+    return Bootstrap(found)
 
 
 def _sample(

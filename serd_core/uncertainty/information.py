@@ -56,7 +56,8 @@ class Information:
     n_decisions: how many; converged: whether the fit did, in what is determined.
     gauge: (g, n) directions that change nothing, such as a constant added to all energies of an
     outcome model. parameters: where they were taken; jacobian: (all blocks, n).
-    group: (G,) distinct observed transitions, as indices into those of the model; scores: (G, n).
+    group: (G,) distinct observed transitions, as indices into those of the model.
+    scores: (G + T, n) of these and of the T distinct moves with a hidden action.
     """
 
     names: tuple[str, ...]

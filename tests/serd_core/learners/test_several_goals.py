@@ -1,5 +1,7 @@
 """Several goals share their weights: one goal is an ordinary fit, many are a sum."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,6 +71,13 @@ def test_weights_of_all_goals_together_are_nearer_the_truth_than_their_errors_al
     single = sc.fit_several_goals(pairs[:1])
     assert np.all(found.standard_errors < single.standard_errors)
     assert found.n_decisions == sum(len(decisions) for _, decisions in pairs)
+
+
+def test_collinear_features_have_infinite_errors():
+    ((problem, decisions),) = simulated(goals=(12,))
+    twice = replace(problem, features=problem.features[:, :, [0, 0]])
+    found = sc.fit_several_goals([(twice, decisions)])
+    np.testing.assert_array_equal(found.standard_errors, [np.inf, np.inf])
 
 
 def test_goals_without_dynamics_or_with_other_features_are_rejected(gridworld):

@@ -166,6 +166,15 @@ def test_wrong_networks_trips_and_weights_are_rejected_with_a_sentence():
     trips = sc.trips_on(network, [0], [[0]])
     with pytest.raises(sc.SerdError, match="weights must make the undiscounted series of routes"):
         sc.fit_routes(network, trips, initial_weights=np.zeros(3))
+    rng = np.random.default_rng(0)
+    with pytest.raises(sc.SerdError, match=r"destinations\[1\] must be a whole number, got 0.5"):
+        sc.route_values(network, WEIGHTS, [0, 0.5])
+    with pytest.raises(sc.SerdError, match=r"destinations\[1\] must have an exit .* got 99"):
+        sc.route_values(network, WEIGHTS, [0, 99])
+    with pytest.raises(sc.SerdError, match=r"origins\[0\] must be a link from 0 to 7, got -1"):
+        sc.sample_routes(network, WEIGHTS, [-1], [0], rng=rng)
+    with pytest.raises(sc.SerdError, match="features must be of at least one turn, got none"):
+        sc.RouteNetwork(2, [], [], np.zeros((0, 1)), ("x",))
     one_way = sc.RouteNetwork(2, [0], [1], np.ones((1, 1)), ("x",))
     with pytest.raises(sc.SerdError, match="no turns lead there; choose another pair"):
         sc.sample_routes(one_way, [-1.0], [1], [0], rng=np.random.default_rng(0))

@@ -84,3 +84,10 @@ def test_episodes_without_simulated_counterparts_are_rejected(gridworld, minimum
     choice = np.array([[0.5, 0.5, 0.0], [0.0, 0.0, 1.0]])
     with pytest.raises(SerdError, match=r"must not start in a final state.* got episode 7 in"):
         episode_scores(minimum_example, stays, choice, np.full((2, 2), 0.5), rng=rng)
+
+
+def test_states_outside_the_problem_are_rejected(minimum_example):
+    policy = np.array([[0.5, 0.5, 0.0], [0.0, 0.0, 1.0]])
+    outside = Decisions([0], [0.0], [5], [0], [0])
+    with pytest.raises(SerdError, match=r"state\[0\] must be a state from 0 to 1, got 5"):
+        move_log_likelihood(minimum_example, outside, policy, np.full((2, 2), 0.5))

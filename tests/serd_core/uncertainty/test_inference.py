@@ -147,6 +147,17 @@ def test_a_bootstrap_of_a_mean_has_its_error_and_keeps_episodes_whole():
         sc.bootstrap(decisions, lambda sample: sample.action.mean(), rng=0)
 
 
+def test_a_bootstrap_names_the_sample_whose_estimate_is_not_a_number():
+    decisions, counted = choices([0, 1, 1]), []
+
+    def estimate(sample):
+        counted.append(sample)
+        return np.array([0.0, np.nan if len(counted) == 3 else 1.0])
+
+    with pytest.raises(sc.SerdError, match="got NaN for sample 2 of 5"):
+        sc.bootstrap(decisions, estimate, rng=np.random.default_rng(0), n=5)
+
+
 def two_arms():
     """Two states of choice that follow each other; a feature for choosing a in each."""
     transitions = np.zeros((2, 2, 2))
