@@ -43,7 +43,8 @@ _OF_OPTIMAL_VALUES = ("pm_serd", "policy_matching")
 class Familiarity:
     """decisions (N,) with their tail probabilities (N,); scores of the episodes.
 
-    discretised: what became of the recording, empty for a table of decisions.
+    discretised: what became of the recording, empty for a table of decisions. scenario: name or
+    file of the scenario of the grid, empty for a fitted grid.
     """
 
     problem: NavigationProblem
@@ -51,6 +52,7 @@ class Familiarity:
     tails: FloatArray
     scores: EpisodeScores
     discretised: str
+    scenario: str
 
     def surprising(self, level: float) -> BoolArray:
         """(N,) decisions with a tail probability below the level."""
@@ -62,6 +64,7 @@ def familiarity_of(
     trajectories: Path,
     *,
     mapping: DriveMapping | None = None,
+    scenario: str = "",
     flow: FlowSource = "auto",
     goals_m: tuple[tuple[float, float], ...] = (),
     n_simulated: int = 200,
@@ -69,11 +72,12 @@ def familiarity_of(
 ) -> Familiarity:
     """Score trajectories by the policy and dynamics of a model file.
 
-    goals_m: in place of the model's own; flow: see `read_learning_files`. FileError where cells or
+    goals_m: in place of the model's own; scenario: name or file, in place of the one that the
+    decisions or else the model name; flow: see `read_learning_files`. FileError where cells or
     periods differ from those of the model.
     """
     file = load_model(model)
-    files, discretised = _files(model, file, trajectories, mapping, flow, goals_m)
+    files, discretised = _files(model, file, trajectories, mapping, scenario, flow, goals_m)
     task, decisions = files.task, files.demonstrations.decisions
     grid = task.problem.grid
     require_same_scale(model, file, trajectories, grid.cell_size_m, task.decision_period_s)
@@ -91,7 +95,8 @@ def familiarity_of(
         rng=np.random.default_rng(seed),
     )
     tails = tail_probabilities(task.problem, decisions, policy, outcomes)
-    return Familiarity(task.problem, decisions, tails, scores, discretised)
+    place = scenario or task.scenario
+    return Familiarity(task.problem, decisions, tails, scores, discretised, place)
 
 
 def _policy(
@@ -122,6 +127,7 @@ def _files(
     file: ModelFile,
     trajectories: Path,
     mapping: DriveMapping | None,
+    scenario: str,
     flow: FlowSource,
     goals_m: tuple[tuple[float, float], ...],
 ) -> tuple[LearningFiles, str]:
@@ -134,23 +140,37 @@ def _files(
         own = load_grid(files_beside(trajectories)["grid"]).fingerprint() == file.grid.fingerprint
         goals = goals_m or (file.goals_m if own else ())
         files = read_learning_files(
-            trajectories, discount=file.discount, flow=flow, goals_m=tuple(goals)
+            trajectories,
+            discount=file.discount,
+            scenario=scenario,
+            flow=flow,
+            goals_m=tuple(goals),
         )
         return files, ""
     with TemporaryDirectory() as folder:
-        table = Path(folder) / "decisions.csv"
-        discretised = _discretise(model, file, trajectories, mapping, table)
+        table, place = Path(folder) / "decisions.csv", scenario or file.scenario
+        discretised = _discretise(model, file, trajectories, mapping, place, table)
         files = read_learning_files(
-            table, discount=file.discount, flow=flow, goals_m=goals_m or file.goals_m
+            table,
+            discount=file.discount,
+            scenario=place,
+            flow=flow,
+            goals_m=goals_m or file.goals_m,
         )
         return files, discretised
 
 
 def _discretise(
-    model: Path, file: ModelFile, trajectories: Path, mapping: DriveMapping | None, table: Path
+    model: Path,
+    file: ModelFile,
+    trajectories: Path,
+    mapping: DriveMapping | None,
+    scenario: str,
+    table: Path,
 ) -> str:
     """Write decisions on the model's grid, with the people of the recording or the model's flow."""
     grid = load_grid(outcome_files(model)["grid"])
+    place = Place(grid, file.decision_period_s, load_scenario(scenario) if scenario else None)
     chosen = mapping or (None if is_table(trajectories) else mapping_of_poses(trajectories))
     recording = read_recording(trajectories, file.decision_period_s, mapping=chosen, tolerant=False)
     found = demonstrations_of_all([recording], grid, file.decision_period_s)
@@ -161,9 +181,6 @@ def _discretise(
         )
     topic = chosen.people_topic if isinstance(chosen, BagMapping) else PEDESTRIANS
     flow = flow_from_recordings([recording], grid, topic=topic)
-    place = Place(
-        grid, file.decision_period_s, load_scenario(file.scenario) if file.scenario else None
-    )
     save_demonstrations(table, place, found, flow or _flow_of_model(model, file, grid))
     return str(found[0].report)
 

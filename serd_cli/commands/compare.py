@@ -22,7 +22,6 @@ from serd_cli.output.terminal import console, print_json
 from sim.scenario.goal import point_of
 from sim.scenario.scenario import load_scenario
 from storage.files import atomic_write_bytes
-from storage.model_file import load_model
 from storage.quantities import counted
 from storage.table import columns_of, write_table
 from storage.yaml_config import load_yaml_model
@@ -64,15 +63,18 @@ def compare(
     mapping: Annotated[
         Path | None, typer.Option(help="YAML file as for 'serd demos', not for decisions")
     ] = None,
+    scenario: Annotated[
+        str, typer.Option(help="scenario or YAML file, in place of the one the files name")
+    ] = "",
     flow: Annotated[FlowSource, typer.Option(help="way people walk, as in 'serd learn'")] = "auto",
     goal: Annotated[
-        list[str] | None, typer.Option(help="x,y (m) of a goal cell, repeat; the model's own")
+        list[str] | None, typer.Option(help="x,y (m) of a goal cell, repeat; default: the model's")
     ] = None,
     simulations: Annotated[int, typer.Option(help="simulated episodes for each one", min=1)] = 200,
     surprise: Annotated[
         float, typer.Option(help="mark decisions of a lower tail probability", min=0, max=1)
     ] = 0.01,
-    seed: Annotated[int, typer.Option(help="of the simulated episodes", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="seed of the simulated episodes", min=0)] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Score trajectories by a learned model, and mark the decisions that surprise it.
@@ -87,7 +89,7 @@ def compare(
     """
     require_suffix(output, ".csv")
     picture = output.with_suffix(".png")
-    require_apart(output, (picture,), (str(model), str(trajectories), mapping or ""))
+    require_apart(output, (picture,), (str(model), str(trajectories), mapping or "", scenario))
     chosen = None
     if mapping is not None:
         chosen = load_yaml_model(mapping, TableMapping if is_table(trajectories) else BagMapping)
@@ -95,15 +97,15 @@ def compare(
         model,
         trajectories,
         mapping=chosen,
+        scenario=scenario,
         flow=flow,
         goals_m=tuple(point_of(each) for each in goal or ()),
         n_simulated=simulations,
         seed=seed,
     )
+    layout = layout_of(load_scenario(found.scenario)) if found.scenario else None
     rows = _rows(found, surprise)
     write_table(output, columns_of(EpisodeRow), map(astuple, rows))
-    scenario = load_model(model).scenario
-    layout = layout_of(load_scenario(scenario)) if scenario else None
     figure = draw_surprises(found.problem.grid, found.decisions, found.surprising(surprise), layout)
     atomic_write_bytes(picture, png_bytes(figure))
     values = _values(found, rows, {"table": output, "picture": picture})

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions
+from sim.scenario.scenario import load_scenario
+from storage.yaml_config import model_yaml
 
 
 def walks(path, y_m, seed, n=30):
@@ -89,3 +91,21 @@ def test_other_cells_and_other_places_are_refused(serd, model, tmp_path):
     ended = serd("compare", model, far, "--output", tmp_path / "out.csv")
     assert ended.code == 2
     assert "holds no decision on the grid of" in ended.err
+
+
+def test_a_scenario_of_a_file_is_given_by_an_option(serd, root, tmp_path):
+    scenario, table = tmp_path / "place.yaml", tmp_path / "decisions.csv"
+    model, output = tmp_path / "model.yaml", tmp_path / "out.csv"
+    scenario.write_text(model_yaml(load_scenario("hallway").model_copy(update={"name": "place"})))
+    bag = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))[0]
+    place = ("--scenario", scenario)
+    assert serd("demos", bag, *place, "--output", table).code == 0
+    learned = serd("learn", table, *place, "--method", "mdce_irl", "--output", model)
+    assert learned.code == 0, learned.err
+    for trajectories in (table, bag):
+        words = (model, trajectories, "--output", output, "--simulations", 5)
+        ended = serd("compare", *words)
+        assert ended.code == 2, ended.out
+        assert not output.exists()
+        assert compared(serd, *words, *place)["n_decisions"] > 0
+        output.unlink()
