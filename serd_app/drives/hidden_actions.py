@@ -10,10 +10,7 @@ from serd_core.demonstrations.decisions import HIDDEN
 
 
 def with_hidden_actions(drive: RecordedDrive, period_s: float) -> RecordedDrive:
-    """The drive without its actions: at the times of its intents or, where it has none, every
-    period from the start of each episode."""
-    time_s = drive.intent_time_s
-    if not len(time_s):
-        time_s = decision_times(drive.episodes, period_s)
+    """The drive without its intents: a decision every period from the start of each episode."""
+    time_s = decision_times(drive.episodes, period_s)
     hidden = np.full(len(time_s), HIDDEN, dtype=np.int64)
-    return replace(drive, intent_time_s=time_s, intent_action=hidden)
+    return replace(drive, intent_time_s=time_s, intent_action=hidden, dropped={})

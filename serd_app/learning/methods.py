@@ -283,9 +283,9 @@ def relative_entropy_irl(data: FitData) -> MethodResult:
     return MethodResult(fit, f"none; thresholds {share:g} of Hoeffding's, smoothing {smoothing:g}")
 
 
-def require_learnable(method: MethodName, decisions: Decisions) -> None:
+def require_learnable(method: MethodName, *, hidden: bool) -> None:
     """AppError where the method counts actions and some are hidden."""
-    if method in LEARN_FROM_STATES or not decisions.hidden.any():
+    if method in LEARN_FROM_STATES or not hidden:
         return
     raise AppError(
         f"method must be one of {', '.join(LEARN_FROM_STATES)} where actions are hidden, got"

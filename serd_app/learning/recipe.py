@@ -63,7 +63,7 @@ def learn(
     """
     require_enough(demonstrations, settings)
     decisions, problem = demonstrations.decisions, task.problem
-    require_learnable(settings.method, decisions)
+    require_learnable(settings.method, hidden=bool(decisions.hidden.any()))
     rng = np.random.default_rng(settings.seed)
     data = fit_data(
         problem,

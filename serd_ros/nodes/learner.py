@@ -15,7 +15,7 @@ from bags.errors import BagError
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
 from serd_app.learning.checkpoint import LearnerMemory
-from serd_app.learning.methods import FitProgress
+from serd_app.learning.methods import FitProgress, require_learnable
 from serd_app.learning.outcome import FitOutcome, save_outcome
 from serd_app.learning.recipe import learn, require_enough, task_in
 from serd_app.learning.worker import FitWorker
@@ -44,6 +44,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
 
     def __init__(self) -> None:
         super().__init__("learner", LearnerConfig)
+        require_learnable(self.config.method, hidden=self._hidden)
         self._scenario = load_scenario(self.config.scenario)
         self._task = task_in(self._scenario, self.config.discount, self.config.flow)
         self._worker, self._memory = FitWorker(), None if self.config.bag else self._listen()
@@ -65,11 +66,16 @@ class LearnerNode(SerdNode[LearnerConfig]):
     def _ends(self) -> bool:
         return bool(self.config.bag) and self.config.exit_when_done
 
+    @property
+    def _hidden(self) -> bool:
+        return self.config.actions == "hidden"
+
     def _listen(self) -> LearnerMemory:
-        hidden = self.config.actions == "hidden"
-        memory = LearnerMemory(self._scenario, _checkpoint_folder(self.config), hidden=hidden)
+        folder = _checkpoint_folder(self.config)
+        memory = LearnerMemory(self._scenario, folder, hidden=self._hidden)
         self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
-        for topic in (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE):
+        actions = () if self._hidden else (topics.INTENT,)
+        for topic in (topics.ROBOT_POSE, *actions, topics.EPISODE):
             kind = topic_type(topic, stamped_cmd_vel=False)
             self.create_subscription(
                 kind.message,
@@ -160,7 +166,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
             self.config.bag,
             grid_of(self._scenario),
             self._scenario.decision_period_s,
-            hidden=self.config.actions == "hidden",
+            hidden=self._hidden,
         )
         decisions = demonstrations.decisions
         text = f"{len(decisions)} decisions from {self.config.bag}: {report}"

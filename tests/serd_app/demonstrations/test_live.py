@@ -59,13 +59,14 @@ def same(first: Demonstrations, second: Demonstrations) -> bool:
     )
 
 
-def test_poses_alone_give_the_hidden_decisions_of_the_bag(messages):
+@pytest.mark.parametrize("n_intents", [0, 5])
+def test_poses_alone_give_the_hidden_decisions_of_the_bag(messages, n_intents):
     bag, sent = messages
     offline, _ = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s, hidden=True)
     drive = LiveDrive("live", GRID, HALLWAY.decision_period_s, hidden=True)
-    for topic, data in sent:
-        if topic != "intent":
-            drive.take(topic, data)
+    intents = [each for each in sent if each[0] == "intent"]
+    for topic, data in intents[:n_intents] + [each for each in sent if each[0] != "intent"]:
+        drive.take(topic, data)
     assert same(drive.gathered(), offline)
     assert offline.decisions.hidden.all()
     shown, _ = demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)
