@@ -17,8 +17,8 @@ from serd_core.arrays import FloatArray
 from sim.errors import SimError
 from sim.pictures.camera import Camera, as_frame, overview_camera
 from sim.robot.bullet import add_wall, load_urdf, pybullet
-from sim.robot.urdf import BUILTIN_URDF, read_differential_drive
 from sim.scenario.scenario import Scenario
+from sim.scenario.settings import RobotSettings
 
 Pose = tuple[float, float, float]
 
@@ -50,6 +50,19 @@ class Scene:
         if gui:
             _require_display()
         self.client = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
+        try:
+            self._add_bodies(scenario, gui=gui)
+        except BaseException:
+            self.close()
+            raise
+        self._robot_pose: Pose | None = None
+        self._people_m: FloatArray | None = None
+        count = scenario.pedestrians.count
+        #: Direction and stride of each person, in radians.
+        self._heading_rad = np.zeros(count)
+        self._stride_rad = 2.4 * np.arange(count)
+
+    def _add_bodies(self, scenario: Scenario, *, gui: bool) -> None:
         if gui:
             self._show(pybullet.COV_ENABLE_GUI, False)
             self._show(pybullet.COV_ENABLE_SHADOWS, False)
@@ -60,13 +73,8 @@ class Scene:
             self._paint(wall, -1, _WALL_COLOUR)
         self._add_floor(scenario)
         self._robot = self._load_robot(scenario)
-        self._robot_pose: Pose | None = None
         count = scenario.pedestrians.count
         self._people = [self._load_person(number) for number in range(count)]
-        self._people_m: FloatArray | None = None
-        #: Direction and stride of each person, in radians.
-        self._heading_rad = np.zeros(count)
-        self._stride_rad = 2.4 * np.arange(count)
         if gui:
             self._look_at(overview_camera(scenario))
             self._show(pybullet.COV_ENABLE_RENDERING, True)
@@ -188,15 +196,11 @@ class Scene:
 
     def _load_robot(self, scenario: Scenario) -> int:
         """The robot of the scenario; the kinematic one looks like the built-in robot."""
-        settings = scenario.robot
-        if settings.drive == "physical":
-            drive, scale = settings.differential_drive(), 1.0
-        else:
-            scale = settings.radius_m / _BUILTIN_RADIUS_M
-            drive = read_differential_drive(BUILTIN_URDF)
-        radius_m = drive.radius_m or settings.wheel_radius_m
-        assert radius_m is not None  # by the settings
-        self._wheel_radius_m = scale * radius_m
+        settings, scale = scenario.robot, 1.0
+        if settings.drive != "physical":
+            settings, scale = RobotSettings(), settings.radius_m / _BUILTIN_RADIUS_M
+        drive = settings.differential_drive()
+        self._wheel_radius_m = scale * settings.rolling_radius_m
         self._root_height_m = self._wheel_radius_m - scale * drive.axle_height_m
         body = load_urdf(self.client, drive.path, globalScaling=scale, useFixedBase=True)
         #: PyBullet places a body by the frame of its mass.

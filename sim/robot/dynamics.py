@@ -76,9 +76,7 @@ class Dynamics:
         settings = scenario.robot
         self._scenario, self._person_radius_m = scenario, person_radius_m
         self._drive = settings.differential_drive()
-        radius_m = self._drive.radius_m or settings.wheel_radius_m
-        assert radius_m is not None  # by the settings
-        self._wheel_radius_m = radius_m
+        self._wheel_radius_m = settings.rolling_radius_m
         self._torque_nm = settings.wheel_torque_nm
         self._n_substeps = math.ceil(scenario.control_period_s / _LONGEST_SUBSTEP_S - 1e-9)
         self._substep_s = scenario.control_period_s / self._n_substeps
@@ -160,7 +158,14 @@ class Dynamics:
 
     def _build(self) -> None:
         self.close()
-        self._client = client = pybullet.connect(pybullet.DIRECT)
+        self._client = pybullet.connect(pybullet.DIRECT)
+        try:
+            self._add_bodies(self._client)
+        except BaseException:
+            self.close()
+            raise
+
+    def _add_bodies(self, client: int) -> None:
         pybullet.setGravity(0, 0, -_GRAVITY_MPS2, physicsClientId=client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=self._substep_s,

@@ -20,8 +20,9 @@ MOST_NEAR = 12
 #: Mean of adults.
 PERSON_MASS_KG = 75.0
 _FRICTION = 0.3
-#: People who are this close to the robot's surface at the start of a control period may touch it.
-_REACH_M = 0.3
+#: People who are this close to the robot's surface at the start of a control period of 0.05 s may
+#: touch it; the distance grows with the period.
+_REACH_M, _REACH_PERIOD_S = 0.3, 0.05
 #: The capsule reaches below the floor, so that its side is a cylinder down to the floor.
 _SIDE_M = 1.5
 _OUT_OF_THE_WAY_M = 1000.0
@@ -33,15 +34,17 @@ _CARRIAGE_KG = 1e-3
 def near_people(
     robot_m: tuple[float, float],
     reach_m: float,
+    period_s: float,
     positions_m: FloatArray,
     velocities_mps: FloatArray,
 ) -> dict[int, Moving]:
     """Those of the (N, 2) people who may touch the robot in the next control period.
 
-    reach_m: sum of the radii of robot and person.
+    reach_m: sum of the radii of robot and person; period_s: of control.
     """
+    reach_m += _REACH_M * (period_s / _REACH_PERIOD_S)
     away = np.hypot(positions_m[:, 0] - robot_m[0], positions_m[:, 1] - robot_m[1])
-    near = np.flatnonzero(away < reach_m + _REACH_M)
+    near = np.flatnonzero(away < reach_m)
     nearest = near[np.argsort(away[near], kind="stable")][:MOST_NEAR].tolist()
     return {
         person: (_pair(positions_m[person]), _pair(velocities_mps[person])) for person in nearest

@@ -42,9 +42,7 @@ class PhysicalRobot:
     def __init__(self, scenario: Scenario, person_radius_m: float) -> None:
         settings = scenario.robot
         drive = settings.differential_drive()
-        radius_m = settings.wheel_radius_m or drive.radius_m
-        assert radius_m is not None  # by the settings
-        self._wheel_radius_m = radius_m
+        self._wheel_radius_m = settings.wheel_radius_m or settings.rolling_radius_m
         self._separation_m = settings.wheel_separation_m or drive.separation_m
         self._settings, self._step_s = settings, scenario.control_period_s
         self._reach_m = settings.radius_m + person_radius_m
@@ -78,7 +76,7 @@ class PhysicalRobot:
         target = limited_velocity(command, *before.target, self._settings, self._step_s)
         velocities = np.stack([crowd.velocity_x_mps, crowd.velocity_y_mps], axis=1)
         places = np.stack([crowd.x_m, crowd.y_m], axis=1) - self._step_s * velocities
-        near = near_people(before.pose[:2], self._reach_m, places, velocities)
+        near = near_people(before.pose[:2], self._reach_m, self._step_s, places, velocities)
         near_walls = self.wall_distance_m < self._settings.radius_m + _NEAR_WALLS_M
         impulses = self._dynamics.drive(self._wheel_speeds(target), near, near_walls=near_walls)
         touches = self._touches(impulses, crowd)

@@ -81,6 +81,13 @@ class RobotSettings(StrictModel):
         )
 
     @property
+    def rolling_radius_m(self) -> float:
+        """Radius of the physical robot's wheels: by the URDF, else as given."""
+        radius_m = self.differential_drive().radius_m or self.wheel_radius_m
+        assert radius_m is not None  # by the validator
+        return radius_m
+
+    @property
     def urdf_path(self) -> Path:
         """The file of the physical robot."""
         return Path(self.urdf) if self.urdf else BUILTIN_URDF

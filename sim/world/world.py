@@ -63,13 +63,17 @@ class HallwayWorld:
         self.tick = 0
         self.n_rejected_commands = 0
         self._lidar = Lidar(scenario.lidar, scenario.wall_segments_m, person_radius_m)
-        self._window = Scene(scenario, gui=True) if gui else None
-        self._pictures: Scene | None = None
         self._robot = (
             PhysicalRobot(scenario, person_radius_m)
             if scenario.robot.drive == "physical"
             else KinematicRobot(scenario)
         )
+        try:
+            self._window = Scene(scenario, gui=True) if gui else None
+        except BaseException:
+            self._robot.close()
+            raise
+        self._pictures: Scene | None = None
         self._episode = self._first_tick = 0
         self._contacts = ContactCounter(0)
         self._odometry = Odometry(
@@ -104,7 +108,8 @@ class HallwayWorld:
         else:
             self._odometry.add(*self._robot.wheel_motion)
         self._contacts.update(crowd, self._robot.body, self._robot.wall_distance_m, touches)
-        crowd.push_out_of(self._robot.body)
+        if touches is None:
+            crowd.push_out_of(self._robot.body)
         self.tick += 1
         if self._window is not None:
             self._show_in(self._window)

@@ -94,5 +94,8 @@ def test_what_pybullet_writes_about_a_file_stays_off_the_terminal(capfd):
 def test_a_urdf_that_pybullet_rejects_is_an_error(tmp_path):
     path = urdf_with(tmp_path, ('<cylinder radius="0.25" length="0.04"/>',
                                 '<mesh filename="none.obj"/>'))  # fmt: skip
+    clients = range(50)
+    before = [pybullet.getConnectionInfo(each) for each in clients]
     with pytest.raises(SerdError, match="must load in PyBullet"):
         Scene(physical(urdf=str(path)))
+    assert [pybullet.getConnectionInfo(each) for each in clients] == before

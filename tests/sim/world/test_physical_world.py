@@ -7,6 +7,9 @@ import sys
 import numpy as np
 import pytest
 
+from sim.errors import SimError
+from sim.robot.bullet import pybullet
+from sim.robot.people_bodies import near_people
 from sim.robot.robot import standing_at
 from sim.world.command import STOP, Command
 from sim.world.world import HallwayWorld
@@ -102,9 +105,9 @@ def test_a_robot_driven_at_a_wall_stays_out_of_it_and_the_contact_counts_once():
     assert 0.5 * 18.0 < event.impulse_ns < 1.5 * 18.0
 
 
-def meeting(robot_command, person_mps):
+def meeting(robot_command, person_mps, **robot):
     """(contacts, events, robot's x, person's x): the robot at x = 2 and a person at x = 3."""
-    with HallwayWorld(blind(physical(people=1)), seed=1) as world:
+    with HallwayWorld(blind(physical(people=1, **robot)), seed=1) as world:
         world.reset(0)
         world._robot.place(standing_at((2.0, 8.0, 0.0)))
         crowd = world._crowd
@@ -136,6 +139,34 @@ def test_walking_into_the_standing_robot_is_the_persons_contact_and_pushes_the_r
     assert events[0].person == 0
     assert 0.7 < events[0].closing_mps <= 1.0
     assert places[-1, 0] < 1.99
+
+
+def test_a_body_smaller_than_the_radius_touches_and_pushes():
+    contacts, events, places = meeting(Command(0.8, 0.0), 0.0, radius_m=0.4)
+    assert contacts.robot_on_person == 1
+    assert events[0].closing_mps == pytest.approx(0.8, abs=0.1)
+    usual = meeting(Command(0.8, 0.0), 0.0)[2]
+    assert np.diff(places).min() == pytest.approx(np.diff(usual).min(), abs=0.02)
+
+
+def test_people_within_reach_of_a_longer_control_period_are_near():
+    people = np.array([[0.7, 0.0], [1.6, 0.0], [1.9, 0.0]])
+    near = [near_people((0.0, 0.0), 0.5, each, people, 0.0 * people) for each in (0.05, 0.2)]
+    assert [sorted(each) for each in near] == [[0], [0, 1]]
+
+
+def n_connected():
+    return sum(pybullet.getConnectionInfo(client)["isConnected"] for client in range(50))
+
+
+def test_a_world_that_cannot_be_made_leaves_pybullet(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    before = n_connected()
+    with pytest.raises(SimError, match="must cover the robot"):
+        HallwayWorld(physical(radius_m=0.2), seed=1, gui=True)
+    with pytest.raises(SimError, match="gui must be off"):
+        HallwayWorld(physical(), seed=1, gui=True)
+    assert n_connected() == before
 
 
 def test_people_never_overlap_the_robot_by_more_than_a_centimetre():
