@@ -79,13 +79,16 @@ def _row(title: str, found: dict[str, Any]) -> str:
         title,
         f"{found['n_episodes']}",
         f"{found['n_decisions']}",
-        f"{found['log_likelihood']:.3f}",
-        f"{found['simulated']:.3f}",
+        *(_number(found[name]) for name in ("log_likelihood", "simulated")),
         f"{found['mean_rank']:.2f}",
         f"{100 * found['n_unusual'] / len(found['episodes']):.0f} %",
         f"{share:.1f} %",
     )
     return f"| {' | '.join(cells)} |\n"
+
+
+def _number(value: float | None) -> str:
+    return "-inf" if value is None else f"{value:.3f}"
 
 
 def _serd(*words: str | Path) -> str:
