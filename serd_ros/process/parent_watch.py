@@ -41,8 +41,12 @@ class ParentProcess:
         return bool(readable)
 
     def end_process_with_parent(self) -> None:
-        """End this process soon after its parent, even while it imports, starts or computes."""
+        """End this process soon after its parent, even while it imports, starts or computes.
+
+        By SIGALRM; call it in the main thread.
+        """
         if self._descriptor is not None:
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
             watch = threading.Thread(target=_end_after, args=(self._descriptor,), daemon=True)
             watch.start()
 

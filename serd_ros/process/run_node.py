@@ -22,7 +22,7 @@ _STOPPING = (signal.SIGINT, signal.SIGTERM)
 #: A signal ends an idle node after this time (s) at most.
 _TURN_S = 0.2
 #: A node that lags behind takes what it has received before, for this time (s) at most.
-_BACKLOG_S = 1.0
+_BACKLOG_S = 0.5
 _QUOTES = "put a value that contains : into quotes, as topics:=[odom, '/imu:sensor_msgs/msg/Imu']"
 
 
@@ -109,7 +109,7 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
     def end_if_due(after_s: float) -> None:
         if time.monotonic() - stop.received_s >= after_s:
             node.finish()
-        elif parent.has_ended:
+        elif stop.received_s == math.inf and parent.has_ended:
             node.fail("the command that started it was killed; start it again")
 
     node.callbacks.after_each = lambda: end_if_due(_BACKLOG_S)

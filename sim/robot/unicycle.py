@@ -14,12 +14,12 @@ def limited_velocity(
     wanted_w = min(
         max(command.angular_radps, -robot.max_vel_theta_radps), robot.max_vel_theta_radps
     )
+    speeds_up = robot.acc_lim_x_mps2 * step_s
     brakes = (wanted_v - speed_mps) * speed_mps < 0.0
-    limit_mps2 = robot.decel_lim_x_mps2 if brakes else robot.acc_lim_x_mps2
-    return (
-        _towards(speed_mps, wanted_v, limit_mps2 * step_s),
-        _towards(yaw_rate_radps, wanted_w, robot.acc_lim_theta_radps2 * step_s),
-    )
+    v = _towards(speed_mps, wanted_v, robot.decel_lim_x_mps2 * step_s if brakes else speeds_up)
+    if v * speed_mps < 0.0:  # beyond 0 it accelerates
+        v = min(max(v, -speeds_up), speeds_up)
+    return v, _towards(yaw_rate_radps, wanted_w, robot.acc_lim_theta_radps2 * step_s)
 
 
 def chord_velocity(

@@ -15,7 +15,7 @@ from experiments.study.recordings.drives import Purpose, drive_episodes, world_s
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
 from report.summary import decisions_per_model
-from serd_app.demonstrations.concatenate import concatenate
+from serd_app.demonstrations.concatenate import concatenate, concatenate_renumbered
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
@@ -95,7 +95,7 @@ def record_reference(study: StudyWorld, kind: str, first: int, last: int, file: 
 def reference_decisions(study: StudyWorld) -> Decisions:
     """All reference recordings."""
     files = sorted((study.folder / "reference").glob("*.csv"))
-    return concatenate(tuple(load_decisions(file) for file in files))
+    return concatenate_renumbered(tuple(load_decisions(file) for file in files))
 
 
 def reference_dynamics(study: StudyWorld) -> FloatArray:

@@ -12,7 +12,7 @@ from storage.settings import settings_of
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda each: each.name)
 def test_a_config_without_given_settings_has_the_defaults_of_its_class(experiment):
-    required = {"data": "."} if experiment.name == "rust" else {}
+    required = {"data": "."} if experiment.name in ("rust", "routes") else {}
     assert all(each.description for each in settings_of(experiment.config))
     assert experiment.make_config(required) == experiment.config(**required)
 

@@ -32,6 +32,7 @@ def test_a_stop_brakes_with_the_deceleration_limit_and_a_start_takes_the_acceler
         speeds.append(speed)
     assert len(speeds) * 0.05 == pytest.approx(1.2 / 6.0, abs=0.05)
     assert limited_velocity(Command(1.2, 0.0), 0.0, 0.0, ROBOT, 0.05)[0] == 2.5 * 0.05
+    assert limited_velocity(Command(-0.3, 0.0), 0.01, 0.0, ROBOT, 0.05)[0] == -2.5 * 0.05
 
 
 @given(yaw=st.floats(-3, 3), speed=st.floats(-1, 1.2), turn=st.floats(-3.5, 3.5))
