@@ -38,7 +38,8 @@ def study_as_recorded(tmp_path):
     braking = {"decel_lim_x_mps2": scenario.robot.acc_lim_x_mps2}
     robot = scenario.robot.model_copy(update=braking)
     file.write_text(model_yaml(scenario.model_copy(update={"robot": robot})))
-    return Study(study_settings(scenario=str(file)), tmp_path)
+    settings = study_settings().model_copy(update={"scenario": str(file)})
+    return Study(settings, tmp_path)
 
 
 @pytest.mark.parametrize("role", ["training", "transfer"])
