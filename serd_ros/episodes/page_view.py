@@ -75,7 +75,8 @@ class PageView:
             values = values_of(message, name)
             if values is not None:
                 self._health[name] = values
-        self._next_start = from_learner_report(message) or self._next_start
+        if "converged" in (values_of(message, "learner") or {}):  # a fit has ended
+            self._next_start = from_learner_report(message)
 
     def _on_scan(self, message: LaserScan) -> None:
         _, self._ranges = from_scan(message, self._scenario.lidar)

@@ -119,8 +119,10 @@ class GuardConfig(GuardSettings, NodeConfig):
         if not isinstance(name, str) or not name:
             return defaults
         people_from = given.get("people_from", defaults["people_from"])
-        guard = GuardSettings.of_scenario(load_scenario(name), str(people_from))
-        return defaults | guard.model_dump()
+        guard = GuardSettings.of_scenario(load_scenario(name), str(people_from)).model_dump()
+        if "acc_lim_x" in given:
+            guard["decel_lim_x"] = 0.0  # a robot that accelerates less may brake less
+        return defaults | guard
 
     def guard(self) -> GuardSettings:
         """The settings of the guard itself."""

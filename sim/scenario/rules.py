@@ -75,7 +75,7 @@ def require_braking(robot: RobotSettings) -> None:
         raise ValueError(
             f"robot.decel_lim_x_mps2 must be at least robot.acc_lim_x_mps2"
             f" ({robot.acc_lim_x_mps2:g}), with which planners brake, got"
-            f" {robot.decel_lim_x_mps2:g}; lower robot.acc_lim_x_mps2"
+            f" {robot.decel_lim_x_mps2:g}; raise it or lower robot.acc_lim_x_mps2"
         )
 
 

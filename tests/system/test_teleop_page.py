@@ -466,7 +466,8 @@ def test_the_page_shows_from_where_a_demonstration_teaches_most(driving, world, 
     world.probe.spin_until(learner.get_subscription_count)
 
     def shown():
-        learner.publish(to_diagnostics("learner", 0.0, {"next_x_m": 1.5, "next_y_m": 3.5}))
+        values = {"converged": True, "next_x_m": 1.5, "next_y_m": 3.5}
+        learner.publish(to_diagnostics("learner", 0.0, values))
         return page.part("teaches").is_displayed()
 
     page.wait(shown)

@@ -3,7 +3,7 @@
 import pytest
 
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import LocalPlannerConfig
+from serd_ros.graph.configs import GuardConfig, LocalPlannerConfig
 from serd_ros.graph.parameters import validated
 from sim.errors import SimError
 from sim.planning.settings import PlannerSettings
@@ -70,3 +70,12 @@ def test_a_node_without_parameters_plans_for_the_very_robot_of_the_scenario():
 def test_a_value_that_cannot_be_is_refused(slow_corridor, given, error, sentence):
     with pytest.raises(error, match=sentence):
         config(slow_corridor, **given).planned_scenario()
+
+
+def test_a_guard_of_a_robot_that_accelerates_less_does_not_count_on_harder_braking():
+    def braking(**given):
+        return validated("guard", {"scenario": "hallway", **given}, GuardConfig).guard().braking
+
+    assert braking() == load_scenario("hallway").robot.decel_lim_x_mps2
+    assert braking(acc_lim_x=1.0) == 1.0
+    assert braking(acc_lim_x=1.0, decel_lim_x=3.0) == 3.0

@@ -101,6 +101,12 @@ def test_a_decision_period_that_is_no_multiple_of_the_control_period_is_refused(
         load_scenario(path)
 
 
+def test_a_robot_that_brakes_worse_than_planners_plan_is_refused(tmp_path):
+    path = changed(tmp_path, robot={"acc_lim_x_mps2": 8.0})
+    with pytest.raises(SerdError, match=r"decel_lim_x_mps2 must be at least .* \(8\), .* raise it"):
+        load_scenario(path)
+
+
 def test_left_hand_traffic_walks_the_loops_backwards():
     right = load_scenario("hallway")
     left = right.model_copy(update={"flow_convention": "left_hand"})
