@@ -19,8 +19,8 @@ from serd_ros.process.serd_node import BAD_INPUT, SerdNode
 
 INTERNAL_ERROR = 1
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
-#: A signal ends an idle node after this time (s) at most.
-_TURN_S = 0.2
+#: A signal ends an idle node after one to two of these times (s).
+_TURN_S = 0.1
 #: A node that lags behind takes what it has received before, for this time (s) at most.
 _BACKLOG_S = 0.5
 _QUOTES = "put a value that contains : into quotes, as topics:=[odom, '/imu:sensor_msgs/msg/Imu']"
@@ -116,9 +116,9 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
     end_if_due(0.0)
     try:
         while rclpy.ok() and not node.finished.done():
-            # It returns when no message is left.
+            # It returns when no message is left; what is under way arrives in a turn.
             executor.spin_until_future_complete(node.finished, timeout_sec=_TURN_S)
-            end_if_due(0.0)
+            end_if_due(_TURN_S)
     finally:
         parent.close()
         executor.remove_node(node)

@@ -10,8 +10,9 @@ import pytest
 from serd_ros.process.executable import starting
 from support.waiting import PATIENCE_S
 
-#: Takes the place of a library, so that its import is under way for long.
-_SLOW = "import time\nprint('importing', flush=True)\ntime.sleep(3600)\n"
+#: Takes the place of a library, so that its import is under way for long. A signal just before one
+#: long sleep would be handled after it.
+_SLOW = "import time\nprint('importing', flush=True)\nwhile True:\n    time.sleep(0.01)\n"
 
 
 @pytest.mark.parametrize(
