@@ -16,20 +16,22 @@ from experiments.running.experiment import Count, Findings, SeededConfig, Sessio
 from experiments.running.tables import Row
 from report import style
 from report.style import new_figure
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import credible_intervals, laplace_draws
 from serd_core.bayes.laplace import laplace
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
-from serd_core.grid.grid import Grid, Outcome
+from serd_core.grid.grid import Action, Grid, Outcome
+from serd_core.grid.navigation import outcome_successors
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import soft_policy
 from storage.settings import setting
 
+MOVES = (Action.NORTH, Action.EAST, Action.SOUTH, Action.WEST)
 TERRAINS = ("open", "forest")
 #: (2, 5) probabilities to stay, and to move forward, right, back and left of the direction.
 TRUTH: FloatArray = np.array([[0.04, 0.74, 0.10, 0.02, 0.10], [0.29, 0.31, 0.175, 0.05, 0.175]])
@@ -73,28 +75,18 @@ def terrain_problem(config: HiddenActionsConfig, rng: np.random.Generator) -> Ta
     side = config.side
     grid = Grid((0.0, 0.0), 1.0, np.ones((side, side), np.bool_))
     brightness = rng.random(grid.n_states)
-    available = np.ones((grid.n_states, 4), np.bool_)
+    available = np.ones((grid.n_states, len(MOVES)), np.bool_)
     models = OutcomeModels(
-        successors=relative_successors(grid),
+        successors=outcome_successors(grid, np.broadcast_to(MOVES, available.shape)),
         model_of=np.where(available & (brightness < 0.5)[:, None], 1, 0),
         available=available,
         n_models=len(TERRAINS),
         intended=np.full(len(TERRAINS), int(Outcome.FORWARD)),
     )
-    features = np.zeros((grid.n_states, 4, len(FEATURES)))
+    features = np.zeros((*available.shape, len(FEATURES)))
     features[grid.state_of_cell[side - 1, side // 2], :, 0] = 1.0
     features[:, :, 1] = brightness[:, None]
     return TabularProblem(Mdp(models, config.discount), features, FEATURES)
-
-
-def relative_successors(grid: Grid) -> IntArray:
-    """(S, 4, 5) next states of the four directions by `Outcome`."""
-    states, turns = np.arange(grid.n_states)[:, None], np.arange(4)
-    found = np.empty((grid.n_states, 4, len(Outcome)), dtype=np.int64)
-    found[:, :, Outcome.STAY] = states
-    for direction in range(4):
-        found[:, direction, 1:] = grid.neighbours[states, (direction + turns) % 4 + 1]
-    return found
 
 
 def learn_one_world(config: HiddenActionsConfig, number: int) -> list[Row]:

@@ -168,10 +168,10 @@ def posed_intents(
 ) -> MappedIntents:
     """Decisions of poses alone: hidden, or by the motion, which is where the robot is at the end of
     the period or of its episode."""
+    if mapping.action_from == "hidden":
+        return hidden_intents(spans, period_s)
     ends = [np.full(len(decision_times((span,), period_s)), span.end_s) for span in spans]
     start_s = decision_times(spans, period_s)
-    if mapping.action_from == "hidden":
-        return MappedIntents(start_s, np.full(len(start_s), HIDDEN, dtype=np.int64))
     end_s = np.minimum(start_s + period_s, np.concatenate(ends) if ends else start_s)
     actions = actions_of_waypoints(
         position_m=track.at(start_s),
@@ -179,6 +179,12 @@ def posed_intents(
         reached_m=mapping.minimum_speed_mps * period_s,
     )
     return MappedIntents(start_s, actions)
+
+
+def hidden_intents(spans: tuple[EpisodeSpan, ...], period_s: float) -> MappedIntents:
+    """A decision every period, without its action."""
+    time_s = decision_times(spans, period_s)
+    return MappedIntents(time_s, np.full(len(time_s), HIDDEN, dtype=np.int64))
 
 
 def decision_times(spans: tuple[EpisodeSpan, ...], period_s: float) -> FloatArray:

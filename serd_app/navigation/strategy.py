@@ -23,6 +23,7 @@ from serd_core.arrival.chain import (
 )
 from serd_core.arrival.law import ArrivalLaw, law_in_seconds
 from serd_core.arrival.trap_states import Traps, find_traps
+from serd_core.bayes.draws import averaged_policy
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action, Outcome
 from serd_core.grid.navigation import NavigationProblem
@@ -83,7 +84,7 @@ class Strategy:
         """The remaining time from every state, up to the time-out."""
         problem, policy = self.problem, self.policy.probabilities
         return ArrivalByState.average(
-            [arrival_by_state(problem, policy, t, self.n_periods) for t in self.outcome_draws]
+            arrival_by_state(problem, policy, table, self.n_periods) for table in self.outcome_draws
         )
 
     @cached_property
@@ -171,7 +172,8 @@ def load_strategy(
     )
     policy = SOLVERS[kind](problem, file.weights, probabilities)
     if kind == "soft" and file.draws.learned:
-        policy = replace(policy, probabilities=_averaged(problem, file, draws))
+        weights = np.array(file.draws.reward_weights)
+        policy = replace(policy, probabilities=averaged_policy(problem, weights, draws))
     return Strategy(
         scenario=scenario,
         problem=problem,
@@ -210,13 +212,6 @@ def require_same_scale(
                 f"{path}: was learned with {what} of {there:g} {unit}, but {str(where)!r} has "
                 f"{here:g} {unit}; its outcome probabilities hold for its own only: learn one here"
             )
-
-
-def _averaged(problem: NavigationProblem, file: ModelFile, draws: FloatArray) -> FloatArray:
-    """(S, A) the expert's policy averaged over the posterior."""
-    pairs = zip(np.array(file.draws.reward_weights), draws, strict=True)
-    each = [soft_policy(problem, weights, table).probabilities for weights, table in pairs]
-    return np.asarray(np.mean(each, axis=0))
 
 
 def outcome_probabilities_of(

@@ -11,7 +11,7 @@ F_n(s) is the probability of having arrived n decision periods after being in s.
 no memory, that is the law of the remaining time given all that has happened so far.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -113,10 +113,13 @@ class ArrivalByState:
     arrival_probability: FloatArray
 
     @classmethod
-    def average(cls, each: Sequence["ArrivalByState"]) -> "ArrivalByState":
-        """Posterior prediction from that of each draw."""
-        probability = np.mean([one.arrival_probability for one in each], axis=0)
-        return cls(np.mean([one.cdf for one in each], axis=0), probability)
+    def average(cls, each: Iterable["ArrivalByState"]) -> "ArrivalByState":
+        """Posterior prediction from that of each draw, of which one is held at a time."""
+        cdf, probability, number = np.zeros(()), np.zeros(()), 0
+        for one in each:
+            cdf, probability = cdf + one.cdf, probability + one.arrival_probability
+            number += 1
+        return cls(cdf / number, probability / number)
 
     @property
     def n_periods(self) -> int:

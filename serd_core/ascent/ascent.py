@@ -42,6 +42,24 @@ class FunctionObjective(Objective):
 
 
 @dataclass(frozen=True, eq=False)
+class Scaled(Objective):
+    """An objective over its vector in units of `scale` (n,)."""
+
+    objective: Objective
+    scale: FloatArray
+
+    def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
+        """Value and (n,) gradient."""
+        value, gradient = self.objective.evaluate(vector * self.scale)
+        return value, gradient * self.scale
+
+    def hessian(self, vector: FloatArray) -> FloatArray:
+        """(n, n) second derivatives."""
+        table = self.objective.hessian(vector * self.scale)
+        return np.asarray(table * np.outer(self.scale, self.scale))
+
+
+@dataclass(frozen=True, eq=False)
 class Step:
     """Progress after one accepted step; `vector` is the point it reached."""
 

@@ -90,11 +90,18 @@ def credible_intervals(draws: PosteriorDraws, mass: float = 0.9) -> CredibleInte
 
 def posterior_policy(problem: Problem, draws: PosteriorDraws) -> FloatArray:
     """(S, A) soft policy averaged over the draws, of the problem they are of or of another task."""
+    return averaged_policy(problem, draws.reward, draws.believed_outcome_probabilities)
+
+
+def averaged_policy(
+    problem: Problem, reward_weights: FloatArray, outcome_probabilities: FloatArray
+) -> FloatArray:
+    """(S, A) mean of the soft policies of (n, F) reward weights and (n, M, K) dynamics."""
     equation, solver, value = MdcePolicy().equation, Newton(), None
     total = np.zeros(problem.mdp.available.shape)
-    for weights, table in zip(draws.reward, draws.believed_outcome_probabilities, strict=True):
+    for weights, table in zip(reward_weights, outcome_probabilities, strict=True):
         transitions = transitions_of(problem.mdp.transitions, table)
         bellman = BellmanProblem(equation, rewards(problem, weights), transitions, problem.mdp)
         solution = solver.solve(bellman, value)
         total, value = total + solution.policy, solution.value
-    return np.asarray(total / len(draws))
+    return np.asarray(total / len(reward_weights))

@@ -15,6 +15,7 @@ from serd_core.errors import SerdError
 # decision in between it is two.
 _LATE = 1.5
 
+COLUMNS = ("episode", "time_s", "state", "action", "next_state")
 #: Marks a decision whose action was not observed.
 HIDDEN = -1
 
@@ -50,8 +51,7 @@ class Decisions:
 
     def columns(self) -> dict[str, FloatArray | IntArray]:
         """The columns by name, as `pandas.DataFrame` and `decisions_from_columns` take them."""
-        names = ("episode", "time_s", "state", "action", "next_state")
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in COLUMNS}
 
     @property
     def hidden(self) -> BoolArray:

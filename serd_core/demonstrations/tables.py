@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 
 from serd_core.arrays import int_array
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import COLUMNS, Decisions
 from serd_core.errors import SerdError
-
-COLUMNS = ("episode", "time_s", "state", "action", "next_state")
 
 
 def decisions_from_columns(table: Any, source: str = "") -> Decisions:

@@ -93,7 +93,7 @@ def absolute_direction(action: IntArray, flow: IntArray) -> IntArray:
 
 def _outcome_models(grid: Grid, flow: IntArray, goals: IntArray, beta: float) -> OutcomeModels:
     actions = np.arange(len(Action))[None, :]
-    successors = _successors(grid, absolute_direction(actions, flow[:, None]))
+    successors = outcome_successors(grid, absolute_direction(actions, flow[:, None]))
     successors[goals] = goals[:, None, None]
     available = np.ones((grid.n_states, len(Action)), dtype=np.bool_)
     available[goals] = actions[0] == Action.WAIT
@@ -107,7 +107,7 @@ def _outcome_models(grid: Grid, flow: IntArray, goals: IntArray, beta: float) ->
     )
 
 
-def _successors(grid: Grid, direction: IntArray) -> IntArray:
+def outcome_successors(grid: Grid, direction: IntArray) -> IntArray:
     """(S, A, K) next states when FORWARD means `direction` (S, A)."""
     states = np.arange(grid.n_states)[:, None]
     table = np.empty((*direction.shape, len(Outcome)), dtype=np.int64)

@@ -15,9 +15,6 @@ from serd_core.priors.prior import Prior
 if TYPE_CHECKING:
     from serd_core.uncertainty.standard_errors import StandardErrors
 
-#: Quantile of the normal distribution that leaves 2.5 % beyond.
-NORMAL_95 = 1.959963984540054
-
 
 @dataclass(frozen=True)
 class Assumptions:
@@ -95,6 +92,7 @@ class FitResult:
         header = f"{'reward':{width}}  {'weight':>11}"
         if errors is not None:
             header += f"  {'std. error':>11}  {'z':>8}  {'2.5 %':>11}  {'97.5 %':>11}"
+            low, high = errors.reward_interval(self.reward_weights)
         lines.append(header)
         for place, (name, weight) in enumerate(
             zip(self.feature_names, self.reward_weights, strict=True)
@@ -102,8 +100,8 @@ class FitResult:
             row = f"{name:{width}}  {weight:11.5g}"
             if errors is not None:
                 error = float(errors.reward[place])
-                low, high = weight - NORMAL_95 * error, weight + NORMAL_95 * error
-                row += f"  {error:11.4g}  {weight / error:8.2f}  {low:11.5g}  {high:11.5g}"
+                row += f"  {error:11.4g}  {weight / error:8.2f}"
+                row += f"  {low[place]:11.5g}  {high[place]:11.5g}"
             lines.append(row)
         return "\n".join(lines)
 

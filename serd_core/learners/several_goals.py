@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray, float_array
-from serd_core.ascent.ascent import Objective, StepCallback
+from serd_core.ascent.ascent import Objective, Scaled, StepCallback
 from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
@@ -67,13 +67,13 @@ def fit_several_goals(
         start = float_array("initial_weights", initial_weights, (len(names),))
     ranges = np.max([feature_ranges(problem) for problem, _ in goals], axis=0)
     each = [_log_likelihood(problem, decisions, dynamics) for problem, decisions in goals]
-    objective = SumOverGoals(each, 1.0 / ranges)
-    found = NewtonAscent().maximise(objective, start * ranges, on_step)
+    objective = SumOverGoals(each)
+    found = NewtonAscent().maximise(Scaled(objective, 1.0 / ranges), start * ranges, on_step)
     weights = found.vector / ranges
     return SharedRewards(
         feature_names=names,
         reward_weights=weights,
-        information=-np.sum([goal.hessian(weights) for goal in each], axis=0),
+        information=-objective.hessian(weights),
         log_likelihoods=np.array([goal.evaluate(weights)[0] for goal in each]),
         n_decisions=sum(len(decisions) for _, decisions in goals),
         converged=found.converged,
@@ -83,22 +83,18 @@ def fit_several_goals(
 
 @dataclass(frozen=True, eq=False)
 class SumOverGoals(Objective):
-    """The sum of the goals' log-likelihoods, over weights in units of `scale` (F,)."""
+    """The sum of the goals' log-likelihoods."""
 
     goals: Sequence[Objective]
-    scale: FloatArray
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
         """Sum of values and of gradients."""
-        values, gradients = zip(
-            *(goal.evaluate(vector * self.scale) for goal in self.goals), strict=True
-        )
-        return float(sum(values)), np.sum(gradients, axis=0) * self.scale
+        values, gradients = zip(*(goal.evaluate(vector) for goal in self.goals), strict=True)
+        return float(sum(values)), np.sum(gradients, axis=0)
 
     def hessian(self, vector: FloatArray) -> FloatArray:
         """Sum of second derivatives."""
-        total = np.sum([goal.hessian(vector * self.scale) for goal in self.goals], axis=0)
-        return np.asarray(total * np.outer(self.scale, self.scale))
+        return np.asarray(np.sum([goal.hessian(vector) for goal in self.goals], axis=0))
 
 
 def _log_likelihood(

@@ -36,12 +36,12 @@ def counterfactual_policy(
     """
     changed = problem if available is None else with_actions(problem, available)
     weights = fit.reward_weights if reward_weights is None else reward_weights
-    believed = fit.believed_outcome_probabilities
-    if outcome_probabilities is not None:
-        believed = np.asarray(outcome_probabilities, dtype=np.float64)
-    elif changed.mdp.transitions.n_parameters == 0:
-        return _policy(changed, fit, weights, None)
-    return _policy(changed, fit, weights, believed)
+    believed = outcome_probabilities
+    if believed is None and changed.mdp.transitions.n_parameters:
+        believed = fit.believed_outcome_probabilities
+    if len(fit.parameters.policy):
+        return boltzmann_policy(changed, weights, believed, fit.temperature)
+    return soft_policy(changed, weights, believed)
 
 
 def with_actions(problem: Problem, available: BoolArray) -> TabularProblem:
@@ -57,14 +57,6 @@ def with_actions(problem: Problem, available: BoolArray) -> TabularProblem:
         )
     model = _restricted(mdp.transitions, mask)
     return TabularProblem(Mdp(model, mdp.discount), problem.features, problem.feature_names)
-
-
-def _policy(
-    problem: Problem, fit: FitResult, weights: FloatArray, believed: FloatArray | None
-) -> Policy:
-    if len(fit.parameters.policy):
-        return boltzmann_policy(problem, weights, believed, fit.temperature)
-    return soft_policy(problem, weights, believed)
 
 
 def _restricted(model: TransitionModel, mask: BoolArray) -> TransitionModel:

@@ -27,7 +27,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from serd_core.arrays import FloatArray, IntArray, first_index, float_array, int_array
-from serd_core.ascent.ascent import Objective
+from serd_core.ascent.ascent import Objective, Scaled
 from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.errors import SerdError
 from serd_core.memory import require_memory
@@ -251,7 +251,7 @@ def fit_routes(
     start = _start(likelihood, initial_weights)
     sizes = np.abs(network.features).max(axis=0)
     scale = 1.0 / np.where(sizes > 0, sizes, 1.0)
-    found = NewtonAscent(max_steps=max_steps).maximise(_Scaled(likelihood, scale), start / scale)
+    found = NewtonAscent(max_steps=max_steps).maximise(Scaled(likelihood, scale), start / scale)
     weights = found.vector * scale
     return RouteFit(
         feature_names=network.feature_names,
@@ -286,21 +286,6 @@ def route_values(
     found = RouteLikelihood(network, trips)._found(checked)
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(np.maximum(found.z, 0.0)), dtype=np.float64)
-
-
-@dataclass(eq=False)
-class _Scaled(Objective):
-    """The likelihood over weights in units of 1 / largest feature."""
-
-    likelihood: RouteLikelihood
-    scale: FloatArray
-
-    def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        value, gradient = self.likelihood.evaluate(vector * self.scale)
-        return value, gradient * self.scale
-
-    def hessian(self, vector: FloatArray) -> FloatArray:
-        return self.likelihood.hessian(vector * self.scale) * np.outer(self.scale, self.scale)
 
 
 def _start(likelihood: RouteLikelihood, initial_weights: FloatArray | None) -> FloatArray:

@@ -7,7 +7,7 @@ log-likelihood of that is -inf.
 """
 
 import numpy as np
-from scipy.special import rel_entr
+from scipy.special import logsumexp, rel_entr
 
 from serd_core.arrays import FloatArray, float_array, require_index, weighted_counts
 from serd_core.demonstrations.decisions import Decisions, require_shown
@@ -17,7 +17,7 @@ from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.mdp.mdp import checked_policy
 from serd_core.mdp.problem import Problem
-from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
+from serd_core.policies.counterfactual import counterfactual_policy
 
 
 def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatArray) -> float:
@@ -36,10 +36,7 @@ def fitted_policy(problem: Problem, fit: FitResult) -> FloatArray:
 
     Boltzmann over optimal Q-values where the fit has a temperature of its own, else soft.
     """
-    weights, believed = fit.reward_weights, fit.believed_outcome_probabilities
-    if len(fit.parameters.policy):
-        return boltzmann_policy(problem, weights, believed, fit.temperature).probabilities
-    return soft_policy(problem, weights, believed).probabilities
+    return counterfactual_policy(problem, fit).probabilities
 
 
 def validation_log_likelihood(problem: Problem, decisions: Decisions, fit: FitResult) -> float:
@@ -74,7 +71,8 @@ def move_log_likelihood(
     by_group = mdp.transitions.groups.probabilities(entries)
     moved = np.where(found >= 0, by_group[found], 0.0)
     with np.errstate(divide="ignore"):
-        return np.asarray(np.log(np.sum(chosen[decisions.state] * moved, axis=1)))
+        joint = np.log(chosen[decisions.state]) + np.log(moved)
+        return np.asarray(logsumexp(joint, axis=1))
 
 
 def decision_log_likelihoods(problem: Problem, decisions: Decisions, fit: FitResult) -> FloatArray:
@@ -82,13 +80,8 @@ def decision_log_likelihoods(problem: Problem, decisions: Decisions, fit: FitRes
     observe(problem.mdp, decisions)
     if decisions.hidden.any():
         raise SerdError("decisions must show their actions here; select those with ~hidden")
-    model = problem.mdp.transitions
-    row = decisions.state * model.n_actions + decisions.action
-    entries = transitions_of(model, fit.outcome_probabilities).entries
-    reached = model.groups.probabilities(entries)[model.groups.find(row, decisions.next_state)]
-    chosen = fitted_policy(problem, fit)[decisions.state, decisions.action]
-    with np.errstate(divide="ignore"):
-        return np.asarray(np.log(chosen) + np.log(reached))
+    policy = fitted_policy(problem, fit)
+    return move_log_likelihood(problem, decisions, policy, fit.outcome_probabilities)
 
 
 def dynamics_divergence(

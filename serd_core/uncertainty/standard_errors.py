@@ -54,6 +54,12 @@ class StandardErrors:
     outcome_probabilities: FloatArray
     believed_outcome_probabilities: FloatArray
 
+    def reward_interval(
+        self, weights: FloatArray, coverage: float = 0.95
+    ) -> tuple[FloatArray, FloatArray]:
+        """Normal intervals of (F,) reward weights, see `confidence_interval`."""
+        return confidence_interval(weights, self.reward, coverage)
+
 
 def standard_errors(
     problem: Problem,

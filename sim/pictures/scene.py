@@ -27,7 +27,6 @@ _WALL_COLOUR = (0.80, 0.78, 0.74, 1.0)
 _FLOOR_COLOUR, _LINE_COLOUR = (0.93, 0.92, 0.89, 1.0), (0.85, 0.84, 0.81, 1.0)
 _LINE_M, _MOST_LINES, _HALF_PLATE_M = 0.03, 200, 0.001
 _LIGHT_FROM = (3.0, -4.0, 8.0)
-_BUILTIN_RADIUS_M = 0.25
 #: A step is this long; legs swing by up to `_SWING_RAD` to each side.
 _STEP_M, _SWING_RAD = 0.7, 0.33
 #: A longer way in one go is a jump to another place.
@@ -198,9 +197,10 @@ class Scene:
         """The robot of the scenario; the kinematic one looks like the built-in robot."""
         settings, scale = scenario.robot, 1.0
         if settings.drive != "physical":
-            settings, scale = RobotSettings(), settings.radius_m / _BUILTIN_RADIUS_M
+            settings = RobotSettings()
+            scale = scenario.robot.radius_m / settings.radius_m
         drive = settings.differential_drive()
-        self._wheel_radius_m = scale * settings.rolling_radius_m
+        self._wheel_radius_m = scale * settings.rolling_radius_m(drive)
         self._root_height_m = self._wheel_radius_m - scale * drive.axle_height_m
         body = load_urdf(self.client, drive.path, globalScaling=scale, useFixedBase=True)
         #: PyBullet places a body by the frame of its mass.

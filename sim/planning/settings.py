@@ -91,8 +91,8 @@ class PlannerSettings(StrictModel):
             for name, of_robot in _LIMITS.items()
             if getattr(self, name) is not None
         }
-        limited = robot.model_copy(update=given)
-        return limited.model_copy(update={"decel_lim_x_mps2": limited.acc_lim_x_mps2})
+        braking_mps2 = given.get("acc_lim_x_mps2", robot.acc_lim_x_mps2)
+        return robot.model_copy(update=given | {"decel_lim_x_mps2": braking_mps2})
 
     def complete(self, robot: RobotSettings, control_period_s: float) -> "PlannerSettings":
         """The same with every value that defaults to the robot's or the control period's."""

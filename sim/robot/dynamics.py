@@ -76,7 +76,7 @@ class Dynamics:
         settings = scenario.robot
         self._scenario, self._person_radius_m = scenario, person_radius_m
         self._drive = settings.differential_drive()
-        self._wheel_radius_m = settings.rolling_radius_m
+        self._wheel_radius_m = settings.rolling_radius_m(self._drive)
         self._torque_nm = settings.wheel_torque_nm
         self._n_substeps = math.ceil(scenario.control_period_s / _LONGEST_SUBSTEP_S - 1e-9)
         self._substep_s = scenario.control_period_s / self._n_substeps
@@ -85,7 +85,7 @@ class Dynamics:
         self._wheel_log = array("d")
         self._people_log: dict[int, Mapping[int, Moving]] = {}
         self._client = -1
-        self._build()
+        self._build()  # so that a robot that does not fit is rejected now
 
     def place(self, start: Start) -> None:
         """Put the robot on the floor of a new world and give it a velocity."""

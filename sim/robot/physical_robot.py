@@ -42,7 +42,7 @@ class PhysicalRobot:
     def __init__(self, scenario: Scenario, person_radius_m: float) -> None:
         settings = scenario.robot
         drive = settings.differential_drive()
-        self._wheel_radius_m = settings.wheel_radius_m or settings.rolling_radius_m
+        self._wheel_radius_m = settings.wheel_radius_m or settings.rolling_radius_m(drive)
         self._separation_m = settings.wheel_separation_m or drive.separation_m
         self._settings, self._step_s = settings, scenario.control_period_s
         self._reach_m = settings.radius_m + person_radius_m

@@ -80,10 +80,9 @@ class RobotSettings(StrictModel):
             self.urdf_path, self.left_wheel_joint, self.right_wheel_joint
         )
 
-    @property
-    def rolling_radius_m(self) -> float:
-        """Radius of the physical robot's wheels: by the URDF, else as given."""
-        radius_m = self.differential_drive().radius_m or self.wheel_radius_m
+    def rolling_radius_m(self, drive: DifferentialDrive) -> float:
+        """Radius of the wheels of its drive: by the URDF, else as given."""
+        radius_m = drive.radius_m or self.wheel_radius_m
         assert radius_m is not None  # by the validator
         return radius_m
 

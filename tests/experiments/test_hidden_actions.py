@@ -5,17 +5,18 @@ import pytest
 from experiments.hidden_actions import (
     FEATURES,
     KINDS,
+    MOVES,
     TERRAINS,
     TRUTH,
     HiddenActionsConfig,
     learn_one_world,
-    relative_successors,
     summary_of,
     terrain_problem,
     with_actions,
 )
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Action, Grid, Outcome
+from serd_core.grid.navigation import outcome_successors
 
 CONFIG = HiddenActionsConfig(n_repetitions=1, sizes=(100, 300), side=5)
 
@@ -45,7 +46,7 @@ def test_a_fifth_of_the_episodes_keeps_its_actions():
 
 def test_outcomes_are_relative_to_the_direction():
     grid = Grid((0.0, 0.0), 1.0, np.ones((3, 3), bool))
-    middle = relative_successors(grid)[4]
+    middle = outcome_successors(grid, np.broadcast_to(MOVES, (grid.n_states, len(MOVES))))[4]
     neighbours = grid.neighbours[4]
     assert middle[0, Outcome.FORWARD] == neighbours[Action.NORTH]
     assert middle[0, Outcome.RIGHT] == neighbours[Action.EAST]

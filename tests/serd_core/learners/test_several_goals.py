@@ -55,7 +55,7 @@ def test_one_goal_is_an_ordinary_fit():
 
 def test_the_gradient_over_all_goals_is_that_of_differences():
     pairs = simulated()
-    objective = SumOverGoals([_log_likelihood(*pair, None) for pair in pairs], np.ones(2))
+    objective = SumOverGoals([_log_likelihood(*pair, None) for pair in pairs])
     at, step = np.array([-0.7, -1.1]), 1e-5
     gradient, hessian = objective.evaluate(at)[1], objective.hessian(at)
     for f, unit in enumerate(step * np.eye(2)):
