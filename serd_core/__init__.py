@@ -7,6 +7,7 @@ use, as imports of single modules are to stay fast.
 """
 
 import ast
+import functools
 import importlib
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 __version__ = "0.2.0"
 
 
+@functools.cache
 def _homes() -> dict[str, str]:
     """Module of each name of the interface."""
     stub = ast.parse(Path(__file__).with_name("__init__.pyi").read_text(encoding="utf-8"))

@@ -61,7 +61,7 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
     """Compare the prediction from a start area with the episodes."""
     starts = start_distribution(strategy.scenario, start_area)
     counts = strategy.predicted_arrival(starts, strategy.n_periods)
-    law = predicted_law(strategy, start_area)
+    law = strategy.law_s(counts)
     thesis = law_in_seconds(counts, period_s=strategy.scenario.decision_period_s)
     times_s = np.array([row.time_of_arrival_s if row.arrived else math.inf for row in episodes])
     n_arrived = int(np.isfinite(times_s).sum())

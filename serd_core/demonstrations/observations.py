@@ -64,8 +64,9 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
     shown = np.flatnonzero(~decisions.hidden)
     counts = state_action_counts(decisions.select(shown), mdp.n_states, mdp.n_actions)
     _require_available(mdp, decisions, name)
-    _require_explained(decisions, explained(mdp, decisions), name)
-    observed = _taken_transitions(mdp, decisions.select(shown))
+    taken = _taken_transitions(mdp, decisions)
+    _require_explained(decisions, _explained(mdp, decisions, taken), name)
+    observed = taken[shown]
     hidden = decisions.select(decisions.hidden)
     pairs = np.stack([hidden.state, hidden.next_state], axis=1)
     _, first, moves = np.unique(pairs, axis=0, return_index=True, return_counts=True)
@@ -88,8 +89,11 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
 
 def explained(mdp: Mdp, decisions: Decisions) -> BoolArray:
     """(N,) which decisions the MDP allows; every learner rejects the others."""
-    found = _taken_transitions(mdp, decisions) >= 0
-    hidden = decisions.hidden
+    return _explained(mdp, decisions, _taken_transitions(mdp, decisions))
+
+
+def _explained(mdp: Mdp, decisions: Decisions, taken: IntArray) -> BoolArray:
+    found, hidden = taken >= 0, decisions.hidden
     found[hidden] = np.any(explaining_transitions(mdp, decisions.select(hidden)) >= 0, axis=1)
     return np.asarray(found)
 

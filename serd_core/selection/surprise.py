@@ -59,8 +59,10 @@ def tail_probabilities(
     by_move = weighted_counts(place.reshape(-1), joint, len(move))
     tails = np.zeros(len(decisions))
     for hidden, of, values in ((False, state, joint), (True, move // mdp.n_states, by_move)):
+        first = np.searchsorted(of, np.arange(mdp.n_states + 1))  # sorted by state
         for row in np.flatnonzero(decisions.hidden == hidden):
-            there = values[of == decisions.state[row]]
+            here = decisions.state[row]
+            there = values[first[here] : first[here + 1]]
             tails[row] = there[there <= likelihood[row] * (1.0 + _TIE)].sum()
     return np.minimum(tails, 1.0)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, first_index, require_generator
+from serd_core.arrays import FloatArray, IntArray, first_index, require_generator
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 
@@ -55,7 +55,8 @@ def bootstrap(
         raise SerdError(
             f"bootstrap must have at least 2 samples and 2 episodes, got {n} and {len(episodes)}"
         )
-    rows = [np.flatnonzero(decisions.episode == episode) for episode in episodes]
+    order = np.argsort(decisions.episode, kind="stable")
+    rows = np.split(order, np.flatnonzero(np.diff(decisions.episode[order])) + 1)
     drawn = rng.integers(len(episodes), size=(n, len(episodes)))
     found = np.stack([estimate(_sample(decisions, rows, each)) for each in drawn])
     bad = first_index(np.isnan(found))
@@ -67,11 +68,9 @@ def bootstrap(
     return Bootstrap(found)
 
 
-def _sample(
-    decisions: Decisions, rows: list[np.ndarray[tuple[int], np.dtype[np.int64]]], drawn: FloatArray
-) -> Decisions:
+def _sample(decisions: Decisions, rows: list[IntArray], drawn: IntArray) -> Decisions:
     """The drawn episodes, numbered anew, so that one drawn twice is two."""
-    chosen = [rows[int(place)] for place in drawn]
+    chosen = [rows[place] for place in drawn]
     columns = decisions.select(np.concatenate(chosen)).columns()
     columns["episode"] = np.repeat(np.arange(len(chosen)), [len(each) for each in chosen])
     return Decisions(**columns, source=decisions.source)  # type: ignore[arg-type]

@@ -93,9 +93,10 @@ def fit_information(
     whole_prior = assumed.whole_prior.anchored(fit.initial_outcome_probabilities)
     posterior = Posterior(problem, observations, assumed.policy_model, whole_prior)
     at = posterior.evaluate(fit.parameters)
-    hessian = posterior_hessian(posterior, fit.parameters, at)
+    parts = curvature_parts(posterior, fit.parameters, at)
+    hessian = posterior_hessian(posterior, fit.parameters, at, parts)
     jacobian = assumed.belief.jacobian(fit.parameters)
-    q, by_q = at.solution.q, curvature_parts(posterior, fit.parameters, at).sensitivities.by_q
+    q, by_q = at.solution.q, parts.sensitivities.by_q
     scores = transition_scores(
         problem.mdp.transitions, assumed.policy_model, fit.parameters, observations.group, q, by_q
     )

@@ -58,11 +58,10 @@ def two_step_standard_errors(
     at, observations = fit.parameters, observe(problem.mdp, decisions)
     posterior = Posterior(problem, observations, assumed.policy_model, assumed.prior)
     found = posterior.evaluate(at)
-    hessian = posterior_hessian(posterior, at, found)
-    by_q = curvature_parts(posterior, at, found).sensitivities.by_q
-    scores = transition_scores(
-        model, assumed.policy_model, at, observations.group, found.solution.q, by_q
-    )
+    parts = curvature_parts(posterior, at, found)
+    hessian = posterior_hessian(posterior, at, found, parts)
+    q, by_q = found.solution.q, parts.sensitivities.by_q
+    scores = transition_scores(model, assumed.policy_model, at, observations.group, q, by_q)
     reward, truth, belief = (at.place(block) for block in (Block.REWARD, Block.TRUTH, Block.BELIEF))
     counts = np.zeros(len(model.groups))
     counts[observations.group] = observations.group_count

@@ -105,10 +105,10 @@ def reference_dynamics(study: StudyWorld) -> FloatArray:
 
 def reference_table(study: StudyWorld) -> pd.DataFrame:
     """The reference dynamics: probability of every outcome, and the number of decisions."""
-    names = [outcome.name.lower() for outcome in Outcome]
-    table = pd.DataFrame(reference_dynamics(study), columns=names)
-    table.insert(0, "model", study.problem.model_names)
     decisions = reference_decisions(study)
+    names = [outcome.name.lower() for outcome in Outcome]
+    table = pd.DataFrame(estimate_dynamics(study.problem, decisions), columns=names)
+    table.insert(0, "model", study.problem.model_names)
     table.insert(1, "decisions", decisions_per_model(study.problem, decisions))
     return table
 

@@ -113,9 +113,15 @@ def dynamics_terms(parts: CurvatureParts, theta: FloatArray, n_features: int) ->
 
 
 def posterior_hessian(
-    posterior: Posterior, parameters: Parameters, at: PosteriorValue
+    posterior: Posterior,
+    parameters: Parameters,
+    at: PosteriorValue,
+    parts: CurvatureParts | None = None,
 ) -> FloatArray:
-    """(n, n) second derivatives by all blocks in a row (`Parameters.vector`)."""
+    """(n, n) second derivatives by all blocks in a row (`Parameters.vector`).
+
+    parts: those of the same point where the caller has them.
+    """
     model = posterior.problem.mdp.transitions
     table = posterior.prior.hessian(model, parameters)
     truth = parameters.place(Block.TRUTH)
@@ -123,7 +129,8 @@ def posterior_hessian(
     seen = at.expected.observations
     counts[seen.group] = seen.group_count
     table[truth, truth] += log_transition_hessian(model, parameters.truth, counts)
-    parts = curvature_parts(posterior, parameters, at)
+    if parts is None:
+        parts = curvature_parts(posterior, parameters, at)
     _add_policy_part(table, posterior, parameters, at, parts)
     if seen.hidden:
         q, by_q = at.solution.q, parts.sensitivities.by_q
