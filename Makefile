@@ -9,12 +9,14 @@ FUZZ_CASES ?= 10000
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup build demo test fuzz coverage check format lint types imports bench pictures reference clean
+.PHONY: help setup build interfaces ubuntu demo test fuzz coverage check format lint types imports bench pictures reference site dist clean
 
 help:
 	@echo "make setup     set up .venv and build the ROS workspace"
 	@echo "make demo      the whole loop: demonstrate, record, learn, navigate, report  (ARGS='--help')"
 	@echo "make test      every test                                                    (ARGS='-k name')"
+	@echo "make interfaces  build nav2_msgs, which has no wheel, for tests and for Nav2 (needs g++)"
+	@echo "make ubuntu    tests of mathematics and strategy with NumPy and SciPy of Ubuntu 24.04"
 	@echo "make fuzz      mutated messages, files and arguments, 10,000 per target   (FUZZ_CASES=1000)"
 	@echo "make coverage  every test, and which lines and branches they reach"
 	@echo "make check     format, lint, types, import rules, tests"
@@ -22,6 +24,8 @@ help:
 	@echo "make bench     speed against peers, results as JSON"
 	@echo "make pictures  draw the architecture pictures again (needs Graphviz)"
 	@echo "make reference write nodes.yaml and the tables of docs from the settings models"
+	@echo "make site      build the documents as a site in site/, strictly (Python 3.11 or 3.12)"
+	@echo "make dist      build the wheel and the source distribution, and check their metadata"
 	@echo "make clean     remove .venv, builds and caches (never your demo output)"
 
 setup: build
@@ -31,6 +35,12 @@ $(VENV)/.ready: pyproject.toml constraints.txt tools/setup_venv.sh
 
 build: $(VENV)/.ready
 	@bash tools/build_workspace.sh $(BIN)
+
+interfaces: $(VENV)/.ready
+	@$(BIN)/python tools/build_interfaces.py
+
+ubuntu:
+	@PYTHON="$(PYTHON)" bash tools/test_ubuntu_versions.sh
 
 demo: build
 	@$(BIN)/serd demo $(ARGS)
@@ -68,6 +78,21 @@ pictures: $(VENV)/.ready
 
 reference: $(VENV)/.ready
 	@$(BIN)/python tools/write_reference.py
+
+$(VENV)/.docs: $(VENV)/.ready pyproject.toml constraints.txt
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	@touch $@
+
+site: $(VENV)/.docs
+	@$(BIN)/python tools/run_notebooks.py
+	@$(BIN)/python tools/build_site.py
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build -q
+	@echo "site: $(CURDIR)/site/index.html"
+
+dist: $(VENV)/.docs
+	@rm -rf dist
+	@$(BIN)/python -m build -q
+	@$(BIN)/twine check --strict dist/*
 
 clean:
 	rm -rf $(VENV) ros_ws/build ros_ws/install ros_ws/log .mypy_cache .ruff_cache .pytest_cache .hypothesis

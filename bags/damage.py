@@ -15,7 +15,7 @@ from bags.rosbag2.layout import BagLayout, storage_name
 class Damage:
     """offset: byte of the first such fault, None where it concerns the whole file; count: of them.
 
-    In a summary of several kinds of faults, `what` says so.
+    In a summary of several kinds of faults, `what` states so.
     """
 
     path: Path

@@ -9,8 +9,8 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # The libraries read the variable when they load.
-from benchmarks import bags_throughput, compliance, receipt_times, speed_figure
-from benchmarks.driving import closed_loop, crowd_peers, drives, lockstep
+from benchmarks import bags_throughput, compliance, receipt_times, speed_figure, start_up
+from benchmarks.driving import closed_loop, crowd_peers, drives, lockstep, planners
 from benchmarks.faults import kill_matrix
 from benchmarks.learning import (
     belief_choice,
@@ -18,6 +18,7 @@ from benchmarks.learning import (
     gradient,
     growth,
     peers,
+    route_peers,
     scarce_data,
     solvers,
 )
@@ -36,11 +37,14 @@ BENCHMARKS = {
     "kill_matrix": kill_matrix.run,
     "learning_peers": peers.run,
     "lockstep": lockstep.run,
+    "planners": planners.run,
     "receipt_times": receipt_times.run,
+    "route_peers": route_peers.run,
     "sources": sources.run,
     "scarce_data": scarce_data.run,
     "solvers": solvers.run,
     "speed_figure": speed_figure.run,
+    "start_up": start_up.run,
 }
 
 

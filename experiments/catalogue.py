@@ -6,6 +6,7 @@ from experiments.gridworld.early_stopping import EarlyStoppingConfig, run_early_
 from experiments.gridworld.experiment import GridworldConfig, run_gridworld
 from experiments.hidden_actions import HiddenActionsConfig, run_hidden_actions
 from experiments.minimum_example import MinimumExampleConfig, run_minimum_example
+from experiments.mixed_experts import MixedExpertsConfig, run_mixed_experts
 from experiments.multi_start import MultiStartConfig, run_multi_start
 from experiments.next_demonstration import NextDemonstrationConfig, run_next_demonstration
 from experiments.policy_cost import PolicyCostConfig, run_policy_cost
@@ -60,6 +61,12 @@ EXPERIMENTS = (
         "rewards and dynamics from states alone",
         HiddenActionsConfig,
         run_hidden_actions,
+    ),
+    Experiment(
+        "mixed-experts",
+        "types of experts found among mixed demonstrations",
+        MixedExpertsConfig,
+        run_mixed_experts,
     ),
     Experiment(
         "next-demonstration",

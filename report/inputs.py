@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 
 from report.errors import ReportError
+from serd_app.demonstrations.discretise import Faults
+from serd_app.demonstrations.resolution import ResolutionAdvice
 from serd_app.learning.knowledge import Knowledge
-from serd_core.arrays import FloatArray, first_index, float_array, require_index
+from serd_app.navigation.familiarity import Familiarity
+from serd_core.arrays import BoolArray, FloatArray, first_index, float_array, require_index
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
@@ -17,6 +20,7 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import Policy
 from sim.scenario.scenario import Scenario
 from storage.episode_table import EpisodeResult
+from storage.model_file import ModelType
 
 
 def finite_number(name: str, value: float) -> float:
@@ -151,12 +155,33 @@ def snapshot_from_history(
 
 
 @dataclass(frozen=True, eq=False)
-class ReportInputs:
-    """One run of the loop: demonstrations, what was learned from them, and how it then drove.
+class Forecast:
+    """The predicted arrival from a place; name: of a start area, or the point."""
 
+    name: str
+    law: ArrivalLaw
+
+
+@dataclass(frozen=True, eq=False)
+class ExpertGroup:
+    """A type of experts; policy: of its rewards; traps: (S,) states from which it never arrives."""
+
+    kept: ModelType
+    policy: Policy
+    traps: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class ReportInputs:
+    """A learned model: demonstrations, what was learned from them, and how it then drove.
+
+    demonstrations: may be empty, then n_demonstrations is how many there were.
     demonstration_tracks_m: (T, 2) recorded x, y of each demonstration, may be empty.
-    policy: the one that drove; predicted: its arrival, up to `timeout_s`. knowledge: None where the
-    fit has no posterior.
+    policy: the one that drove; predicted: its arrival, up to `timeout_s`. episodes: empty where it
+    has not driven. snapshot: None where people were not recorded. knowledge: None where the fit has
+    no posterior. forecasts: from chosen starts. familiarity: how likely demonstrations are for the
+    model; advice: on cells and periods; faults: moves of the demonstrations that no outcome is.
+    groups: types of experts, none where there is one.
     """
 
     title: str
@@ -169,14 +194,23 @@ class ReportInputs:
     episodes: tuple[EpisodeResult, ...]
     predicted: ArrivalLaw
     timeout_s: float
-    snapshot: CrowdSnapshot
+    snapshot: CrowdSnapshot | None
     run: RunFacts
     files: tuple[FileLink, ...] = ()
     knowledge: Knowledge | None = None
+    forecasts: tuple[Forecast, ...] = ()
+    familiarity: Familiarity | None = None
+    advice: ResolutionAdvice | None = None
+    faults: Faults | None = None
+    n_demonstrations: int = 0
+    groups: tuple[ExpertGroup, ...] = ()
 
     def __post_init__(self) -> None:
-        if not self.episodes:
-            raise ReportError("episodes must have at least one row, got none; drive the policy")
+        if not self.episodes and not self.forecasts:
+            raise ReportError(
+                "episodes must have at least one row where there is no forecast, got none; drive"
+                " the policy"
+            )
         if not finite_number("timeout_s", self.timeout_s) > 0:
             raise ReportError(f"timeout_s must be above 0, got {self.timeout_s}; use seconds")
         self._check_learned()

@@ -3,13 +3,19 @@
 import base64
 from collections.abc import Mapping
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from report.figures.charts import OUTCOME_LABELS
-from report.inputs import FileLink, ReportInputs
+from report.inputs import FileLink, Forecast, ReportInputs
 from report.style import in_words, percent
 from report.summary import Summary, headline_of
+from serd_core.demonstrations.decisions import HIDDEN
+from serd_core.grid.grid import Action
 from storage.quantities import counted, seconds_in_words
+
+#: Decisions of a lower tail probability are marked; the least likely of them are listed.
+SURPRISING, MOST_SURPRISES = 0.01, 12
 
 
 def render_page(
@@ -39,36 +45,23 @@ def render_page(
         run=inputs.run,
         knowledge=inputs.knowledge,
         links=links,
+        has_tracks=bool(inputs.demonstration_tracks_m),
+        forecasts=[_forecast_row(each) for each in inputs.forecasts],
+        surprises=surprise_rows(inputs),
+        advice=inputs.advice,
+        groups=[each.kept for each in inputs.groups],
     )
 
 
 def summary_rows(summary: Summary) -> list[tuple[str, str]]:
     """The summary table: names and values as text."""
-    low, high = summary.measured_arrival_interval_95
     rows = [
         (
             "Demonstrations",
             f"{summary.n_demonstrations} with {counted(summary.n_decisions, 'decision')}",
         ),
-        (
-            "Arrived",
-            f"{summary.n_arrived} of {counted(summary.n_episodes, 'episode')} "
-            f"({percent(summary.measured_arrival_probability)}, 95 % interval "
-            f"{percent(low)} to {percent(high)}); "
-            f"predicted {percent(summary.predicted_arrival_probability)}",
-        ),
-        (
-            "Median time of arrival",
-            f"{_seconds(summary.measured_median_s)}; "
-            f"predicted {_seconds(summary.predicted_median_s)}",
-        ),
-        ("Largest gap of the two arrival curves", f"{summary.largest_cdf_gap:.2f}"),
-        (
-            "Contacts",
-            f"robot ran into people {summary.robot_on_person_contacts} times, people into the "
-            f"robot {summary.person_on_robot_contacts} times, "
-            f"walls touched {summary.wall_contacts} times",
-        ),
+        *([("Faults of the demonstrations", summary.faults)] if summary.faults else []),
+        *_arrival_rows(summary),
         ("Trap states", str(summary.n_trap_states)),
         (
             "Fit",
@@ -78,6 +71,62 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
     ]
     factors = [f"{name} {factor:.0f}" for name, factor in summary.real_time_factor.items()]
     return rows + ([("Times faster than real time", ", ".join(factors))] if factors else [])
+
+
+def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:
+    """Measured beside predicted arrival, or predicted alone where nothing drove."""
+    predicted = f"predicted {percent(summary.predicted_arrival_probability)}"
+    median = f"predicted {_seconds(summary.predicted_median_s)}"
+    if summary.measured_arrival_interval_95 is None:
+        return [("Arrives", predicted), ("Median time of arrival", median)]
+    low, high = summary.measured_arrival_interval_95
+    return [
+        (
+            "Arrived",
+            f"{summary.n_arrived} of {counted(summary.n_episodes, 'episode')} "
+            f"({percent(summary.measured_arrival_probability or 0.0)}, 95 % interval "
+            f"{percent(low)} to {percent(high)}); {predicted}",
+        ),
+        ("Median time of arrival", f"{_seconds(summary.measured_median_s)}; {median}"),
+        ("Largest gap of the two arrival curves", f"{summary.largest_cdf_gap:.2f}"),
+        (
+            "Contacts",
+            f"robot ran into people {summary.robot_on_person_contacts} times, people into the "
+            f"robot {summary.person_on_robot_contacts} times, "
+            f"walls touched {summary.wall_contacts} times",
+        ),
+    ]
+
+
+def _forecast_row(forecast: Forecast) -> tuple[str, str, str, str]:
+    """Start, probability of arriving, and by when half and nine in ten do."""
+    law = forecast.law
+    half, most = (law.quantile_s(share) for share in (0.5, 0.9))
+    return forecast.name, percent(float(law.cdf[-1])), _by(half), _by(most)
+
+
+def _by(time_s: float | None) -> str:
+    return "not in time" if time_s is None else seconds_in_words(time_s)
+
+
+def surprise_rows(inputs: ReportInputs) -> list[tuple[int, float, str, str, str]]:
+    """Episode, time, place, action and tail probability of the least likely decisions."""
+    found = inputs.familiarity
+    if found is None:
+        return []
+    decisions, grid = found.decisions, found.problem.grid
+    rows = np.argsort(found.tails, kind="stable")[:MOST_SURPRISES]
+    rows = rows[found.tails[rows] < SURPRISING]
+    return [
+        (
+            int(decisions.episode[row]),
+            float(decisions.time_s[row]),
+            "{:.2f}, {:.2f}".format(*grid.centers_m[decisions.state[row]]),
+            "hidden" if action == HIDDEN else Action(action).name.lower(),
+            f"{found.tails[row]:.1e}",
+        )
+        for row, action in zip(rows, decisions.action[rows].tolist(), strict=True)
+    ]
 
 
 def _seconds(value: float | None) -> str:

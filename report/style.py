@@ -1,4 +1,4 @@
-"""The look every figure shares: colours that colour-blind readers can tell apart, fonts, lines.
+"""The look every figure shares: colours that colour-blind readers can distinguish, fonts, lines.
 
 The line colours are from Paul Tol's "bright" scheme (SRON/EPS/TN/09-002); meanings never rest on
 colour alone: line styles, markers or labels repeat them.

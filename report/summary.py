@@ -4,37 +4,42 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from report.figures.arrival import measured_curve, predicted_curve, time_reaching
+from report.figures.arrival import ArrivalCurve, measured_curve, time_reaching
 from report.inputs import ReportInputs
 from report.style import percent
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.law import largest_gap
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.grid.navigation import NavigationProblem
+from serd_core.grid.navigation import MODEL_NAMES, NavigationProblem
 from storage.quantities import counted, seconds_in_words
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Plain numbers; a median is None when fewer than half of the episodes arrived."""
+    """Plain numbers; a median is None when fewer than half of the episodes arrived.
+
+    Without episodes all that is measured is None, and so is the gap.
+    """
 
     n_demonstrations: int
     n_decisions: int
     n_episodes: int
     n_arrived: int
-    measured_arrival_probability: float
-    measured_arrival_interval_95: tuple[float, float]
+    measured_arrival_probability: float | None
+    measured_arrival_interval_95: tuple[float, float] | None
     predicted_arrival_probability: float
     measured_median_s: float | None
     predicted_median_s: float | None
     measured_mean_s: float | None
-    largest_cdf_gap: float
+    largest_cdf_gap: float | None
     timeout_s: float
     robot_on_person_contacts: int
     person_on_robot_contacts: int
     wall_contacts: int
     n_trap_states: int
+    fault_share: float | None
+    faults: str
     converged: bool
     n_steps: int
     objective: float
@@ -58,27 +63,28 @@ class Summary:
 def summary_of(inputs: ReportInputs) -> Summary:
     """Count and compare: everything the report states as a number."""
     episodes, fit, run = inputs.episodes, inputs.fit, inputs.run
-    predicted = predicted_curve(inputs.predicted, len(episodes))
-    measured = measured_curve(inputs.arrival_times_s, inputs.timeout_s)
+    measured = measured_curve(inputs.arrival_times_s, inputs.timeout_s) if episodes else None
     times = [row.time_of_arrival_s for row in episodes if row.arrived]
     models = inputs.problem.model_names
-    counts = decisions_per_model(inputs.problem, inputs.demonstrations).tolist()
+    counts = known_decisions(inputs).tolist()
     return Summary(
-        n_demonstrations=len(inputs.demonstrations.episodes),
-        n_decisions=len(inputs.demonstrations),
+        n_demonstrations=len(inputs.demonstrations.episodes) or inputs.n_demonstrations,
+        n_decisions=len(inputs.demonstrations) or fit.n_decisions,
         n_episodes=len(episodes),
         n_arrived=len(times),
-        measured_arrival_probability=len(times) / len(episodes),
-        measured_arrival_interval_95=(float(measured.lower[-1]), float(measured.upper[-1])),
-        predicted_arrival_probability=float(predicted.probability[-1]),
-        measured_median_s=time_reaching(measured, 0.5),
+        measured_arrival_probability=len(times) / len(episodes) if episodes else None,
+        measured_arrival_interval_95=_last_interval(measured),
+        predicted_arrival_probability=float(inputs.predicted.cdf[-1]),
+        measured_median_s=None if measured is None else time_reaching(measured, 0.5),
         predicted_median_s=inputs.predicted.quantile_s(0.5),
         measured_mean_s=float(np.mean(times)) if times else None,
-        largest_cdf_gap=largest_gap(inputs.predicted, inputs.arrival_times_s),
+        largest_cdf_gap=largest_gap(inputs.predicted, inputs.arrival_times_s) if episodes else None,
         timeout_s=inputs.timeout_s,
         robot_on_person_contacts=sum(row.robot_on_person for row in episodes),
         person_on_robot_contacts=sum(row.person_on_robot for row in episodes),
         wall_contacts=sum(row.robot_on_wall for row in episodes),
+        fault_share=None if inputs.faults is None else inputs.faults.share,
+        faults="" if inputs.faults is None else str(inputs.faults),
         n_trap_states=int(trapped_states(inputs).sum()),
         converged=bool(fit.converged),
         n_steps=int(fit.n_steps),
@@ -103,8 +109,14 @@ def summary_of(inputs: ReportInputs) -> Summary:
     )
 
 
+def _last_interval(measured: ArrivalCurve | None) -> tuple[float, float] | None:
+    return None if measured is None else (float(measured.lower[-1]), float(measured.upper[-1]))
+
+
 def headline_of(summary: Summary) -> str:
     """From how many demonstrations, how many arrivals, how fast, and what had been predicted."""
+    if summary.measured_arrival_probability is None:
+        return _predicted_headline(summary)
     learned = (
         f"After {counted(summary.n_demonstrations, 'demonstration')} the robot reached the goal in "
         f"{summary.n_arrived} of {counted(summary.n_episodes, 'new episode')} "
@@ -113,6 +125,17 @@ def headline_of(summary: Summary) -> str:
         f"{percent(summary.predicted_arrival_probability)})"
     )
     return f"{learned}{_speed(summary)}."
+
+
+def _predicted_headline(summary: Summary) -> str:
+    half = summary.predicted_median_s
+    return (
+        f"After {counted(summary.n_demonstrations, 'demonstration')} with"
+        f" {counted(summary.n_decisions, 'decision')} the robot is predicted to reach the goal"
+        f" within {seconds_in_words(summary.timeout_s)} with"
+        f" {percent(summary.predicted_arrival_probability)}"
+        + (f", half of the times within {seconds_in_words(half)}." if half is not None else ".")
+    )
 
 
 def _speed(summary: Summary) -> str:
@@ -130,9 +153,22 @@ def trapped_states(inputs: ReportInputs) -> BoolArray:
     return trap_states(problem.grid.neighbours, inputs.policy.greedy, problem.goal_states)
 
 
+def known_decisions(inputs: ReportInputs) -> IntArray:
+    """(M,) decisions per outcome model; those of the fit where the demonstrations are not given."""
+    if len(inputs.demonstrations) or inputs.knowledge is None:
+        return decisions_per_model(inputs.problem, inputs.demonstrations)
+    known = inputs.knowledge.by_model
+    counts = [round(known[name][0].decisions) for name in inputs.problem.model_names]
+    return np.array(counts, dtype=np.int64)
+
+
 def decisions_per_model(problem: NavigationProblem, decisions: Decisions) -> IntArray:
-    """(M,) number of decisions with their action that each outcome model applies to."""
+    """(M,) number of decisions with their action that each outcome model applies to.
+
+    Rows of one model at several densities share its decisions.
+    """
     models = problem.outcome_models
     decisions = decisions.select(~decisions.hidden)
-    used = models.model_of[decisions.state, decisions.action]
-    return np.bincount(used, minlength=models.n_models)
+    used = models.model_of[decisions.state, decisions.action] % len(MODEL_NAMES)
+    counts = np.bincount(used, minlength=len(MODEL_NAMES))
+    return np.resize(counts, len(problem.model_names))

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from report.figures.arrival import (
     at_times,
     draw_arrival,
+    draw_forecasts,
     measured_curve,
     predicted_curve,
     shown_until_s,
@@ -21,23 +22,34 @@ from report.figures.charts import (
 )
 from report.figures.hallway import draw_hallway
 from report.figures.map_axes import layout_of
-from report.figures.maps import draw_features, draw_gain, draw_policy_map, draw_visitation
+from report.figures.maps import (
+    draw_features,
+    draw_flow_map,
+    draw_gain,
+    draw_policy_map,
+    draw_surprises,
+    draw_visitation,
+)
+from report.figures.resolution import draw_resolution
 from report.inputs import FileLink, ReportInputs
-from report.page import render_page
+from report.page import SURPRISING, render_page
 from report.style import png_bytes, svg_bytes
-from report.summary import decisions_per_model, summary_of, trapped_states
+from report.summary import known_decisions, summary_of, trapped_states
 from serd_core.demonstrations.decisions import state_counts
+from serd_core.grid.navigation import NO_FLOW
 from storage.episode_table import EpisodeResult
 from storage.files import atomic_write_bytes, atomic_write_text
 from storage.table import csv_text
 
 _OWN_FILES = (
     FileLink("summary.json", "every number of this page"),
-    FileLink("episodes.csv", "how each new episode ended"),
-    FileLink("arrival_times.csv", "predicted and measured arrival curves with bands"),
     FileLink("reward_weights.csv", "learned reward weights"),
     FileLink("outcome_models.csv", "initial and learned outcome probabilities"),
     FileLink("figures/", "all figures as PNG and SVG"),
+)
+_FILES_OF_EPISODES = (
+    FileLink("episodes.csv", "how each new episode ended"),
+    FileLink("arrival_times.csv", "predicted and measured arrival curves with bands"),
 )
 
 
@@ -66,14 +78,21 @@ def write_report(inputs: ReportInputs, directory: Path) -> Path:
 def _links(inputs: ReportInputs) -> tuple[FileLink, ...]:
     """The caller's files first; its words win where both describe one file."""
     given = {link.path for link in inputs.files}
-    return inputs.files + tuple(link for link in _OWN_FILES if link.path not in given)
+    own = _OWN_FILES + (_FILES_OF_EPISODES if inputs.episodes else ())
+    if inputs.groups:
+        own += (FileLink("experts.csv", "type of the expert of each episode"),)
+    return inputs.files + tuple(link for link in own if link.path not in given)
 
 
 def all_tables(inputs: ReportInputs) -> dict[str, str]:
     """CSV text by file name."""
-    return {
-        "episodes.csv": episodes_table(inputs.episodes),
-        "arrival_times.csv": arrival_table(inputs),
+    driven = {}
+    if inputs.episodes:
+        driven["episodes.csv"] = episodes_table(inputs.episodes)
+        driven["arrival_times.csv"] = arrival_table(inputs)
+    if inputs.groups:
+        driven["experts.csv"] = experts_table(inputs)
+    return driven | {
         "reward_weights.csv": weights_table(inputs),
         "outcome_models.csv": outcomes_table(inputs),
     }
@@ -117,9 +136,19 @@ def weights_table(inputs: ReportInputs) -> str:
     return csv_text(["feature", "reward_weight"], rows)
 
 
+def experts_table(inputs: ReportInputs) -> str:
+    """The type of the expert of each episode."""
+    rows = [
+        (episode, number)
+        for number, group in enumerate(inputs.groups, start=1)
+        for episode in group.kept.episodes
+    ]
+    return csv_text(["episode", "expert_type"], sorted(rows))
+
+
 def outcomes_table(inputs: ReportInputs) -> str:
     """One row per model and outcome: number of decisions, initial and learned probability."""
-    counts = decisions_per_model(inputs.problem, inputs.demonstrations).tolist()
+    counts = known_decisions(inputs).tolist()
     initial = inputs.fit.initial_outcome_probabilities.tolist()
     learned = inputs.fit.outcome_probabilities.tolist()
     rows = [
@@ -139,12 +168,30 @@ def all_figures(inputs: ReportInputs) -> dict[str, Figure]:
 def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
     layout, problem = layout_of(inputs.scenario), inputs.problem
     grid = problem.grid
-    visits = state_counts(inputs.demonstrations, grid.n_states)
-    known = inputs.knowledge
-    gain = {} if known is None else {"gain": draw_gain(layout, grid, known.gain_nats)}
-    return gain | {
-        "hallway": draw_hallway(layout, inputs.snapshot),
-        "visitation": draw_visitation(layout, grid, visits, inputs.demonstration_tracks_m),
+    found: dict[str, Figure] = {}
+    if inputs.knowledge is not None:
+        found["gain"] = draw_gain(layout, grid, inputs.knowledge.gain_nats)
+    if inputs.snapshot is not None:
+        found["hallway"] = draw_hallway(layout, inputs.snapshot)
+    if len(inputs.demonstrations):
+        visits = state_counts(inputs.demonstrations, grid.n_states)
+        found["visitation"] = draw_visitation(layout, grid, visits, inputs.demonstration_tracks_m)
+    if inputs.forecasts and (problem.flow != NO_FLOW).any():
+        order = np.where(problem.flow != NO_FLOW, 1.0, 0.0)
+        found["flow"] = draw_flow_map(grid, problem.flow, order, layout=layout)
+    if inputs.familiarity is not None:
+        surprising = inputs.familiarity.surprising(SURPRISING)
+        found["surprises"] = draw_surprises(grid, inputs.familiarity.decisions, surprising, layout)
+    for number, group in enumerate(inputs.groups, start=1):
+        found[f"expert_{number}"] = draw_policy_map(
+            layout,
+            grid,
+            group.policy.value,
+            group.policy.greedy,
+            problem.goal_states,
+            group.traps,
+        )
+    return found | {
         "policy": draw_policy_map(
             layout,
             grid,
@@ -160,23 +207,34 @@ def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
 
 
 def _chart_figures(inputs: ReportInputs) -> dict[str, Figure]:
-    fit, n_episodes = inputs.fit, len(inputs.episodes)
-    predicted = predicted_curve(inputs.predicted, n_episodes)
-    measured = measured_curve(inputs.arrival_times_s, inputs.timeout_s)
-    return {
-        "arrival": draw_arrival(
-            predicted,
-            measured,
-            n_episodes=n_episodes,
-            shown_until_s=shown_until_s(inputs.predicted, inputs.arrival_times_s, inputs.timeout_s),
-        ),
+    fit = inputs.fit
+    found: dict[str, Figure] = {}
+    if inputs.episodes:
+        found["arrival"] = _arrival_figure(inputs)
+    if inputs.forecasts:
+        laws = {each.name: each.law for each in inputs.forecasts}
+        found["forecast"] = draw_forecasts(laws, inputs.timeout_s)
+    if inputs.advice is not None:
+        found["resolution"] = draw_resolution(inputs.advice)
+    if len(fit.objective_trace):
+        found["progress"] = draw_progress(fit.objective_trace, converged=fit.converged)
+    return found | {
         "weights": draw_weights(fit.feature_names, fit.reward_weights),
         "outcomes": draw_outcomes(
             inputs.problem.model_names,
             fit.initial_outcome_probabilities,
             fit.outcome_probabilities,
-            decisions_per_model(inputs.problem, inputs.demonstrations),
+            known_decisions(inputs),
             inputs.knowledge,
         ),
-        "progress": draw_progress(fit.objective_trace, converged=fit.converged),
     }
+
+
+def _arrival_figure(inputs: ReportInputs) -> Figure:
+    n_episodes, times_s = len(inputs.episodes), inputs.arrival_times_s
+    return draw_arrival(
+        predicted_curve(inputs.predicted, n_episodes),
+        measured_curve(times_s, inputs.timeout_s),
+        n_episodes=n_episodes,
+        shown_until_s=shown_until_s(inputs.predicted, times_s, inputs.timeout_s),
+    )

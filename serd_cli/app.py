@@ -1,52 +1,95 @@
 """The subcommands of `serd` and their exit codes."""
 
-from importlib import import_module
+import os
+import sys
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command as click_command
 
 from serd_cli.errors import BAD_INPUT, INTERRUPTED, RunError
 from serd_cli.output.terminal import progress_console
+from serd_cli.signatures import MODULES, FlagGroup, app_of, known_signatures
+from serd_core import __version__
 from serd_core.errors import SerdError
 
-COMMANDS = (
-    "demo",
-    "teleop",
-    "navigate",
-    "launch",
-    "run",
-    "experiment",
-    "bag",
-    "demos",
-    "learn",
-    "compare",
-    "scenario",
-    "crowd",
-    "episode",
-    "batch",
-    "faults",
-    "study",
-)
+
+class LazyCommands(FlagGroup):
+    """The group of all subcommands; the module of each is imported when it is called."""
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
+        """Names in the order of the help."""
+        return list(MODULES)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
+        """The subcommand, made from its signature; None where there is none."""
+        if cmd_name not in MODULES:
+            return None
+        if cmd_name not in self.commands:
+            group = click_command(app_of(cmd_name, known_signatures()))
+            assert isinstance(group, TyperGroup)
+            self.commands[cmd_name] = group.commands[cmd_name]
+        return self.commands[cmd_name]
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The subcommand of args; names near a wrong one are those of all subcommands."""
+        if args[0] not in MODULES:
+            return self._overview().resolve_command(ctx, args)
+        return super().resolve_command(ctx, args)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """The help, from one line per subcommand."""
+        self._overview().format_help(ctx, formatter)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
+        """Completions, from one line per subcommand."""
+        return self._overview().shell_complete(ctx, incomplete)
+
+    def _overview(self) -> TyperGroup:
+        """This group with one line per subcommand in place of the subcommands."""
+        known = known_signatures()
+        return TyperGroup(
+            name=self.name,
+            help=self.help,
+            params=self.params,
+            commands={name: TyperCommand(name, help=known[name]["help"]) for name in MODULES},
+            rich_markup_mode=self.rich_markup_mode,
+        )
 
 
-def make_app(wanted: str = "") -> typer.Typer:
-    """The command with the wanted subcommand, or with all of them for help and misspelt names.
-
-    Each is registered by the module of its name. Only the wanted one is imported, because the
-    experiments and the report take two seconds to import.
-    """
+def make_app() -> typer.Typer:
+    """The command with all its subcommands."""
     app = typer.Typer(
         name="serd",
-        help="Learn rewards and dynamics from demonstrations, and navigate with them.",
+        cls=LazyCommands,
         no_args_is_help=True,
-        add_completion=False,
         pretty_exceptions_enable=False,
         suggest_commands=True,
+        context_settings={"help_option_names": ["-h", "--help"]},
     )
-    app.callback()(lambda: None)  # keeps subcommand names even where there is one only
-    for name in [wanted] if wanted in COMMANDS else COMMANDS:
-        import_module(f"serd_cli.commands.{name}").register(app)
+    app.callback(help="Learn rewards and dynamics from demonstrations, and navigate with them.")(
+        _options
+    )
     return app
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"serd {__version__}")
+        raise typer.Exit
+
+
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version and exit.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    """Nothing is done without a subcommand."""
 
 
 def run(app: typer.Typer) -> int:
@@ -56,9 +99,16 @@ def run(app: typer.Typer) -> int:
     except KeyboardInterrupt:
         progress_console.print("interrupted")
         return INTERRUPTED
-    except RunError as error:
-        progress_console.print(f"[red]serd:[/red] {escape(str(error))}", soft_wrap=True)
-        return error.exit_code
     except SerdError as error:
         progress_console.print(f"[red]serd:[/red] {escape(str(error))}", soft_wrap=True)
-        return BAD_INPUT
+        return error.exit_code if isinstance(error, RunError) else BAD_INPUT
+    finally:
+        _flush_output()
+
+
+def _flush_output() -> None:
+    """Write what is buffered; a reader that has ended, as `head`, is no error."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

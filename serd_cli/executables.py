@@ -27,10 +27,20 @@ def find_command(package: str, executable: str, environment: Mapping[str, str]) 
         _require_known(package, executable, sorted(load_graph().nodes))
         return [sys.executable, "-m", f"{PACKAGE}.process.executable", executable]
     if prefix is None:
-        packages = sorted({PACKAGE, *_all(prefixes)})
-        raise UsageError(f"package {package!r} is not installed; {hint(package, packages)}")
+        known = all_executables(environment)
+        raise UsageError(f"package {package!r} is not installed; {hint(package, known)}")
     _require_known(package, executable, executables_of(prefix, package))
     return [str(prefix / "lib" / package / executable)]
+
+
+def all_executables(environment: Mapping[str, str]) -> dict[str, list[str]]:
+    """Executables by package, of the packages that have any; our own nodes among them."""
+    found = {PACKAGE: sorted(load_graph().nodes)}
+    for prefix in reversed(_prefixes(environment)):
+        for marker in (prefix / _MARKERS).glob("*"):
+            if executables := executables_of(prefix, marker.name):
+                found[marker.name] = executables
+    return dict(sorted(found.items()))
 
 
 def _require_known(package: str, executable: str, known: list[str]) -> None:
@@ -45,17 +55,6 @@ def executables_of(prefix: Path, package: str) -> list[str]:
     folder = prefix / "lib" / package
     files = folder.iterdir() if folder.is_dir() else iter(())
     return sorted(path.name for path in files if path.is_file() and os.access(path, os.X_OK))
-
-
-def _all(prefixes: list[Path]) -> list[str]:
-    """Packages that install at least one executable."""
-    names = {
-        marker.name: prefix
-        for prefix in prefixes
-        for marker in (prefix / _MARKERS).glob("*")
-        if executables_of(prefix, marker.name)
-    }
-    return sorted(names)
 
 
 def _prefixes(environment: Mapping[str, str]) -> list[Path]:

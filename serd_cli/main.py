@@ -6,11 +6,11 @@ from serd_ros.process.executable import starting
 
 
 def main() -> int:
-    """Entry point; Ctrl-C while the subcommand is still being imported ends it quietly."""
+    """Entry point; Ctrl-C while modules are still being imported ends it quietly."""
     with starting():
         from serd_cli.app import make_app, run
 
-        app = make_app(*sys.argv[1:2])
+        app = make_app()
     return run(app)
 
 

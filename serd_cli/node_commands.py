@@ -6,7 +6,7 @@ from typing import Any
 from serd_cli.errors import UsageError
 from serd_cli.executables import find_command
 from serd_cli.supervisor import Process
-from serd_ros.graph.graph import PACKAGE, Stack, stack_parameters
+from serd_ros.graph.graph import PACKAGE, Stack, load_graph, stack_parameters
 from storage.errors import shortened
 from storage.yaml_text import read_yaml
 
@@ -26,12 +26,21 @@ def parse_assignment(text: str) -> tuple[str, Any]:
 
 
 def stack_processes(
-    stack: Stack, given: Mapping[str, Any], environment: Mapping[str, str]
+    stack: Stack,
+    given: Mapping[str, Any],
+    environment: Mapping[str, str],
+    namespace: str = "",
 ) -> list[Process]:
-    """One process per node of the stack, with its parameters."""
+    """One process per node of the stack, with its parameters; namespace: in full."""
     layers = stack_parameters(stack, given)
+    shared = load_graph().namespace_remappings(stack, namespace)
+    if namespace:
+        shared["__ns"] = namespace
     return [
-        Process(node, node_command(node, parameters, stack.remappings.get(node, {}), environment))
+        Process(
+            node,
+            node_command(node, parameters, shared | stack.remappings.get(node, {}), environment),
+        )
         for node, parameters in layers.items()
     ]
 

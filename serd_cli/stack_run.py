@@ -1,9 +1,11 @@
 """Runs a stack of nodes to its end with a progress bar, in a ROS domain of its own."""
 
 import os
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from subprocess import PIPE, run
 from typing import Any, TextIO
 
 from domain_coordinator import domain_id
@@ -11,11 +13,12 @@ from rich.markup import escape
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Column
 
+from serd_cli.errors import BAD_INPUT, RunError
 from serd_cli.node_commands import stack_processes
 from serd_cli.output.terminal import WorkProgress
 from serd_cli.supervisor import run_together
 from serd_cli.workspace import ros_environment
-from serd_ros.graph.graph import find_stack
+from serd_ros.graph.graph import Stack, find_stack, load_graph
 from serd_ros.process.progress import VARIABLE, parse_progress
 
 _LONGEST = 62
@@ -33,6 +36,20 @@ def stack_environment(logs: Path) -> Iterator[dict[str, str]]:
         yield environment
 
 
+def require_free_domain(stack: Stack, environment: Mapping[str, str], namespace: str = "") -> None:
+    """RunError names the nodes that publish a world where the stack would publish its own."""
+    if load_graph().has_world(stack):
+        require_free(environment, *(f"{namespace}/{topic}" for topic in ("clock", "robot_pose")))
+
+
+def require_free(environment: Mapping[str, str], *names: str) -> None:
+    """RunError names the nodes that publish one of the topics."""
+    words = [sys.executable, "-m", "serd_ros.process.domain_check", *names]
+    found = run(words, env=dict(environment), stdout=PIPE, text=True, check=False)
+    if found.returncode == BAD_INPUT:
+        raise RunError(found.stdout.strip(), BAD_INPUT)
+
+
 def run_stack(
     name: str,
     parameters: Mapping[str, Any],
@@ -45,6 +62,7 @@ def run_stack(
 
     What the nodes print goes to `NAME.log` in the folder of logs.
     """
+    require_free_domain(find_stack(name), environment)
     processes = stack_processes(find_stack(name), parameters, environment)
     with StackProgress(name, total, logs / f"{name}.log") as progress:
         run_together(processes, environment, progress.take_line)

@@ -1,6 +1,10 @@
 """Names of the flat interface; docs/library.md describes them."""
 
 from serd_core.arrival.chain import arrival_time_distribution as arrival_time_distribution
+from serd_core.arrival.dwell_times import fit_dwell_times as fit_dwell_times
+from serd_core.arrival.semi_markov import DwellTimes as DwellTimes
+from serd_core.arrival.semi_markov import renewal_chain as renewal_chain
+from serd_core.arrival.semi_markov import semi_markov_arrival as semi_markov_arrival
 from serd_core.ascent.gradient_ascent import GradientAscent as GradientAscent
 from serd_core.ascent.kinked import KinkedAscent as KinkedAscent
 from serd_core.ascent.lbfgs import Lbfgs as Lbfgs
@@ -27,6 +31,7 @@ from serd_core.demonstrations.decisions import Decisions as Decisions
 from serd_core.demonstrations.simulation import sample_decisions as sample_decisions
 from serd_core.demonstrations.tables import decisions_from_columns as decisions_from_columns
 from serd_core.demonstrations.tables import decisions_from_episodes as decisions_from_episodes
+from serd_core.dynamics.covariate_models import CovariateModels as CovariateModels
 from serd_core.dynamics.estimation import estimate_dynamics as estimate_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels as OutcomeModels
 from serd_core.dynamics.sparse_model import SparseModel as SparseModel
@@ -50,6 +55,9 @@ from serd_core.mdp.mdp import Mdp as Mdp
 from serd_core.mdp.problem import TabularProblem as TabularProblem
 from serd_core.mdp.tables import from_gymnasium as from_gymnasium
 from serd_core.mdp.tables import from_transitions as from_transitions
+from serd_core.mixtures.expert_types import choose_expert_types as choose_expert_types
+from serd_core.mixtures.expert_types import fit_expert_types as fit_expert_types
+from serd_core.mixtures.rand_index import adjusted_rand_index as adjusted_rand_index
 from serd_core.policies.counterfactual import counterfactual_policy as counterfactual_policy
 from serd_core.policies.solved_policy import boltzmann_policy as boltzmann_policy
 from serd_core.policies.solved_policy import optimal_policy as optimal_policy

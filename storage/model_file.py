@@ -1,17 +1,24 @@
 """The learned model as one YAML file people can read: rewards, outcome models, how it was fitted.
 
-Outcome models are rows P_m(k) over the outcomes of a decision period (Table 5.1).
+Outcome models are rows P_m(k) over the outcomes of a decision period (Table 5.1). Those that depend
+on the density of people have rows at 0 and at 1 person/m² (`serd_core.grid.density`).
 """
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import (
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.bayes.draws import PosteriorDraws
+from serd_core.grid.density import DENSITY_MODEL_NAMES
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
@@ -67,12 +74,28 @@ class ModelDraws(StrictModel):
     learned: tuple[tuple[Probabilities, ...], ...] = ()
 
     @classmethod
-    def of(cls, draws: PosteriorDraws) -> "ModelDraws":
-        """The draws of a fit."""
-        tables = draws.outcome_probabilities
+    def of(cls, draws: PosteriorDraws, n_models: int) -> "ModelDraws":
+        """The draws of a fit, of its first models."""
+        tables = draws.outcome_probabilities[:, :n_models]
         return cls.model_validate(
             {"reward_weights": draws.reward.tolist(), "learned": tables.tolist()}
         )
+
+
+class ModelType(StrictModel):
+    """One of the types of experts in mixed demonstrations (docs/mixed_experts.md).
+
+    share: of the experts; reward_deviations: standard deviations of the posterior; episodes: those
+    that are likeliest of this type. pace: by which its times in cells are longer than usual, None
+    where that was not measured. drawn_weights: a row per draw of the model's outcome tables.
+    """
+
+    share: float = Field(gt=0, le=1)
+    reward_weights: dict[str, float]
+    reward_deviations: dict[str, float]
+    episodes: tuple[int, ...]
+    pace: float | None = Field(default=None, gt=0)
+    drawn_weights: tuple[tuple[float, ...], ...] = ()
 
 
 class FitRecord(StrictModel):
@@ -101,6 +124,8 @@ class ModelFile(StrictModel):
     goals_m: centres of the goal cells.
     goal_entry_s: how long after the beginning of its last decision period each demonstration was in
     the goal area; none where that was not recorded.
+    types: of experts, the most frequent first, whose weights `reward_weights` are; none where all
+    demonstrations are of one type, and then not in the file.
     """
 
     format: Literal["serd-model"] = "serd-model"
@@ -121,6 +146,31 @@ class ModelFile(StrictModel):
     goal_entry_s: tuple[Annotated[float, Field(gt=0)], ...] = ()
     fit: FitRecord
     draws: ModelDraws = ModelDraws()
+    types: tuple[ModelType, ...] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_empty_types(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        values: dict[str, Any] = handler(self)
+        if not self.types:
+            values.pop("types", None)
+        return values
+
+    @model_validator(mode="after")
+    def _types_fit(self) -> "ModelFile":
+        for number, each in enumerate(self.types):
+            for key in ("reward_weights", "reward_deviations"):
+                if tuple(getattr(each, key)) != self.feature_names:
+                    raise ValueError(f"types[{number}].{key} must have the model's features")
+            rows = each.drawn_weights
+            if len(rows) != len(self.draws.learned) or any(
+                len(row) != len(self.reward_weights) for row in rows
+            ):
+                raise ValueError(
+                    f"types[{number}].drawn_weights must have a row of weights per draw"
+                )
+        if self.types and abs(sum(each.share for each in self.types) - 1.0) > _SUM_TOLERANCE:
+            raise ValueError("types must have shares that sum to 1")
+        return self
 
     @model_validator(mode="after")
     def _rows_are_distributions(self) -> "ModelFile":
@@ -142,6 +192,19 @@ class ModelFile(StrictModel):
                 _require_distribution(f"draws.learned {number}", row, self)
         return self
 
+    def of_expert(self, path: str | Path, number: int) -> "ModelFile":
+        """The model with the rewards of one type of experts, 1 for the most frequent."""
+        if number == 1:
+            return self
+        if not 1 <= number <= len(self.types):
+            raise FileError(
+                f"{path}: expert must be from 1 to {max(len(self.types), 1)}, the number of types"
+                f" of experts in the model, got {number}; 'serd learn --experts auto' finds types"
+            )
+        chosen = self.types[number - 1]
+        draws = self.draws.model_copy(update={"reward_weights": chosen.drawn_weights})
+        return self.model_copy(update={"reward_weights": chosen.reward_weights, "draws": draws})
+
     def flow_on(self, path: str | Path, grid: Grid) -> IntArray | None:
         """(S,) its own flow on the grid it is for; None where that is the scenario's."""
         if not self.flow:
@@ -153,6 +216,11 @@ class ModelFile(StrictModel):
                 f" {self.flow[0]!r} as the northernmost row; learn the model again"
             )
         return flow
+
+    @property
+    def with_density(self) -> bool:
+        """Whether outcome models depend on the density of people."""
+        return {model.name for model in self.outcome_models} == set(DENSITY_MODEL_NAMES)
 
     @property
     def feature_names(self) -> tuple[str, ...]:
@@ -192,6 +260,7 @@ def model_of_fit(
     goal_entry_s: Sequence[float] = (),
     own_flow: bool = False,
     draws: PosteriorDraws | None = None,
+    types: Sequence[ModelType] = (),
 ) -> ModelFile:
     """The fit of a navigation problem as a model file.
 
@@ -202,7 +271,8 @@ def model_of_fit(
         fit.believed_outcome_probabilities,
         fit.initial_outcome_probabilities,
     )
-    rows = zip(problem.model_names, *(table.tolist() for table in tables), strict=True)
+    n_models = len(problem.model_names)
+    rows = zip(problem.model_names, *(table[:n_models].tolist() for table in tables), strict=True)
     values = {name: getattr(fit, name) for name in FitRecord.model_fields if name != "n_episodes"}
     return ModelFile(
         scenario=scenario,
@@ -223,7 +293,8 @@ def model_of_fit(
         goals_m=tuple((float(x), float(y)) for x, y in problem.grid.centers_m[problem.goal_states]),
         goal_entry_s=tuple(float(entry_s) for entry_s in goal_entry_s),
         fit=FitRecord(n_episodes=n_episodes, **values),
-        draws=ModelDraws() if draws is None else ModelDraws.of(draws),
+        draws=ModelDraws() if draws is None else ModelDraws.of(draws, n_models),
+        types=tuple(types),
     )
 
 

@@ -13,6 +13,14 @@ def nearest_name(name: str, candidates: Iterable[str]) -> str | None:
     return by_folded[close[0]] if close else None
 
 
+def choice_rule(what: str, name: str, candidates: Iterable[str]) -> str:
+    """The sentence that `what` must be one of the candidates, with the nearest if one is near."""
+    known = list(candidates)
+    meant = nearest_name(name, known)
+    fix = f"; did you mean {meant!r}?" if meant else ""
+    return f"{what} must be one of {', '.join(known)}, got {name!r}{fix}"
+
+
 def hint(name: str, candidates: Iterable[str]) -> str:
     """The fix to put at the end of a sentence: the nearest candidate, or all of them."""
     known = sorted(candidates)

@@ -2,8 +2,9 @@
 
     idle -> starting -> running -> ended -> starting -> ...
 
-Arrival and timeout end an episode. `save` ends one before its goal (aborted); `discard` ends it as
-discarded, or withdraws one that has just ended by a second end mark.
+Arrival and timeout end an episode. `save` ends one before its goal; `discard` ends it as discarded,
+or withdraws one that has just ended by a second end mark. One that timed out is discarded unless it
+is saved by a second end mark.
 """
 
 from dataclasses import dataclass
@@ -16,13 +17,13 @@ from teleop.errors import TeleopError
 
 Phase = Literal["idle", "starting", "running", "ended"]
 START, END = "start", "end"
-ABORTED, DISCARDED = "aborted", "discarded"
+SAVED, DISCARDED, TIMEOUT = "saved", "discarded", "timeout"
 _CLOCK_ROUNDING_S = 1e-6
 
 
 @dataclass(frozen=True)
 class EpisodeEvent:
-    """A mark to publish; outcome: arrived, timeout, aborted or discarded, empty at the start."""
+    """A mark to publish; outcome: arrived, saved or discarded, empty at the start."""
 
     event: str
     time_s: float
@@ -48,6 +49,11 @@ class Session:
         """Simulated seconds of the running episode, or of the last one."""
         return self._progress.duration_s if self._progress is not None else 0.0
 
+    @property
+    def timed_out(self) -> bool:
+        """Whether the last episode timed out and was not saved."""
+        return self.outcome == TIMEOUT
+
     def start(self) -> None:
         """Begin an episode; the world is being reset."""
         if self.phase in ("starting", "running"):
@@ -68,18 +74,23 @@ class Session:
             self._progress = EpisodeProgress(self._scenario, observation, self._timeout_s)
             return (EpisodeEvent(START, observation.time_s),)
         ending = self._progress.see(observation)
-        return () if ending is None else (self._end(ending, observation.time_s),)
+        if ending is None:
+            return ()
+        event = self._end(DISCARDED if ending == TIMEOUT else ending, observation.time_s)
+        self.outcome = ending
+        return (event,)
 
     def save(self) -> EpisodeEvent | None:
-        """End the episode as aborted; None where it has ended already and was not discarded."""
-        if self.phase == "ended" and self.outcome != DISCARDED:
+        """End the episode as saved, or keep one that timed out; None where it is kept already."""
+        if self.phase != "ended" or self.outcome == DISCARDED:
+            self._require_running("save")
+        elif self.outcome != TIMEOUT:
             return None
-        self._require_running("save")
-        return self._end(ABORTED, self._newest_s)
+        return self._end(SAVED, self._newest_s)
 
     def discard(self) -> EpisodeEvent:
         """Discard the running episode, or the one that has just ended."""
-        if self.phase != "ended" or self.outcome == DISCARDED:
+        if self.phase != "ended" or self.outcome in (DISCARDED, TIMEOUT):
             self._require_running("discard")
         return self._end(DISCARDED, self._newest_s)
 

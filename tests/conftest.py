@@ -1,6 +1,7 @@
 """Settings for all tests: message field checks, loopback, one thread, a ROS domain per test."""
 
 import os
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,9 @@ from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from storage.model_file import FitRecord, GridSummary, ModelFile, OutcomeModel, save_model
 
+# A shell starts background jobs, and nohup all, with these ignored; child processes inherit it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 os.environ.update(ros_environment(os.environ))
 pytest_plugins = ["support.bag_messages", "support.nav2_server"]
 settings.register_profile(

@@ -1,9 +1,14 @@
-"""The project's documents: links, pictures, files and the version they name exist."""
+"""The project's documents: what they link to and name exists, their commands and programs run."""
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
+from typer.core import TyperGroup
+from typer.main import get_command
+
+from serd_cli.app import make_app
 
 FOLDERS = ("bags", "benchmarks", "docs", "experiments", "ros_ws", "serd_core", "sim")
 PICTURES = {".gif", ".png", ".svg"}
@@ -12,6 +17,7 @@ PICTURES = {".gif", ".png", ".svg"}
 def documents(root: Path) -> list[Path]:
     found = [
         *root.glob("*.md"),
+        *root.glob("distributions/*/README.md"),
         *(path for each in FOLDERS for path in root.glob(f"{each}/**/*.md")),
     ]
     return [path for path in found if not {"build", "install"} & set(path.parts)]
@@ -48,8 +54,72 @@ def test_files_that_documents_name_in_code_exist(root):
             assert any((folder / name).exists() for folder in folders), (document.name, name)
 
 
+def test_files_of_the_method_exist(root):
+    text = (root / "docs" / "method.md").read_text(encoding="utf-8")
+    rows = re.findall(r"`(serd_core/[\w/.]+\.py)`(?:, `([\w/.]+\.py)`)?", text)
+    assert rows
+    for first, second in rows:
+        assert (root / first).is_file(), first
+        assert not second or (root / "serd_core" / second).is_file(), second
+
+
+#: Pages whose programs are run by tests of their own, or need what is not installed.
+RUN_ELSEWHERE = {
+    "docs/library.md",
+    "docs/people_study.md",
+    "distributions/serd-core/README.md",
+}
+
+
+def programs(root: Path) -> list[str]:
+    return [
+        str(document.relative_to(root))
+        for document in documents(root)
+        if "```python\n" in document.read_text(encoding="utf-8")
+    ]
+
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.mark.parametrize("page", sorted(set(programs(ROOT)) - RUN_ELSEWHERE))
+def test_the_programs_of_a_page_run_and_print_what_it_shows(root, page, capsys):
+    """A block `text` right after a block `python` is its output."""
+    text = (root / page).read_text(encoding="utf-8")
+    names: dict[str, object] = {}
+    for program, shown in re.findall(r"```python\n(.*?)```\n(?:\n```text\n(.*?)```)?", text, re.S):
+        exec(compile(program, page, "exec"), names)
+        printed = capsys.readouterr().out
+        assert not shown or printed == shown
+
+
+def test_serd_commands_have_the_arguments_and_options_that_documents_show(root):
+    group = get_command(make_app())
+    n_lines = 0
+    for document in documents(root):
+        text = document.read_text(encoding="utf-8")
+        for block in re.findall(r"```bash\n(.*?)```", text, re.S):
+            for line in re.findall(
+                r"^(?:\.venv/bin/)?serd (.*)$", block.replace("\\\n", " "), re.M
+            ):
+                words = shlex.split(line, comments=True)
+                n_lines += 1
+                if "--help" not in words and "..." not in words:
+                    parse(group, "serd", words)
+    assert n_lines > 50
+
+
+def parse(command, name, words, parent=None):
+    """Parse as the command line does, without running it; its own error where it is wrong."""
+    context = command.make_context(name, list(words), parent=parent)
+    if isinstance(command, TyperGroup):
+        inner = command.get_command(context, words[0])
+        assert inner is not None, (name, words)
+        parse(inner, words[0], words[1:], context)
+
+
 @pytest.mark.parametrize("folder", ["docs/pictures"])
-def test_no_picture_lies_about_unused(root, folder):
+def test_each_picture_is_used(root, folder):
     shown = {path.resolve() for document in documents(root) for path in links(document)}
     pictures = {path.resolve() for path in (root / folder).iterdir() if path.suffix in PICTURES}
     assert pictures <= shown, sorted(path.name for path in pictures - shown)

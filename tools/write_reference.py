@@ -1,11 +1,13 @@
-"""Write what is generated from the settings models.
+"""Write what is generated from the settings models and the commands.
 
-These are nodes.yaml, docs/nodes.md and the tables of keys in docs/scenarios.md.
-Run `make reference` after changing a setting or the graph.
+These are nodes.yaml, docs/nodes.md, the tables of keys in docs/scenarios.md and docs/sources.md,
+and the signatures of the commands. Run `make reference` after changing a setting, a command or
+the graph.
 """
 
 import re
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +15,16 @@ import yaml
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
+from serd_app.drives.mapping import BagMapping, DriveMapping, TableMapping
+from serd_cli.signatures import FILE as SIGNATURES
+from serd_cli.signatures import signatures, text_of
 from serd_ros.graph.configs import CONFIGS
 from serd_ros.graph.graph import NodeEndpoints, load_graph
 from sim.planning.settings import PlannerSettings
+from sim.scenario.obstacle import Obstacle
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings import (
+    ImuSettings,
     LidarSettings,
     Loop,
     OdometrySettings,
@@ -31,13 +38,17 @@ WIDTH = 100
 #: Models whose tables stand in docs/scenarios.md, each after a comment `<!-- keys: NAME -->`.
 SCENARIO_PARTS: tuple[type[BaseModel], ...] = (
     Scenario,
+    Obstacle,
     PedestrianSettings,
     Loop,
     RobotSettings,
     LidarSettings,
     OdometrySettings,
+    ImuSettings,
     PlannerSettings,
 )
+#: Likewise of docs/sources.md; a table leaves out the keys of those that its model extends.
+MAPPING_PARTS: tuple[type[BaseModel], ...] = (BagMapping, DriveMapping, TableMapping)
 YAML_HEAD = """\
 # Every parameter of every node with its default, in the format of --params-file.
 # Generated from serd_ros/graph/configs.py by `make reference`; do not edit.
@@ -59,7 +70,9 @@ def files() -> dict[Path, str]:
     return {
         ROOT / "serd_ros" / "graph" / "nodes.yaml": nodes_yaml(),
         ROOT / "docs" / "nodes.md": nodes_page(),
-        ROOT / "docs" / "scenarios.md": scenarios_page(),
+        ROOT / "docs" / "scenarios.md": page_of_keys("scenarios.md", SCENARIO_PARTS),
+        ROOT / "docs" / "sources.md": page_of_keys("sources.md", MAPPING_PARTS),
+        SIGNATURES: text_of(signatures()),
     }
 
 
@@ -87,12 +100,17 @@ def nodes_page() -> str:
     return "\n".join(sections)
 
 
-def scenarios_page() -> str:
-    """docs/scenarios.md with the tables of keys written anew."""
-    page = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
-    for part in SCENARIO_PARTS:
+def page_of_keys(name: str, parts: Sequence[type[BaseModel]]) -> str:
+    """A page of docs with its tables of keys written anew."""
+    page = (ROOT / "docs" / name).read_text(encoding="utf-8")
+    for part in parts:
         # Keys that hold a model have a table of their own.
-        keys = [(each, each.default) for each in settings_of(part) if "$ref" not in each.schema]
+        inherited = {key for base in part.__bases__ if base in parts for key in base.model_fields}
+        keys = [
+            (each, each.default)
+            for each in settings_of(part)
+            if "$ref" not in each.schema and each.name not in inherited
+        ]
         marker = f"<!-- keys: {part.__name__} -->\n\n"
         table = marker + settings_table("key", keys)
         page = re.sub(rf"{marker}(\|.*\n)*", lambda _, text=table: text, page)

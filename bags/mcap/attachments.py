@@ -1,4 +1,4 @@
-"""Attachments and metadata records: what an index says of them, and their checksums."""
+"""Attachments and metadata records: their entries in the index, and their checksums."""
 
 import struct
 

@@ -151,7 +151,11 @@ def point_cloud(data: bytes, names: tuple[str, ...]) -> dict[str, FloatArray]:
 
     BagError where one is missing or the sizes do not fit.
     """
-    cloud = decode(data, "sensor_msgs/msg/PointCloud2")
+    return points_of(decode(data, "sensor_msgs/msg/PointCloud2"), names)
+
+
+def points_of(cloud: Any, names: tuple[str, ...]) -> dict[str, FloatArray]:
+    """Those of a decoded cloud; see `point_cloud`."""
     layout = {each.name: each for each in cloud.fields}
     for each in cloud.fields:
         if each.datatype not in _POINT_KINDS:
@@ -162,8 +166,8 @@ def point_cloud(data: bytes, names: tuple[str, ...]) -> dict[str, FloatArray]:
     if missing:
         raise BagError(f"point cloud must have the field {missing[0]}, got {', '.join(layout)}")
     size = cloud.height * cloud.width * cloud.point_step
-    if cloud.data.nbytes != size:
-        raise BagError(f"point cloud must have {size} bytes of points, got {cloud.data.nbytes}")
+    if len(cloud.data) != size:
+        raise BagError(f"point cloud must have {size} bytes of points, got {len(cloud.data)}")
     order = ">" if cloud.is_bigendian else "<"
     kinds = {
         "names": list(names),

@@ -28,14 +28,40 @@ _SEPARATOR = "=" * 80
 #: Characters of a definition without comments: rosbags takes a second for 10,000.
 _LONGEST_FIELDS = 20_000
 _SAME_PACKAGE = 0.85
-#: ackermann_msgs: common in sqlite3 bags, which hold no definitions, and not in rosbags.
-_STEERED = {
+#: Of vehicles and people: common in sqlite3 bags, which hold no definitions, and on robots of
+#: other machines; rosbags does not have them. vision_msgs: that of Humble and later.
+ADDED = {
     "ackermann_msgs/msg/AckermannDrive": (
         "float32 steering_angle\nfloat32 steering_angle_velocity\n"
         "float32 speed\nfloat32 acceleration\nfloat32 jerk\n"
     ),
     "ackermann_msgs/msg/AckermannDriveStamped": (
         "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n"
+    ),
+    "people_msgs/msg/Person": (
+        "string name\ngeometry_msgs/Point position\ngeometry_msgs/Point velocity\n"
+        "float64 reliability\nstring[] tagnames\nstring[] tags\n"
+    ),
+    "people_msgs/msg/People": "std_msgs/Header header\npeople_msgs/Person[] people\n",
+    "spencer_tracking_msgs/msg/TrackedPerson": (
+        "uint64 track_id\nbool is_occluded\nbool is_matched\nuint64 detection_id\n"
+        "builtin_interfaces/Duration age\ngeometry_msgs/PoseWithCovariance pose\n"
+        "geometry_msgs/TwistWithCovariance twist\n"
+    ),
+    "spencer_tracking_msgs/msg/TrackedPersons": (
+        "std_msgs/Header header\nspencer_tracking_msgs/TrackedPerson[] tracks\n"
+    ),
+    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score\n",
+    "vision_msgs/msg/ObjectHypothesisWithPose": (
+        "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose\n"
+    ),
+    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n",
+    "vision_msgs/msg/Detection3D": (
+        "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"
+        "vision_msgs/BoundingBox3D bbox\nstring id\n"
+    ),
+    "vision_msgs/msg/Detection3DArray": (
+        "std_msgs/Header header\nvision_msgs/Detection3D[] detections\n"
     ),
 }
 _TYPE_NAME = re.compile(r"\w+/msg/\w+")
@@ -113,9 +139,9 @@ def share_folders() -> tuple[Path, ...]:
 
 @cache
 def rosbags_types() -> Typestore:
-    """The message types of ROS 2 Jazzy that rosbags includes, and those of steered vehicles."""
+    """The message types of ROS 2 Jazzy that rosbags includes, and the added ones."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    for name, text in _STEERED.items():
+    for name, text in ADDED.items():
         store.register(get_types_from_msg(text, name))
     return store
 

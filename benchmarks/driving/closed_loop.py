@@ -8,7 +8,7 @@ the simulator changes, so an interrupted run goes on where it stopped.
 import hashlib
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -33,6 +33,7 @@ from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
 from sim.world.world import HallwayWorld
 from storage.files import atomic_write_bytes
+from storage.row_table import Row as TableRow
 
 PLAN_CALL_PEOPLE = 20
 _ON_ITS_WAY_M = 0.3
@@ -81,17 +82,8 @@ class ClosedLoopPlan:
 def run() -> None:
     """Drive all episodes that are missing, then write table and figure."""
     plan = ClosedLoopPlan()
-    progress = WorkProgress(
-        TextColumn("closed loop"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    )
-    with progress:
-        line = progress.add_task("")
-        rows = run_batch(
-            plan.tasks,
-            ROOT / ".cache" / "benchmarks" / f"closed_loop_{code_digest()}.csv",
-            on_progress=lambda done, total: progress.update(line, completed=done, total=total),
-        )
-    summaries = summarise(rows)
+    table = ROOT / ".cache" / "benchmarks" / f"closed_loop_{code_digest()}.csv"
+    summaries = summarise(drive_all("closed loop", plan.tasks, table))
     atomic_write_bytes(FIGURE, png_bytes(closed_loop_figure(summaries)))
     save(
         "closed_loop",
@@ -103,6 +95,20 @@ def run() -> None:
         f"Milliseconds of processor time of one plan call among {PLAN_CALL_PEOPLE} people",
         [_plan_call(name) for name in planner_names()],
     )
+
+
+def drive_all(title: str, tasks: Sequence[EpisodeTask], table: Path) -> list[TableRow]:
+    """Rows of all tasks, from the table where they are there already, with a progress bar."""
+    progress = WorkProgress(
+        TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    )
+    with progress:
+        line = progress.add_task("")
+        return run_batch(
+            tasks,
+            table,
+            on_progress=lambda done, total: progress.update(line, completed=done, total=total),
+        )
 
 
 def code_digest() -> str:
@@ -137,13 +143,13 @@ def _row(summary: ConditionSummary) -> Row:
         "time_s": summary.mean_time_of_arrival_s,
         "way_m": summary.mean_distance_m,
         "nearest_m": summary.minimum_person_distance_m,
-        "intimate": summary.intimate_share,
-        "personal": summary.personal_share,
+        "intimate": summary.metrics.intimate_share,
+        "personal": summary.metrics.personal_share,
         "robot_on_person": round(summary.robot_on_person * count),
         "person_on_robot": round(summary.person_on_robot * count),
         "robot_on_wall": round(summary.robot_on_wall * count),
-        "change_mps2": summary.mean_abs_acceleration_mps2,
-        "change_radps2": summary.mean_abs_turn_acceleration_radps2,
+        "change_mps2": summary.metrics.mean_abs_acceleration_mps2,
+        "change_radps2": summary.metrics.mean_abs_turn_acceleration_radps2,
     }
 
 

@@ -15,8 +15,8 @@ _Measure = Callable[[ConditionSummary], float]
 _MEASURES: tuple[_Measure, ...] = (
     lambda each: 100 * each.arrival_rate,
     lambda each: each.mean_time_of_arrival_s,
-    lambda each: 100 * each.personal_share,
-    lambda each: 100 * each.intimate_share,
+    lambda each: 100 * each.metrics.personal_share,
+    lambda each: 100 * each.metrics.intimate_share,
     lambda each: each.person_on_robot,
     lambda each: each.robot_on_person,
 )

@@ -66,7 +66,7 @@ def run() -> None:
         *_gradients("hallway, 176 states", hallway, HALLWAY_WEIGHTS, _in_hallway(hallway)),
         *_gradients("gridworld, 400 states", world.problem, WEIGHTS, seen),
     ]
-    save("gradient", "Objective and gradient, from nothing unless said otherwise", rows)
+    save("gradient", "Objective and gradient, cold unless stated otherwise", rows)
     save(
         "fit", "SERD on the gridworld: 2 weights, 45 outcome parameters", _fits(world.problem, seen)
     )

@@ -1,6 +1,6 @@
 """Learning and solving against public libraries that compute the same, in one run.
 
-Three problems on the 400 cells of section 4.6.2 with known dynamics and two reward weights, and one
+Two problems on the 400 cells of section 4.6.2 with known dynamics and two reward weights, and one
 that only solves. In each, the results are compared before the times are:
 
 likelihood: argmax of sum log pi(a|s) over infinite-horizon soft policies (3.33), discount 0.99.
@@ -65,8 +65,8 @@ def _likelihood(folder: Path) -> list[Row]:
         ).reward_weights  # fmt: skip
 
     file = _write_learning_problem(folder / "likelihood.npz", world, decisions, 40)
-    peers = {"econirl NFXP": ("econirl_fit.py", "nfxp")}
-    return _compare_weights("likelihood", fit, peers, file)
+    peers = {"econirl NFXP": ("learning", "econirl_fit.py", "nfxp")}
+    return compare_weights("likelihood", fit, peers, file)
 
 
 def _features(folder: Path) -> list[Row]:
@@ -81,20 +81,21 @@ def _features(folder: Path) -> list[Row]:
 
     file = _write_learning_problem(folder / "features.npz", world, decisions, 200)
     peers = {
-        "econirl MCE-IRL": ("econirl_fit.py", "mce_irl"),
-        "imitation MCE-IRL": ("imitation_fit.py", str(LEARNING_RATE)),
+        "econirl MCE-IRL": ("learning", "econirl_fit.py", "mce_irl"),
+        "imitation MCE-IRL": ("learning", "imitation_fit.py", str(LEARNING_RATE)),
     }
-    return _compare_weights("features", fit, peers, file)
+    return compare_weights("features", fit, peers, file)
 
 
-def _compare_weights(
-    problem: str, fit: Callable[[], FloatArray], peers: dict[str, tuple[str, str]], file: Path
+def compare_weights(
+    problem: str, fit: Callable[[], FloatArray], peers: dict[str, tuple[str, str, str]], file: Path
 ) -> list[Row]:
+    """Rows of a fit and of peers: by name, environment, script and its first argument."""
     own_s, own = best_of(fit, calls=3)
     rows: list[Row] = [_row(problem, "serd_core", own_s, own_s, 0.0, same=True, converged=True)]
-    for name, (script, word) in peers.items():
+    for name, (environment, script, word) in peers.items():
         result = file.with_suffix(".json")
-        run_peer("learning", script, word, file, result)
+        run_peer(environment, script, word, file, result)
         found = json.loads(result.read_text())
         apart = float(np.max(np.abs(own - np.array(found["weights"]))))
         rows.append(_row(problem, name, found["seconds"], own_s, apart,

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from pydantic import BaseModel
 
 from experiments.running.tables import read_table, write_table
 from experiments.study.arrival.stage import arrivals_of_repetition
@@ -18,7 +19,7 @@ from experiments.study.fits.fitting import fit_repetition
 from experiments.study.products import OnWork, Stage, make_products, repetition_tasks
 from experiments.study.recordings.demonstrations import check_bags, demonstration_tasks
 from experiments.study.recordings.reference import reference_tasks
-from experiments.study.settings import StudySettings, WorldSettings
+from experiments.study.settings import StudySettings
 from experiments.study.study import Study
 from experiments.study.tables.catalogue import all_tables
 from experiments.study.tables.results import Results
@@ -102,7 +103,7 @@ def stages_of(study: Study) -> tuple[Stage, ...]:
     )
 
 
-def described(settings: WorldSettings, parts: Mapping[str, Any]) -> str:
+def described(settings: BaseModel, parts: Mapping[str, Any]) -> str:
     """Some parts of the settings as YAML."""
     return write_yaml(settings.model_dump(mode="json", include=dict(parts)))
 

@@ -126,7 +126,7 @@ class StudySettings(WorldSettings):
         return self.learning.sizes, self.beliefs.sizes
 
 
-SettingsT = TypeVar("SettingsT", bound=WorldSettings)
+SettingsT = TypeVar("SettingsT", bound=StrictModel)
 
 
 def study_settings(

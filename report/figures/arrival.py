@@ -1,5 +1,6 @@
 """Predicted against measured distribution of the time of arrival (Fig. 5.10)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -15,6 +16,8 @@ from serd_core.arrays import FloatArray, float_array
 from serd_core.arrival.bands import empirical_arrival_cdf, sampling_band
 from serd_core.arrival.law import ArrivalLaw
 
+#: Share at which a curve visibly differs from zero.
+_LEFT_ZERO = 0.005
 _LOOKS = {
     "predicted": (style.PREDICTED_COLOUR, "--"),
     "measured": (style.MEASURED_COLOUR, "-"),
@@ -89,6 +92,12 @@ def shown_until_s(predicted: ArrivalLaw, arrival_times_s: ArrayLike, timeout_s: 
     return min(timeout_s, 1.15 * max(latest_s, settled_s))
 
 
+def shown_from_s(*curves: ArrivalCurve) -> float:
+    """Begin of the time axis: a tenth before the first curve leaves zero."""
+    starts_s = [time_reaching(curve, _LEFT_ZERO) for curve in curves]
+    return 0.9 * min((start_s for start_s in starts_s if start_s is not None), default=0.0)
+
+
 def draw_arrival(
     predicted: ArrivalCurve, measured: ArrivalCurve, *, n_episodes: int, shown_until_s: float
 ) -> Figure:
@@ -98,10 +107,39 @@ def draw_arrival(
         axes = figure.subplots()
         draw_curve(axes, predicted, "predicted", "predicted by the learned model", linewidth=2.0)
         draw_curve(axes, measured, "measured", f"measured in {n_episodes} episodes", linewidth=2.0)
-        axes.set(xlim=(0, shown_until_s), ylim=(0, 1.03), yticks=np.linspace(0, 1, 5))
+        begin_s = shown_from_s(predicted, measured)
+        axes.set(xlim=(min(begin_s, 0.9 * shown_until_s), shown_until_s))
+        axes.set(ylim=(0, 1.03), yticks=np.linspace(0, 1, 5))
         axes.set(xlabel="time since the start in s", ylabel="probability of having arrived")
         axes.grid()
         _legend_lines_first(axes)
+    return figure
+
+
+_FORECAST_LOOKS = (
+    (style.BLUE, "-"),
+    (style.RED, "--"),
+    (style.GREEN, "-."),
+    (style.PURPLE, ":"),
+)
+
+
+def draw_forecasts(laws: Mapping[str, ArrivalLaw], timeout_s: float) -> Figure:
+    """The predicted arrival from each start, by name; a dot where half have arrived."""
+    with style.report_style():
+        figure = new_figure(7.2, 3.9)
+        axes = figure.subplots()
+        for number, (name, law) in enumerate(laws.items()):
+            colour, line = _FORECAST_LOOKS[number % len(_FORECAST_LOOKS)]
+            axes.step(law.times_s, law.cdf, where="post", color=colour, linestyle=line, label=name)
+            half_s = law.quantile_s(0.5)
+            if half_s is not None:
+                axes.plot(half_s, 0.5, "o", color=colour, markersize=5)
+        until_s = max(shown_until_s(law, [0.0], timeout_s) for law in laws.values())
+        axes.set(xlim=(0, max(until_s, 1e-3)), ylim=(0, 1.03), yticks=np.linspace(0, 1, 5))
+        axes.set(xlabel="time since the start in s", ylabel="probability of having arrived")
+        axes.grid()
+        axes.legend(loc="lower right", title="from")
     return figure
 
 
@@ -134,4 +172,4 @@ def draw_curve(
 def _legend_lines_first(axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
     order = sorted(range(len(labels)), key=lambda i: labels[i].startswith("95"))
-    axes.legend([handles[i] for i in order], [labels[i] for i in order], loc="upper left")
+    axes.legend([handles[i] for i in order], [labels[i] for i in order], loc="lower right")

@@ -1,8 +1,9 @@
-"""Simulated and measured crowds: speed over density, and passing distance."""
+"""Simulated and measured crowds: speed over density, and distances between people."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -13,61 +14,83 @@ from serd_core.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class CrowdCurve:
-    """(D,) mean speed and median passing distance at each density; NaN where not measured."""
+    """(D,) at each density: mean speed, its deviation, distances; NaN where unknown."""
 
     name: str
     density_pm2: FloatArray
     speed_mps: FloatArray
-    passing_distance_m: FloatArray
+    speed_deviation_mps: FloatArray
+    nearest_m: FloatArray
+    passing_m: FloatArray
 
 
-_LOOKS = ((style.BLUE, "o", "-"), (style.PURPLE, "s", "--"), (style.YELLOW, "^", ":"))
+@dataclass(frozen=True, eq=False)
+class CrowdPlace:
+    """The measured people of one place, and each model there."""
+
+    title: str
+    measured: CrowdCurve
+    simulated: Sequence[CrowdCurve]
 
 
-def draw_crowd_comparison(
-    one_way: Sequence[CrowdCurve],
-    weidmann: CrowdCurve,
-    two_way: Sequence[CrowdCurve],
-    recorded: CrowdCurve | None,
-) -> Figure:
-    """Left: one-way speed against Weidmann. With a recording, speed and distance of two ways."""
+_LOOKS = (
+    (style.BLUE, "o", "-"),
+    (style.GREEN, "D", "-."),
+    (style.PURPLE, "s", "--"),
+    (style.YELLOW, "^", ":"),
+)
+_MEASURES = (
+    ("speed_mps", "mean speed, m/s"),
+    ("nearest_m", "nearest neighbour,\n5 % are nearer, m"),
+    ("passing_m", "nearest oncoming person,\nmedian, m"),
+)
+
+
+def draw_crowd_comparison(places: Sequence[CrowdPlace]) -> Figure:
+    """A column per place, a row per measure; the band is one standard deviation of speeds."""
+    rows = [each for each in _MEASURES if any(_is_drawn(place, each[0]) for place in places)]
     with style.report_style():
-        figure = new_figure(10.2 if recorded else 4.0, 3.5)
-        panels = figure.subplots(1, 3 if recorded else 1, squeeze=False)[0]
-        axes = panels[0]
-        axes.plot(weidmann.density_pm2, weidmann.speed_mps, color=style.INK, label=weidmann.name)
-        _draw(axes, one_way, "speed_mps")
-        _finish(axes, "one way", "mean speed along the corridor, m/s")
-        if recorded is not None:
-            for axes, measure, title, label in (
-                (panels[1], "speed_mps", "two ways: speed", "mean speed, m/s"),
-                (
-                    panels[2],
-                    "passing_distance_m",
-                    "two ways: passing distance",
-                    "median distance to the nearest\noncoming person, m",
-                ),
-            ):
-                values = getattr(recorded, measure)
-                axes.plot(recorded.density_pm2, values, "D-", color=style.INK, label=recorded.name)
-                _draw(axes, two_way, measure)
-                _finish(axes, title, label)
+        figure = new_figure(3.4 * len(places) + 0.6, 2.6 * len(rows) + 0.9)
+        panels = figure.subplots(len(rows), len(places), squeeze=False)
+        for column, place in enumerate(places):
+            panels[0, column].set_title(place.title)
+            for axes, (measure, label) in zip(panels[:, column], rows, strict=True):
+                _draw(axes, place, measure)
+                if column == 0 or not _is_drawn(places[column - 1], measure):
+                    axes.set_ylabel(label)
+            drawn = [row for row, each in enumerate(rows) if _is_drawn(place, each[0])]
+            panels[drawn[-1], column].set_xlabel("people per m²")
+        handles, labels = panels[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(3, len(handles)))
     return figure
 
 
-def _draw(axes: Axes, curves: Sequence[CrowdCurve], measure: str) -> None:
-    for curve, (colour, marker, line) in zip(curves, _LOOKS, strict=False):
+def _is_drawn(place: CrowdPlace, measure: str) -> bool:
+    """Whether there is something to compare; nearest neighbours are shown in any case."""
+    curves = (place.measured, *place.simulated) if measure == "nearest_m" else (place.measured,)
+    return any(np.isfinite(getattr(each, measure)).any() for each in curves)
+
+
+def _draw(axes: Axes, place: CrowdPlace, measure: str) -> None:
+    if not _is_drawn(place, measure):
+        axes.set_axis_off()
+        return
+    measured = place.measured
+    values = getattr(measured, measure)
+    axes.plot(measured.density_pm2, values, color=style.INK, linewidth=2.0, label="measured")
+    if measure == "speed_mps":
+        band = measured.speed_deviation_mps
+        axes.fill_between(
+            measured.density_pm2, values - band, values + band, color=style.INK, alpha=0.12, lw=0
+        )
+    for curve, (colour, marker, line) in zip(place.simulated, _LOOKS, strict=False):
         axes.plot(
             curve.density_pm2,
             getattr(curve, measure),
             color=colour,
             marker=marker,
             linestyle=line,
-            label=curve.name,
+            label=curve.name.replace("_", " "),
         )
-
-
-def _finish(axes: Axes, title: str, label: str) -> None:
-    axes.set(title=title, xlabel="people per m²", ylabel=label, xlim=(0, None), ylim=(0, None))
+    axes.set(xlim=(0, None), ylim=(0, None))
     axes.grid()
-    axes.legend(loc="lower left")

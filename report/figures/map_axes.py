@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
+from matplotlib.path import Path
 from matplotlib.ticker import MultipleLocator
 
 from report import style
@@ -20,6 +22,8 @@ from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from sim.scenario.scenario import Scenario
 
 _MARGIN_M = 0.5
+#: From the edge of an area to where its name may stand.
+_BESIDE_M = 0.4
 _GAP_IN, _SIDE_IN, _FOOT_IN = 0.3, 0.85, 1.0
 _TITLE_HEIGHT_IN, _TITLE_WIDTH_IN, _LEGEND_WIDTH_IN = 0.45, 1.4, 4.3
 _LONGER_SIDE_IN, _SHORTEST_SIDE_IN = 5.5, 2.5
@@ -165,7 +169,7 @@ def draw_areas(axes: Axes, layout: HallwayLayout, *, filled: bool) -> None:
             )
         )
         if filled:
-            _label_area(axes, name, polygon, colour)
+            _label_area(axes, name, polygon, colour, Path(layout.outline_m))
 
 
 def cell_squares(centers_m: FloatArray, side_m: float) -> list[Rectangle]:
@@ -195,7 +199,7 @@ def draw_cells(
 
 
 def colour_bar(
-    figure: Figure, axes: Axes | Sequence[Axes], cells: PatchCollection, label: str, **look: Any
+    figure: Figure, axes: Axes | Sequence[Axes], cells: ScalarMappable, label: str, **look: Any
 ) -> None:
     """A slim colour bar without a frame; look: as `Figure.colorbar` has it."""
     bar = figure.colorbar(cells, ax=axes, **look)
@@ -268,8 +272,14 @@ def _start_colours(layout: HallwayLayout) -> dict[str, str]:
     }
 
 
-def _label_area(axes: Axes, name: str, polygon: FloatArray, colour: str) -> None:
-    x, y = (polygon.min(axis=0) + polygon.max(axis=0)) / 2
+def _label_area(axes: Axes, name: str, polygon: FloatArray, colour: str, floor: Path) -> None:
+    """The name below or above the area where that is outside the floor, else on it."""
+    (left, bottom), (right, top) = polygon.min(axis=0), polygon.max(axis=0)
+    x, y, aligned = (left + right) / 2, (bottom + top) / 2, "center"
+    for edge, beyond, vertical in ((bottom, -_BESIDE_M, "top"), (top, _BESIDE_M, "bottom")):
+        if not floor.contains_point((x, edge + beyond)):
+            y, aligned, name = edge + beyond / 2, vertical, name.replace("\n", " ")
+            break
     axes.text(
         x,
         y,
@@ -278,7 +288,7 @@ def _label_area(axes: Axes, name: str, polygon: FloatArray, colour: str) -> None
         fontsize=7.5,
         fontweight="bold",
         ha="center",
-        va="center",
+        va=aligned,
         zorder=10,
         parse_math=False,
         bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.0},

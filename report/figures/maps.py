@@ -200,7 +200,7 @@ def draw_arrows(
     moving = (greedy != Action.WAIT) & ~is_goal
     waiting = (greedy == Action.WAIT) & ~is_goal
     colours = np.where(trapped, style.RED, style.INK)
-    shift = 0.62 * grid.cell_size_m * DIRECTION_VECTORS[greedy[moving]]
+    shift = 0.8 * grid.cell_size_m * DIRECTION_VECTORS[greedy[moving]]
     tail = grid.centers_m[moving] - shift / 2
     if moving.any():
         draw_vectors(

@@ -1,10 +1,11 @@
-"""The plan of a scenario: walls, cells, areas, and the loops that people walk, with directions."""
+"""The plan of a scenario: walls, obstacles, cells, areas, and the loops that people walk."""
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
 
 from report import style
 from report.figures.map_axes import cell_squares, draw_areas, layout_of, map_figure
@@ -33,6 +34,16 @@ def draw_scenario_plan(scenario: Scenario) -> Figure:
         figure, (axes,) = map_figure(layout, height_in=7.3, width_in=7.3)
         _draw_cells(axes, scenario)
         draw_areas(axes, layout, filled=True)
+        for obstacle in scenario.movable_obstacles:
+            axes.add_patch(
+                Polygon(
+                    obstacle.outline_m,
+                    facecolor=style.HAIRLINE,
+                    edgecolor=style.WALL,
+                    zorder=6,
+                    gid="movable obstacle",
+                )
+            )
         handles = []
         for number, loop in enumerate(loops):
             colour, line = _LOOKS[number % len(_LOOKS)]

@@ -6,18 +6,20 @@ Of intents closer together than a decision period the first counts. Every droppe
 
 The grid's dynamics have five outcomes: the own cell and its four neighbours. A robot that ended
 elsewhere (diagonally, or more than one cell on) is assigned the neighbour in the direction in which
-it moved farthest; where that is no cell, the one in the other direction.
+it moved farthest; where that is no cell, the one in the other direction. Such a decision is a
+fault: its progress is not that of the robot. Faults are counted, and so is what no cell explains.
 """
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from enum import Enum
+from typing import Protocol
 
 import numpy as np
 
 from bags.errors import BagError
-from serd_app.drives.episode_spans import CUT_OFF, DISCARDED, EpisodeSpan
+from serd_app.drives.episode_spans import CUT_OFF, DISCARDED, RETURN, EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
@@ -26,6 +28,7 @@ from serd_core.grid.grid import Action, Grid, action_of_direction
 OUTSIDE_EPISODE = "outside any episode"
 AFTER_CUT_OFF = "after an episode whose end is not recorded"
 IN_DISCARDED = "in a discarded episode"
+ON_WAY_BACK = "on the way back from the goal"
 WITHIN_PERIOD = "within the period of the decision before"
 CUT_SHORT = "cut short by the end of its episode"
 NO_POSE = "no pose recorded then"
@@ -35,6 +38,63 @@ REPEATED = "of an episode that was there before"
 #: Share of decisions to wait while the robot moves above which actions do not explain the motion.
 MOST_MOVING_WAITS = 0.02
 _STAMP_TOLERANCE_S = 1e-6
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Moves that no outcome of the grid represents: assigned to a neighbour, or dropped.
+
+    n_decisions: all that were made, those dropped for this reason included.
+    """
+
+    n_diagonal: int
+    n_far: int
+    n_unexplained: int
+    n_decisions: int
+
+    @classmethod
+    def of(cls, report: "FaultCounts") -> "Faults":
+        """Those that a report counts."""
+        unexplained = report.dropped.get(UNEXPLAINED, 0)
+        n_decisions = report.n_decisions + unexplained
+        return cls(report.n_diagonal, report.n_far, unexplained, n_decisions)
+
+    def __add__(self, other: "Faults") -> "Faults":
+        return Faults(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+
+    @property
+    def share(self) -> float:
+        """Of all decisions."""
+        faults = self.n_diagonal + self.n_far + self.n_unexplained
+        return faults / self.n_decisions if self.n_decisions else 0.0
+
+    def __str__(self) -> str:
+        """One sentence."""
+        return (
+            f"{100 * self.share:.1f} % of {self.n_decisions} moves are no outcome of the grid"
+            f" ({self.n_diagonal} diagonal and {self.n_far} far ones count as moves to a"
+            f" neighbour, {self.n_unexplained} are dropped)"
+        )
+
+
+class FaultCounts(Protocol):
+    """Counts of `DiscretisationReport` and of records of it."""
+
+    @property
+    def n_decisions(self) -> int:
+        """Decisions kept."""
+
+    @property
+    def n_diagonal(self) -> int:
+        """Of those, diagonal moves."""
+
+    @property
+    def n_far(self) -> int:
+        """Of those, moves over more than a cell."""
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        """Decisions dropped, by why."""
 
 
 @dataclass(frozen=True)
@@ -196,6 +256,8 @@ def _spans_of(drive: RecordedDrive, drops: _DropLog, period_s: float) -> IntArra
     drops.drop(~inside, OUTSIDE_EPISODE)
     discarded = np.array([each.outcome == DISCARDED for each in drive.episodes])
     drops.drop(discarded[span], IN_DISCARDED)
+    returning = np.array([each.outcome == RETURN for each in drive.episodes])
+    drops.drop(returning[span], ON_WAY_BACK)
     drops.drop(_too_close(drive.intent_time_s, span, inside, period_s), WITHIN_PERIOD)
     return span
 

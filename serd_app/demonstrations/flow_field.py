@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bags.errors import BagError
-from bags.messages.plain import point_cloud
 from bags.reader import BagReader
-from bags.topic import topic_named, topics_named
+from bags.topic import topics_named
+from serd_app.drives.recorded_people import recorded_people
 from serd_app.drives.recording import Recording, is_table
 from serd_app.drives.table_drives import Crowd
 from serd_core.arrays import FloatArray, IntArray
@@ -23,9 +22,6 @@ from serd_core.grid.grid import Grid, action_of_direction
 from serd_core.grid.navigation import NO_FLOW
 
 PEDESTRIANS = "pedestrians"
-_CLOUD = "sensor_msgs/msg/PointCloud2"
-_PAIRS = (("x", "y"), ("vx", "vy"))
-_FIELDS = _PAIRS[0] + _PAIRS[1]
 
 
 @dataclass(frozen=True)
@@ -82,6 +78,7 @@ def flow_from_recordings(
     grid: Grid,
     *,
     topic: str = PEDESTRIANS,
+    frame: str = "",
     rule: FlowRule | None = None,
     tolerant: bool = False,
 ) -> FlowField | None:
@@ -90,8 +87,8 @@ def flow_from_recordings(
 
     A cloud or table that several of them hold, or one holds twice, counts once.
 
-    topic: a PointCloud2 with the fields x, y, vx, vy in the frame of the grid. tolerant: use what
-    broken bags still hold.
+    topic: of people, of a type of `bags.messages.people`. frame: that of the grid, into which they
+    are brought by /tf; empty: as they are. tolerant: use what broken bags still hold.
     """
     estimator = FlowEstimator(grid)
     seen: set[bytes] = set()
@@ -99,7 +96,7 @@ def flow_from_recordings(
         if each.crowd is not None:
             _add_crowd(estimator, each.crowd, seen)
         elif not is_table(each.bag):
-            _add_bag(estimator, each.bag, topic, tolerant, seen)
+            _add_bag(estimator, each.bag, topic, frame, tolerant, seen)
     return estimator.field(rule) if seen else None
 
 
@@ -111,27 +108,13 @@ def _add_crowd(estimator: FlowEstimator, crowd: Crowd, seen: set[bytes]) -> None
 
 
 def _add_bag(
-    estimator: FlowEstimator, path: str | Path, topic: str, tolerant: bool, seen: set[bytes]
+    estimator: FlowEstimator,
+    path: str | Path,
+    topic: str,
+    frame: str,
+    tolerant: bool,
+    seen: set[bytes],
 ) -> None:
-    """Add the clouds whose digests are not among those seen, to which theirs are added."""
     reader = BagReader(path, tolerant=tolerant)
-    named = topics_named(reader.topics, topic)
-    if not named:
-        return
-    name = topic_named(reader.topics, topic)
-    if reader.topics[name].type_name != _CLOUD:
-        raise BagError(
-            f"bag {path}: people on {name} must be of type {_CLOUD}, got"
-            f" {reader.topics[name].type_name}; name the topic of people in the mapping"
-        )
-    for message in reader.messages([name]):
-        time = message.log_time_ns.to_bytes(8, "little", signed=True)
-        digest = blake2b(message.data + time, digest_size=16).digest()
-        if digest in seen:
-            continue
-        seen.add(digest)
-        fields = point_cloud(message.data, _FIELDS)
-        position_m, velocity_mps = (
-            np.stack([fields[each] for each in pair], axis=1) for pair in _PAIRS
-        )
-        estimator.add(position_m, velocity_mps)
+    if topics_named(reader.topics, topic):
+        estimator.add(*recorded_people(reader, topic, seen, frame=frame))

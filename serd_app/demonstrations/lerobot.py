@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from serd_app.drives.episode_spans import DISCARDED
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.errors import AppError
 from serd_core.arrays import FloatArray
@@ -67,7 +66,7 @@ def _episodes(drive: RecordedDrive, period_s: float) -> Iterator[_Episode]:
     for span in drive.episodes:
         inside = (drive.intent_time_s >= span.start_s) & (drive.intent_time_s < span.end_s)
         rows = np.flatnonzero(inside)
-        if span.outcome == DISCARDED or not len(rows):
+        if not span.demonstrates or not len(rows):
             continue
         late = np.flatnonzero(np.diff(drive.intent_time_s[rows]) > _LATE * period_s) + 1
         for part in np.split(rows, late):

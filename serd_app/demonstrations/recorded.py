@@ -14,20 +14,30 @@ from pydantic import Field
 from serd_app.demonstrations.concatenate import concatenate_renumbered
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
-from serd_app.demonstrations.discretise import DiscretisationReport
+from serd_app.demonstrations.discretise import DiscretisationReport, Faults
 from serd_app.demonstrations.flow_field import FlowField
 from serd_app.demonstrations.flow_table import save_flow
 from serd_app.demonstrations.grid_file import save_grid
-from serd_app.drives.episode_spans import DISCARDED
+from serd_app.demonstrations.resolution import (
+    ResolutionAdvice,
+    load_resolution,
+    resolution_advice,
+    save_resolution,
+)
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.recording import Recording
+from serd_app.places.kept_scenario import (
+    keep_scenario,
+    kept_scenario_file,
+    own_scenario_yaml,
+)
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 from sim.scenario.grid import flow_of
 from sim.scenario.scenario import Scenario
 from storage.files import atomic_write_text
-from storage.yaml_config import StrictModel, model_yaml
+from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
 
 
 class BagRecord(StrictModel):
@@ -52,8 +62,17 @@ class BagRecord(StrictModel):
     all_lost_known: bool = True
 
 
+class MotionRecord(StrictModel):
+    """See `ResolutionAdvice`."""
+
+    speed_mps: float
+    fast_mps: float
+    turning: float
+
+
 class DemonstrationRecord(StrictModel):
-    """scenario: empty where the grid was fitted; goal_entry_s: see `ModelFile`."""
+    """scenario: empty where the grid was fitted; goal_entry_s: see `ModelFile`. motion: None where
+    the robot never moves a whole period."""
 
     format: Literal["serd-demonstrations"] = "serd-demonstrations"
     format_version: Literal[1] = 1
@@ -62,6 +81,7 @@ class DemonstrationRecord(StrictModel):
     decision_period_s: float = Field(gt=0)
     goal_entry_s: tuple[Annotated[float, Field(gt=0)], ...] = ()
     bags: tuple[BagRecord, ...]
+    motion: MotionRecord | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +108,7 @@ class RecordedDemonstrations:
             "bag": str(self.bag),
             **asdict(self.report),
             "n_intents": self.report.n_intents,
+            "fault_share": Faults.of(self.report).share,
             **self.recording.values(),
         }
 
@@ -129,8 +150,10 @@ def demonstrations_of_all(
 
 
 def tracks_of(drive: RecordedDrive, grid: Grid) -> tuple[FloatArray, ...]:
-    """(T, 2) positions within each episode that was not discarded; NaN farther off the grid than
-    it is large, which no picture of it could show."""
+    """(T, 2) positions within each episode that demonstrates something.
+
+    NaN farther off the grid than it is large, which no picture of it could show.
+    """
     size_m = np.array(grid.walkable.shape[::-1]) * grid.cell_size_m
     from_middle_m = np.abs(drive.position_m - (grid.origin_m + size_m / 2))
     near = np.asarray((from_middle_m < 1.5 * size_m).all(axis=1))
@@ -138,7 +161,7 @@ def tracks_of(drive: RecordedDrive, grid: Grid) -> tuple[FloatArray, ...]:
     return tuple(
         position_m[(time_s >= span.start_s) & (time_s <= span.end_s)]
         for span in drive.episodes
-        if span.outcome != DISCARDED
+        if span.demonstrates
     )
 
 
@@ -147,14 +170,31 @@ def concatenated(found: Sequence[RecordedDemonstrations]) -> Decisions:
     return concatenate_renumbered([each.decisions for each in found])
 
 
+def advice_of_all(found: Sequence[RecordedDemonstrations], place: Place) -> ResolutionAdvice | None:
+    """On cell size and period, by all recordings."""
+    drives = [drive for each in found for drive in each.recording.drives]
+    grid = place.grid
+    return resolution_advice(drives, grid.cell_size_m, place.period_s, origin_m=grid.origin_m)
+
+
 def save_demonstrations(
-    output: Path, place: Place, found: Sequence[RecordedDemonstrations], flow: FlowField | None
+    output: Path,
+    place: Place,
+    found: Sequence[RecordedDemonstrations],
+    flow: FlowField | None,
+    advice: ResolutionAdvice | None = None,
 ) -> None:
-    """Write table, grid, record and flow side by side; see `files_beside`."""
+    """Write table, grid, record, flow and advice side by side; see `files_beside`."""
     files = files_beside(output)
+    # First, as an edited file is not replaced.
+    keep_scenario(output, own_scenario_yaml(place.scenario) if place.scenario else "")
     save_decisions(files["decisions"], concatenated(found))
     save_grid(files["grid"], place.grid, place.name)
-    atomic_write_text(files["record"], model_yaml(_record(place, found)))
+    atomic_write_text(files["record"], model_yaml(_record(place, found, advice)))
+    for name in ("resolution", "resolution picture"):  # those of other recordings
+        files[name].unlink(missing_ok=True)
+    if advice is not None:
+        save_resolution(files["resolution"], advice)
     if flow is None:  # that of other recordings must not stay beside this table
         files["flow"].unlink(missing_ok=True)
         return
@@ -174,20 +214,50 @@ def files_beside(table: Path) -> dict[str, Path]:
         "decisions": table,
         "grid": table.with_suffix(".grid.yaml"),
         "record": table.with_suffix(".yaml"),
+        "scenario": kept_scenario_file(table),
         "picture": table.with_suffix(".png"),
         "flow": table.with_suffix(".flow.csv"),
         "flow picture": table.with_suffix(".flow.png"),
+        "density": table.with_suffix(".density.csv"),
+        "mean density": table.with_suffix(".mean_density.csv"),
+        "resolution": table.with_suffix(".resolution.csv"),
+        "resolution picture": table.with_suffix(".resolution.png"),
     }
 
 
-def _record(place: Place, found: Sequence[RecordedDemonstrations]) -> DemonstrationRecord:
+def _record(
+    place: Place, found: Sequence[RecordedDemonstrations], advice: ResolutionAdvice | None
+) -> DemonstrationRecord:
     return DemonstrationRecord(
         scenario=place.name,
         grid_fingerprint=place.grid.fingerprint(),
         decision_period_s=place.period_s,
         goal_entry_s=tuple(entry_s for each in found for entry_s in each.goal_entry_s),
         bags=tuple(_bag_record(each) for each in found),
+        motion=None if advice is None else _motion(advice),
     )
+
+
+def _motion(advice: ResolutionAdvice) -> MotionRecord:
+    return MotionRecord.model_validate(advice, from_attributes=True)
+
+
+def load_advice(table: Path) -> ResolutionAdvice | None:
+    """The advice of the recordings of a table, None where they have none."""
+    files = files_beside(table)
+    motion = load_yaml_model(files["record"], DemonstrationRecord).motion
+    if motion is None:
+        return None
+    return load_resolution(files["resolution"], motion.model_dump())
+
+
+def faults_of(table: Path) -> Faults | None:
+    """Those of the recordings of a table of decisions; None where its record is not kept."""
+    record = files_beside(table)["record"]
+    if not record.exists():
+        return None
+    bags = load_yaml_model(record, DemonstrationRecord).bags
+    return sum((Faults.of(bag) for bag in bags), Faults(0, 0, 0, 0))
 
 
 def _bag_record(found: RecordedDemonstrations) -> BagRecord:

@@ -6,7 +6,7 @@ cannot be its own, or at the last pose.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,19 +16,27 @@ from serd_core.arrays import FloatArray
 
 EPISODE = "episode"
 START, END = "start", "end"
-CUT_OFF, DISCARDED = "cut_off", "discarded"
+CUT_OFF, DISCARDED, SAVED, RETURN = "cut_off", "discarded", "saved", "return"
 _MOST_DIGITS = 9
 
 
 @dataclass(frozen=True)
 class EpisodeSpan:
-    """One marked episode; outcome: arrived, timeout, aborted, discarded, or cut_off where the
-    recording has no end of it."""
+    """One episode.
+
+    outcome: arrived, timeout, aborted, saved, discarded, or cut_off where no end is recorded;
+    unmarked, or return for a way back from the goal, which demonstrates nothing.
+    """
 
     number: int
     start_s: float
     end_s: float
     outcome: str
+
+    @property
+    def demonstrates(self) -> bool:
+        """Whether it is to be learned from."""
+        return self.outcome not in (DISCARDED, RETURN)
 
 
 @dataclass(frozen=True)
@@ -60,8 +68,8 @@ def spans_of_marks(
 ) -> tuple[EpisodeSpan, ...]:
     """The episodes in order; marks that were sent again count once. pose_time_s: (T,) increasing.
 
-    An episode that has ended can be taken back: a second end mark with its number and the outcome
-    discarded, whenever it comes, counts in the place of the first. An episode whose number was
+    A second end mark with the number of an episode that has ended, whenever it comes, discards that
+    episode or saves it after all. An episode whose number was
     there before is another one, and is given the number after the highest.
     """
     found = _Spans(pose_time_s, longest_gap_s)
@@ -89,7 +97,7 @@ class _Spans:
             self._open = mark
         elif self._open is not None and mark.number == self._open.number:
             self._close(self._open, mark.time_s, mark.outcome)
-        elif not (mark.outcome == DISCARDED and self._taken_back(mark.number)):
+        elif not (mark.outcome in (DISCARDED, SAVED) and self._judge_again(mark)):
             self.cut_off(mark.time_s)
 
     def cut_off(self, until_s: float) -> None:
@@ -109,13 +117,12 @@ class _Spans:
         self.closed.append((start.number, EpisodeSpan(number, start.time_s, end_s, outcome)))
         self._open = None
 
-    def _taken_back(self, marked: int) -> bool:
-        """Discard the latest episode marked with that number; whether there is one."""
+    def _judge_again(self, mark: EpisodeMark) -> bool:
+        """Give the latest episode with the mark's number its outcome; whether there is one."""
         for row in reversed(range(len(self.closed))):
-            if self.closed[row][0] == marked:
-                span = self.closed[row][1]
-                taken = EpisodeSpan(span.number, span.start_s, span.end_s, DISCARDED)
-                self.closed[row] = marked, taken
+            number, span = self.closed[row]
+            if number == mark.number:
+                self.closed[row] = number, replace(span, outcome=mark.outcome)
                 return True
         return False
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bags.errors import BagError
+from bags.messages.fields import FieldReader, field_reader, store_of
 from bags.reader import BagReader
 from bags.topic import RawMessage, Topic, topic_named
 from serd_app.drives.episode_spans import EpisodeMark, EpisodeSpan, marks_of, spans_of_marks
@@ -19,6 +20,7 @@ from serd_app.drives.mapped_poses import MappedPoses
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.recorded_drive import RecordedDrive, source_of
 from serd_app.drives.unmarked import unmarked_spans, usual_gap_s
+from serd_core.arrays import FloatArray
 
 
 def mapped_drive_in(
@@ -44,19 +46,35 @@ def mapped_messages(
         poses,
         MappedActions(mapping, action, source),
         topic_named(known, mapping.episode_topic) if mapping.episode_topic else "",
+        _button(known, mapping) if mapping.button_topic else None,
     )
+
+
+def _button(known: Mapping[str, Topic], mapping: BagMapping) -> tuple[str, FieldReader]:
+    """The topic of the button, and the reader of its state, of no number where there is none."""
+    topic = known[topic_named(known, mapping.button_topic)]
+    if not mapping.button_field:
+        return topic.name, FieldReader(topic.type_name, store_of(topic), ())
+    paths, wanted = (mapping.button_field,), "a number or truth value"
+    return topic.name, field_reader(topic, paths, (), "button_field", wanted)
 
 
 @dataclass(frozen=True, eq=False)
 class MappedMessages:
-    """Messages of the topics of a mapping; marks: of episodes, with their log times in s."""
+    """Messages of the topics of a mapping; marks: of episodes, with their log times in s.
+
+    button: its topic and the reader of its state; states: log time, stamp and state of each
+    message.
+    """
 
     mapping: BagMapping
     source: str
     poses: MappedPoses
     actions: MappedActions
     mark_topic: str = ""
+    button: tuple[str, FieldReader] | None = None
     marks: list[tuple[float, EpisodeMark]] = field(default_factory=list)
+    states: list[tuple[float, float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         if self.mapping.action_from == "velocity" and not self.poses.has_heading:
@@ -69,7 +87,8 @@ class MappedMessages:
     @property
     def topics(self) -> set[str]:
         """Those to take messages of."""
-        return {*self.poses.topics, *self.actions.topics, self.mark_topic}
+        button = {self.button[0]} if self.button else set()
+        return {*self.poses.topics, *self.actions.topics, self.mark_topic} | button
 
     def take(self, message: RawMessage) -> None:
         """A message of one of them; BagError where it is damaged."""
@@ -79,6 +98,10 @@ class MappedMessages:
         if message.topic == self.mark_topic:
             log_s = message.log_time_ns / 1e9
             self.marks.extend((log_s, each) for each in marks_of(message.data))
+        if self.button is not None and message.topic == self.button[0]:
+            header, state = self.button[1](message.data)
+            pressed = state[0] if state else 1.0
+            self.states.append((message.log_time_ns / 1e9, header.stamp_ns / 1e9, pressed))
 
     def drive(self, period_s: float) -> RecordedDrive:
         """The drive, with the intents of decision periods of that length."""
@@ -109,8 +132,19 @@ class MappedMessages:
     ) -> tuple[tuple[EpisodeSpan, ...], Mapping[str, int]]:
         """Episodes, and what those without marks were cut at."""
         if not self.mark_topic:
-            return unmarked_spans(track.time_s, track.poses[:, :2], longest_gap_s, self.mapping)
+            places_m, pressed_s = track.poses[:, :2], self._presses(track)
+            return unmarked_spans(track.time_s, places_m, longest_gap_s, self.mapping, pressed_s)
         rows = np.array([(log_s, mark.time_s) for log_s, mark in self.marks]).reshape(-1, 2)
         placed = zip(track.placed(*rows.T), self.marks, strict=True)
         marks = (replace(mark, time_s=float(at_s)) for at_s, (_, mark) in placed)
         return spans_of_marks(marks, track.time_s, longest_gap_s), {}
+
+    def _presses(self, track: PoseTrack) -> FloatArray | None:
+        """(N,) times of the messages at which the button goes down; None without a button."""
+        if self.button is None:
+            return None
+        rows = np.array(self.states).reshape(-1, 3)
+        at_s, down = track.placed(rows[:, 0], rows[:, 1]), rows[:, 2] > 0.5
+        if self.mapping.button_field:
+            down &= ~np.append(False, down[:-1])[: len(down)]
+        return np.unique(at_s[down])

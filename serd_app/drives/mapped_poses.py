@@ -8,16 +8,14 @@ import numpy as np
 
 from bags.errors import BagError
 from bags.message_times import TimesOnClock, agrees, falls_back_s, placed_s
-from bags.messages.fields import POSES, FieldReader, field_reader, store_of
-from bags.messages.plain import transforms
-from bags.topic import RawMessage, Topic, topic_named
+from bags.messages.fields import POSES, FieldReader, field_reader
+from bags.topic import RawMessage, Topic, topic_named, topics_named
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.recorded_drive import finite_poses
-from serd_app.drives.transforms import Poses, TransformTree
+from serd_app.drives.transforms import TF_TYPES, Poses, RecordedTransforms
 from serd_core.arrays import FloatArray, IntArray
 from storage.nearest import hint
 
-_TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _LONGEST_STEP_BACK_S = 1.0
 #: Earlier stamps (s since 1970) are of a simulated world, which begins near 0.
 _FIRST_REAL_STAMP_S = 1e8
@@ -33,15 +31,11 @@ class MappedPoses:
 
     def __init__(self, known: Mapping[str, Topic], mapping: BagMapping, source: str) -> None:
         self._mapping, self._source = mapping, source
-        self._has_clock = "/clock" in known
+        self._has_clock = bool(topics_named(known, "clock"))
         self._topic = topic_named(known, mapping.pose_topic)
-        self.from_tf = known[self._topic].type_name in _TF_TYPES
+        self.from_tf = known[self._topic].type_name in TF_TYPES
         tf = self._topic.removesuffix("_static") if self.from_tf else "/tf"
-        self._tf = {
-            name: (known[name].type_name, store_of(known[name]), name != tf)
-            for name in (tf, f"{tf}_static")
-            if name in known and known[name].type_name in _TF_TYPES
-        }
+        self._tf = RecordedTransforms(known, tf)
         self._read: FieldReader | None = None
         if not self.from_tf:
             self._read = field_reader(
@@ -50,18 +44,17 @@ class MappedPoses:
         self.has_heading = self._read is None or len(self._read.numbers) > 2
         self._frames: dict[str, int] = {}
         self._rows = array("d")
-        self._tree = TransformTree()
         self.n_bad = 0
 
     @property
     def topics(self) -> frozenset[str]:
         """Those to take messages of."""
-        return frozenset({self._topic, *self._tf})
+        return self._tf.topics | {self._topic}
 
     @property
     def frames(self) -> tuple[str, ...]:
         """Those of /tf so far."""
-        return self._tree.frames
+        return self._tf.tree.frames
 
     def under(self, mapping: BagMapping) -> "MappedPoses":
         """The same messages with another `frame` and `robot_frame`."""
@@ -71,11 +64,9 @@ class MappedPoses:
 
     def take(self, message: RawMessage) -> None:
         """A message; those of other topics are left."""
-        if message.topic in self._tf:
-            type_name, store, static = self._tf[message.topic]
-            for each in transforms(message.data, type_name, store):
-                self._tree.add(each, log_time_ns=message.log_time_ns, static=static)
-        elif message.topic == self._topic and self._read is not None:
+        if self._tf.take(message):
+            return
+        if message.topic == self._topic and self._read is not None:
             header, numbers = self._read(message.data)
             frame = self._frames.setdefault(header.frame.lstrip("/"), len(self._frames))
             times_s = message.log_time_ns / 1e9, header.stamp_ns / 1e9
@@ -99,13 +90,13 @@ class MappedPoses:
         if self._read is not None:
             return np.array(self._rows).reshape(-1, 3 + len(self._read.numbers))
         robot = self._mapping.robot_frame.lstrip("/")
-        if robot not in self._tree.frames:
+        if robot not in self._tf.tree.frames:
             raise BagError(
                 f"{self._source}: robot_frame must be a frame of {self._topic}, got {robot!r};"
-                f" {hint(robot, self._tree.frames)}"
+                f" {hint(robot, self._tf.tree.frames)}"
             )
         self._frames = {robot: 0}
-        times_s = self._tree.times(self._target, robot)
+        times_s = self._tf.tree.times(self._target, robot)
         return np.column_stack([times_s, np.tile((0.0, *_AT_FRAME), (len(times_s), 1))])
 
     @property
@@ -114,12 +105,12 @@ class MappedPoses:
         given = self._mapping.frame.lstrip("/")
         if given or not self.from_tf:
             return given
-        return self._tree.root(self._mapping.robot_frame.lstrip("/"))
+        return self._tf.tree.root(self._mapping.robot_frame.lstrip("/"))
 
     def _in_frame(self, poses: Poses, time_s: FloatArray, frame_of: IntArray) -> FloatArray:
         """(N, 3) poses, each given in its own frame, in that of the grid; NaN where /tf does not
         reach."""
-        target = self._target
+        target, tree = self._target, self._tf.tree
         if not target:
             self._require_one_frame()
             return poses.planar
@@ -127,7 +118,7 @@ class MappedPoses:
         for name, number in self._frames.items():
             rows = np.flatnonzero(frame_of == number)
             if name != target and len(rows):
-                into[rows] = self._tree.into(target, name, poses.select(rows), time_s[rows]).planar
+                into[rows] = tree.into(target, name, poses.select(rows), time_s[rows]).planar
         if not np.isfinite(into).all(axis=1).any():
             frames = " and ".join(map(repr, self._frames))
             raise BagError(

@@ -1,76 +1,158 @@
 """The mapping file: which topics of a bag, or columns of a table, hold what; where episodes end."""
 
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import Field
+from pydantic import model_validator
 
+from storage.settings import setting
 from storage.trajectories.columns import TableColumns
 from storage.yaml_config import StrictModel
 
 #: What the fields of a bag do not state.
 ASSUMED_UNITS = "m, rad, m/s and s are assumed, as ROS defines the units of messages"
 
+_LEAST_CORNERS = 3
+#: Keys of one kind of actions.
+_ONLY_FOR = {
+    "hold_s": "velocity",
+    "delay_s": "velocity",
+    "silence": "velocity",
+    "waypoint_reached_m": "waypoint",
+}
+
 
 class DriveMapping(StrictModel):
-    """What holds for every recording without marks of episodes.
+    """What holds for every recording without marks of episodes."""
 
-    minimum_speed_mps: mean speed of a period below which it is a wait.
-    longest_gap_s: between poses across which places are interpolated, longer ones end an episode
-    that is not marked; by default five usual steps between poses, at least 0.5 s.
-    goals_m, goal_radius_m: circles in which an episode ends.
-    stop_s: an episode ends where the robot stands for so long; null: none does.
-    round_trips: whether a drive that comes back to its start is cut where it turns.
-    """
+    minimum_speed_mps: float = setting(
+        0.05, "mean speed of a period below which it is a wait", unit="m/s", ge=0
+    )
+    longest_gap_s: float | None = setting(
+        None,
+        "longest gap between poses across which places are interpolated; a longer one ends an"
+        " episode. By default five usual steps between poses, at least 0.5 s",
+        unit="s",
+        gt=0,
+    )
+    goals_m: tuple[tuple[float, float], ...] = setting(
+        (), "centres of circles in each of which an episode ends; the next begins outside", unit="m"
+    )
+    goal_radius_m: float = setting(0.5, "radius of these circles", unit="m", gt=0)
+    goal_area_m: tuple[tuple[float, float], ...] = setting(
+        (),
+        "corners of an area in which a lap ends. The way back from it, up to the place farthest"
+        " away, is no demonstration. With `--scenario` its goal area unless goals_m are given",
+        unit="m",
+    )
+    stop_s: float | None = setting(
+        10.0, "an episode ends where the robot stands for so long; null: nowhere", unit="s", ge=1.0
+    )
+    round_trips: bool = setting(
+        True, "whether a drive that comes back to its start is cut at its place farthest from it"
+    )
 
-    minimum_speed_mps: float = Field(default=0.05, ge=0)
-    longest_gap_s: float | None = Field(default=None, gt=0)
-    goals_m: tuple[tuple[float, float], ...] = ()
-    goal_radius_m: float = Field(default=0.5, gt=0)
-    stop_s: float | None = Field(default=10.0, ge=1.0)
-    round_trips: bool = True
+    @model_validator(mode="after")
+    def _one_kind_of_goal(self) -> "DriveMapping":
+        if self.goals_m and self.goal_area_m:
+            raise ValueError("goals_m and goal_area_m must not both be given; leave one out")
+        if self.goal_area_m and len(self.goal_area_m) < _LEAST_CORNERS:
+            raise ValueError(
+                f"goal_area_m must have at least {_LEAST_CORNERS} corners, got"
+                f" {len(self.goal_area_m)}; add some, or give goals_m"
+            )
+        return self
+
+    def with_goal_area(self, area_m: tuple[tuple[float, float], ...]) -> Self:
+        """The mapping with the goal area of a scenario, where it states no goal itself."""
+        if self.goals_m or self.goal_area_m:
+            return self
+        return self.model_copy(update={"goal_area_m": area_m})
 
 
 class TableMapping(DriveMapping, TableColumns):
-    """A table of trajectories; see `DriveMapping` and `TableColumns`.
+    """A table of trajectories."""
 
-    action_from: see `BagMapping`.
-    """
-
-    action_from: Literal["hidden", "motion"] = "hidden"
+    action_from: Literal["hidden", "motion"] = setting(
+        "hidden", "hidden: learn from the states; motion: the displacement is the action"
+    )
 
 
 class BagMapping(DriveMapping):
-    """pose_topic: any message with a pose, or tf: then the pose is that of `robot_frame`.
+    """Topics of a bag, and the fields of their messages as paths: `pose.pose`, `axes.1`."""
 
-    pose_fields: field paths of x and y, or of x, y and yaw, or of one message with a pose; empty:
-    the pose nearest to the top of the message.
-    frame: frame of the grid; poses in another are brought there by /tf; empty: as they are.
-    action_from, action_topic: `intent` (a vector), `velocity` (a twist, or the speed of a steered
-    vehicle), `waypoint` (a pose); without a topic `hidden` (the states alone are learned from) or
-    `motion` (where the robot went within the period is taken as its action).
-    action_fields: field paths of two numbers, or one of a message; empty: as for pose_fields. Of a
-    velocity they are forward and left, or forward alone.
-    episode_topic: marks as our recorder writes them; empty: see `DriveMapping`.
-    hold_s: how long the robot follows a velocity command; null: until the next one.
-    delay_s: how long after a velocity command the robot begins to follow it.
-    silence: what a decision period without any velocity command means: `unknown`, it is dropped and
-    counted, or `wait`, where the robot is known to stop when nothing is sent.
-    people_topic: PointCloud2 with x, y, vx, vy in the frame of the grid, where there is one.
-    """
+    pose_topic: str = setting(
+        "robot_pose", "any message with a pose; or tf: then the pose is that of robot_frame"
+    )
+    pose_fields: tuple[str, ...] = setting(
+        (),
+        "paths of x and y, or of x, y and yaw, or of one message with a pose; by default the pose"
+        " nearest to the top of the message",
+        max_length=3,
+    )
+    frame: str = setting(
+        "", "frame of the grid; poses in others are brought there by /tf. Empty: as they are"
+    )
+    robot_frame: str = setting("base_link", "frame of the robot, where poses are from tf")
+    action_from: Literal["intent", "velocity", "waypoint", "motion", "hidden"] = setting(
+        "intent",
+        "what the action topic holds: intent, a vector; velocity, a twist or the speed of a steered"
+        " vehicle; waypoint, a pose. Without a topic hidden (the states alone are learned from) or"
+        " motion (the displacement of the period is its action)",
+    )
+    action_topic: str = setting("intent", "topic of the actions")
+    action_fields: tuple[str, ...] = setting(
+        (),
+        "paths of two numbers, or one of a message; of a velocity forward and left, or forward"
+        " alone. By default as for pose_fields",
+        max_length=2,
+    )
+    episode_topic: str = setting(
+        "", "marks of episodes, as our recorder writes them; empty: episodes are cut by the rules"
+    )
+    button_topic: str = setting(
+        "", "topic of a button, each press of which ends an episode: Joy, Bool, Empty, any message"
+    )
+    button_field: str = setting(
+        "", "path of a number or truth value, pressed above 0.5; empty: each message is a press"
+    )
+    people_topic: str = setting(
+        "pedestrians",
+        "people, where there is such a topic: PointCloud2 with x, y, vx, vy, People,"
+        " TrackedPersons or Detection3DArray; brought into `frame` by /tf",
+    )
+    hold_s: float | None = setting(
+        0.5, "how long the robot follows a velocity; null: until the next one", unit="s", gt=0
+    )
+    delay_s: float = setting(
+        0.0, "how long after a velocity command the robot begins to follow it", unit="s", ge=0
+    )
+    silence: Literal["unknown", "wait"] = setting(
+        "unknown",
+        "what a period without any velocity command means: unknown, it is left out and counted;"
+        " wait, where the robot is known to stop when nothing is sent",
+    )
+    waypoint_reached_m: float = setting(
+        0.25, "a robot nearer to its waypoint than this waits", unit="m", ge=0
+    )
 
-    pose_topic: str = "robot_pose"
-    pose_fields: tuple[str, ...] = Field(default=(), max_length=3)
-    frame: str = ""
-    robot_frame: str = "base_link"
-    action_from: Literal["intent", "velocity", "waypoint", "motion", "hidden"] = "intent"
-    action_topic: str = "intent"
-    action_fields: tuple[str, ...] = Field(default=(), max_length=2)
-    episode_topic: str = ""
-    people_topic: str = "pedestrians"
-    hold_s: float | None = Field(default=0.5, gt=0)
-    delay_s: float = Field(default=0.0, ge=0)
-    silence: Literal["unknown", "wait"] = "unknown"
-    waypoint_reached_m: float = Field(default=0.25, ge=0)
+    @model_validator(mode="after")
+    def _keys_have_an_effect(self) -> "BagMapping":
+        """A key that is given and not read is a mistake that would go unnoticed."""
+        for key, source in _ONLY_FOR.items():
+            default = type(self).model_fields[key].default
+            if getattr(self, key) != default and self.action_from != source:
+                raise ValueError(
+                    f"{key} must be left out unless action_from is {source}, it is"
+                    f" {self.action_from}; correct action_from or delete the key"
+                )
+        if self.button_field and not self.button_topic:
+            raise ValueError("button_field must come with a button_topic; name the topic")
+        if self.button_topic and self.episode_topic:
+            raise ValueError(
+                "button_topic must be left out with episode_topic, whose marks end episodes; delete"
+                " one of them"
+            )
+        return self
 
     @property
     def has_action_topic(self) -> bool:

@@ -60,11 +60,17 @@ def read_recording(
     mapping: DriveMapping | None,
     tolerant: bool,
     hidden: bool = False,
+    goal_area_m: tuple[tuple[float, float], ...] = (),
 ) -> Recording:
     """A bag of our recorder, or with a mapping any bag, or a table of trajectories.
 
-    tolerant: read what a damaged bag holds. hidden: leave out the actions.
+    tolerant: read what a damaged bag holds. hidden: leave out the actions. goal_area_m: that of the
+    scenario, by which a mapping without goals cuts laps.
     """
+    if mapping is None and is_table(bag):
+        mapping = TableMapping()
+    if mapping is not None:
+        mapping = mapping.with_goal_area(goal_area_m)
     found = _recording(bag, period_s, mapping, tolerant)
     if not hidden:
         return found

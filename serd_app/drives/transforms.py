@@ -6,17 +6,20 @@ after its last.
 """
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from bags.errors import BagError
-from bags.messages.plain import Transform
+from bags.messages.fields import store_of
+from bags.messages.plain import Transform, transforms
+from bags.topic import RawMessage, Topic
 from serd_core.arrays import FloatArray, IntArray
 from storage.nearest import hint
 
+TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _LONGEST_REACH_S = 1.0
 _COLUMNS = 9
 
@@ -161,3 +164,33 @@ class TransformTree:
             return Poses(position_m, known.rotation[0])
         turning = Slerp(stamp_s, known.rotation)
         return Poses(position_m, turning(np.clip(times_s, stamp_s[0], stamp_s[-1])))
+
+
+class RecordedTransforms:
+    """Fills a tree from a recorded topic of transforms and the `_static` one beside it.
+
+    known: topics of the recording; those of other types are left.
+    """
+
+    def __init__(self, known: Mapping[str, Topic], topic: str = "/tf") -> None:
+        self.tree = TransformTree()
+        self._topic = topic
+        self._stores = {
+            name: (known[name].type_name, store_of(known[name]))
+            for name in (topic, f"{topic}_static")
+            if name in known and known[name].type_name in TF_TYPES
+        }
+
+    @property
+    def topics(self) -> frozenset[str]:
+        """Those to take messages of."""
+        return frozenset(self._stores)
+
+    def take(self, message: RawMessage) -> bool:
+        """Add the transforms of a message; False where it is of another topic."""
+        if message.topic not in self._stores:
+            return False
+        static = message.topic != self._topic
+        for each in transforms(message.data, *self._stores[message.topic]):
+            self.tree.add(each, log_time_ns=message.log_time_ns, static=static)
+        return True

@@ -1,26 +1,29 @@
 """Episodes of a drive without marks: cut at gaps, at goals, at stops and where a round trip turns.
 
-Gap: no pose for longer than the longest gap. Goal: an episode ends on entering a goal's circle, the
-next begins on leaving it. Stop: an episode ends where the robot comes to stand for `stop_s` or
-longer, the next begins when it moves on. Round trip: where a robot comes back to its start, each
-lap is cut at its place farthest from the start, so that the way out is one demonstration and the
-way back another.
+Gap: no pose for longer than the longest gap. Button: an episode ends when it is pressed. Goal: an
+episode ends on entering a goal's circle, the next begins on leaving it. Goal area: likewise, and
+the way back, from the area to the place farthest from where it was left, is no demonstration. Stop:
+an episode ends where the robot comes to stand for `stop_s` or longer, the next begins when it moves
+on. Round trip: where a robot comes back to its start, each lap is cut at its place farthest from
+the start, so that the way out is one demonstration and the way back another.
 """
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from serd_app.drives.episode_spans import EpisodeSpan
+from serd_app.drives.episode_spans import RETURN, EpisodeSpan
 from serd_app.drives.mapping import DriveMapping
 from serd_app.drives.recorded_drive import LONGEST_GAP_S
 from serd_core.arrays import BoolArray, FloatArray
+from sim.scenario.polygon import Point, contains
 
 UNMARKED, ARRIVED = "unmarked", "arrived"
-GAP, GOAL, STOP, TURN = "gap", "goal", "stop", "turn"
+GAP, BUTTON, GOAL, STOP, TURN = "gap", "button", "goal", "stop", "turn"
+_OUTCOMES = {"": UNMARKED, GAP: UNMARKED, RETURN: RETURN}
 #: Without one in the mapping, the longest gap is so many usual steps between poses.
 _GAP_STEPS = 5.0
 #: A robot that stays within this distance stands.
@@ -33,40 +36,56 @@ _SHORTEST_TRIP_M = 1.0
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """time_s (T,), position_m (T, 2); ended_by: what it was cut at, empty at the end."""
+    """time_s (T,), position_m (T, 2); ended_by: what it was cut at, empty at the end; from_goal:
+    whether it begins where the robot leaves the goal area."""
 
     time_s: FloatArray
     position_m: FloatArray
     ended_by: str = ""
+    from_goal: bool = False
 
     def part(self, start: int, stop: int, ended_by: str) -> "_Piece":
         """Rows from start to before stop."""
         rows = slice(start, stop)
-        return _Piece(self.time_s[rows], self.position_m[rows], ended_by)
+        from_goal = self.from_goal and start == 0
+        return _Piece(self.time_s[rows], self.position_m[rows], ended_by, from_goal)
 
 
 def unmarked_spans(
-    time_s: FloatArray, position_m: FloatArray, longest_gap_s: float, mapping: DriveMapping
+    time_s: FloatArray,
+    position_m: FloatArray,
+    longest_gap_s: float,
+    mapping: DriveMapping,
+    pressed_s: FloatArray | None = None,
 ) -> tuple[tuple[EpisodeSpan, ...], Counter[str]]:
-    """The episodes in order, numbered from 0, and how many of them end at what."""
+    """The episodes in order, numbered from 0, and how many of them end at what.
+
+    pressed_s: (N,) increasing, when the button was pressed.
+    """
     pieces = list(_at_gaps(_Piece(time_s, position_m), longest_gap_s))
+    if pressed_s is not None:
+        pieces = [part for each in pieces for part in _at_presses(each, pressed_s)]
+    has_goal = bool(mapping.goals_m)
     if mapping.goals_m:
         pieces = [part for each in pieces for part in _at_goals(each, mapping)]
+    elif mapping.goal_area_m:
+        pieces = [part for each in pieces for part in _at_goal_area(each, mapping.goal_area_m)]
+        has_goal = any(each.ended_by == GOAL or each.from_goal for each in pieces)
     if mapping.stop_s is not None:
         pieces = [part for each in pieces for part in _at_stops(each, mapping.stop_s)]
-    if mapping.round_trips and not mapping.goals_m:
+    if mapping.round_trips and not has_goal:
         pieces = [part for each in pieces for part in _at_turns(each)]
-    pieces = [each for each in pieces if len(each.time_s) > 1]
+    pieces = [part for each in pieces for part in _without_return(each) if len(part.time_s) > 1]
     spans = tuple(
         EpisodeSpan(
             number,
             float(each.time_s[0]),
             float(each.time_s[-1]),
-            UNMARKED if each.ended_by in ("", GAP) else ARRIVED,
+            _OUTCOMES.get(each.ended_by, ARRIVED),
         )
         for number, each in enumerate(pieces)
     )
-    return spans, Counter(each.ended_by for each in pieces if each.ended_by)
+    return spans, Counter(each.ended_by for each in pieces if each.ended_by not in ("", RETURN))
 
 
 def usual_gap_s(time_s: FloatArray) -> float:
@@ -81,12 +100,44 @@ def _at_gaps(piece: _Piece, longest_gap_s: float) -> Iterator[_Piece]:
         yield piece.part(start, stop, "" if stop == len(piece.time_s) else GAP)
 
 
+def _at_presses(piece: _Piece, pressed_s: FloatArray) -> Iterator[_Piece]:
+    inside = pressed_s[(pressed_s > piece.time_s[0]) & (pressed_s < piece.time_s[-1])]
+    rows = np.searchsorted(piece.time_s, inside)
+    edges = [0, *np.unique(rows).tolist(), len(piece.time_s) - 1]
+    for start, stop in pairwise(edges):
+        last = stop == edges[-1]
+        yield piece.part(start, stop + 1, piece.ended_by if last else BUTTON)
+
+
 def _at_goals(piece: _Piece, mapping: DriveMapping) -> Iterator[_Piece]:
     goals = np.array(mapping.goals_m)
     away_m = np.linalg.norm(piece.position_m[:, None] - goals, axis=2).min(axis=1)
-    for start, stop in _runs(away_m > mapping.goal_radius_m):
+    yield from _outside(piece, away_m > mapping.goal_radius_m)
+
+
+def _at_goal_area(piece: _Piece, area_m: tuple[Point, ...]) -> Iterator[_Piece]:
+    for each in _outside(piece, ~contains(area_m, piece.position_m)):
+        yield replace(each, from_goal=each.time_s[0] > piece.time_s[0])
+
+
+def _outside(piece: _Piece, outside: BoolArray) -> Iterator[_Piece]:
+    for start, stop in _runs(outside):
         last = stop == len(piece.time_s)
         yield piece.part(start, min(stop + 1, len(piece.time_s)), piece.ended_by if last else GOAL)
+
+
+def _without_return(piece: _Piece) -> Iterator[_Piece]:
+    """The way back from the goal area, and what follows, where it comes nearer again."""
+    if not piece.from_goal:
+        yield piece
+        return
+    away_m = np.linalg.norm(piece.position_m - piece.position_m[0], axis=1)
+    turn = int(away_m.argmax())
+    if away_m[turn:].min() > away_m[turn] - _SHORTEST_TRIP_M:
+        turn = len(away_m) - 1
+    yield piece.part(0, turn + 1, RETURN)
+    if turn < len(away_m) - 1:
+        yield piece.part(turn, len(away_m), piece.ended_by)
 
 
 def _at_stops(piece: _Piece, stop_s: float) -> Iterator[_Piece]:

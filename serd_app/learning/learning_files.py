@@ -12,13 +12,17 @@ from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.demonstrations.flow_table import load_flow
 from serd_app.demonstrations.goal import ending_in, n_reaching, until_goal, usual_goal_states
 from serd_app.demonstrations.grid_file import load_grid
+from serd_app.demonstrations.measured_density import load_density
 from serd_app.demonstrations.recorded import DemonstrationRecord, files_beside
 from serd_app.errors import AppError
 from serd_app.learning.recipe import LearningTask
+from serd_app.places.kept_scenario import own_scenario_yaml, scenario_beside
+from serd_app.places.map_scenario import grid_scenario
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
+from serd_core.grid.density import at_decisions, with_density
 from serd_core.grid.grid import Grid, grid_wall_distance_m
-from serd_core.grid.navigation import NO_FLOW, build_navigation_problem
+from serd_core.grid.navigation import NO_FLOW, NavigationProblem, build_navigation_problem
 from sim.scenario.grid import flow_of, goal_states_of, grid_of, wall_distance_of
 from sim.scenario.scenario import Scenario, load_scenario
 from storage.errors import FileError
@@ -31,7 +35,9 @@ FlowSource = Literal["auto", "scenario", "recorded", "none"]
 class LearningFiles:
     """task: where it was; flow_from: scenario, recorded or none; n_after_goal: decisions left out;
     n_elsewhere: those of episodes that end in other places than the goal, also left out.
-    goals_m: centres (x, y) of the goal cells; n_reaching_goal: episodes that come to one.
+    goals_m: centres (x, y) of the goal cells; n_reaching_goal: episodes that come to one. scenario:
+    None where the grid was fitted. cells: the decisions on the cells of the grid; with density the
+    demonstrations have them in states of their own, see `serd_core.grid.density.at_decisions`.
     """
 
     task: LearningTask
@@ -41,6 +47,8 @@ class LearningFiles:
     n_after_goal: int
     n_elsewhere: int
     n_reaching_goal: int
+    cells: Decisions
+    scenario: Scenario | None = None
 
     def remarks(self) -> Iterable[str]:
         """A warning where no episode reaches the goal."""
@@ -59,22 +67,25 @@ def read_learning_files(
     scenario: str = "",
     flow: FlowSource = "auto",
     goals_m: tuple[tuple[float, float], ...] = (),
+    density: bool = False,
 ) -> LearningFiles:
     """Everything learning needs; FileError and AppError where the files contradict each other.
 
     scenario: in place of the one the record names. goals_m: places of the goal, by default the
-    scenario's goal area, or without a scenario where most of the episodes end.
+    scenario's goal area, or without a scenario where most of the episodes end. density: whether
+    outcome models depend on the density of people.
     """
     files = files_beside(table)
     decisions, grid = load_decisions(table), load_grid(files["grid"])
     record = load_yaml_model(files["record"], DemonstrationRecord)
-    known = load_scenario(scenario or record.scenario) if scenario or record.scenario else None
+    place = scenario or scenario_beside(table, record.scenario)
+    known = load_scenario(place) if place else None
     _require_one_place(files, record, grid, known)
     _require_states(table, decisions, grid)
     usual = _usual_goal_states(grid, known, decisions)
     goals = _goal_states(grid, goals_m) if goals_m else usual
     chosen, source = _flow(files["flow"], grid, known, flow)
-    n_all = len(decisions)
+    all_decisions, n_all = decisions, len(decisions)
     if known is None and not goals_m:
         decisions = ending_in(decisions, goals)
     kept = until_goal(decisions, goals)
@@ -85,11 +96,20 @@ def read_learning_files(
         wall_distance_m=wall_distance_of(known, grid) if known else grid_wall_distance_m(grid),
         discount=discount,
     )
+    cells = kept
+    if density:
+        problem, kept = _with_density(table, problem, all_decisions, kept)
     name = known.name if known else ""
     as_recorded = name == record.scenario and np.array_equal(goals, usual)
     own_flow = source != "scenario"
     return LearningFiles(
-        task=LearningTask(problem, name, record.decision_period_s, own_flow=own_flow),
+        task=LearningTask(
+            problem,
+            name,
+            record.decision_period_s,
+            own_flow=own_flow,
+            scenario_yaml=_scenario_yaml(known, problem, cells, record.decision_period_s),
+        ),
         # Entry times hold for the recorded goal area only.
         demonstrations=Demonstrations(kept, record.goal_entry_s if as_recorded else ()),
         flow_from=source,
@@ -97,7 +117,55 @@ def read_learning_files(
         n_after_goal=len(decisions) - len(kept),
         n_elsewhere=n_all - len(decisions),
         n_reaching_goal=n_reaching(decisions, goals),
+        cells=cells,
+        scenario=known,
     )
+
+
+def _with_density(
+    table: Path, problem: NavigationProblem, every: Decisions, kept: Decisions
+) -> tuple[NavigationProblem, Decisions]:
+    """Problem and decisions of `at_decisions`; where no people were seen, the mean is taken."""
+    found = load_density(table, problem.grid, every)
+    rows = {
+        moment: row
+        for row, moment in enumerate(zip(every.episode.tolist(), every.time_s, strict=True))
+    }
+    place = [rows[moment] for moment in zip(kept.episode.tolist(), kept.time_s, strict=True)]
+    seen, usual = found.aimed_at_pm2[place], found.mean_pm2[problem.grid.neighbours[kept.state]]
+    crowded = with_density(problem, found.mean_pm2)
+    return at_decisions(crowded, kept, np.where(np.isnan(seen), usual, seen))
+
+
+def experts_of_recordings(table: Path, decisions: Decisions) -> IntArray:
+    """(N,) number of the recording of each decision; FileError where the table is another."""
+    record = load_yaml_model(files_beside(table)["record"], DemonstrationRecord)
+    whole, counts = load_decisions(table), [each.n_decisions for each in record.bags]
+    if sum(counts) != len(whole):
+        raise FileError(
+            f"{table}: must have the {sum(counts)} decisions of its recordings, got {len(whole)};"
+            " run 'serd demos' again"
+        )
+    number = np.repeat(np.arange(len(counts)), counts)
+    episodes, first = np.unique(whole.episode, return_index=True)
+    return np.asarray(number[first][np.searchsorted(episodes, decisions.episode)])
+
+
+def _scenario_yaml(
+    scenario: Scenario | None, problem: NavigationProblem, decisions: Decisions, period_s: float
+) -> str:
+    """What is kept beside the model: an own scenario, or one of the cells of a fitted grid."""
+    if scenario is not None:
+        return own_scenario_yaml(scenario)
+    begins = np.unique(decisions.episode, return_index=True)[1]
+    found = grid_scenario(
+        problem.grid,
+        problem.goal_states,
+        decisions.state[begins],
+        period_s,
+        name="fitted grid",
+    )
+    return found[0] if found else ""
 
 
 def _require_one_place(

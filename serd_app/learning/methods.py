@@ -51,6 +51,8 @@ LEARN_FROM_STATES: tuple[MethodName, ...] = (
     "mdce_serd_coupled",
     "mdce_serd_free",
 )
+#: Methods that learn outcome models which depend on density.
+LEARN_WITH_DENSITY: tuple[MethodName, ...] = ("mdce_serd_evidence", "mdce_irl")
 #: Policy matching has its maxima on kinks.
 KINKED = KinkedAscent(smooth=ASCENT, gradient_tolerance=1e-5)
 #: Fixes the common scale of rewards and temperature, on which the likelihood does not depend.
@@ -283,8 +285,13 @@ def relative_entropy_irl(data: FitData) -> MethodResult:
     return MethodResult(fit, f"none; thresholds {share:g} of Hoeffding's, smoothing {smoothing:g}")
 
 
-def require_learnable(method: MethodName, *, hidden: bool) -> None:
-    """AppError where the method counts actions and some are hidden."""
+def require_learnable(method: MethodName, *, hidden: bool, density: bool = False) -> None:
+    """AppError where the method counts actions and some are hidden, or has no density."""
+    if density and method not in LEARN_WITH_DENSITY:
+        raise AppError(
+            f"method must be one of {', '.join(LEARN_WITH_DENSITY)} with density, got {method};"
+            f" take {LEARN_WITH_DENSITY[0]}"
+        )
     if method in LEARN_FROM_STATES or not hidden:
         return
     raise AppError(

@@ -1,14 +1,55 @@
 """What learning returns: the fit, its model file and how the fit went."""
 
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
+
+import numpy as np
 
 from serd_app.demonstrations.grid_file import save_grid
 from serd_app.learning.knowledge import Knowledge, save_knowledge
+from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file
+from serd_core.arrays import FloatArray
+from serd_core.grid.density import full_table
 from serd_core.grid.grid import Grid
+from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
+from serd_core.mixtures.expert_types import ExpertTypes
+from serd_core.posterior.parameters import Parameters
 from storage.files import atomic_write_text
-from storage.model_file import ModelFile, save_model
+from storage.model_file import ModelFile, ModelType, save_model
+from storage.quantities import counted
+from storage.table import Column, read_table
+
+
+@dataclass(frozen=True, eq=False)
+class ExpertGroups:
+    """Types of experts that were found; candidates: mixtures of all numbers of types compared;
+    kept: of each type, what the model file has."""
+
+    types: ExpertTypes
+    candidates: tuple[ExpertTypes, ...]
+    kept: tuple[ModelType, ...]
+
+    def values(self) -> dict[str, object]:
+        """Evidence of each number of types, and the types, by name."""
+        return {
+            "log_evidence_by_types": {
+                each.n_types: each.log_evidence if isfinite(each.log_evidence) else None
+                for each in self.candidates
+            },
+            "experts": [each.model_dump(exclude={"drawn_weights"}) for each in self.kept],
+        }
+
+    def sentence(self) -> str:
+        """How many types were found, and the evidence of each number."""
+        compared = ", ".join(f"{each.n_types}: {_evidence(each)}" for each in self.candidates)
+        found = counted(self.types.n_types, "type")
+        return f"{found} of experts; log evidence by number of types: {compared}"
+
+
+def _evidence(types: ExpertTypes) -> str:
+    return f"{types.log_evidence:.1f}" if isfinite(types.log_evidence) else "not converged"
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +58,8 @@ class FitOutcome:
 
     prior_weight: the weight it used, None for methods without; validation: log-likelihood per
     validation decision of each candidate weight, empty where none was chosen. knowledge: None where
-    the fit has no posterior.
+    the fit has no posterior. scenario_yaml: see `LearningTask`. groups: None where types of experts
+    were not asked for; with several types, fit and weights are those of the most frequent.
     """
 
     fit: FitResult
@@ -25,6 +67,8 @@ class FitOutcome:
     prior_weight: float | None
     validation: tuple[tuple[float, float], ...]
     knowledge: Knowledge | None = None
+    scenario_yaml: str = ""
+    groups: ExpertGroups | None = None
 
     def trace_table(self) -> str:
         """The objective after each step of the fit to all episodes, as CSV."""
@@ -56,6 +100,7 @@ class FitOutcome:
             **({} if self.prior_weight is None else {"prior_weight": self.prior_weight}),
             **{f"weight.{name}": weight for name, weight in self.model.reward_weights.items()},
             **({} if self.knowledge is None else _next_start(self.knowledge)),
+            **({} if self.groups is None else self.groups.values()),
         }
 
 
@@ -66,8 +111,13 @@ def _next_start(known: Knowledge) -> dict[str, float]:
 
 
 def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
-    """Write the model to `output`, and beside it grid, steps of the fit and what it knows."""
+    """Write the model to `output`, and beside it grid, steps of the fit and what it knows.
+
+    Its scenario is written as well, where that is not built in; first, as an edited file is not
+    replaced.
+    """
     files = outcome_files(output)
+    keep_scenario(output, outcome.scenario_yaml)
     save_grid(files["grid"], grid, outcome.model.scenario)
     atomic_write_text(files["learning"], outcome.trace_table())
     for name in ("posterior", "gain", "gain_map"):
@@ -81,9 +131,38 @@ def outcome_files(output: Path) -> dict[str, Path]:
     """The files beside a model, by what they hold; `serd learn` draws the map."""
     return {
         "model": output,
-        "grid": output.with_name("grid.yaml"),
-        "learning": output.with_name("learning.csv"),
-        "posterior": output.with_name("posterior.csv"),
-        "gain": output.with_name("next_demonstration.csv"),
-        "gain_map": output.with_name("next_demonstration.png"),
+        "grid": output.with_suffix(".grid.yaml"),
+        "scenario": kept_scenario_file(output),
+        "learning": output.with_suffix(".learning.csv"),
+        "posterior": output.with_suffix(".posterior.csv"),
+        "gain": output.with_suffix(".next_demonstration.csv"),
+        "gain_map": output.with_suffix(".next_demonstration.png"),
     }
+
+
+def fit_of_file(model: ModelFile, problem: NavigationProblem, trace: FloatArray) -> FitResult:
+    """The fit a model file keeps, with its objective after each step."""
+    models, extended = problem.outcome_models, full_table if model.with_density else np.asarray
+    truth = models.parameters_of(extended(model.outcome_probabilities))
+    belief = models.parameters_of(extended(model.believed_outcome_probabilities))
+    record = model.fit.model_dump(exclude={"n_episodes"})
+    return FitResult(
+        feature_names=model.feature_names,
+        outcome_probabilities=model.outcome_probabilities,
+        believed_outcome_probabilities=model.believed_outcome_probabilities,
+        initial_outcome_probabilities=model.initial_outcome_probabilities,
+        temperature=model.temperature,
+        parameters=Parameters(model.weights, belief, truth, np.zeros(0)),
+        objective_trace=trace,
+        residual=np.nan,
+        error_bound=np.nan,
+        assumptions=None,
+        **record,
+    )
+
+
+def load_trace(path: Path) -> FloatArray:
+    """(N,) the objective after each step, of the file beside a model."""
+    columns = Column("step", int), Column("objective", float)
+    trace: FloatArray = read_table(path, columns)["objective"].to_numpy()
+    return trace

@@ -17,8 +17,10 @@ from serd_app.learning.methods import (
 )
 from serd_app.learning.outcome import FitOutcome
 from serd_app.learning.settings import LearningSettings
+from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import laplace_draws
+from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.grid.navigation import NavigationProblem
 from sim.scenario.grid import grid_of, navigation_problem_of
 from sim.scenario.scenario import Scenario
@@ -29,13 +31,15 @@ from storage.model_file import model_of_fit
 class LearningTask:
     """Where demonstrations were made; scenario: its name, empty where the grid was fitted.
 
-    own_flow: whether the flow of people is another than the scenario's.
+    own_flow: whether the flow of people is another than the scenario's. scenario_yaml: the file
+    that is kept beside the model, empty for none.
     """
 
     problem: NavigationProblem
     scenario: str
     decision_period_s: float
     own_flow: bool = False
+    scenario_yaml: str = ""
 
 
 def task_in(scenario: Scenario, discount: float, flow_table: str = "") -> LearningTask:
@@ -46,6 +50,7 @@ def task_in(scenario: Scenario, discount: float, flow_table: str = "") -> Learni
         scenario=scenario.name,
         decision_period_s=scenario.decision_period_s,
         own_flow=flow is not None,
+        scenario_yaml=own_scenario_yaml(scenario),
     )
 
 
@@ -63,7 +68,11 @@ def learn(
     """
     require_enough(demonstrations, settings)
     decisions, problem = demonstrations.decisions, task.problem
-    require_learnable(settings.method, hidden=bool(decisions.hidden.any()))
+    require_learnable(
+        settings.method,
+        hidden=bool(decisions.hidden.any()),
+        density=isinstance(problem.outcome_models, CovariateModels),
+    )
     rng = np.random.default_rng(settings.seed)
     data = fit_data(
         problem,
@@ -88,7 +97,9 @@ def learn(
         draws=None if posterior is None else laplace_draws(posterior, rng),
     )
     known = None if posterior is None else knowledge_of(problem, posterior)
-    return FitOutcome(found.fit, model, found.prior_weight, found.validation, known)
+    return FitOutcome(
+        found.fit, model, found.prior_weight, found.validation, known, task.scenario_yaml
+    )
 
 
 def require_enough(demonstrations: Demonstrations, settings: LearningSettings) -> None:

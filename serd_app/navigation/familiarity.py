@@ -10,8 +10,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from serd_app.demonstrations.flow_field import PEDESTRIANS, FlowField, flow_from_recordings
+from serd_app.demonstrations.flow_field import FlowField, flow_from_recordings
 from serd_app.demonstrations.grid_file import load_grid
+from serd_app.demonstrations.measured_density import density_of_recordings, save_density
 from serd_app.demonstrations.recorded import (
     Place,
     demonstrations_of_all,
@@ -25,13 +26,14 @@ from serd_app.errors import AppError
 from serd_app.learning.learning_files import FlowSource, LearningFiles, read_learning_files
 from serd_app.learning.outcome import outcome_files
 from serd_app.navigation.strategy import outcome_probabilities_of, require_same_scale
+from serd_app.places.kept_scenario import scenario_beside
 from serd_core.arrays import BoolArray, FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.selection.surprise import EpisodeScores, episode_scores, tail_probabilities
-from sim.scenario.scenario import load_scenario
+from sim.scenario.scenario import Scenario, load_scenario
 from storage.errors import FileError
 from storage.model_file import ModelFile, load_model
 
@@ -43,8 +45,8 @@ _OF_OPTIMAL_VALUES = ("pm_serd", "policy_matching")
 class Familiarity:
     """decisions (N,) with their tail probabilities (N,); scores of the episodes.
 
-    discretised: what became of the recording, empty for a table of decisions. scenario: name or
-    file of the scenario of the grid, empty for a fitted grid.
+    discretised: what became of the recording, empty for a table of decisions. scenario: that of the
+    grid, None for a fitted grid.
     """
 
     problem: NavigationProblem
@@ -52,7 +54,7 @@ class Familiarity:
     tails: FloatArray
     scores: EpisodeScores
     discretised: str
-    scenario: str
+    scenario: Scenario | None
 
     def surprising(self, level: float) -> BoolArray:
         """(N,) decisions with a tail probability below the level."""
@@ -95,8 +97,7 @@ def familiarity_of(
         rng=np.random.default_rng(seed),
     )
     tails = tail_probabilities(task.problem, decisions, policy, outcomes)
-    place = scenario or task.scenario
-    return Familiarity(task.problem, decisions, tails, scores, discretised, place)
+    return Familiarity(task.problem, files.cells, tails, scores, discretised, files.scenario)
 
 
 def _policy(
@@ -145,10 +146,13 @@ def _files(
             scenario=scenario,
             flow=flow,
             goals_m=tuple(goals),
+            density=file.with_density,
         )
         return files, ""
     with TemporaryDirectory() as folder:
-        table, place = Path(folder) / "decisions.csv", scenario or file.scenario
+        table, place = Path(folder) / "decisions.csv", scenario
+        if file.scenario and not scenario:
+            place = scenario_beside(model, file.scenario)
         discretised = _discretise(model, file, trajectories, mapping, place, table)
         files = read_learning_files(
             table,
@@ -156,6 +160,7 @@ def _files(
             scenario=place,
             flow=flow,
             goals_m=goals_m or file.goals_m,
+            density=file.with_density,
         )
         return files, discretised
 
@@ -172,16 +177,35 @@ def _discretise(
     grid = load_grid(outcome_files(model)["grid"])
     place = Place(grid, file.decision_period_s, load_scenario(scenario) if scenario else None)
     chosen = mapping or (None if is_table(trajectories) else mapping_of_poses(trajectories))
-    recording = read_recording(trajectories, file.decision_period_s, mapping=chosen, tolerant=False)
+    recording = read_recording(
+        trajectories,
+        file.decision_period_s,
+        mapping=chosen,
+        tolerant=False,
+        goal_area_m=place.scenario.goal_area_m if place.scenario else (),
+    )
     found = demonstrations_of_all([recording], grid, file.decision_period_s)
     if not len(found[0].decisions):
         raise AppError(
             f"{trajectories} holds no decision on the grid of {model}: {found[0].report}; is it of"
             " the same place?"
         )
-    topic = chosen.people_topic if isinstance(chosen, BagMapping) else PEDESTRIANS
-    flow = flow_from_recordings([recording], grid, topic=topic)
+    of_people = chosen if isinstance(chosen, BagMapping) else BagMapping()
+    flow = flow_from_recordings(
+        [recording], grid, topic=of_people.people_topic, frame=of_people.frame
+    )
     save_demonstrations(table, place, found, flow or _flow_of_model(model, file, grid))
+    if file.with_density:
+        density = density_of_recordings(
+            found, grid, topic=of_people.people_topic, frame=of_people.frame
+        )
+        if density is None:
+            raise AppError(
+                f"{trajectories} must hold people at decisions ('{of_people.people_topic}' of a"
+                f" bag), as outcomes of {model} depend on their density, got none; compare with a"
+                " model learned without --density"
+            )
+        save_density(table, grid, found[0].decisions, density)
     return str(found[0].report)
 
 

@@ -11,7 +11,8 @@ from typing import Any, Protocol
 SUCCEEDED = 4  # action_msgs/GoalStatus
 _SAME_M = 0.05
 
-Target = tuple[float, float]
+#: x and y in m, heading in rad.
+Target = tuple[float, float, float]
 
 
 class ActionClient(Protocol):
@@ -29,7 +30,8 @@ class ActionClient(Protocol):
 class Nav2Goals:
     """Keeps Nav2 on its way to the newest targets.
 
-    state: no goal, no server, sent, driving, arrived, rejected, or failed with Nav2's error code.
+    state: no goal, no server, sent, no answer, driving, arrived, rejected, or failed with Nav2's
+    error code. timeout_s: without a waypoint, and for the server's answer to a goal.
     """
 
     def __init__(
@@ -43,13 +45,16 @@ class Nav2Goals:
         self._client, self._make_goal, self._timeout_s = client, make_goal, timeout_s
         self._targets: tuple[Target, ...] = ()
         self._waiting: tuple[tuple[Target, ...], float] | None = None
-        self._sending = False
+        #: What the server has not answered, and when it was sent.
+        self._request: Any = None
+        self._sent_wall_s = -math.inf
         self._handle: Any = None
         self._waypoint_wall_s = -math.inf
 
     def take(self, targets: Sequence[Target], time_s: float, wall_s: float) -> None:
-        """Drive to the targets in turn (m, map); what Nav2 does already is not sent again."""
+        """Drive to the targets in turn (in the map); what Nav2 does already is not sent again."""
         self._waypoint_wall_s = wall_s
+        self._forget_unanswered(wall_s)
         wanted = tuple(targets)
         if not wanted:
             return
@@ -59,14 +64,16 @@ class Nav2Goals:
         if not self._client.server_is_ready():
             self._targets, self.state = (), "no server"
             return
-        if self._sending:
+        if self._request is not None:
             self._waiting = wanted, time_s
             return
         self._send(wanted, time_s)
 
     def expire(self, wall_s: float) -> bool:
         """Stop Nav2 when no waypoint has come for too long; whether that was so."""
-        if not self._targets or wall_s - self._waypoint_wall_s <= self._timeout_s:
+        self._forget_unanswered(wall_s)
+        is_idle = not self._targets and self._handle is None
+        if is_idle or wall_s - self._waypoint_wall_s <= self._timeout_s:
             return False
         self.cancel()
         return True
@@ -79,13 +86,22 @@ class Nav2Goals:
             self._handle = None
 
     def _send(self, targets: tuple[Target, ...], time_s: float) -> None:
-        self._targets, self._sending, self.state = targets, True, "sent"
-        goal = self._make_goal(targets, time_s)
-        self._client.send_goal_async(goal).add_done_callback(self._on_answer)
+        self._targets, self.state = targets, "sent"
+        self._sent_wall_s = self._waypoint_wall_s
+        self._request = self._client.send_goal_async(self._make_goal(targets, time_s))
+        self._request.add_done_callback(self._on_answer)
 
-    def _on_answer(self, future: Any) -> None:
-        self._sending = False
-        handle = future.result()
+    def _forget_unanswered(self, wall_s: float) -> None:
+        if self._request is not None and wall_s - self._sent_wall_s > self._timeout_s:
+            self._request, self._targets, self.state = None, (), "no answer"
+
+    def _on_answer(self, request: Any) -> None:
+        handle = request.result()
+        if request is not self._request:  # forgotten
+            if handle.accepted:
+                handle.cancel_goal_async()
+            return
+        self._request = None
         if not handle.accepted:
             self._targets, self.state = (), "rejected"
         elif not self._targets:
@@ -98,8 +114,8 @@ class Nav2Goals:
             self._send(*waiting)
 
     def _on_end(self, handle: Any, future: Any) -> None:
-        """Note how a goal ended; the end of one that was replaced is ignored."""
-        if handle is not self._handle:
+        """Note how a goal ended; the end of one that is being replaced, or was, is ignored."""
+        if handle is not self._handle or self._request is not None:
             return
         self._handle = None
         answer = future.result()
@@ -115,5 +131,5 @@ def _continues(wanted: tuple[Target, ...], sent: tuple[Target, ...]) -> bool:
     """Whether the targets are those sent, or the rest of them."""
     rest = sent[-len(wanted) :]
     return len(rest) == len(wanted) and all(
-        math.dist(new, old) < _SAME_M for new, old in zip(wanted, rest, strict=True)
+        math.dist(new[:2], old[:2]) < _SAME_M for new, old in zip(wanted, rest, strict=True)
     )

@@ -128,6 +128,7 @@ class Navigator:
             transfer=self._settings.transfer,
             timeout_s=self._settings.timeout_s,
             file=file,
+            expert=self._settings.expert,
         )
 
     def _replace(self, strategy: Strategy) -> None:

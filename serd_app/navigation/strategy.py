@@ -2,7 +2,8 @@
 
 A model that was learned on another grid transfers its reward weights by feature name and its
 outcome probabilities by model name; they mean the same only for cells and decision periods of the
-same size. Grid, flow, walls and goal are the scenario's own.
+same size. Grid, flow, walls and goal are the scenario's own, and so is the density of people, which
+is predicted where outcome probabilities depend on it.
 """
 
 import math
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from serd_app.navigation.predicted_density import predicted_density
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.chain import (
     ArrivalByState,
@@ -25,6 +27,7 @@ from serd_core.arrival.law import ArrivalLaw, law_in_seconds
 from serd_core.arrival.trap_states import Traps, find_traps
 from serd_core.bayes.draws import averaged_policy
 from serd_core.errors import SerdError
+from serd_core.grid.density import full_table, in_random_crowds, with_density
 from serd_core.grid.grid import Action, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
@@ -145,14 +148,17 @@ def load_strategy(
     transfer: bool = False,
     timeout_s: float | None = None,
     file: ModelFile | None = None,
+    expert: int = 1,
 ) -> Strategy:
     """Solve the model of a file on the scenario's own problem; FileError where it cannot be used.
 
     kind: "optimal" for the hard Bellman optimum of the learned rewards and dynamics, "soft" for
     the stochastic policy of the expert. transfer: whether to accept a model of another grid.
-    timeout_s: the scenario's when None. file: the content of the file, read when None.
+    timeout_s: the scenario's when None. file: the content of the file, read when None. expert: type
+    of experts whose rewards count, of a model with several.
     """
     file = load_model(path) if file is None else file
+    own = file.of_expert(path, expert)
     grid = grid_of(scenario)
     transferred = file.grid.fingerprint != grid.fingerprint()
     if transferred and not transfer:
@@ -164,15 +170,17 @@ def load_strategy(
         problem = navigation_problem_of(scenario, file.discount, file.feature_names, flow)
     except SerdError as error:
         raise FileError(f"{path}: {error}; learn the model again") from None
+    if file.with_density:
+        problem = with_density(problem, predicted_density(scenario, grid))
     rows = tuple(each.learned for each in file.outcome_models)
-    probabilities = outcome_probabilities_of(path, file, problem, rows)
-    draws = np.array(
-        [outcome_probabilities_of(path, file, problem, table) for table in file.draws.learned]
-        or [probabilities]
-    )
-    policy = SOLVERS[kind](problem, file.weights, probabilities)
-    if kind == "soft" and file.draws.learned:
-        weights = np.array(file.draws.reward_weights)
+    tables = (rows, *own.draws.learned)
+    planned = np.array([outcome_probabilities_of(path, file, problem, each) for each in tables])
+    if file.with_density:
+        planned = in_random_crowds(planned)
+    probabilities, draws = planned[0], planned[1:] if own.draws.learned else planned
+    policy = SOLVERS[kind](problem, own.weights, probabilities)
+    if kind == "soft" and own.draws.learned:
+        weights = np.array(own.draws.reward_weights)
         policy = replace(policy, probabilities=averaged_policy(problem, weights, draws))
     return Strategy(
         scenario=scenario,
@@ -217,7 +225,10 @@ def require_same_scale(
 def outcome_probabilities_of(
     path: str | Path, file: ModelFile, problem: NavigationProblem, table: Sequence[Probabilities]
 ) -> FloatArray:
-    """(M, K) rows and columns by name. table: a row per outcome model of the file."""
+    """(M, K) rows and columns by name. table: a row per outcome model of the file.
+
+    Of a problem with density the rows of all densities.
+    """
     rows = {each.name: row for each, row in zip(file.outcome_models, table, strict=True)}
     for what, needed, there in (
         ("outcome_models", problem.model_names, rows),
@@ -230,4 +241,6 @@ def outcome_probabilities_of(
                 "; learn the model again"
             )
     columns = [file.outcome_names.index(name) for name in _OUTCOME_NAMES]
-    return np.array([[rows[name][column] for column in columns] for name in problem.model_names])
+    found = np.array([[rows[name][column] for column in columns] for name in problem.model_names])
+    with_rows = len(found) < problem.outcome_models.n_models
+    return full_table(found) if with_rows else found

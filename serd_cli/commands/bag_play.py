@@ -1,6 +1,7 @@
 """`serd bag play`: publishes a recording on its topics."""
 
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -11,7 +12,10 @@ from bags.reader import BagReader
 from bags.topic import selected_topics
 from serd_cli.errors import UsageError
 from serd_cli.node_commands import node_command
-from serd_cli.options import option, validated
+from serd_cli.options import AsJson, option, validated
+from serd_cli.output.terminal import print_json
+from serd_cli.stack_run import require_free
+from serd_cli.supervisor import Process, run_together
 from serd_cli.workspace import ros_environment
 from serd_ros.graph.configs import BagReplayConfig
 
@@ -36,12 +40,14 @@ def play(
     ] = None,
     wait: float = option(BagReplayConfig, "wait_s"),
     clock: Annotated[bool, typer.Option(help="publish bag time on /clock")] = True,
+    as_json: AsJson = False,
 ) -> None:
     """Play a bag into its topics at any pace, with /clock.
 
     serd bag play demo_output/run-1/bag --rate 10 --wait-for learner
 
     In a terminal: space pauses, right steps, up and down change the rate. Ctrl-C ends.
+    With --json there are no keys.
     """
     selected_topics(BagReader(bag).topics, topic or ())
     settings = validated(
@@ -55,13 +61,33 @@ def play(
         paused=paused,
         required_nodes=wait_for or ("",),
         wait_s=wait,
-        keys=sys.stdin.isatty() and sys.stderr.isatty(),
+        keys=sys.stdin.isatty() and sys.stderr.isatty() and not as_json,
         **({} if clock else {"clock_hz": 0.0}),
     )
     environment = ros_environment(os.environ)
     parameters = settings.model_dump(exclude_unset=True)
-    command = node_command(_NODE, parameters, _remappings(remap or ()), environment)
-    os.execve(command[0], command, environment)
+    remappings = _remappings(remap or ())
+    command = node_command(_NODE, parameters, remappings, environment)
+    if clock:
+        played_clock = remappings.get("/clock", remappings.get("clock", "/clock"))
+        require_free(environment, f"/{played_clock.lstrip('/')}")
+    if not as_json:
+        os.execve(command[0], command, environment)
+    played = _Played()
+    run_together([Process(_NODE, command)], environment, played.hear)
+    print_json({"bag": bag.resolve(), "messages": played.n_messages})
+
+
+class _Played:
+    """How many messages the node played, from its last line; all lines go to stderr."""
+
+    n_messages = 0
+
+    def hear(self, _: str, line: str) -> None:
+        """Print a line of the node."""
+        print(line, file=sys.stderr, flush=True)
+        if match := re.search(r"played (\d+) messages of ", line):
+            self.n_messages = int(match[1])
 
 
 def _remappings(pairs: list[str] | tuple[str, ...]) -> dict[str, str]:

@@ -17,7 +17,8 @@ from sim.drivers.catalogue import driver_names
 from sim.episodes.batch import EpisodeTask, run_batch
 from sim.episodes.batch_summary import ConditionSummary, summarise
 from sim.episodes.execution import Execution
-from sim.planning.catalogue import planner_names
+from sim.planning.catalogue import baseline_names, planner_names
+from sim.scenario.scenario import scenario_suite, suite_names
 
 
 def register(app: typer.Typer) -> None:
@@ -27,13 +28,22 @@ def register(app: typer.Typer) -> None:
 
 def batch(
     output: Annotated[Path, typer.Option(help="table of episodes, .csv or .parquet")],
-    scenario: Annotated[list[str], typer.Option(help="built-in scenario or YAML file; repeat")],
+    scenario: Annotated[
+        list[str],
+        typer.Option(
+            help=f"built-in scenario, YAML file, or suite: {', '.join(suite_names())}; repeat"
+        ),
+    ],
     policy: Annotated[
         list[str] | None,
         typer.Option(help=f"{', '.join(driver_names())} or a learned model's file; repeat"),
     ] = None,
     planner: Annotated[
-        list[str] | None, typer.Option(help=f"{' or '.join(planner_names())}; repeat")
+        list[str] | None,
+        typer.Option(
+            help=f"{', '.join(planner_names())}; for comparisons {', '.join(baseline_names())} "
+            "(pip install 'serd\\[baselines]'); repeat"
+        ),
     ] = None,
     people: Annotated[
         list[int] | None, typer.Option(help="number of people, else the scenario's own; repeat")
@@ -45,6 +55,9 @@ def batch(
         list[str] | None,
         typer.Option(help="given: people as they are; scan: from the lidar alone; repeat"),
     ] = None,
+    guard: Annotated[
+        bool, typer.Option(help="whether commands pass the guard, as they do on a robot")
+    ] = True,
     seeds: Annotated[int, typer.Option(help="episodes of each, seeds first-seed and up")] = 20,
     first_seed: Annotated[int, typer.Option(help="seed of the first episode")] = 1,
     jobs: Jobs = -1,
@@ -52,12 +65,12 @@ def batch(
     address: Address = "",
     as_json: AsJson = False,
 ) -> None:
-    """Run every combination of scenarios, policies, planners and seeds, one row per episode.
+    """Run every combination of scenarios, policies, planners and seeds.
 
     serd batch --scenario hallway --policy expert --policy model.yaml --seeds 20 --output runs.csv
 
-    Rerun an interrupted command to resume it; with more seeds or policies it adds theirs to the
-    table.
+    Writes a row per episode. Rerun an interrupted command to resume it; with more seeds or policies
+    it adds theirs to the table.
     """
     if seeds < 1 or first_seed < 0:
         given = f"{seeds} and {first_seed}"
@@ -72,9 +85,10 @@ def batch(
             planner=local,
             driver=driver,
             people_from=source,
+            guarded=int(guard),
         )
         for place, count, area, local, source, driver, seed in product(
-            scenario,
+            [name for each in scenario for name in scenario_suite(each) or [each]],
             counts,
             start_area or ["train"],
             planner or ["dwa"],
@@ -93,6 +107,7 @@ def batch(
         print_json({"conditions": values, "table": str(output.resolve())})
         return
     console.print(summary_table(summaries))
+    console.print(metrics_table(summaries))
     print(f"episodes: {output.resolve()}")
 
 
@@ -116,9 +131,31 @@ def summary_table(summaries: list[ConditionSummary]) -> Table:
     return table
 
 
+def metrics_table(summaries: list[ConditionSummary]) -> Table:
+    """One row per condition: the way, nearness to people and smoothness."""
+    table = Table(title="Means over the episodes", title_justify="left")
+    table.add_column("condition", overflow="fold")
+    for name in ("SPL", "stands", "personal zone", "collision < 1 s", "people", "jerk", "turns"):
+        table.add_column(name, justify="right")
+    for each in summaries:
+        metrics = each.metrics
+        table.add_row(
+            escape(_condition(each)),
+            f"{each.spl:.2f}",
+            f"{100 * metrics.standing_share:.0f} %",
+            f"{100 * metrics.personal_share:.0f} %",
+            f"{100 * metrics.collision_ahead_share:.1f} %",
+            f"{metrics.people_disturbance_mps2:.2f} m/s²",
+            f"{metrics.mean_abs_jerk_mps3:.1f} m/s³",
+            f"{metrics.path_irregularity_radpm:.2f} rad/m",
+        )
+    return table
+
+
 def _condition(summary: ConditionSummary) -> str:
     people = "" if summary.n_people is None else f", {summary.n_people} people"
     seen = ", from scans" if summary.people_from == "scan" else ""
+    seen += "" if summary.guarded else ", without guard"
     return (
         f"{summary.scenario}{people}, from {summary.start_area}: "
         f"{summary.driver} by {summary.planner}{seen}"

@@ -20,7 +20,6 @@ from serd_cli.options import AsJson
 from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import console, print_json
 from sim.scenario.goal import point_of
-from sim.scenario.scenario import load_scenario
 from storage.files import atomic_write_bytes
 from storage.quantities import counted
 from storage.table import columns_of, write_table
@@ -77,7 +76,7 @@ def compare(
     seed: Annotated[int, typer.Option(help="seed of the simulated episodes", min=0)] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Score trajectories by a learned model, and mark the decisions that surprise it.
+    """Score trajectories by a learned model, and mark surprising decisions.
 
     serd compare model.yaml others.csv
 
@@ -103,7 +102,7 @@ def compare(
         n_simulated=simulations,
         seed=seed,
     )
-    layout = layout_of(load_scenario(found.scenario)) if found.scenario else None
+    layout = layout_of(found.scenario) if found.scenario else None
     rows = _rows(found, surprise)
     write_table(output, columns_of(EpisodeRow), map(astuple, rows))
     figure = draw_surprises(found.problem.grid, found.decisions, found.surprising(surprise), layout)

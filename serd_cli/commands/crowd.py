@@ -1,26 +1,38 @@
 """`serd crowd`: compare simulated people with measured ones."""
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
-from matplotlib.figure import Figure
 from rich.table import Table
 
-from report.figures.crowd_comparison import CrowdCurve, draw_crowd_comparison
+from report.figures.crowd_comparison import CrowdCurve, CrowdPlace, draw_crowd_comparison
 from report.style import png_bytes
+from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.paths import require_file_place, require_suffix
-from serd_cli.output.terminal import console, print_json, progress_console
-from sim.crowd.comparison import ComparedSpeed, compare_one_way, compare_two_ways
-from sim.crowd.corridor_measures import CorridorMeasures, measure_recording
-from sim.crowd.ring_corridor import weidmann_speed_mps
+from serd_cli.output.terminal import console, finite_values, print_json, progress_console
+from sim.crowd.comparison import (
+    ComparedCrowd,
+    Walking,
+    compare_with_recording,
+    compare_with_weidmann,
+)
+from sim.crowd.corridor_measures import (
+    Corridor,
+    CorridorMeasures,
+    corridor_of,
+    measure_recording,
+)
 from sim.crowd.social_force import model_names
 from storage.files import atomic_write_bytes
+from storage.trajectories.columns import TableColumns
 from storage.trajectories.read import read_trajectories
+
+_Recording = tuple[str, Corridor, CorridorMeasures]
 
 
 def register(app: typer.Typer) -> None:
@@ -35,90 +47,109 @@ def register(app: typer.Typer) -> None:
 
 def compare(
     recording: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
-            help="people recorded in a corridor of 4 m along x: a table as `serd demos` reads"
+            help="people recorded in a straight corridor: a table as `serd demos` reads; repeat"
         ),
+    ] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="frames per second of recordings that do not state them")
+    ] = None,
+    width: Annotated[
+        float | None, typer.Option(help="width of the corridor (m), else by where people walked")
     ] = None,
     output: Annotated[Path, typer.Option(help="picture to write, .png")] = Path("crowd.png"),
     as_json: AsJson = False,
 ) -> None:
-    """Compare both crowd models with Weidmann's speeds, and with a recording.
+    """Compare the crowd models with Weidmann's speeds, and with recordings.
 
     serd crowd compare --recording bi_corr_400_b_03.txt --output crowd.png
+
+    Direction and flow of a corridor are found in its recording.
     """
     require_suffix(output, ".png")
     require_file_place(output)
-    recorded = None
-    if recording is not None:
-        people = read_trajectories(recording)
-        for sentence in people.assumed:
-            progress_console.print(sentence)
-        recorded = measure_recording(people.tracks)
+    for name, value in (("--fps", fps), ("--width", width)):
+        if value is not None and not value > 0:
+            raise UsageError(f"{name} must be above 0, got {value:g}")
+    recorded = [_read(path, fps, width) for path in recording or ()]
     rows = []
     with progress_console.status("walking") as status:
         for row in _compared(recorded):
             rows.append(row)
-            status.update(f"{row.model}, {row.flow}, {row.density_pm2:g} people per m²")
-    atomic_write_bytes(output, png_bytes(_figure(rows, recording)))
+            status.update(f"{row.model}, {row.place}, {row.density_pm2:g} people per m²")
+    atomic_write_bytes(output, png_bytes(draw_crowd_comparison(_places(rows))))
     if as_json:
-        values = [
-            {key: None if value != value else value for key, value in asdict(row).items()}
-            for row in rows
-        ]
+        values = [finite_values(_flat(row)) for row in rows]
         print_json({"rows": values, "picture": str(output.resolve())})
         return
     console.print(_table(rows))
     print(f"picture: {output.resolve()}")
 
 
-def _compared(recorded: CorridorMeasures | None) -> Iterator[ComparedSpeed]:
+def _read(path: Path, fps: float | None, width_m: float | None) -> _Recording:
+    people = read_trajectories(path, TableColumns(fps=fps))
+    for sentence in people.assumed:
+        progress_console.print(sentence)
+    corridor = corridor_of(people.tracks, width_m)
+    progress_console.print(
+        f"{path.name}: {len(people.tracks)} people, corridor of {corridor.width_m:g} m along "
+        f"{'xy'[corridor.axis]}, {corridor.flow}"
+    )
+    return path.stem, corridor, measure_recording(people.tracks, corridor)
+
+
+def _compared(recorded: list[_Recording]) -> Iterator[ComparedCrowd]:
     for model in model_names():
-        yield from compare_one_way(model)
-        if recorded is not None:
-            yield from compare_two_ways(model, recorded)
+        yield from compare_with_weidmann(model)
+        for name, corridor, measures in recorded:
+            yield from compare_with_recording(model, name, corridor, measures)
 
 
-def _figure(rows: list[ComparedSpeed], recording: Path | None) -> Figure:
-    density = np.linspace(0.15, 2.0, 60)
-    weidmann = CrowdCurve(
-        "Weidmann 1993", density, weidmann_speed_mps(density), np.full(60, np.nan)
-    )
-    one_way = [_curve(rows, model, "one way") for model in model_names()]
-    two_way = [_curve(rows, model, "two ways") for model in model_names()]
-    real = None
-    if recording is not None:
-        there = [row for row in rows if row.flow == "two ways" and row.model == model_names()[0]]
-        real = CrowdCurve(
-            "recorded",
-            np.array([row.density_pm2 for row in there]),
-            np.array([row.expected_speed_mps for row in there]),
-            np.array([row.expected_passing_distance_m for row in there]),
+def _places(rows: list[ComparedCrowd]) -> list[CrowdPlace]:
+    places = dict.fromkeys((row.place, row.flow) for row in rows)
+    found = []
+    for place, flow in places:
+        there = [row for row in rows if row.place == place]
+        of = {name: [row for row in there if row.model == name] for name in model_names()}
+        found.append(
+            CrowdPlace(
+                f"{place}, {flow}",
+                _curve("measured", of[model_names()[0]], "measured"),
+                [_curve(name, mine, "simulated") for name, mine in of.items()],
+            )
         )
-    return draw_crowd_comparison(one_way, weidmann, two_way, real)
+    return found
 
 
-def _curve(rows: list[ComparedSpeed], model: str, flow: str) -> CrowdCurve:
-    mine = [row for row in rows if (row.model, row.flow) == (model, flow)]
-    return CrowdCurve(
-        model,
-        np.array([row.density_pm2 for row in mine]),
-        np.array([row.speed_mps for row in mine]),
-        np.array([row.passing_distance_m for row in mine]),
-    )
+def _curve(name: str, rows: list[ComparedCrowd], side: str) -> CrowdCurve:
+    columns = [
+        np.array([getattr(getattr(row, side), each.name) for row in rows])
+        for each in fields(Walking)
+    ]
+    return CrowdCurve(name, np.array([row.density_pm2 for row in rows]), *columns)
 
 
-def _table(rows: list[ComparedSpeed]) -> Table:
+def _flat(row: ComparedCrowd) -> dict[str, object]:
+    values = {name: getattr(row, name) for name in ("model", "place", "flow", "density_pm2")}
+    measured = {f"measured_{key}": value for key, value in asdict(row.measured).items()}
+    return values | asdict(row.simulated) | measured | {"deviations": row.deviations}
+
+
+def _table(rows: list[ComparedCrowd]) -> Table:
     table = Table(title="Simulated | measured", title_justify="left")
-    for name in ("model", "flow", "people per m²", "speed (m/s)", "passing distance (m)"):
-        table.add_column(name)
+    table.add_column("model, place", overflow="fold")
+    for name in ("per m²", "speed, m/s", "± m/s", "nearest, m", "passing, m"):
+        table.add_column(name, justify="right", no_wrap=True)
     for row in rows:
-        passing = f"{row.passing_distance_m:.2f} | {row.expected_passing_distance_m:.2f}"
-        table.add_row(
-            row.model,
-            row.flow,
-            f"{row.density_pm2:g}",
-            f"{row.speed_mps:.2f} | {row.expected_speed_mps:.2f}",
-            "" if np.isnan(row.passing_distance_m) else passing,
-        )
+        both = [
+            _both(getattr(row.simulated, each.name), getattr(row.measured, each.name))
+            for each in fields(Walking)
+        ]
+        table.add_row(f"{row.model}, {row.place}, {row.flow}", f"{row.density_pm2:g}", *both)
     return table
+
+
+def _both(simulated: float, measured: float) -> str:
+    text = "" if np.isnan(simulated) else f"{simulated:.2f}"
+    return text if np.isnan(measured) else f"{text} | {measured:.2f}"

@@ -10,7 +10,7 @@ from serd_cli.demo.phases import demonstrate, learn, navigate
 from serd_cli.demo.report import report_demo
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.errors import RunError
-from serd_cli.options import resolved_scenario, validated, with_settings
+from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import progress_console
 from serd_cli.stack_run import stack_environment
 from sim.scenario.scenario import load_scenario
@@ -29,6 +29,7 @@ def demo(
     resume: Annotated[
         Path | None, typer.Option(help="continue this run-N folder; its settings count")
     ] = None,
+    as_json: AsJson = False,
     **options: Any,
 ) -> None:
     """Demonstrate, record, learn, navigate and report, all through ROS 2 nodes."""
@@ -39,10 +40,10 @@ def demo(
         absolute = {"scenario": resolved_scenario(options["scenario"])}
         settings = validated(DemoSettings, **(options | absolute))
         folder = new_folder(output, settings)
-    _run(folder, settings)
+    _run(folder, settings, as_json=as_json)
 
 
-def _run(folder: DemoFolder, settings: DemoSettings) -> None:
+def _run(folder: DemoFolder, settings: DemoSettings, *, as_json: bool) -> None:
     """Run the phases; finished phases stay, and the message at an error names how to continue."""
     progress_console.print(f"results go to {folder.root}", soft_wrap=True)
     try:
@@ -50,7 +51,7 @@ def _run(folder: DemoFolder, settings: DemoSettings) -> None:
             phases = [
                 phase(folder, settings, environment) for phase in (demonstrate, learn, navigate)
             ]
-        report_demo(folder, settings, phases)
+        report_demo(folder, settings, phases, as_json=as_json)
     except (KeyboardInterrupt, RunError):
         progress_console.print(
             f"results are in {folder.root}; resume with: serd demo --resume {folder.root}",

@@ -1,6 +1,7 @@
 """`serd demos`: recordings into the table of decisions that learning starts from."""
 
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -8,11 +9,14 @@ import typer
 
 from serd_app.demonstrations.discretise import OFF_GRID
 from serd_app.demonstrations.fitted_grid import fitted_grid
-from serd_app.demonstrations.flow_field import PEDESTRIANS, flow_from_recordings
+from serd_app.demonstrations.flow_field import flow_from_recordings
 from serd_app.demonstrations.lerobot import save_lerobot
+from serd_app.demonstrations.measured_density import density_of_recordings, save_density
 from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,
+    advice_of_all,
+    concatenated,
     demonstrations_of_all,
     files_beside,
     save_demonstrations,
@@ -24,6 +28,8 @@ from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.demonstrations import (
     decisions_table,
+    density_in_words,
+    density_values,
     flow_in_words,
     flow_values,
     remarks,
@@ -90,23 +96,22 @@ def demos(
 
     Where people were recorded, decisions.flow.csv and .flow.png say which
     way they walk in each cell. 'serd learn decisions.csv' learns from it.
+    decisions.density.csv has the people per m² in the cells around each
+    decision, from which 'serd learn --density' learns.
 
     A place without a scenario: --cell-size-m 0.5 in place of --scenario.
 
     A bag of another robot needs a mapping, which 'serd bag suggest BAG' writes.
     A bag of poses alone needs none: its actions are hidden, and 'serd learn'
-    learns from the states. Keys of a mapping: pose_topic, pose_fields, frame,
-    robot_frame; action_from (intent, velocity, waypoint; hidden or motion
-    without a topic), action_topic, action_fields; of velocities
-    hold_s, delay_s, silence (unknown or wait), minimum_speed_mps; of waypoints
-    waypoint_reached_m; episode_topic, or goals_m, goal_radius_m, stop_s,
-    round_trips; longest_gap_s; people_topic.
+    learns from the states. docs/sources.md lists all keys of a mapping.
+
+    Without marks of episodes a lap ends in the goal area of the scenario, at
+    a press of a button, at a stop or where it turns; the way back from the
+    goal is left out.
 
     A table (CSV, text as TUM, KITTI, ETH/UCY and PeTrack write it, Parquet)
     has a time, x and y, and where there are several agents their ids: each
     is a demonstration, and all of them are the people; actions are hidden.
-    Keys of its mapping: time, agent, x, y (columns); fps, time_unit, unit;
-    action_from (hidden or motion), goals_m and the others.
     """
     require_suffix(output, ".csv")
     require_apart(output, files_beside(output).values(), (scenario, mapping or ""))
@@ -120,17 +125,39 @@ def demos(
     hidden = actions == "hidden"
     mappings = [chosen or (None if is_table(bag) else mapping_of_poses(bag)) for bag in bags]
     recordings = [
-        read_recording(bag, period, mapping=each, tolerant=tolerant, hidden=hidden)
+        read_recording(
+            bag,
+            period,
+            mapping=each,
+            tolerant=tolerant,
+            hidden=hidden,
+            goal_area_m=known.goal_area_m if known else (),
+        )
         for bag, each in zip(bags, mappings, strict=True)
     ]
     grid = grid_of(known) if known else fitted_grid(recordings, cell_size_m or 0.0)
     found = demonstrations_of_all(recordings, grid, period)
     _require_decisions(found)
-    people = chosen.people_topic if isinstance(chosen, BagMapping) else PEDESTRIANS
-    flow = flow_from_recordings(recordings, grid, topic=people, tolerant=tolerant)
+    known_people = chosen if isinstance(chosen, BagMapping) else BagMapping()
+    flow = flow_from_recordings(
+        recordings,
+        grid,
+        topic=known_people.people_topic,
+        frame=known_people.frame,
+        tolerant=tolerant,
+    )
+    density = density_of_recordings(
+        found,
+        grid,
+        topic=known_people.people_topic,
+        frame=known_people.frame,
+        tolerant=tolerant,
+    )
     place = Place(grid, period, known)
-    save_demonstrations(output, place, found, flow)
-    save_pictures(output, place, found, flow)
+    advice = advice_of_all(found, place)
+    save_demonstrations(output, place, found, flow, advice)
+    save_density(output, grid, concatenated(found), density)
+    save_pictures(output, place, found, flow, advice)
     if lerobot is not None:
         _require_actions(found)
         save_lerobot(lerobot, [drive for each in recordings for drive in each.drives], period)
@@ -139,12 +166,29 @@ def demos(
     if as_json:
         written = {name: str(path.resolve()) for name, path in files.items()}
         bags_found = [each.values() for each in found]
-        print_json({"bags": bags_found, "flow": flow_values(flow, place.flow), "files": written})
+        flow_found = flow_values(flow, place.flow)
+        moves = {} if advice is None else {"used": asdict(advice.used), "best": asdict(advice.best)}
+        density_found = None if density is None else density_values(density)
+        print_json(
+            {
+                "bags": bags_found,
+                "flow": flow_found,
+                "density": density_found,
+                "resolution": moves,
+                "files": written,
+            }
+        )
         return
     console.print(decisions_table(found))
     for line in remarks(found):
         console.print(line, style="yellow", soft_wrap=True, markup=False)
+    if advice is not None:
+        style = "yellow" if advice.too_fine else None
+        for line in advice.sentences():
+            console.print(line, style=style, soft_wrap=True, markup=False)
     console.print(flow_in_words(flow, place.flow), soft_wrap=True)
+    if density is not None:
+        console.print(density_in_words(density), soft_wrap=True)
     for name, path in files.items():
         console.print(f"{name}: {path.resolve()}", markup=False, soft_wrap=True)
 

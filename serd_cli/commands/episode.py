@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack
-from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -26,14 +25,6 @@ from sim.scenario.scenario import Scenario
 from sim.world.world import HallwayWorld
 
 _SUFFIXES = (".png", *MOVIE_WRITERS)
-
-
-class View(str, Enum):
-    """The camera of the picture."""
-
-    TOP = "top"
-    OVERVIEW = "overview"
-    CHASE = "chase"
 
 
 def register(app: typer.Typer) -> None:
@@ -59,8 +50,9 @@ def render(
     people: int | None = option(WorldSettings, "people"),
     start_area: str = option(WorldSettings, "start_area"),
     view: Annotated[
-        View, typer.Option(help="from above, the whole in 3-D, or behind the robot in 3-D")
-    ] = View.TOP,
+        Literal["top", "overview", "chase"],
+        typer.Option(help="from above, the whole in 3-D, or behind the robot in 3-D"),
+    ] = "top",
     speed: Annotated[float, typer.Option(help="times real time")] = 4.0,
     frames_per_s: Annotated[float, typer.Option(help="frames per second of the movie")] = 10.0,
     pixels_per_m: Annotated[float, typer.Option(help="size of the view from above")] = 24.0,
@@ -78,8 +70,8 @@ def render(
     record, trajectory = _drive(task, place)
     with ExitStack() as stack:
         drawn: EpisodeView = TopView(place, pixels_per_m)
-        if view is not View.TOP:
-            drawn = stack.enter_context(SceneView(place, chasing=view is View.CHASE))
+        if view != "top":
+            drawn = stack.enter_context(SceneView(place, chasing=view == "chase"))
         _write(drawn, trajectory, place, output, speed, frames_per_s)
     if as_json:
         print_json({"outcome": record.outcome, "duration_s": record.duration_s,
@@ -90,9 +82,9 @@ def render(
 
 
 def _drive(task: EpisodeTask, scenario: Scenario) -> tuple[EpisodeRecord, Trajectory]:
-    recorder = TrajectoryRecorder()
     driver = make_driver(task.driver, scenario, task.seed)
     with HallwayWorld(scenario, seed=task.seed) as world:
+        recorder = TrajectoryRecorder(world)
         planner = planner_in_world(task.planner, world, task.people_from)
         record = run_episode(
             world,

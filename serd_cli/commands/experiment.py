@@ -10,15 +10,16 @@ import pandas as pd
 import typer
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
-from rich.table import Table
 
 from experiments.catalogue import EXPERIMENTS
 from experiments.running.experiment import Experiment, Session, settings_of_file
 from experiments.running.provenance import recorded
-from serd_cli.options import Address, Backend, Jobs
+from experiments.running.tables import plain_rows
+from serd_cli.options import Address, AsJson, Backend, Jobs
 from serd_cli.output.paths import require_folder
 from serd_cli.output.resume_notice import remark_other_code, results_kept_in
-from serd_cli.output.terminal import console, counting_bar
+from serd_cli.output.tables import print_results
+from serd_cli.output.terminal import counting_bar, print_json
 from sim.episodes.execution import Execution
 from storage.settings import Setting, settings_of
 
@@ -28,6 +29,7 @@ _OWN = {
     "backend": Backend,
     "address": Address,
     "config": Annotated[Path | None, typer.Option(help="YAML file of settings")],
+    "as_json": AsJson,
 }
 
 #: Numbers below this are written with an exponent: four decimals would lose their digits.
@@ -52,6 +54,7 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         backend: str,
         address: str,
         config: Path | None,
+        as_json: bool,
         **texts: str | None,
     ) -> None:
         given = settings_of_file(config) if config is not None else {}
@@ -63,7 +66,10 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         remark_other_code(output)
         with recorded(output, words, made):
             table = _run(experiment, made, output, execution)
-        _show(experiment, table)
+        if as_json:
+            print_json({"rows": plain_rows(table), "results": str(output.resolve())})
+            return
+        print_results(table, experiment.shows, _text)
         print(f"results: {output.resolve()}")
 
     own_defaults: dict[str, Any] = {
@@ -71,6 +77,7 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         "jobs": -1,
         "backend": "loky",
         "address": "",
+        "as_json": False,
     }
     annotations: dict[str, Any] = {**_OWN}
     for each in settings_of(experiment.config):
@@ -120,13 +127,6 @@ def _run(
             bar.update(task, completed=done, total=total)
 
         return experiment.write(config, Session(output, execution, show))
-
-
-def _show(experiment: Experiment, rows: pd.DataFrame) -> None:
-    table = Table(*rows.columns, title=experiment.shows, title_justify="left")
-    for row in rows.itertuples(index=False):
-        table.add_row(*map(_text, row))
-    console.print(table)
 
 
 def _text(value: Any) -> str:

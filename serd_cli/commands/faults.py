@@ -51,12 +51,12 @@ def faults(
     address: Address = "",
     as_json: AsJson = False,
 ) -> None:
-    """Measure how soon the robot stands when an input fails at full speed, and what it touches.
+    """Measure how soon the robot stands when an input fails at full speed.
 
     serd faults --seeds 20 --output faults.csv
 
-    Writes a row per episode, and a picture beside the table. Rerun an interrupted command to
-    resume it.
+    Writes a row per episode, with what the robot touched, and a picture beside the table. Rerun an
+    interrupted command to resume it.
     """
     condition = EpisodeTask(scenario, 0, n_people=people, planner=planner, driver=policy)
     tasks = tasks_of(fault or FAULTS, condition, range(first_seed, first_seed + seeds))

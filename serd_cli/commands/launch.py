@@ -7,10 +7,12 @@ from typing import Annotated
 import typer
 
 from serd_cli.node_commands import parse_assignment, stack_processes
-from serd_cli.output.terminal import console
+from serd_cli.options import AsJson
+from serd_cli.output.terminal import console, print_json
+from serd_cli.stack_run import require_free_domain
 from serd_cli.supervisor import run_together
 from serd_cli.workspace import ros_environment
-from serd_ros.graph.graph import find_stack, load_graph
+from serd_ros.graph.graph import find_stack, full_namespace, load_graph
 
 
 def register(app: typer.Typer) -> None:
@@ -21,24 +23,33 @@ def register(app: typer.Typer) -> None:
 def launch(
     stack: Annotated[str, typer.Argument(help="stack to start; --list shows them")] = "",
     assignments: Annotated[
-        list[str] | None, typer.Argument(help="name:=value or node.name:=value")
+        list[str] | None,
+        typer.Argument(help="name:=value, node.name:=value or namespace:=name"),
     ] = None,
     show: Annotated[bool, typer.Option("--list", help="list the stacks and their nodes")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Start a stack of nodes: serd launch live seed:=3 local_planner.planner:=dwa
+    """Start a stack of nodes.
+
+    serd launch live seed:=3 local_planner.planner:=dwa
 
     When one of its nodes ends, all end. Ctrl-C ends all.
     """
     if show or not stack:
-        _list_stacks()
+        _list_stacks(as_json=as_json)
         return
     environment = ros_environment(os.environ)
     given = dict(parse_assignment(text) for text in assignments or ())
-    processes = stack_processes(find_stack(stack), given, environment)
+    namespace = full_namespace(str(given.pop("namespace", "")))
+    processes = stack_processes(find_stack(stack), given, environment, namespace)
+    require_free_domain(find_stack(stack), environment, namespace)
     run_together(processes, environment, _print_line)
 
 
-def _list_stacks() -> None:
+def _list_stacks(*, as_json: bool) -> None:
+    if as_json:
+        print_json({name: stack.model_dump() for name, stack in load_graph().stacks.items()})
+        return
     for name, stack in load_graph().stacks.items():
         console.print(f"[bold]{name}[/bold]: {stack.about}")
         console.print(f"  {', '.join(stack.nodes)}", style="dim")

@@ -2,31 +2,42 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from report.figures.maps import draw_gain
+from report.model_inputs import inputs_of_model
 from report.style import png_bytes
+from report.write import write_report
 from serd_app.demonstrations.recorded import files_beside
 from serd_app.learning.certainty import Certainty, certainty_of
+from serd_app.learning.expert_groups import Wanted, learn_groups, wanted_types
 from serd_app.learning.knowledge import knowledge_lines
-from serd_app.learning.learning_files import FlowSource, LearningFiles, read_learning_files
+from serd_app.learning.learning_files import (
+    FlowSource,
+    LearningFiles,
+    experts_of_recordings,
+    read_learning_files,
+)
 from serd_app.learning.methods import FitProgress
 from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
 from serd_app.learning.recipe import learn as fit
 from serd_app.learning.settings import LearningSettings
+from serd_app.places.kept_scenario import require_replaceable
 from serd_cli.errors import FAILED, UsageError
 from serd_cli.options import AsJson, validated, with_settings
 from serd_cli.output.fit import (
     certainty_values,
     outcomes_table,
     remarks,
+    types_table,
     weights_table,
 )
-from serd_cli.output.paths import require_apart, require_suffix
+from serd_cli.output.paths import require_apart, require_folder, require_suffix
 from serd_cli.output.terminal import WorkProgress, console, print_json
+from serd_core.arrays import IntArray
 from sim.scenario.goal import point_of
 from storage.files import atomic_write_bytes
 from storage.quantities import counted
@@ -62,6 +73,22 @@ def learn(
             help="x,y (m) of a goal cell, repeat; by default the scenario's, else the ends"
         ),
     ] = None,
+    density: Annotated[
+        bool,
+        typer.Option("--density", help="outcomes depend on the density of the recorded people"),
+    ] = False,
+    experts: Annotated[
+        str,
+        typer.Option(
+            help="number of types of experts with rewards of their own; auto: by evidence"
+        ),
+    ] = "1",
+    same_expert: Annotated[
+        Literal["episode", "recording"], typer.Option(help="whose decisions are of one type")
+    ] = "episode",
+    report: Annotated[
+        Path | None, typer.Option(help="folder for an HTML page as of 'serd report'")
+    ] = None,
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
@@ -69,10 +96,11 @@ def learn(
 
     serd learn decisions.csv --output model.yaml
 
-    What 'serd demos' wrote beside the table must still be there. grid.yaml
-    and learning.csv are written beside the model; with a prior by evidence
-    also posterior.csv, and next_demonstration.csv and .png, the information
-    that a demonstration from each cell is expected to add.
+    What 'serd demos' wrote beside the table must still be there.
+    model.grid.yaml and model.learning.csv are written beside the model; with
+    a prior by evidence also model.posterior.csv, and the information that a
+    demonstration from each cell is expected to add:
+    model.next_demonstration.csv and .png.
 
     Rewards and dynamics: mdce_serd_evidence (the expert knows the
     dynamics; prior by evidence, predictions averaged over the posterior),
@@ -80,29 +108,54 @@ def learn(
     _coupled and _free (the expert's belief differs), pm_serd (Boltzmann
     policy). Rewards under counted dynamics: mdce_irl,
     mdce_irl_entropy, maxent_irl, policy_matching, relative_entropy_irl.
+
+    With --density (mdce_serd_evidence and mdce_irl) the log odds of outcomes
+    are linear in the people per m² in the cell aimed at. Plans predict it
+    from the people of the scenario they are made in.
+
+    --experts auto groups the episodes by types of experts, each with
+    rewards of its own, as many as the evidence is in favour of.
     """
     require_suffix(output, ".yaml", ".yml")
     require_apart(output, outcome_files(output).values(), (*files_beside(table).values(), scenario))
-    settings = validated(LearningSettings, **options)
+    if report is not None:
+        require_folder(report)
+    settings, wanted = validated(LearningSettings, **options), wanted_types(experts)
+    by_recording = same_expert == "recording"
+    if by_recording and wanted == 1:
+        raise UsageError(
+            "--same-expert recording groups by types; add --experts auto or a number above 1"
+        )
     files = read_learning_files(
         table,
         discount=settings.discount,
         scenario=scenario,
         flow=flow,
         goals_m=tuple(point_of(each) for each in goal or ()),
+        density=density,
     )
+    require_replaceable(output, files.task.scenario_yaml)
     _require_left(files, settings.minimum_decisions)
-    outcome = _fitted(files, settings)
+    units = experts_of_recordings(table, files.demonstrations.decisions) if by_recording else None
+    outcome = _fitted(files, settings, wanted, units)
     save_outcome(output, outcome, files.task.problem.grid)
     if outcome.knowledge is not None:
         figure = draw_gain(None, files.task.problem.grid, outcome.knowledge.gain_nats)
         atomic_write_bytes(outcome_files(output)["gain_map"], png_bytes(figure))
+    page = None
+    if report is not None:
+        inputs = inputs_of_model(output, scenario=scenario, demonstrations=table)
+        page = write_report(inputs, report)
     decisions, problem = files.demonstrations.decisions, files.task.problem
-    certainty = certainty_of(problem, decisions, outcome.fit)
+    grouped = bool(outcome.model.types)
+    certainty = Certainty(None) if grouped else certainty_of(problem, decisions, outcome.fit)
     if as_json:
-        print_json(_values(files, outcome, certainty, output))
+        reported = {} if page is None else {"report": str(page)}
+        print_json(_values(files, outcome, certainty, output) | reported)
     else:
         _print(files, outcome, certainty, output)
+        if page is not None:
+            console.print(f"report: {page}", soft_wrap=True, markup=False)
     if not outcome.fit.converged:
         raise typer.Exit(FAILED)
 
@@ -118,7 +171,9 @@ def _require_left(files: LearningFiles, minimum_decisions: int) -> None:
         )
 
 
-def _fitted(files: LearningFiles, settings: LearningSettings) -> FitOutcome:
+def _fitted(
+    files: LearningFiles, settings: LearningSettings, wanted: Wanted, units: IntArray | None
+) -> FitOutcome:
     """Fit with a line of progress on stderr."""
     bar = WorkProgress(
         SpinnerColumn(),
@@ -128,6 +183,8 @@ def _fitted(files: LearningFiles, settings: LearningSettings) -> FitOutcome:
     )
     with bar:
         task = bar.add_task("", total=None, step="")
+        if wanted != 1:
+            return learn_groups(files.task, files.demonstrations, settings, wanted, units)
 
         def show(progress: FitProgress) -> None:
             step = progress.step
@@ -152,7 +209,12 @@ def _print(files: LearningFiles, outcome: FitOutcome, certainty: Certainty, outp
         soft_wrap=True,
         markup=False,
     )
-    console.print(weights_table(outcome.fit, certainty))
+    if outcome.groups is not None:
+        console.print(f"{outcome.groups.sentence()}.", soft_wrap=True, markup=False)
+    if outcome.model.types:
+        console.print(types_table(outcome.model.types))
+    else:
+        console.print(weights_table(outcome.fit, certainty))
     console.print(outcomes_table(files.task.problem, outcome.fit, certainty))
     for line in (*files.remarks(), *remarks(files.task.problem, certainty)):
         console.print(line, style="yellow", soft_wrap=True, markup=False)

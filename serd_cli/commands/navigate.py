@@ -13,6 +13,7 @@ from serd_app.navigation.drive import DriveSettings, drive, finished_episodes
 from serd_app.navigation.drive_folder import claim_folder
 from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import Strategy, load_strategy
+from serd_app.places.kept_scenario import kept_scenario_file, scenario_beside
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.arrival import comparison_figure, comparison_table, remarks
@@ -51,7 +52,7 @@ def navigate(
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
-    """Drive by a learned model and compare predicted with measured times of arrival.
+    """Drive by a learned model; compare predicted with measured times of arrival.
 
     serd navigate model.yaml --goal 3.5,20.5 --episodes 30
 
@@ -87,11 +88,13 @@ def navigate(
 
 
 def _scenario_of(given: str, model: Path) -> str:
-    name = given or load_model(model).scenario
+    name = given or scenario_beside(model, load_model(model).scenario)
     if not name:
         raise UsageError(
-            f"--scenario must be given, {model} was learned on a fitted grid; with --transfer it"
-            " drives where cells and decision periods are of the same size"
+            f"--scenario must be given, for {model} was learned on a fitted grid and there is no"
+            f" {kept_scenario_file(model)}, which 'serd learn' writes where the cells are"
+            " connected; with --transfer it drives where cells and decision periods are of the same"
+            " size"
         )
     return resolved_scenario(name)
 
@@ -107,6 +110,7 @@ def _strategy_of(settings: DriveSettings) -> Strategy:
         settings.policy,
         transfer=settings.transfer,
         timeout_s=settings.timeout_s,
+        expert=settings.expert,
     )
 
 

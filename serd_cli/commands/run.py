@@ -5,7 +5,9 @@ from typing import Annotated
 
 import typer
 
-from serd_cli.executables import find_command
+from serd_cli.executables import all_executables, find_command
+from serd_cli.options import AsJson
+from serd_cli.output.terminal import console, print_json
 from serd_cli.workspace import ros_environment
 
 
@@ -17,13 +19,29 @@ def register(app: typer.Typer) -> None:
 
 def run(
     context: typer.Context,
-    package: Annotated[str, typer.Argument(help="ROS package, for example serd_ros")],
-    executable: Annotated[str, typer.Argument(help="its executable, for example hallway_sim")],
+    package: Annotated[str, typer.Argument(help="ROS package, for example serd_ros")] = "",
+    executable: Annotated[str, typer.Argument(help="its executable, for example hallway_sim")] = "",
+    show: Annotated[bool, typer.Option("--list", help="list packages and executables")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Run one node, as `ros2 run` does: serd run serd_ros hallway_sim --ros-args -p seed:=3
+    """Run one node, as `ros2 run` does.
+
+    serd run serd_ros hallway_sim --ros-args -p seed:=3
 
     The process becomes the node, so exit code and signals are the node's own.
     """
     environment = ros_environment(os.environ)
+    if show or not package:
+        _list(all_executables(environment), as_json=as_json)
+        return
     command = find_command(package, executable, environment)
     os.execve(command[0], [*command, *context.args], environment)
+
+
+def _list(found: dict[str, list[str]], *, as_json: bool) -> None:
+    if as_json:
+        print_json(found)
+        return
+    for package, executables in found.items():
+        console.print(f"[bold]{package}[/bold]")
+        console.print(f"  {', '.join(executables)}", style="dim")

@@ -8,14 +8,14 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from report.figures.scenario_plan import draw_scenario_plan
-from report.style import png_bytes
+from serd_cli.commands.scenario_from_map import from_map
 from serd_cli.options import AsJson
 from serd_cli.output.paths import require_suffix
+from serd_cli.output.scenario import save_plan, scenario_values
 from serd_cli.output.terminal import console, print_json
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
-from storage.files import atomic_write_bytes, atomic_write_text
+from storage.files import atomic_write_text
 
 
 def register(app: typer.Typer) -> None:
@@ -28,6 +28,7 @@ def register(app: typer.Typer) -> None:
     group.command("list")(list_scenarios)
     group.command()(show)
     group.command()(schema)
+    group.command(no_args_is_help=True)(from_map)
     app.add_typer(group, name="scenario")
 
 
@@ -80,6 +81,7 @@ def schema(
     output: Annotated[
         Path | None, typer.Option(help="file to write, e.g. scenario.schema.json; else printed")
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Write the JSON schema of scenario files, for editors that check while you type.
 
@@ -94,31 +96,10 @@ def schema(
         return
     require_suffix(output, ".json")
     atomic_write_text(output, text)
-    print(f"schema: {output.resolve()}")
-
-
-def save_plan(scenario: Scenario, path: Path) -> None:
-    """Write the plan as PNG and make its folder; UsageError for another suffix."""
-    require_suffix(path, ".png")
-    atomic_write_bytes(path, png_bytes(draw_scenario_plan(scenario)))
-
-
-def scenario_values(name: str, scenario: Scenario) -> dict[str, Any]:
-    """The main properties as plain values."""
-    x_min, y_min, x_max, y_max = scenario.bounds_m
-    return {
-        "scenario": name,
-        "description": scenario.description,
-        "size_m": [x_max - x_min, y_max - y_min],
-        "cell_size_m": scenario.cell_size_m,
-        "cells": grid_of(scenario).n_states,
-        "people": scenario.pedestrians.count,
-        "loops": [loop.name for loop in scenario.pedestrians.loops],
-        "flow_convention": scenario.flow_convention,
-        "start_areas": list(scenario.start_areas_m),
-        "decision_period_s": scenario.decision_period_s,
-        "episode_timeout_s": scenario.episode_timeout_s,
-    }
+    if as_json:
+        print_json({"schema": output.resolve()})
+    else:
+        print(f"schema: {output.resolve()}")
 
 
 def _text(value: Any) -> str:

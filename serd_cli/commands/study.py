@@ -1,21 +1,27 @@
-"""`serd study`: the hallway study (chapter 5) and the detour study, resumable."""
+"""`serd study`: the hallway study (chapter 5), those of detours, density and people, resumable."""
 
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import pandas as pd
 import typer
 from pydantic import BaseModel
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from experiments.running.provenance import recorded
 from experiments.running.tables import plain_rows
+from experiments.study.density.run import run_density
+from experiments.study.density.settings import density_settings
+from experiments.study.density.tables import headline as density_headline
 from experiments.study.detour.run import run_detour
 from experiments.study.detour.settings import detour_settings
 from experiments.study.detour.tables import headline as detour_headline
 from experiments.study.figures.catalogue import FIGURES
+from experiments.study.people.run import run_people
+from experiments.study.people.settings import people_settings
+from experiments.study.people.tables import headline as people_headline
 from experiments.study.products import OnWork
 from experiments.study.run import KEPT, SETTINGS_YAML, redraw, run_study
 from experiments.study.settings import study_settings
@@ -24,13 +30,26 @@ from serd_cli.errors import UsageError
 from serd_cli.options import Address, AsJson, Backend, Jobs
 from serd_cli.output.paths import require_folder
 from serd_cli.output.resume_notice import remark_other_code, results_kept_in
-from serd_cli.output.terminal import TimeLeftColumn, WorkProgress, console, print_json
+from serd_cli.output.tables import print_results
+from serd_cli.output.terminal import TimeLeftColumn, WorkProgress, print_json
 from sim.episodes.execution import Execution
+from storage.trajectories.columns import TableColumns
+from storage.yaml_config import load_yaml_model
 
 _FIGURES = ", ".join(figure.name for figure in FIGURES)
 Quick = Annotated[bool, typer.Option("--quick", help="small numbers that still run every stage")]
 Settings = TypeVar("Settings", bound=BaseModel)
 Tables = Mapping[str, pd.DataFrame]
+
+
+def _output_of(study: str) -> Any:
+    return typer.Option(
+        help=f"folder of the study; default study_output/{study} (or {study}_quick)"
+    )
+
+
+def _config_of(study: str) -> Any:
+    return typer.Option(help=f"YAML file with any part of {study}_study.yaml")
 
 
 def register(app: typer.Typer) -> None:
@@ -39,18 +58,15 @@ def register(app: typer.Typer) -> None:
     group.callback()(lambda: None)
     group.command()(hallway)
     group.command()(detour)
+    group.command()(density)
+    group.command()(people)
     app.add_typer(group, name="study")
 
 
 def hallway(
-    output: Annotated[
-        Path | None,
-        typer.Option(help="folder of the study; default study_output/hallway (or hallway_quick)"),
-    ] = None,
+    output: Annotated[Path | None, _output_of("hallway")] = None,
     quick: Quick = False,
-    config: Annotated[
-        Path | None, typer.Option(help="YAML file with any part of hallway_study.yaml")
-    ] = None,
+    config: Annotated[Path | None, _config_of("hallway")] = None,
     bags: Annotated[
         list[Path] | None,
         typer.Option(help="recorded demonstrations in place of the scripted ones; repeat"),
@@ -72,6 +88,8 @@ def hallway(
     """
     folder = _folder("hallway", output, quick=quick)
     if figure:
+        if output is not None and not output.is_dir():
+            raise UsageError(f"--output must be a folder that exists with --figure, got {output}")
         pictures = [str(picture.resolve()) for picture in _redraw(figure, folder)]
         if as_json:
             print_json({"pictures": pictures})
@@ -79,21 +97,17 @@ def hallway(
             print("\n".join(pictures))
         return
     settings = study_settings(quick=quick, config=config, bags=bags or ())
-    words = _words("hallway", folder, quick=quick, config=config, bags=bags or ())
-    tables = _run(run_study, settings, folder, Execution(jobs, backend, address), words)
+    own = [word for bag in bags or () for word in ("--bags", str(bag))]
+    command = _command("hallway", own, folder, quick=quick, config=config)
+    tables = _run(run_study, settings, folder, Execution(jobs, backend, address), command)
     title = f"Learned from {settings.learning.sizes[-1]} demonstrations"
-    _show(tables, _table(headline(tables), title), folder, as_json=as_json)
+    _show(tables, headline(tables), title, folder, as_json=as_json)
 
 
 def detour(
-    output: Annotated[
-        Path | None,
-        typer.Option(help="folder of the study; default study_output/detour (or detour_quick)"),
-    ] = None,
+    output: Annotated[Path | None, _output_of("detour")] = None,
     quick: Quick = False,
-    config: Annotated[
-        Path | None, typer.Option(help="YAML file with any part of detour_study.yaml")
-    ] = None,
+    config: Annotated[Path | None, _config_of("detour")] = None,
     jobs: Jobs = -1,
     backend: Backend = "loky",
     address: Address = "",
@@ -107,10 +121,73 @@ def detour(
     """
     folder = _folder("detour", output, quick=quick)
     settings = detour_settings(quick=quick, config=config)
-    words = _words("detour", folder, quick=quick, config=config)
-    tables = _run(run_detour, settings, folder, Execution(jobs, backend, address), words)
-    table = _table(detour_headline(tables), "Transfer task against the flow, reward without norm")
-    _show(tables, table, folder, as_json=as_json)
+    command = _command("detour", (), folder, quick=quick, config=config)
+    tables = _run(run_detour, settings, folder, Execution(jobs, backend, address), command)
+    title = "Transfer task against the flow, reward without norm"
+    _show(tables, detour_headline(tables), title, folder, as_json=as_json)
+
+
+def density(
+    output: Annotated[Path | None, _output_of("density")] = None,
+    quick: Quick = False,
+    config: Annotated[Path | None, _config_of("density")] = None,
+    jobs: Jobs = -1,
+    backend: Backend = "loky",
+    address: Address = "",
+    as_json: AsJson = False,
+) -> None:
+    """The hallway with outcomes that depend on density, for other numbers of people.
+
+    serd study density --quick
+
+    Finished parts are not repeated: rerun an interrupted command to resume it.
+    """
+    folder = _folder("density", output, quick=quick)
+    settings = density_settings(quick=quick, config=config)
+    command = _command("density", (), folder, quick=quick, config=config)
+    tables = _run(run_density, settings, folder, Execution(jobs, backend, address), command)
+    title = "Arrival among other numbers of people than learned from"
+    _show(tables, density_headline(tables), title, folder, as_json=as_json)
+
+
+def people(
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="tables of trajectories in a corridor, one per recording"),
+    ],
+    output: Annotated[Path | None, _output_of("people")] = None,
+    quick: Quick = False,
+    config: Annotated[Path | None, _config_of("people")] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(help="YAML file with columns, fps and unit of the tables")
+    ] = None,
+    jobs: Jobs = -1,
+    backend: Backend = "loky",
+    address: Address = "",
+    as_json: AsJson = False,
+) -> None:
+    """Pedestrians of measured corridors as experts: their next moves and times of arrival.
+
+    serd study people bi_corr_400_b_03.txt --quick
+
+    Finished parts are not repeated: rerun an interrupted command to resume it.
+    """
+    folder = _folder("people", output, quick=quick)
+    columns = load_yaml_model(mapping, TableColumns) if mapping is not None else None
+    settings = people_settings(files, mapping=columns, quick=quick, config=config)
+    own = [*map(str, files), *(["--mapping", str(mapping)] if mapping is not None else [])]
+    command = _command("people", own, folder, quick=quick, config=config)
+    tables = _run(run_people, settings, folder, Execution(jobs, backend, address), command)
+    if not as_json:
+        _remark_recordings(tables["recordings"])
+    _show(tables, people_headline(tables), "People held out", folder, as_json=as_json)
+
+
+def _remark_recordings(recordings: pd.DataFrame) -> None:
+    for row in recordings.to_dict("records"):
+        remarks = [row["assumed"], f"left out: {row['reasons']}" if row["left_out"] else ""]
+        for remark in filter(None, remarks):
+            print(f"{row['recording']}: {remark}")
 
 
 def _folder(study: str, output: Path | None, *, quick: bool) -> Path:
@@ -119,11 +196,11 @@ def _folder(study: str, output: Path | None, *, quick: bool) -> Path:
     return folder
 
 
-def _show(tables: Tables, table: Table, folder: Path, *, as_json: bool) -> None:
+def _show(tables: Tables, shown: pd.DataFrame, title: str, folder: Path, *, as_json: bool) -> None:
     if as_json:
         print_json({name: plain_rows(rows) for name, rows in tables.items()})
         return
-    console.print(table)
+    print_results(shown, title, _text)
     print(f"results: {folder.resolve()}")
 
 
@@ -132,9 +209,9 @@ def _run(
     settings: Settings,
     folder: Path,
     execution: Execution,
-    words: str,
+    command: str,
 ) -> Tables:
-    """Run what is missing of a study, with its progress; words: the command that is recorded."""
+    """Run what is missing of a study, with its progress; command: is recorded."""
     remark_other_code(folder)
     bar = WorkProgress(
         TextColumn("{task.description}"),
@@ -142,7 +219,7 @@ def _run(
         TimeElapsedColumn(),
         TimeLeftColumn(execution.n_processes),
     )
-    with recorded(folder, words, settings), results_kept_in(folder), bar:
+    with recorded(folder, command, settings), results_kept_in(folder), bar:
         task = bar.add_task("", total=None)
         return study(
             settings,
@@ -154,13 +231,13 @@ def _run(
         )
 
 
-def _words(
-    study: str, folder: Path, *, quick: bool, config: Path | None, bags: Sequence[Path] = ()
+def _command(
+    study: str, own: Sequence[str], folder: Path, *, quick: bool, config: Path | None
 ) -> str:
-    """The command that makes the same results."""
-    words = [f"serd study {study}", *(["--quick"] if quick else [])]
-    words += [f"--config {config}"] if config is not None else []
-    return " ".join([*words, *(f"--bags {bag}" for bag in bags), f"--output {folder}"])
+    """The command that makes the same results; own: words that other studies do not have."""
+    words = ["serd", "study", study, *own, *(["--quick"] if quick else [])]
+    words += ["--config", str(config)] if config is not None else []
+    return shlex.join([*words, "--output", str(folder)])
 
 
 def _redraw(names: list[str], folder: Path) -> list[Path]:
@@ -170,16 +247,6 @@ def _redraw(names: list[str], folder: Path) -> list[Path]:
             f"{folder} must hold the tables of a study; run it first, without --figure"
         )
     return redraw(names, source, folder)
-
-
-def _table(rows: pd.DataFrame, title: str) -> Table:
-    table = Table(title=title, title_justify="left")
-    for column in rows:
-        justify: Literal["left", "right"] = "left" if column == "method" else "right"
-        table.add_column(column.replace("_", " "), justify=justify, overflow="fold")
-    for row in rows.itertuples(index=False):
-        table.add_row(*map(_text, row))
-    return table
 
 
 def _text(value: object) -> str:

@@ -1,7 +1,9 @@
 """`serd teleop`: drive by hand in real time, record it, and see what is recorded."""
 
 import os
+import shlex
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,9 +11,10 @@ import typer
 
 from serd_app.drives.mapping import BagMapping
 from serd_cli.node_commands import stack_processes
-from serd_cli.options import resolved_scenario, validated, with_settings
+from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.paths import free_folder
-from serd_cli.output.terminal import progress_console
+from serd_cli.output.terminal import print_json, progress_console
+from serd_cli.stack_run import require_free_domain
 from serd_cli.supervisor import run_together
 from serd_cli.teleop.settings import TeleopSettings, require_a_way_to_drive
 from serd_cli.teleop.summary import summarise_session
@@ -35,11 +38,12 @@ def teleop(
     output: Annotated[Path, typer.Option(help="folder that gets a session-N folder")] = Path(
         "teleop_output"
     ),
+    as_json: AsJson = False,
     **options: Any,
 ) -> None:
-    """Start world, planner, mux, recorder and page; drive, save or discard episodes, Ctrl-C ends.
+    """Start world, planner, mux, recorder and page; drive, save or discard episodes.
 
-    Without --page the terminal's keys drive. A new session-N folder is made every time.
+    Ctrl-C ends. Without --page the terminal's keys drive. Each session has a new session-N folder.
     """
     options["keyboard"] |= not options["page"]
     options["scenario"] = resolved_scenario(options["scenario"])
@@ -47,15 +51,16 @@ def teleop(
     scenario = load_scenario(settings.scenario)
     start_states_of(scenario, grid_of(scenario), settings.start_area)
     require_a_way_to_drive(settings)
-    _run(settings, free_folder(output, "session").resolve())
+    _run(settings, free_folder(output, "session").resolve(), as_json=as_json)
 
 
-def _run(settings: TeleopSettings, folder: Path) -> None:
+def _run(settings: TeleopSettings, folder: Path, *, as_json: bool) -> None:
     """Run the stack until it is stopped; in any case, print what is recorded."""
     bag = folder / "bag"
     environment = ros_environment(os.environ)
     environment["ROS_LOG_DIR"] = str(folder / "logs" / "ros")
     processes = stack_processes(settings.stack(), settings.parameters(bag), environment)
+    require_free_domain(settings.stack(), environment)
     progress_console.print(f"recording into {bag}", soft_wrap=True)
     try:
         with restored_terminal(sys.stdin), DriverLines(folder / "logs" / "nodes.log") as lines:
@@ -63,24 +68,28 @@ def _run(settings: TeleopSettings, folder: Path) -> None:
     except KeyboardInterrupt:
         pass  # the usual end
     finally:
-        _print_recorded(settings, folder, bag)
+        _print_recorded(settings, folder, bag, as_json=as_json)
 
 
-def _print_recorded(settings: TeleopSettings, folder: Path, bag: Path) -> None:
+def _print_recorded(settings: TeleopSettings, folder: Path, bag: Path, *, as_json: bool) -> None:
     summary = summarise_session(bag, settings.scenario)
-    if summary is None:
+    command = _decisions_command(settings, folder, bag) if summary and summary.n_kept else None
+    if as_json:
+        recorded = {"outcomes": {}, "n_decisions": 0} if summary is None else asdict(summary)
+        print_json({"bag": None if summary is None else bag, **recorded, "decisions": command})
+    elif summary is None:
         progress_console.print(f"nothing was recorded in {folder}", soft_wrap=True)
-        return
-    progress_console.print(f"\n{summary}\nbag: {bag}", soft_wrap=True)
-    if not summary.n_kept:
-        return
-    how = ""
+    else:
+        progress_console.print(f"\n{summary}\nbag: {bag}", soft_wrap=True)
+        if command:
+            progress_console.print(f"decisions: {command}", soft_wrap=True)
+
+
+def _decisions_command(settings: TeleopSettings, folder: Path, bag: Path) -> str:
+    """The command that makes decisions of the bag; writes the mapping that it needs."""
+    words = ["serd", "demos", str(bag), "--scenario", settings.scenario]
     if settings.velocity:
         mapping = folder / "mapping.yaml"
         atomic_write_text(mapping, model_yaml(_VELOCITIES))
-        how = f" --mapping {mapping}"
-    progress_console.print(
-        f"decisions: serd demos {bag} --scenario {settings.scenario}{how}"
-        f" --output {folder / 'decisions.csv'}",
-        soft_wrap=True,
-    )
+        words += ["--mapping", str(mapping)]
+    return shlex.join([*words, "--output", str(folder / "decisions.csv")])

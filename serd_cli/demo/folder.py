@@ -21,7 +21,7 @@ class DemoFolder:
         self.demonstrations = self.root / "demonstrations"
         self.model = self.root / "model.yaml"
         self.decisions = self.root / "decisions.csv"
-        self.learning = self.root / "learning.csv"
+        self.learning = self.root / "model.learning.csv"
         self.navigation = self.root / "navigation"
         self.logs = self.root / "logs"
 

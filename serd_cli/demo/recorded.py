@@ -45,7 +45,7 @@ def read_recording(bag: Path) -> Recording:
 
 
 def busy_moment(bag: Path, recording: Recording) -> CrowdSnapshot:
-    """A moment of the middle episode, with everybody's last seconds."""
+    """A moment of the middle episode, with the last seconds of everyone's way."""
     middle = len(recording.poses) // 2
     times_s, poses = recording.times_s[middle], recording.poses[middle]
     at_s = times_s[0] + _MOMENT * (times_s[-1] - times_s[0])

@@ -14,40 +14,41 @@ from report.page import summary_rows
 from report.summary import headline_of, summary_of
 from report.write import write_report
 from serd_app.demonstrations.decision_table import load_decisions
+from serd_app.demonstrations.recorded import faults_of
 from serd_app.learning.knowledge import load_knowledge
-from serd_app.learning.outcome import outcome_files
+from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_cli.demo.folder import DemoFolder
 from serd_cli.demo.recorded import busy_moment, read_recording
 from serd_cli.demo.settings import DemoSettings
-from serd_cli.output.terminal import console
-from serd_core.arrays import FloatArray
-from serd_core.grid.navigation import NavigationProblem
-from serd_core.learners.fit_result import FitResult
-from serd_core.posterior.parameters import Parameters
+from serd_cli.output.terminal import console, print_json
 from sim.scenario.scenario import Scenario, load_scenario
-from storage.model_file import ModelFile, load_model
-from storage.table import Column, read_table
+from storage.model_file import load_model
 
 _PACKAGES = ("serd", "numpy", "scipy", "pybullet", "ros-jazzy-rclpy", "rosbags")
 _FILES = (
     FileLink("bag", "rosbag2 recording (MCAP) of all demonstrations"),
     FileLink("decisions.csv", "the decisions (s, a, s') learned from"),
-    FileLink("grid.yaml", "the grid they are on"),
+    FileLink("model.grid.yaml", "the grid they are on"),
     FileLink("model.yaml", "the learned model"),
     FileLink("demonstrations/episodes.csv", "how each demonstration ended"),
     FileLink("navigation/episodes.csv", "how each episode of the learned policy ended"),
-    FileLink("learning.csv", "objective after each step of the fit"),
+    FileLink("model.learning.csv", "objective after each step of the fit"),
     FileLink("demo.yaml", "settings of this run"),
     FileLink("logs", "logs of the nodes"),
 )
 
 
-def report_demo(folder: DemoFolder, settings: DemoSettings, phases: Sequence[PhaseTiming]) -> None:
+def report_demo(
+    folder: DemoFolder, settings: DemoSettings, phases: Sequence[PhaseTiming], *, as_json: bool
+) -> None:
     """Write the report beside the run's files and print its summary."""
     inputs = report_inputs(folder, settings, phases)
     page = write_report(inputs, folder.root)
     summary = summary_of(inputs)
+    if as_json:
+        print_json({**summary.as_json(), "report": page})
+        return
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for what, how_much in summary_rows(summary):
         table.add_row(f"[bold]{what}", how_much)
@@ -72,7 +73,7 @@ def report_inputs(
         problem=strategy.problem,
         demonstrations=load_decisions(folder.decisions),
         demonstration_tracks_m=recording.tracks_m,
-        fit=fit_of(model, strategy.problem, _trace(folder)),
+        fit=fit_of_file(model, strategy.problem, load_trace(folder.learning)),
         policy=strategy.policy,
         episodes=folder.episodes(folder.navigation),
         predicted=strategy.law_s(
@@ -82,34 +83,9 @@ def report_inputs(
         snapshot=busy_moment(folder.bag, recording),
         run=_facts(settings, scenario, phases),
         files=_FILES,
+        faults=faults_of(folder.decisions),
         knowledge=load_knowledge(outcome_files(folder.model), strategy.problem.grid),
     )
-
-
-def fit_of(model: ModelFile, problem: NavigationProblem, trace: FloatArray) -> FitResult:
-    """The fit a model file keeps, with its objective after each step."""
-    truth = problem.outcome_models.parameters_of(model.outcome_probabilities)
-    belief = problem.outcome_models.parameters_of(model.believed_outcome_probabilities)
-    record = model.fit.model_dump(exclude={"n_episodes"})
-    return FitResult(
-        feature_names=model.feature_names,
-        outcome_probabilities=model.outcome_probabilities,
-        believed_outcome_probabilities=model.believed_outcome_probabilities,
-        initial_outcome_probabilities=model.initial_outcome_probabilities,
-        temperature=model.temperature,
-        parameters=Parameters(model.weights, belief, truth, np.zeros(0)),
-        objective_trace=trace,
-        residual=np.nan,
-        error_bound=np.nan,
-        assumptions=None,
-        **record,
-    )
-
-
-def _trace(folder: DemoFolder) -> FloatArray:
-    columns = Column("step", int), Column("objective", float)
-    trace: FloatArray = read_table(folder.learning, columns)["objective"].to_numpy()
-    return trace
 
 
 def _facts(settings: DemoSettings, scenario: Scenario, phases: Sequence[PhaseTiming]) -> RunFacts:

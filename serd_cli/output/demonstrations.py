@@ -10,17 +10,20 @@ from rich.table import Table
 
 from report.figures.map_axes import layout_of
 from report.figures.maps import draw_flow_map, draw_visitation
+from report.figures.resolution import draw_resolution
 from report.style import png_bytes
-from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID
+from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID, Faults
 from serd_app.demonstrations.flow_field import FlowField
+from serd_app.demonstrations.measured_density import MeasuredDensity
 from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,
     concatenated,
     files_beside,
 )
+from serd_app.demonstrations.resolution import ResolutionAdvice
 from serd_app.drives.recording import Recording
-from serd_app.drives.unmarked import GAP, GOAL, STOP, TURN
+from serd_app.drives.unmarked import BUTTON, GAP, GOAL, STOP, TURN
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.navigation import NO_FLOW
@@ -50,6 +53,9 @@ def remarks(found: Sequence[RecordedDemonstrations]) -> Iterable[str]:
     """Why intents were dropped and what was left out, over all bags; warnings about each bag."""
     reasons = sum((Counter(each.report.dropped) for each in found), Counter[str]())
     yield from (f"dropped {count}: {reason}" for reason, count in reasons.most_common())
+    faults = sum((Faults.of(each.report) for each in found), Faults(0, 0, 0, 0))
+    if faults.share:
+        yield f"{faults}; smaller periods or larger cells have fewer"
     left_out = (
         ("pose", "with a number that is not finite", "n_bad_poses"),
         ("pose", "about whose time no /tf was recorded", "n_unplaced_poses"),
@@ -86,6 +92,7 @@ def _pieces(recording: Recording) -> Iterable[str]:
     gap_s = max(drive.longest_gap_s for drive in recording.drives)
     kinds = {
         GAP: ("gap", f" of more than {gap_s:.2g} s between poses"),
+        BUTTON: ("press", " of the button"),
         GOAL: ("goal", ""),
         STOP: ("stop", ""),
         TURN: ("end", " of the ways of round trips"),
@@ -93,8 +100,9 @@ def _pieces(recording: Recording) -> Iterable[str]:
     where = [counted(cuts[kind], what) + more for kind, (what, more) in kinds.items() if cuts[kind]]
     n_episodes = sum(len(drive.episodes) for drive in recording.drives)
     yield (
-        f"cut into {counted(n_episodes, 'episode')} at {' and '.join(where)}; longest_gap_s,"
-        " goals_m, stop_s and round_trips in the mapping set others, 'serd learn --goal' the goal"
+        f"cut into {counted(n_episodes, 'episode')} at {' and '.join(where)}; button_topic,"
+        " goals_m, goal_area_m, stop_s, round_trips and longest_gap_s in the mapping set others,"
+        " 'serd learn --goal' the goal"
     )
 
 
@@ -164,6 +172,29 @@ def flow_in_words(found: FlowField | None, own: IntArray | None) -> str:
     )
 
 
+def density_values(found: MeasuredDensity) -> dict[str, float]:
+    """Decisions at which the density is known, and its quartiles in the cells aimed at."""
+    known = found.aimed_at_pm2[np.isfinite(found.aimed_at_pm2)]
+    low, median, high = np.quantile(known, [0.25, 0.5, 0.75]).tolist()
+    return {
+        "n_decisions": len(found.aimed_at_pm2),
+        "n_known": found.n_known,
+        "lower_quartile_pm2": low,
+        "median_pm2": median,
+        "upper_quartile_pm2": high,
+    }
+
+
+def density_in_words(found: MeasuredDensity) -> str:
+    """One line."""
+    values = density_values(found)
+    return (
+        f"density of people: known at {found.n_known} of"
+        f" {counted(len(found.aimed_at_pm2), 'decision')}, median {values['median_pm2']:.2f} per m²"
+        f" (quartiles {values['lower_quartile_pm2']:.2f} and {values['upper_quartile_pm2']:.2f})"
+    )
+
+
 def short_names(paths: Sequence[Path]) -> list[str]:
     """The fewest last parts of the paths that differ wherever the paths do."""
     longest = max((len(path.parts) for path in paths), default=0)
@@ -175,15 +206,21 @@ def short_names(paths: Sequence[Path]) -> list[str]:
 
 
 def save_pictures(
-    output: Path, place: Place, found: Sequence[RecordedDemonstrations], flow: FlowField | None
+    output: Path,
+    place: Place,
+    found: Sequence[RecordedDemonstrations],
+    flow: FlowField | None,
+    advice: ResolutionAdvice | None,
 ) -> None:
-    """Draw the tracks, and the flow of people where there is one, beside the table."""
+    """Draw the tracks, the flow of people where there is one, and the advice, beside the table."""
     files = files_beside(output)
     layout = layout_of(place.scenario) if place.scenario else None
     visits = state_counts(concatenated(found), place.grid.n_states)
     tracks = [track for each in found for track in each.tracks_m]
     figure = draw_visitation(layout, place.grid, visits, tracks)
     atomic_write_bytes(files["picture"], png_bytes(figure))
+    if advice is not None:
+        atomic_write_bytes(files["resolution picture"], png_bytes(draw_resolution(advice)))
     if flow is None:
         files["flow picture"].unlink(missing_ok=True)
         return

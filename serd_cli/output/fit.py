@@ -1,7 +1,7 @@
 """A fit as tables: weights and outcomes with standard errors, and what the data leave open."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import groupby
 from operator import itemgetter
 from typing import Any
@@ -13,6 +13,7 @@ from serd_app.learning.certainty import Certainty
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
+from storage.model_file import ModelType
 
 
 def weights_table(fit: FitResult, certainty: Certainty) -> Table:
@@ -21,6 +22,23 @@ def weights_table(fit: FitResult, certainty: Certainty) -> Table:
     for row, name in enumerate(fit.feature_names):
         error = math.nan if certainty.errors is None else float(certainty.errors.reward[row])
         table.add_row(in_words(name), f"{fit.reward_weights[row]:+.2f}", _number(error))
+    return table
+
+
+def types_table(types: Sequence[ModelType]) -> Table:
+    """One row per type of experts: its share, episodes, pace, and weights with deviations."""
+    features = [in_words(name) for name in types[0].reward_weights]
+    columns = ("share in %", "episodes", "pace", *features)
+    table = _table("Types of experts (weight ± posterior deviation)", "type", columns)
+    for number, each in enumerate(types, start=1):
+        weights = zip(each.reward_weights.values(), each.reward_deviations.values(), strict=True)
+        table.add_row(
+            str(number),
+            f"{100 * each.share:.0f}",
+            str(len(each.episodes)),
+            "" if each.pace is None else f"{each.pace:.2f}",
+            *(f"{weight:+.2f}±{deviation:.2f}" for weight, deviation in weights),
+        )
     return table
 
 

@@ -4,7 +4,6 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from report.style import in_words
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
 from serd_app.drives.episode_spans import DISCARDED
 from serd_app.drives.sessions import read_drives
@@ -28,7 +27,9 @@ class SessionSummary:
 
     def __str__(self) -> str:
         """The counts in words."""
-        kept = sorted((in_words(name), n) for name, n in self.outcomes.items() if name != DISCARDED)
+        kept = sorted(
+            (name.replace("_", " "), n) for name, n in self.outcomes.items() if name != DISCARDED
+        )
         how = ", ".join(f"{count} {name}" for name, count in kept)
         return (
             f"{counted(self.n_kept, 'episode')} kept{f' ({how})' if how else ''}, "

@@ -47,7 +47,7 @@ def _can_reach(onward: scipy.sparse.csr_array, target: BoolArray) -> BoolArray:
     reversed_graph = scipy.sparse.csr_array(onward.T)
     source = scipy.sparse.csr_array(target[None, :].astype(np.float64))
     corner = scipy.sparse.csr_array((len(target), 1))
-    graph = scipy.sparse.block_array([[None, source], [corner, reversed_graph]], format="csr")
+    graph = scipy.sparse.csr_array(scipy.sparse.bmat([[None, source], [corner, reversed_graph]]))
     found = scipy.sparse.csgraph.breadth_first_order(graph, 0, return_predecessors=False)
     reaches = np.zeros(len(target) + 1, dtype=np.bool_)
     reaches[found] = True

@@ -10,8 +10,7 @@ curve with less.
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.special
-import scipy.stats
+import scipy  # loads special and stats at their first use
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray, IntArray, bool_array, first_index, float_array

@@ -20,7 +20,7 @@ from serd_core.arrival.chain import ArrivalTimes
 from serd_core.errors import SerdError
 
 # A time that was meant to be a step of the law may miss it by rounding.
-_SAME_TIME_S = 1e-9
+SAME_TIME_S = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class ArrivalLaw:
 
     def probability_by(self, time_s: ArrayLike) -> FloatArray:
         """Probability of having arrived by a time, or by each of several."""
-        asked = np.asarray(time_s, dtype=np.float64) + _SAME_TIME_S
+        asked = np.asarray(time_s, dtype=np.float64) + SAME_TIME_S
         index = np.searchsorted(self.times_s, asked, side="right")
         return np.asarray(np.concatenate([[0.0], self.cdf])[index])
 
@@ -92,10 +92,10 @@ def largest_gap(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
             "; use inf for an episode that did not arrive"
         )
     steps = np.unique(np.concatenate([law.times_s, measured[measured <= law.times_s[-1]]]))
-    after = np.searchsorted(measured, steps + _SAME_TIME_S, side="right") / len(measured)
-    before = np.searchsorted(measured, steps - _SAME_TIME_S, side="right") / len(measured)
+    after = np.searchsorted(measured, steps + SAME_TIME_S, side="right") / len(measured)
+    before = np.searchsorted(measured, steps - SAME_TIME_S, side="right") / len(measured)
     after_gap = np.abs(law.probability_by(steps) - after)
-    before_gap = np.abs(law.probability_by(steps - 2 * _SAME_TIME_S) - before)
+    before_gap = np.abs(law.probability_by(steps - 2 * SAME_TIME_S) - before)
     return float(np.maximum(after_gap, before_gap).max())
 
 
@@ -112,7 +112,7 @@ def entry_times_s(arrival_times_s: ArrayLike, period_s: float) -> FloatArray:
             f"arrival_times_s{list(bad)} must be above 0, got {time_s[bad]}"
             "; leave out episodes that began at the goal, they entered it in no period"
         )
-    whole = np.ceil(time_s / period_s - _SAME_TIME_S) - 1.0
+    whole = np.ceil(time_s / period_s - SAME_TIME_S) - 1.0
     return np.minimum(time_s - period_s * np.maximum(whole, 0.0), period_s)
 
 
@@ -126,7 +126,7 @@ def _require_period(period_s: float) -> None:
 def _checked_entries(entry_times_s: ArrayLike, period_s: float) -> FloatArray:
     given = float_array("entry_times_s", entry_times_s, (None,))
     entry_s = given if given.size else np.array([period_s])
-    bad = first_index(~((entry_s > 0) & (entry_s <= period_s + _SAME_TIME_S)))
+    bad = first_index(~((entry_s > 0) & (entry_s <= period_s + SAME_TIME_S)))
     if bad is not None:
         raise SerdError(
             f"entry_times_s{list(bad)} must be above 0 and at most period_s = {period_s},"

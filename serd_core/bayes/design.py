@@ -79,7 +79,10 @@ def _information_of_starts(problem: Problem, found: Laplace, longest: int) -> Fl
     n_states, size = len(one), one.shape[1]
     weights = solution.policy.ravel()[:, None]
     step = true.matrix.multiply(weights).tocsr()
-    pairs = scipy.sparse.kron(scipy.sparse.eye_array(n_states), np.ones((1, problem.mdp.n_actions)))
+    pairs = scipy.sparse.kron(
+        scipy.sparse.csr_array(scipy.sparse.identity(n_states)),
+        np.ones((1, problem.mdp.n_actions)),
+    )
     going = (pairs @ step).tocsr()
     remaining = (~problem.mdp.final).astype(np.float64)
     flat = one.reshape(n_states, -1) * remaining[:, None]
@@ -101,7 +104,7 @@ def _of_choices(
 ) -> FloatArray:
     """(S, d, d) covariance of the derivatives of Q over the actions of a state."""
     mdp = problem.mdp
-    data = mdp.policy_pattern.system_data(solution.policy, believed.entries, mdp.discount)
+    data = believed.system_data(mdp.policy_pattern, solution.policy, mdp.discount)
     by_q = sensitivities(
         problem.features,
         mdp.discount,

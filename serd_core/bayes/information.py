@@ -22,6 +22,7 @@ from scipy.special import gammaln, psi
 from serd_core.arrays import FloatArray, IntArray, weighted_counts
 from serd_core.bayes.draws import credible_intervals, laplace_draws
 from serd_core.bayes.laplace import Laplace
+from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.dynamics.estimation import most_likely_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
@@ -103,6 +104,11 @@ def _learned_models(problem: Problem, groups: tuple[tuple[Block, ...], ...]) -> 
     if not isinstance(models, OutcomeModels) or not any(Block.TRUTH in each for each in groups):
         raise SerdError(
             "the fit must have learned outcome models, got one of rewards only; use fit_mdce_serd"
+        )
+    if isinstance(models, CovariateModels):
+        raise SerdError(
+            "information is counted per outcome model, got models with covariates; describe their"
+            " coefficients by credible_intervals"
         )
     return models
 

@@ -19,6 +19,7 @@ the evidence of counted transitions is exact where outcomes have different succe
 outcome model about which nothing is known adds 0, as it should.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,6 +30,7 @@ from scipy.special import gammaln
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
+from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
@@ -83,7 +85,9 @@ def laplace_at(
     """
     posterior, space = objective.posterior, objective.coordinates
     value, gradient = objective.evaluate(mode)
-    root, log_det = _root(-objective.hessian(mode), objective.prior_information(mode), space)
+    root, log_det = inverse_root(
+        -objective.hessian(mode), objective.prior_information(mode), space.describe
+    )
     step = float(np.linalg.norm(root.T @ gradient))
     if require_maximum and not step <= LONGEST_STEP:
         raise SerdError(
@@ -115,24 +119,40 @@ def log_posterior_of(problem: Problem, decisions: Decisions, fit: FitResult) -> 
     return LogPosterior(posterior, space)
 
 
-def stirling(posterior: Posterior, space: Coordinates, mode: FloatArray, root: FloatArray) -> float:
-    """What the approximation lacks of the integrals over outcome models."""
+def stirling(
+    posterior: Posterior,
+    space: Coordinates,
+    mode: FloatArray,
+    root: FloatArray,
+    groups: Sequence[tuple[Block, ...]] | None = None,
+) -> float:
+    """What the approximation lacks of the integrals over outcome models, without covariates.
+
+    groups: of the belief, that count; None for all.
+    """
     model, parameters = posterior.problem.mdp.transitions, space.parameters(mode)
-    if not isinstance(model, OutcomeModels) or model.n_outcomes == 1:
+    if not isinstance(model, OutcomeModels) or isinstance(model, CovariateModels):
+        return 0.0
+    if model.n_outcomes == 1:
         return 0.0
     total, size, start = 0.0, model.n_outcomes, 0
     for group in space.belief.groups:
         values = parameters.block(group[0])
         rows = space.table[start : start + len(values)] @ root
         start += len(values)
-        if group == (Block.REWARD,) or _around_truth(space, group):
+        counted = groups is None or group in groups
+        if group == (Block.REWARD,) or _around_truth(space, group) or not counted:
             continue
-        table = model.local_probabilities(values)
         spread = model.beta * rows.reshape(model.n_models, size, -1)
-        centred = spread - np.einsum("mk,mkd->md", table, spread)[:, None]
-        worth = (size - 1) / np.einsum("mk,mkd->m", table, centred**2)
-        total += float(np.sum(_stirling(worth[:, None] * table).sum(axis=1) - _stirling(worth)))
+        total += dirichlet_correction(model.local_probabilities(values), spread)
     return total
+
+
+def dirichlet_correction(table: FloatArray, spread: FloatArray) -> float:
+    """s of (M, K) distributions whose log odds have roots (M, K, d) of their covariance."""
+    centred = spread - np.einsum("mk,mkd->md", table, spread)[:, None]
+    worth = (table.shape[1] - 1) / np.einsum("mk,mkd->m", table, centred**2)
+    return float(np.sum(_stirling(worth[:, None] * table).sum(axis=1) - _stirling(worth)))
 
 
 def _around_truth(space: Coordinates, group: tuple[Block, ...]) -> bool:
@@ -175,8 +195,8 @@ def require_densities(prior: Prior, space: Coordinates) -> None:
         )
 
 
-def _root(
-    information: FloatArray, of_prior: FloatArray, space: Coordinates
+def inverse_root(
+    information: FloatArray, of_prior: FloatArray, describe: Callable[[FloatArray], str]
 ) -> tuple[FloatArray, float]:
     """Root of the inverse, and log det; SerdError naming a direction that is not positive.
 
@@ -191,7 +211,7 @@ def _root(
     if not values[0] > 0:
         raise SerdError(
             "the log posterior must bend down in every direction at a maximum, but its information"
-            f" is {values[0]:.3g} of the prior's along {space.describe(root[:, 0])}; continue the"
+            f" is {values[0]:.3g} of the prior's along {describe(root[:, 0])}; continue the"
             " fit from a point moved along it, or give these numbers a stronger prior"
         )
     bounded = np.maximum(values, 1.0)

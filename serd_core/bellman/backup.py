@@ -45,7 +45,7 @@ class BellmanProblem:
 
     def q(self, value: FloatArray) -> FloatArray:
         """(S, A) R + gamma P V, -inf where an action is unavailable."""
-        return self.rewards + self.discount * self.transitions.expected(value)
+        return self.transitions.backed_up(self.rewards, self.discount, value)
 
 
 @dataclass(frozen=True, eq=False)

@@ -81,7 +81,7 @@ class Newton(BellmanSolver):
 def _prepared(solver: LinearSolver, problem: BellmanProblem, latest: Backup) -> LinearSystem:
     pattern = problem.mdp.policy_pattern
     policy = problem.equation.policy(latest.q)
-    data = pattern.system_data(policy, problem.transitions.entries, problem.discount)
+    data = problem.transitions.system_data(pattern, policy, problem.discount)
     return solver.prepare(pattern, data)
 
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
 from serd_core.demonstrations.decisions import Decisions, state_action_counts, state_counts
+from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
@@ -54,6 +55,11 @@ class Observations:
         """Number of decisions, with and without their action."""
         return int(self.state_action.sum() + self.hidden.count.sum())
 
+    def probabilities(self, model: TransitionModel, local_probabilities: FloatArray) -> FloatArray:
+        """(G,) probability of each transition in `group`."""
+        seen = np.ravel(local_probabilities)[model.local_index[self.entry]]
+        return weighted_counts(self.entry_group, seen, len(self.group))
+
 
 def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observations:
     """Count; SerdError naming the first decision the MDP rules out."""
@@ -64,7 +70,7 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
     shown = np.flatnonzero(~decisions.hidden)
     counts = state_action_counts(decisions.select(shown), mdp.n_states, mdp.n_actions)
     _require_available(mdp, decisions, name)
-    taken = _taken_transitions(mdp, decisions)
+    taken = taken_transitions(mdp, decisions)
     _require_explained(decisions, _explained(mdp, decisions, taken), name)
     observed = taken[shown]
     hidden = decisions.select(decisions.hidden)
@@ -89,7 +95,7 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
 
 def explained(mdp: Mdp, decisions: Decisions) -> BoolArray:
     """(N,) which decisions the MDP allows; every learner rejects the others."""
-    return _explained(mdp, decisions, _taken_transitions(mdp, decisions))
+    return _explained(mdp, decisions, taken_transitions(mdp, decisions))
 
 
 def _explained(mdp: Mdp, decisions: Decisions, taken: IntArray) -> BoolArray:
@@ -118,7 +124,7 @@ def explaining_transitions(mdp: Mdp, decisions: Decisions) -> IntArray:
     return np.where(decisions.hidden[:, None] | (decisions.action[:, None] == actions), found, -1)
 
 
-def _taken_transitions(mdp: Mdp, decisions: Decisions) -> IntArray:
+def taken_transitions(mdp: Mdp, decisions: Decisions) -> IntArray:
     """(N,) the transition (s, a, s') of each decision; -1 where there is none or a is hidden."""
     found = _found(mdp, decisions.state, decisions.action, decisions.next_state)
     inside = (decisions.action >= 0) & (decisions.action < mdp.n_actions)

@@ -31,6 +31,7 @@ import numpy as np
 from serd_core.arrays import FloatArray, IntArray, weighted_counts
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe
+from serd_core.dynamics.covariate_models import CovariateModels, most_likely_coefficients
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
@@ -138,6 +139,9 @@ def estimate_dynamics(
     """(M, K) outcome probabilities; SerdError where the estimate did not converge."""
     require_shown(decisions, "the M-estimate of dynamics by counts")
     model = outcome_models_of(problem.mdp)
+    if isinstance(model, CovariateModels):
+        seen = observe(problem.mdp, decisions)
+        return model.local_probabilities(most_likely_coefficients(model, seen, pseudo_count))
     estimate = most_likely_dynamics(model, observe(problem.mdp, decisions), pseudo_count)
     if not estimate.converged:
         raise SerdError(

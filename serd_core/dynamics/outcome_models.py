@@ -150,9 +150,18 @@ class OutcomeModels(TransitionModel):
         table[each, :, each, :] = blocks
         return table.reshape(self.n_parameters, self.n_parameters)
 
+    @property
+    def coefficient_models(self) -> "OutcomeModels":
+        """The models whose energies the parameters are, over which priors are defined: these."""
+        return self
+
+    def energies(self, parameters: FloatArray) -> FloatArray:
+        """(M, K) energies theta_mk."""
+        return np.reshape(parameters, (self.n_models, self.n_outcomes))
+
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
         """(M, K) outcome probabilities P_m(k) (5.1)."""
-        energies = self.beta * np.reshape(parameters, (self.n_models, self.n_outcomes))
+        energies = self.beta * self.energies(parameters)
         weights = np.exp(energies - energies.max(axis=1, keepdims=True))
         return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
@@ -169,7 +178,8 @@ class OutcomeModels(TransitionModel):
 
     def gather(self, entry_gradient: FloatArray) -> FloatArray:
         """(M, K) sum of the entry gradients over all pairs that share a model."""
-        sums = weighted_counts(self.local_index, entry_gradient, self.n_parameters)
+        size = self.n_models * self.n_outcomes
+        sums = weighted_counts(self.local_index, entry_gradient, size)
         return sums.reshape(self.n_models, self.n_outcomes)
 
     def parameters_of(self, initial: FloatArray) -> FloatArray:

@@ -13,14 +13,19 @@ table of outcomes per local model), which are a smooth function of its parameter
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
-from serd_core.bellman.linear.policy_pattern import with_numbers
+from serd_core.bellman.linear.policy_pattern import PolicyPattern, with_numbers
+from serd_core.compiled import is_compiled
 from serd_core.errors import SerdError
 from serd_core.posterior.derivatives.differences import gradient_differences
+
+if TYPE_CHECKING:
+    from serd_core.dynamics.compiled_rows import CompiledRows
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,6 +190,15 @@ class TransitionModel(ABC):
         return ~leaves
 
     @cached_property
+    def compiled_rows(self) -> "CompiledRows | None":
+        """Compiled sums over the entries; None for small problems, and without numba."""
+        if not is_compiled(self.n_states):
+            return None
+        from serd_core.dynamics.compiled_rows import CompiledRows
+
+        return CompiledRows(self.row_start, self.successor, self.local_index)
+
+    @cached_property
     def _structure(self) -> scipy.sparse.csr_array:
         shape = (self.n_states * self.n_actions, self.n_states)
         ones = np.ones(len(self.successor))
@@ -215,10 +229,15 @@ class TransitionModel(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Transitions:
-    """A transition model with its (E,) entries filled in."""
+    """A transition model with its local probabilities."""
 
     model: TransitionModel
-    entries: FloatArray
+    local_probabilities: FloatArray
+
+    @cached_property
+    def entries(self) -> FloatArray:
+        """(E,) entries of P."""
+        return self.model.entries(self.local_probabilities)
 
     @cached_property
     def matrix(self) -> scipy.sparse.csr_array:
@@ -234,15 +253,54 @@ class Transitions:
         expected: FloatArray = self.matrix @ values
         return expected.reshape(self.model.available.shape)
 
+    def backed_up(self, rewards: FloatArray, discount: float, values: FloatArray) -> FloatArray:
+        """(S, A) R + discount * P V."""
+        rows = self.model.compiled_rows
+        if rows is None:
+            return rewards + discount * self.expected(values)
+        return rows.backed_up(self._flat, rewards, discount, values)
+
+    def system_data(
+        self, pattern: PolicyPattern, policy: FloatArray, discount: float
+    ) -> FloatArray:
+        """(nnz,) numbers of I - discount * P_pi for an (S, A) policy."""
+        rows = self.model.compiled_rows
+        if rows is None:
+            return pattern.system_data(policy, self.entries, discount)
+        size = len(pattern.row_index)
+        return pattern.less_than_one(
+            rows.system_data(self._flat, policy, pattern.position, size), discount
+        )
+
+    def local_gradient(
+        self, weights: FloatArray, values: FloatArray, discount: float
+    ) -> FloatArray:
+        """Gradient of sum discount weights(s, a) P(s' | s, a) V(s') by the local probabilities."""
+        model = self.model
+        if model.compiled_rows is None:
+            by_entry = np.take(weights.ravel(), model.row)
+            by_entry *= np.take(values, model.successor)
+            return model.gather(discount * by_entry)
+        shape = np.shape(self.local_probabilities)
+        sums = model.compiled_rows.local_gradient(len(self._flat), weights, values)
+        return discount * sums.reshape(shape)
+
+    @property
+    def _flat(self) -> FloatArray:
+        return np.ravel(self.local_probabilities)
+
     def flow(self, weights: FloatArray) -> FloatArray:
         """(S,) transposed product sum_{s,a} P(s'|s,a) weights(s,a)."""
+        rows = self.model.compiled_rows
+        if rows is not None:
+            return rows.flow(self._flat, weights, self.model.n_states)
         flow: FloatArray = self._transposed @ weights.ravel()
         return flow
 
 
 def transitions_at(model: TransitionModel, parameters: FloatArray) -> Transitions:
     """The model's transitions at (n_parameters,) parameters."""
-    return Transitions(model, model.entries(model.local_probabilities(parameters)))
+    return Transitions(model, model.local_probabilities(parameters))
 
 
 def transitions_of(model: TransitionModel, local_probabilities: FloatArray | None) -> Transitions:
@@ -257,6 +315,6 @@ def transitions_of(model: TransitionModel, local_probabilities: FloatArray | Non
                 " parameters, got None; pass those of a fit or of the truth"
             )
         local_probabilities = model.local_probabilities(np.zeros(0))
-    entries = model.entries(np.asarray(local_probabilities, dtype=np.float64))
-    model.require_stochastic(entries)
-    return Transitions(model, entries)
+    transitions = Transitions(model, np.asarray(local_probabilities, dtype=np.float64))
+    model.require_stochastic(transitions.entries)
+    return transitions

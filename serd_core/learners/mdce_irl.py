@@ -130,6 +130,6 @@ def state_action_occupancy(
     """(S, A) expected discounted visits of an (S, A) policy from the (S,) start distribution."""
     choice = checked_policy("policy", policy, mdp)
     begin = checked_distribution("starts", starts, mdp.n_states)
-    data = mdp.policy_pattern.system_data(choice, transitions.entries, mdp.discount)
+    data = transitions.system_data(mdp.policy_pattern, choice, mdp.discount)
     system = Automatic().prepare(mdp.policy_pattern, data)
     return np.asarray(system.solve(begin, transposed=True)[:, None] * choice)

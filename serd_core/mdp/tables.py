@@ -104,7 +104,7 @@ def from_gymnasium(
 ) -> TabularProblem:
     """A learning problem from an environment with a table `P`, as Gymnasium's toy texts have it.
 
-    P[s][a] lists (probability, next state, reward, terminated); states that end an episode become
+    `P[s][a]` lists (probability, next state, reward, terminated); states that end an episode become
     terminal. The reward of the environment is not used by learners; without `features` it is the
     one feature, so a weight of 1 is the environment's own reward.
     features: (S, F) or (S, A, F).

@@ -14,10 +14,11 @@ expected counts m q, and the Hessian has one more term.
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse
 
 from serd_core.arrays import FloatArray, floored, weighted_counts
 from serd_core.demonstrations.observations import Observations
-from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.dynamics.transition_model import Transitions
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,23 +26,26 @@ class ExpectedCounts:
     """Observations in which expected counts stand for hidden actions.
 
     observations: with `state_action` and `group_count` of shown and of hidden actions.
-    share: (H,) q of each transition that explains a hidden action; log_likelihood: L.
+    share: (H,) q of each transition that explains a hidden action; log_moves: (T,) log Z;
+    log_likelihood: L.
     """
 
     observations: Observations
     share: FloatArray
+    log_moves: FloatArray
     log_likelihood: float
 
 
 def expected_counts(
-    model: TransitionModel, seen: Observations, log_policy: FloatArray, entries: FloatArray
+    seen: Observations, log_policy: FloatArray, true: Transitions
 ) -> ExpectedCounts:
-    """Share hidden actions for an (S, A) log policy and (E,) entries of P."""
+    """Share hidden actions for an (S, A) log policy and P."""
     hidden = seen.hidden
     if not hidden:
-        return ExpectedCounts(seen, np.zeros(0), 0.0)
+        return ExpectedCounts(seen, np.zeros(0), np.zeros(0), 0.0)
+    model = true.model
     row = model.groups.row[seen.group[hidden.place]]
-    probability = weighted_counts(seen.entry_group, entries[seen.entry], len(seen.group))
+    probability = seen.probabilities(model, true.local_probabilities)
     log_joint = log_policy.ravel()[row] + np.log(floored(probability[hidden.place]))
     largest = np.full(len(hidden.count), -np.inf)
     np.maximum.at(largest, hidden.move, log_joint)
@@ -55,14 +59,15 @@ def expected_counts(
         state_action=seen.state_action + by_pair.reshape(seen.state_action.shape),
         group_count=seen.group_count + weighted_counts(hidden.place, expected, len(seen.group)),
     )
-    return ExpectedCounts(completed, share, float(hidden.count @ (largest + np.log(total))))
+    log_moves = largest + np.log(total)
+    return ExpectedCounts(completed, share, log_moves, float(hidden.count @ log_moves))
 
 
 def move_scores(seen: Observations, share: FloatArray, scores: FloatArray) -> FloatArray:
     """(T, n) score of each hidden move, E_q of the (G, n) scores of the transitions `group`."""
-    found = np.zeros((len(seen.hidden.count), scores.shape[1]))
-    np.add.at(found, seen.hidden.move, share[:, None] * scores[seen.hidden.place])
-    return found
+    hidden, shape = seen.hidden, (len(seen.hidden.count), len(scores))
+    table = scipy.sparse.csr_array((share, (hidden.move, hidden.place)), shape=shape)
+    return np.asarray(table @ scores)
 
 
 def covariance_of_scores(seen: Observations, share: FloatArray, scores: FloatArray) -> FloatArray:

@@ -32,19 +32,16 @@ from serd_core.priors.prior import Prior
 
 
 def dynamics_log_likelihood(
-    observations: Observations, entries: FloatArray
+    observations: Observations, transitions: Transitions
 ) -> tuple[float, FloatArray]:
-    """Value and (E,) gradient by the entries of P."""
-    probability = floored(
-        weighted_counts(
-            observations.entry_group, entries[observations.entry], len(observations.group)
-        )
-    )
+    """Value and gradient by the local probabilities of P."""
+    model, local = transitions.model, transitions.local_probabilities
+    probability = floored(observations.probabilities(model, local))
     value = float(np.sum(observations.group_count * np.log(probability)))
-    gradient = np.zeros_like(entries)
     ratio = observations.group_count / probability
-    gradient[observations.entry] = ratio[observations.entry_group]
-    return value, gradient
+    of_entries = ratio[observations.entry_group]
+    place = model.local_index[observations.entry]
+    return value, weighted_counts(place, of_entries, local.size).reshape(local.shape)
 
 
 def require_possible(observations: Observations, mdp: Mdp, local_probabilities: FloatArray) -> None:
@@ -123,17 +120,17 @@ class Posterior:
         log_policy = self.policy_model.log_probabilities(parameters.policy, solution.q)
         tied = parameters.truth is parameters.belief
         true = believed if tied else transitions_at(self._model, parameters.truth)
-        expected = expected_counts(self._model, self.observations, log_policy, true.entries)
+        expected = expected_counts(self.observations, log_policy, true)
         seen, counts = self.observations, expected.observations.state_action
         gradients = self._q_gradient(parameters, believed, solution, np.exp(log_policy), counts)
-        dynamics_value, entry_gradient = dynamics_log_likelihood(seen, true.entries)
+        dynamics_value, by_truth = dynamics_log_likelihood(seen, true)
         if seen.hidden:
-            _, entry_gradient = dynamics_log_likelihood(expected.observations, true.entries)
+            _, by_truth = dynamics_log_likelihood(expected.observations, true)
         log_prior = self.prior.evaluate(self._model, parameters)
         gradient = Parameters(
             reward=np.tensordot(gradients.reward_gradient, self.features, axes=2),
-            belief=self._by_dynamics(parameters.belief, gradients.entry_gradient),
-            truth=self._by_dynamics(parameters.truth, entry_gradient),
+            belief=self._model.pull_back(parameters.belief, gradients.local_gradient),
+            truth=self._model.pull_back(parameters.truth, by_truth),
             policy=self.policy_model.parameter_gradient(parameters.policy, solution.q, counts),
         )
         return PosteriorValue(
@@ -169,9 +166,6 @@ class Posterior:
     ) -> Adjoint:
         by_q = self.policy_model.q_gradient(parameters.policy, policy, counts)
         return adjoint(self.problem.mdp, believed, solution, by_q, self.linear_solver)
-
-    def _by_dynamics(self, theta: FloatArray, entry_gradient: FloatArray) -> FloatArray:
-        return self._model.pull_back(theta, self._model.gather(entry_gradient))
 
 
 def expected_log_policy(counts: FloatArray, log_policy: FloatArray) -> float:

@@ -85,10 +85,10 @@ def log_volume(models: OutcomeModels) -> float:
 
 
 def require_outcome_models(model: TransitionModel, name: str) -> OutcomeModels:
-    """The outcome models; SerdError for dynamics of another kind."""
+    """The models over whose energies priors are; SerdError for dynamics of another kind."""
     if not isinstance(model, OutcomeModels):
         raise SerdError(
             f"{name} is a prior of OutcomeModels, got {type(model).__name__}; pass another prior,"
             " or belief=FixedBelief() where dynamics are not learned"
         )
-    return model
+    return model.coefficient_models

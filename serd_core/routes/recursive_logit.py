@@ -154,7 +154,7 @@ class RouteLikelihood(Objective):
         if not np.all(np.abs(utilities) < LARGEST_UTILITY):
             return None
         flow = np.exp(utilities)
-        identity = scipy.sparse.eye_array(self.network.n_links, format="csc")
+        identity = scipy.sparse.csc_array(scipy.sparse.identity(self.network.n_links))
         try:
             factor = scipy.sparse.linalg.splu(
                 scipy.sparse.csc_array(identity - self.network.matrix(flow)),

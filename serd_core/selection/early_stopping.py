@@ -9,7 +9,7 @@ from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step, StepCallback, largest
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
-from serd_core.dynamics.transition_model import Transitions
+from serd_core.dynamics.transition_model import transitions_at
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import SETTINGS, SerdSettings, fit_serd
@@ -137,13 +137,13 @@ def validation_score(
     def score(vector: FloatArray) -> float:
         parameters = belief.unpack(vector, like)
         model = problem.mdp.transitions
-        believed = Transitions(model, model.entries(model.local_probabilities(parameters.belief)))
+        believed = transitions_at(model, parameters.belief)
         solution = posterior.q_iteration(parameters, believed, None)
         log_policy = policy_model.log_probabilities(parameters.policy, solution.q)
         total = expected_log_policy(observations.state_action, log_policy)
         if observations.hidden:
-            entries = model.entries(model.local_probabilities(parameters.truth))
-            found = expected_counts(model, observations, log_policy, entries)
+            true = transitions_at(model, parameters.truth)
+            found = expected_counts(observations, log_policy, true)
             total += found.log_likelihood
         return total / observations.n_decisions
 

@@ -12,7 +12,7 @@ it is positive, the first is nearer.
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.stats
+import scipy  # loads stats at its first use
 
 from serd_core.arrays import first_index, weighted_counts
 from serd_core.demonstrations.decisions import Decisions

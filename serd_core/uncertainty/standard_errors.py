@@ -20,8 +20,7 @@ errors at most in any direction, and standard errors computed there mean little.
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.special
-import scipy.stats
+import scipy  # loads special and stats at their first use
 
 from serd_core.arrays import FloatArray, IntArray, first_index, float_array, int_array
 from serd_core.demonstrations.decisions import Decisions

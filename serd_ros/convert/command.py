@@ -7,6 +7,7 @@ from sensor_msgs.msg import Joy
 
 from serd_core.grid.grid import Action, action_of_direction, direction_of_action
 from serd_ros.convert.checks import require_finite, require_frame
+from serd_ros.convert.frames import NO_FRAMES, Frames
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import topics
 from sim.world.command import Command
@@ -51,11 +52,13 @@ def to_intent(action: Action, time_s: float) -> Vector3Stamped:
     return message
 
 
-def from_intent(message: Vector3Stamped) -> tuple[int, Action]:
-    """(stamp_ns, action): the action whose axis is nearest to the direction."""
-    require_frame(message.header, topics.MAP_FRAME)
+def from_intent(message: Vector3Stamped, frames: Frames = NO_FRAMES) -> tuple[int, Action]:
+    """(stamp_ns, action): the action whose axis is nearest to the direction in the map."""
     direction = message.vector.x, message.vector.y
     require_finite("vector", direction)
+    if message.header.frame_id != topics.MAP_FRAME:
+        matrix = frames.place(message.header.frame_id, topics.MAP_FRAME).matrix
+        direction = tuple(matrix[:2, :2] @ direction)
     return stamp_ns(message.header.stamp), action_of_direction(*direction)
 
 

@@ -99,12 +99,12 @@ def repr_of(value: object) -> str:
 
 
 START, END = "start", "end"
-_OUTCOMES = ("", "arrived", "timeout", "aborted", "discarded")
+_OUTCOMES = ("", "arrived", "timeout", "aborted", "saved", "discarded")
 
 
 @dataclass(frozen=True)
 class EpisodeMark:
-    """event: "start" or "end"; outcome: arrived, timeout or aborted, empty at the start.
+    """event: "start" or "end"; outcome: one of _OUTCOMES, empty at the start.
 
     reason: why the driver gave up, empty where it did not.
     """

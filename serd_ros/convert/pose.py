@@ -10,17 +10,21 @@ from geometry_msgs.msg import (
     PolygonStamped,
     Pose,
     PoseStamped,
+    PoseWithCovarianceStamped,
     Quaternion,
     TransformStamped,
+    Twist,
 )
 from nav_msgs.msg import Odometry, Path
 from numpy.typing import NDArray
 
 from bags.messages.plain import yaw_of_quaternion
 from serd_ros.convert.checks import require_finite, require_frame
+from serd_ros.convert.frames import NO_FRAMES, Frames, compose
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
+from sim.safety.motion import STANDING, motion_between
 from sim.scenario.goal import Area
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
@@ -56,10 +60,13 @@ def from_pose(message: Pose) -> PlanarPose:
     return x_m, y_m, yaw_rad
 
 
-def from_pose_stamped(message: PoseStamped) -> tuple[int, PlanarPose]:
+def from_pose_stamped(
+    message: PoseStamped | PoseWithCovarianceStamped, frames: Frames = NO_FRAMES
+) -> tuple[int, PlanarPose]:
     """(stamp_ns, pose in the map)."""
-    require_frame(message.header, topics.MAP_FRAME)
-    return stamp_ns(message.header.stamp), from_pose(message.pose)
+    inner = message.pose if isinstance(message, PoseStamped) else message.pose.pose
+    pose = frames.pose_in(topics.MAP_FRAME, message.header.frame_id, from_pose(inner))
+    return stamp_ns(message.header.stamp), pose
 
 
 def to_pose_stamped(pose: PlanarPose, time_s: float) -> PoseStamped:
@@ -70,15 +77,14 @@ def to_pose_stamped(pose: PlanarPose, time_s: float) -> PoseStamped:
     return message
 
 
-def to_waypoint_message(waypoint: Waypoint, time_s: float) -> PoseStamped:
+def to_waypoint_message(waypoint: Waypoint, time_s: float, heading_rad: float = 0.0) -> PoseStamped:
     """A waypoint in the map, stamped with the decision it belongs to."""
-    return to_pose_stamped((waypoint.x_m, waypoint.y_m, 0.0), time_s)
+    return to_pose_stamped((waypoint.x_m, waypoint.y_m, heading_rad), time_s)
 
 
-def from_waypoint_message(message: PoseStamped) -> tuple[int, Waypoint]:
+def from_waypoint_message(message: PoseStamped, frames: Frames = NO_FRAMES) -> tuple[int, Waypoint]:
     """(stamp_ns, waypoint in the map); its orientation is ignored."""
-    require_frame(message.header, topics.MAP_FRAME)
-    return stamp_ns(message.header.stamp), Waypoint(*_position(message.pose))
+    return stamp_ns(message.header.stamp), Waypoint(*from_goal_message(message, frames))
 
 
 def to_transform(parent: str, child: str, pose: PlanarPose, time_s: float) -> TransformStamped:
@@ -94,13 +100,7 @@ def to_transform(parent: str, child: str, pose: PlanarPose, time_s: float) -> Tr
 
 def odom_in_map(base_in_map: PlanarPose, base_in_odom: PlanarPose) -> PlanarPose:
     """Where the odometry's frame lies, T_map_odom = T_map_base T_odom_base^-1."""
-    yaw = base_in_map[2] - base_in_odom[2]
-    x_m, y_m = base_in_odom[0], base_in_odom[1]
-    return (
-        base_in_map[0] - (math.cos(yaw) * x_m - math.sin(yaw) * y_m),
-        base_in_map[1] - (math.sin(yaw) * x_m + math.cos(yaw) * y_m),
-        math.atan2(math.sin(yaw), math.cos(yaw)),
-    )
+    return compose(base_in_map, motion_between(base_in_odom, STANDING))
 
 
 def to_odometry(observation: Observation, odometry_pose: PlanarPose) -> Odometry:
@@ -115,29 +115,33 @@ def to_odometry(observation: Observation, odometry_pose: PlanarPose) -> Odometry
     return message
 
 
-def from_odometry(message: Odometry) -> tuple[int, PlanarPose, tuple[float, float]]:
-    """(stamp_ns, pose in the odom frame, (speed_mps, yaw_rate_radps))."""
-    require_frame(message.header, topics.ODOM_FRAME)
-    if message.child_frame_id != topics.BASE_FRAME:
-        raise MessageError(
-            f"child_frame_id must be {topics.BASE_FRAME!r}",
-            repr(message.child_frame_id),
-            "publish the motion of the robot's base",
-        )
+def from_odometry(
+    message: Odometry, frames: Frames = NO_FRAMES
+) -> tuple[int, PlanarPose, tuple[float, float]]:
+    """(stamp_ns, pose of the base in the odom frame, (speed_mps, yaw_rate_radps))."""
+    pose = from_pose(message.pose.pose)
+    pose = frames.pose_in(topics.ODOM_FRAME, message.header.frame_id, pose)
     speeds = message.twist.twist.linear.x, message.twist.twist.angular.z
+    if message.child_frame_id != topics.BASE_FRAME:
+        child = frames.place(message.child_frame_id, topics.BASE_FRAME).pose
+        base = motion_between(child, STANDING)
+        pose, speeds = compose(pose, base), _speeds_of_base(message.twist.twist, base)
     require_finite("twist", speeds)
-    return stamp_ns(message.header.stamp), from_pose(message.pose.pose), speeds
+    return stamp_ns(message.header.stamp), pose, speeds
 
 
-def from_goal_message(message: PoseStamped) -> tuple[float, float]:
-    """(x_m, y_m) of a goal in the map; MessageError for another frame."""
-    if message.header.frame_id != topics.MAP_FRAME:
-        raise MessageError(
-            f"goal_pose must be in the frame {topics.MAP_FRAME!r}",
-            repr(message.header.frame_id),
-            "set RViz's fixed frame to it or transform the goal",
-        )
-    return _position(message.pose)
+def _speeds_of_base(twist: Twist, base: PlanarPose) -> tuple[float, float]:
+    """Speed ahead and yaw rate of the base, which is fixed in the frame of the twist."""
+    turn_radps = twist.angular.z
+    east_mps = twist.linear.x - turn_radps * base[1]
+    north_mps = twist.linear.y + turn_radps * base[0]
+    return east_mps * math.cos(base[2]) + north_mps * math.sin(base[2]), turn_radps
+
+
+def from_goal_message(message: PoseStamped, frames: Frames = NO_FRAMES) -> tuple[float, float]:
+    """(x_m, y_m) of a goal in the map; its orientation is ignored."""
+    x_m, y_m = _position(message.pose)
+    return frames.pose_in(topics.MAP_FRAME, message.header.frame_id, (x_m, y_m, 0.0))[:2]
 
 
 def _position(message: Pose) -> tuple[float, float]:
@@ -174,9 +178,10 @@ def from_goal_area_message(message: PolygonStamped, own_area_m: Area) -> Area:
 
 
 def to_path(points_m: NDArray[np.float64], time_s: float) -> Path:
-    """(N, 2) points in the map as a path; each pose looks along its next leg."""
-    legs = np.diff(points_m, axis=0, append=points_m[-1:]) if len(points_m) else points_m
-    yaws = np.arctan2(legs[:, 1], legs[:, 0]) if len(points_m) else np.zeros(0)
+    """(N, 2) points in the map as a path; poses look along the next leg, the last along its own."""
+    legs = np.diff(points_m, axis=0)
+    yaws = np.arctan2(legs[:, 1], legs[:, 0])
+    yaws = np.append(yaws, yaws[-1:] if len(yaws) else [0.0] * len(points_m))
     message = Path()
     message.header.frame_id = topics.MAP_FRAME
     message.header.stamp = to_stamp(time_s)

@@ -1,21 +1,25 @@
 """What is observed: people, lidar ranges and the map, to and from sensor_msgs and nav_msgs."""
 
 import array
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
+from geometry_msgs.msg import Vector3
 from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
-from sensor_msgs.msg import LaserScan, PointCloud2, PointField
+from sensor_msgs.msg import Imu, LaserScan, PointCloud2, PointField
 
 from serd_ros.convert.checks import require_finite, require_frame
+from serd_ros.convert.frames import NO_FRAMES, Frames
 from serd_ros.convert.pose import to_pose
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
+from sim.robot.contacts import Touch
+from sim.robot.imu import ImuReading
 from sim.safety.scan import ScanGeometry
 from sim.scenario.occupancy import OccupancyRaster
-from sim.scenario.settings import LidarSettings
+from sim.scenario.settings import ImuSettings, LidarSettings
 from sim.world.observation import People
 
 _NAMES = ("x", "y", "z", "vx", "vy")
@@ -47,9 +51,49 @@ def to_people_message(people: People, time_s: float) -> PointCloud2:
     return message
 
 
-def from_people_message(message: PointCloud2) -> tuple[int, People]:
-    """(stamp_ns, people) of a cloud that has our layout; MessageError for any other."""
-    require_frame(message.header, topics.MAP_FRAME)
+def to_bumper_message(touches: Sequence[Touch], time_s: float) -> PointCloud2:
+    """Contacts as points on the hull, with the normal impulse (N s) of each."""
+    rows = np.array(
+        [(*each.place_m, 0.0, each.impulse_ns) for each in touches], dtype=np.float32
+    ).reshape(-1, 4)
+    message = PointCloud2(
+        height=1,
+        width=len(rows),
+        fields=[
+            PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
+            for index, name in enumerate(("x", "y", "z", "impulse"))
+        ],
+        is_bigendian=False,
+        point_step=16,
+        row_step=16 * len(rows),
+        data=array.array("B", rows.tobytes()),
+        is_dense=True,
+    )
+    message.header.frame_id = topics.BASE_FRAME
+    message.header.stamp = to_stamp(time_s)
+    return message
+
+
+def to_imu_message(
+    reading: ImuReading, settings: ImuSettings, period_s: float, time_s: float
+) -> Imu:
+    """A reading with the variances of its noise; there is no orientation."""
+    message = Imu()
+    message.header.frame_id = topics.BASE_FRAME
+    message.header.stamp = to_stamp(time_s)
+    x, y, z = reading.angular_velocity_radps
+    message.angular_velocity = Vector3(x=x, y=y, z=z)
+    x, y, z = reading.acceleration_mps2
+    message.linear_acceleration = Vector3(x=x, y=y, z=z)
+    rate, force = (each**2 for each in settings.noise_deviations(period_s))
+    message.orientation_covariance[0] = -1.0  # none, by the definition of the message
+    message.angular_velocity_covariance[::4] = [rate] * 3
+    message.linear_acceleration_covariance[::4] = [force] * 3
+    return message
+
+
+def from_people_message(message: PointCloud2, frames: Frames = NO_FRAMES) -> tuple[int, People]:
+    """(stamp_ns, people in the map) of a cloud that has our layout; MessageError for any other."""
     layout = _layout(message.fields), message.point_step, bool(message.is_bigendian)
     if layout != (_layout(_FIELDS), _ROW.itemsize, False):
         names = ", ".join(field.name for field in message.fields)
@@ -69,11 +113,14 @@ def from_people_message(message: PointCloud2) -> tuple[int, People]:
     rows = np.frombuffer(bytes(message.data), dtype=_ROW)
     for name in _NAMES:
         require_finite(name, rows[name])
-    return stamp_ns(message.header.stamp), People(
-        position_m=np.stack([rows["x"], rows["y"]], axis=1).astype(np.float64),
-        velocity_mps=np.stack([rows["vx"], rows["vy"]], axis=1).astype(np.float64),
-        identity=rows["id"].astype(np.int64),
-    )
+    position_m = np.stack([rows["x"], rows["y"]], axis=1).astype(np.float64)
+    velocity_mps = np.stack([rows["vx"], rows["vy"]], axis=1).astype(np.float64)
+    if message.header.frame_id != topics.MAP_FRAME:
+        matrix = frames.place(message.header.frame_id, topics.MAP_FRAME).matrix
+        turn = matrix[:2, :2].T
+        position_m, velocity_mps = position_m @ turn + matrix[:2, 3], velocity_mps @ turn
+    identity = rows["id"].astype(np.int64)
+    return stamp_ns(message.header.stamp), People(position_m, velocity_mps, identity)
 
 
 def _layout(fields: Iterable[PointField]) -> list[tuple[str, int, int, int]]:

@@ -23,13 +23,22 @@ def to_stamp(time_s: float) -> Time:
 
 def stamp_ns(stamp: Time) -> int:
     """The stamp in nanoseconds; MessageError for one that is no time."""
-    if not 0 <= stamp.sec < _LATEST_S or stamp.nanosec >= _NS:
+    if stamp.nanosec >= _NS:
         raise MessageError(
-            f"stamp must have sec from 0 to {_LATEST_S} and nanosec below {_NS}",
-            f"sec {stamp.sec}, nanosec {stamp.nanosec}",
+            f"stamp must have nanosec below {_NS}", stamp.nanosec, "publish the time in ns"
+        )
+    return require_time(int(stamp.sec) * _NS + int(stamp.nanosec))
+
+
+def require_time(time_ns: int) -> int:
+    """The time, which must be one that a stamp can have."""
+    if not 0 <= time_ns < _LATEST_S * _NS:
+        raise MessageError(
+            f"stamp must be from 0 to {_LATEST_S} s",
+            f"{time_ns / _NS:g} s",
             "publish the time of the measurement",
         )
-    return int(stamp.sec) * _NS + int(stamp.nanosec)
+    return time_ns
 
 
 def stamp_s(stamp: Time) -> float:

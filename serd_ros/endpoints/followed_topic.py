@@ -1,57 +1,48 @@
 """A raw subscription with the quality of service that the publishers of its topic offer.
 
 A subscription matches a publisher when it requests no more than is offered: reliability, and
-messages from before it was made (transient local). So it requests what all publishers offer.
+messages from before it was made (transient local). So it requests what all publishers offer, and
+where only some publishers are latched, a second subscription receives the others.
 """
 
 import inspect
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
-from serd_ros.endpoints.qos import STATE_DEPTH, recording_qos
+from serd_ros.endpoints.qos import (
+    common_qos,
+    less_demanding,
+    recording_qos,
+    requests_too_much,
+)
 from serd_ros.endpoints.topic_types import TopicType
 
-_RELIABLE = ReliabilityPolicy.RELIABLE
-_LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
+#: Messages of a latched publisher that are compared, which two subscriptions receive.
+_COMPARED = 100
 
 
 @dataclass(frozen=True)
 class Received:
     """A raw message; received_ns, sent_ns: by the clocks of this machine and the publisher's,
-    sent_ns 0 where the middleware does not state it."""
+    sent_ns 0 where the middleware does not state it. number: from 1 on, of the publisher's
+    messages, likewise."""
 
     topic: str
     data: bytes
     received_ns: int
     sent_ns: int
-
-
-def common_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
-    """The strictest profile that matches every one of the publishers."""
-    profiles = tuple(offered)
-    reliable = all(each.reliability == _RELIABLE for each in profiles)
-    latched = all(each.durability == _LATCHED for each in profiles)
-    return QoSProfile(
-        depth=STATE_DEPTH,
-        reliability=_RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=_LATCHED if latched else DurabilityPolicy.VOLATILE,
-    )
-
-
-def requests_too_much(requested: QoSProfile, offered: QoSProfile) -> bool:
-    """Whether a reader with the first profile does not match a publisher with the second."""
-    resends = requested.reliability == _RELIABLE and offered.reliability != _RELIABLE
-    return resends or (requested.durability == _LATCHED and offered.durability != _LATCHED)
+    number: int = 0
 
 
 class FollowedTopic:
-    """Subscribes at once where the type says how, else as soon as there is a publisher.
+    """Subscribes at once where the type has a profile, else as soon as there is a publisher.
 
     name: in full; take: called with each message, does not raise for a bad one; offered: by the
     publishers there were when it subscribed.
@@ -63,16 +54,18 @@ class FollowedTopic:
         self.name, self.kind, self.stamped = name, kind, kind.stamped
         self.offered: tuple[QoSProfile, ...] = ()
         self._others: list[str] = []
-        self._node, self.take = node, take
-        self._subscription: Subscription | None = None
+        self._node, self._take = node, take
+        #: The last one follows the publishers; one before it is latched.
+        self._subscriptions: list[Subscription] = []
+        self._taken: deque[tuple[int, bytes]] = deque(maxlen=_COMPARED)
         if kind.qos is not None:
             self.offered = (kind.qos,)
-            self._subscribe(recording_qos(kind.qos))
+            self._subscriptions = [self._subscribe(recording_qos(kind.qos))]
 
     @property
     def is_subscribed(self) -> bool:
         """Whether there is a subscription."""
-        return self._subscription is not None
+        return bool(self._subscriptions)
 
     def look(self) -> bool:
         """Follow the publishers; whether it subscribed just now."""
@@ -81,12 +74,33 @@ class FollowedTopic:
         self._others = [] if offered else sorted({each.topic_type for each in found})
         if not offered:
             return False
-        if self._subscription is None:
+        is_new = not self._subscriptions
+        if is_new:
             self.offered = tuple(offered)
-            self._subscribe(common_qos(offered))
-            return True
-        self._request_less(self._subscription, common_qos(offered))
-        return False
+            latched = [each for each in offered if _is_latched(each)]
+            self._subscriptions = [self._subscribe(common_qos(latched or offered))]
+        self._subscriptions[-1:] = matching_subscriptions(
+            self._node,
+            self._subscriptions[-1],
+            offered,
+            self._subscribe,
+            lambda data, info: self.take(self._received(data, info)),
+        )
+        return is_new
+
+    def take(self, message: Received) -> None:
+        """Take a message, once where two subscriptions received it."""
+        if len(self._subscriptions) > 1 and message.sent_ns:
+            key = message.sent_ns, message.data
+            if key in self._taken:
+                return
+            self._taken.append(key)
+        self._take(message)
+
+    def close(self) -> None:
+        """End the subscriptions."""
+        while self._subscriptions:
+            self._node.destroy_subscription(self._subscriptions.pop())
 
     @property
     def silence(self) -> str:
@@ -95,25 +109,22 @@ class FollowedTopic:
             return f"{self.name} is {', '.join(self._others)}, not {self.kind.name}"
         return "" if self.is_subscribed else f"{self.name} has no publisher"
 
-    def _request_less(self, subscription: Subscription, offered: QoSProfile) -> None:
-        if requests_too_much(subscription.qos_profile, offered):
-            for message in self.waiting():
-                self.take(message)
-            self._node.destroy_subscription(subscription)
-            self._subscribe(offered)
-
     def waiting(self) -> Iterator[Received]:
         """Messages that were received and not taken yet."""
-        found = iter(()) if self._subscription is None else waiting_messages(self._subscription)
-        return (self._received(data, info) for data, info in found)
+        return (
+            self._received(data, info)
+            for subscription in self._subscriptions
+            for data, info in waiting_messages(subscription)
+        )
 
     def _received(self, data: bytes, info: Mapping[str, int]) -> Received:
         received_ns = info["received_timestamp"]
         if received_ns <= 0:
             received_ns = time.time_ns()
-        return Received(self.name, data, received_ns, info["source_timestamp"])
+        number = info.get("publication_sequence_number") or 0
+        return Received(self.name, data, received_ns, info["source_timestamp"], number)
 
-    def _subscribe(self, profile: QoSProfile) -> None:
+    def _subscribe(self, profile: QoSProfile) -> Subscription:
         def callback(*arguments: Any) -> None:
             """EventsExecutor passes message and info as one tuple, other executors as two."""
             data, info = arguments if len(arguments) == 2 else arguments[0]
@@ -121,13 +132,43 @@ class FollowedTopic:
 
         # rclpy delivers the info where the signature has two parameters.
         callback.__signature__ = inspect.signature(self._received)  # type: ignore[attr-defined]
-        self._subscription = self._node.create_subscription(
+        return self._node.create_subscription(
             self.kind.message, self.name, callback, profile, raw=True
         )
 
 
-def waiting_messages(subscription: Subscription) -> Iterator[tuple[bytes, Mapping[str, int]]]:
-    """The raw messages that wait, with their info; works until the node is destroyed, also after a
+def matching_subscriptions(
+    node: Node,
+    subscription: Subscription,
+    offered: Sequence[QoSProfile],
+    make: Callable[[QoSProfile], Subscription],
+    take: Callable[[Any, Mapping[str, int]], None],
+) -> list[Subscription]:
+    """The subscription, or what matches all publishers in its place, the one to follow last.
+
+    A latched one stays where some publishers are volatile, with a volatile one beside it; any other
+    is replaced. take: called with each message that waits in it then, and its info.
+    """
+    common = common_qos(offered)
+    if not offered or not requests_too_much(subscription.qos_profile, common):
+        return [subscription]
+    profile = less_demanding(subscription.qos_profile, common)
+    stays = _is_latched(subscription.qos_profile) and any(map(_is_latched, offered))
+    if stays and not _is_latched(profile):
+        return [subscription, make(profile)]
+    for message, info in waiting_messages(subscription):
+        take(message, info)
+    node.destroy_subscription(subscription)
+    return [make(profile)]
+
+
+def waiting_messages(subscription: Subscription) -> Iterator[tuple[Any, Mapping[str, int]]]:
+    """The messages that wait, with their info; works until the node is destroyed, also after a
     signal."""
-    while (found := subscription.handle.take_message(subscription.msg_type, True)) is not None:
-        yield bytes(found[0]), found[1]
+    raw = bool(subscription.raw)
+    while (found := subscription.handle.take_message(subscription.msg_type, raw)) is not None:
+        yield bytes(found[0]) if raw else found[0], found[1]
+
+
+def _is_latched(profile: QoSProfile) -> bool:
+    return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)

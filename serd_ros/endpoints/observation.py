@@ -1,4 +1,4 @@
-"""The three topics of an observation: published together, and put together again by stamp."""
+"""Observations: pose, speeds and people, published together and put together again by stamp."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,19 +8,24 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
-from serd_ros.convert.pose import (
-    PlanarPose,
-    from_odometry,
-    from_pose_stamped,
-    to_odometry,
-    to_pose_stamped,
-)
-from serd_ros.convert.sensors import from_people_message, to_people_message
+from serd_ros.convert.diagnostics import OK, WARN
+from serd_ros.convert.pose import PlanarPose, from_odometry, to_odometry, to_pose_stamped
+from serd_ros.convert.sensors import to_people_message
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.localisation import LOCALISATIONS
+from serd_ros.endpoints.people_topic import PeopleTopic
+from serd_ros.graph.configs import LocalisationConfig
 from serd_ros.process.serd_node import SerdNode
-from sim.world.observation import Observation
+from sim.world.observation import Observation, People
 from sim.world.observation_inbox import ObservationInbox
+
+#: Without an observation for this time (s) what is missing is reported.
+_SILENCE_S = 2.5
+_LOOK_PERIOD_S = 0.5
+_LOG_PERIOD_S = 5.0
+#: Observations of a robot that come sooner than this share of a control period are left out.
+_SOONEST = 0.8
 
 
 class ObservationPublisher:
@@ -38,43 +43,115 @@ class ObservationPublisher:
         self._pose.publish(to_pose_stamped(observation.pose, observation.time_s))
 
 
-def subscribe_observations(
-    node: SerdNode[Any],
-    control_period_s: float,
-    callback: Callable[[Observation], None],
-    *,
-    needs_people: bool = True,
-) -> ObservationInbox:
-    """Call back with every observation whose parts have arrived; the inbox is returned.
+class ObservationSource:
+    """Calls back with every observation whose parts have arrived, and reports what is missing.
 
     `node.clock_jumped` is called before an observation after a jump; late ones are left out.
-    needs_people: False for who finds people without `pedestrians`, which need not exist then.
+    needs_people: False for nodes that find people without their topic, or need none.
     """
-    inbox = ObservationInbox(control_period_s, needs_people=needs_people)
-    clock = StampClock()
 
-    def pass_on(observation: Observation | None) -> None:
-        if observation is None:
+    def __init__(
+        self,
+        node: SerdNode[Any],
+        control_period_s: float,
+        callback: Callable[[Observation], None],
+        *,
+        needs_people: bool = True,
+        localisation: LocalisationConfig | None = None,
+    ) -> None:
+        config = localisation if localisation is not None else LocalisationConfig()
+        tolerance_s = config.stamp_tolerance_s
+        self._node, self._callback = node, callback
+        self._inbox = ObservationInbox(
+            control_period_s, needs_people=needs_people, tolerance_s=tolerance_s
+        )
+        self._tolerance_s = tolerance_s
+        self._clock, self._soonest_s = StampClock(), _SOONEST * control_period_s
+        self._last_s: float | None = None
+        self._received_wall_s = node.wall_s()
+        self._is_silent = False
+        self._localisation = LOCALISATIONS[config.pose_from](node, self._take_pose)
+        node.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
+        self._people: PeopleTopic | None = None
+        if needs_people:
+            self._people = PeopleTopic(node, config.people_topic, self._on_people)
+        else:  # publishers wait for it, as for those of all nodes
+            node.create_subscription(PointCloud2, config.people_topic, lambda _: None, qos.STATE)
+        node.create_timer(_LOOK_PERIOD_S, self._look, clock=node.wall_clock)
+
+    def _take_pose(self, time_ns: int, pose: PlanarPose) -> None:
+        self._pass_on(self._inbox.take_pose(time_ns, pose))
+
+    def _on_odometry(self, message: Odometry) -> None:
+        time_ns, pose, speeds = from_odometry(message, self._node.frames)
+        self._pass_on(self._inbox.take_speeds(time_ns, speeds))
+        self._localisation.take_odometry(time_ns, pose)
+
+    def _on_people(self, time_ns: int, people: People) -> None:
+        self._pass_on(self._inbox.take_people(time_ns, people))
+
+    def _pass_on(self, observation: Observation | None) -> None:
+        if observation is None or self._is_too_soon(observation):
             return
-        jump = clock.advance(round(observation.time_s * 1e9))
+        jump = self._clock.advance(round(observation.time_s * 1e9))
         if jump is Jump.LATE:
             return
+        self._last_s, self._received_wall_s = observation.time_s, self._node.wall_s()
         if jump is not Jump.NONE:
-            node.clock_jumped(jump)
-        callback(observation)
+            self._node.clock_jumped(jump)
+        self._callback(observation)
 
-    def on_pose(message: PoseStamped) -> None:
-        pass_on(inbox.take_pose(*from_pose_stamped(message)))
+    def _is_too_soon(self, observation: Observation) -> bool:
+        if not self._tolerance_s or self._last_s is None:
+            return False
+        return 0.0 <= observation.time_s - self._last_s < self._soonest_s
 
-    def on_odometry(message: Odometry) -> None:
-        time_ns, _, speeds = from_odometry(message)
-        pass_on(inbox.take_speeds(time_ns, speeds))
+    def _look(self) -> None:
+        """Report what is missing in the log and on `diagnostics`, there once more at its end."""
+        silent_s = self._node.wall_s() - self._received_wall_s
+        due = silent_s > _SILENCE_S and not self._may_wait()
+        was_silent, self._is_silent = self._is_silent, due
+        if self._is_silent:
+            missing = "; ".join(self._missing()) or "nothing has come since"
+            text = f"no observation for {silent_s:.0f} s: {missing}"
+            self._node.get_logger().warning(text, throttle_duration_sec=_LOG_PERIOD_S)
+            self._report(missing, silent_s)
+        elif was_silent:
+            self._report("", silent_s)
 
-    def on_people(message: PointCloud2) -> None:
-        if needs_people:
-            pass_on(inbox.take_people(*from_people_message(message)))
+    def _may_wait(self) -> bool:
+        """Whether nothing at all comes of a simulator, which may not have begun or be paused."""
+        missing = self._inbox.missing()
+        return not self._tolerance_s and (not missing or set(missing.values()) == {None})
 
-    node.create_subscription(PoseStamped, topics.ROBOT_POSE, on_pose, qos.STATE)
-    node.create_subscription(Odometry, topics.ODOM, on_odometry, qos.STATE)
-    node.create_subscription(PointCloud2, topics.PEDESTRIANS, on_people, qos.STATE)
-    return inbox
+    def _report(self, missing: str, silent_s: float) -> None:
+        self._node.report_part(
+            "observation", {"silent_s": silent_s}, level=WARN if missing else OK, message=missing
+        )
+
+    def _missing(self) -> list[str]:
+        """What keeps an observation from being made, one phrase each."""
+        pose_topic = self._localisation.topic
+        people_topic = self._people.name if self._people else ""
+        names = {"pose": pose_topic, "odom": topics.ODOM, "people": people_topic}
+        found, missing = [], self._inbox.missing()
+        fault = self._localisation.fault()
+        if fault and "pose" not in missing:
+            return [fault]  # the pose there was, beside which other parts are newer
+        for part, older_s in missing.items():
+            topic = names[part]
+            if older_s is not None:
+                side = "older" if older_s > 0 else "newer"
+                found.append(
+                    f"{topic} is {abs(older_s):.3f} s {side} than {pose_topic}; at most"
+                    f" stamp_tolerance_s = {self._tolerance_s:g} is allowed"
+                )
+            elif not self._node.count_publishers(topic):
+                found.append(f"{topic} has no publisher")
+            elif part == "pose" and fault:
+                found.append(fault)
+            elif part == "people" and self._people and self._people.fault:
+                found.append(self._people.fault)
+            else:
+                found.append(f"{topic} has a publisher, but no usable message has come")
+        return found

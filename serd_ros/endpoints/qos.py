@@ -4,6 +4,8 @@ No message may be lost in lock-step, so the state topics are reliable and deep: 
 machine may lag behind a world that runs many times faster than real time.
 """
 
+from collections.abc import Iterable
+
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from bags.rosbag2.qos import QosProfile
@@ -90,4 +92,40 @@ def replay_qos(recorded: QosProfile) -> QoSProfile:
         depth=recorded.depth if latched else max(recorded.depth, STATE_DEPTH),
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def common_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
+    """The strictest profile that matches every one of the publishers."""
+    profiles = tuple(offered)
+    reliable = all(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles)
+    latched = all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles)
+    return QoSProfile(
+        depth=STATE_DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def requests_too_much(requested: QoSProfile, offered: QoSProfile) -> bool:
+    """Whether a reader with the first profile does not match a publisher with the second."""
+    resends = (
+        requested.reliability == ReliabilityPolicy.RELIABLE
+        and offered.reliability != ReliabilityPolicy.RELIABLE
+    )
+    return resends or (
+        requested.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        and offered.durability != DurabilityPolicy.TRANSIENT_LOCAL
+    )
+
+
+def less_demanding(requested: QoSProfile, offered: QoSProfile) -> QoSProfile:
+    """The requested profile with no more than what is offered."""
+    reliable = offered.reliability == ReliabilityPolicy.RELIABLE
+    latched = offered.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    return QoSProfile(
+        history=requested.history,
+        depth=requested.depth,
+        reliability=requested.reliability if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=requested.durability if latched else DurabilityPolicy.VOLATILE,
     )

@@ -23,6 +23,7 @@ class ReplayPublishers:
     """skipped: topics whose messages are not CDR, or of which there is no class; their types."""
 
     def __init__(self, node: Node, topics: Iterable[Topic]) -> None:
+        self._node = node
         self.skipped: dict[str, str] = {}
         self._of: dict[str, Publisher] = {}
         self._n_unconfirmed: Counter[str] = Counter()
@@ -58,6 +59,12 @@ class ReplayPublishers:
         """Wait until everything has arrived."""
         for topic in list(self._n_unconfirmed):
             self._confirm(topic)
+
+    def close(self) -> None:
+        """End all topics."""
+        for publisher in self._of.values():
+            self._node.destroy_publisher(publisher)
+        self._of.clear()
 
     def _confirm(self, topic: str) -> None:
         self._n_unconfirmed[topic] = 0

@@ -3,14 +3,20 @@
 from nav_msgs.msg import OccupancyGrid
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import Imu, LaserScan, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-from serd_ros.convert.markers import to_people_markers
-from serd_ros.convert.sensors import to_occupancy_grid, to_scan
+from serd_ros.convert.markers import to_obstacle_markers, to_people_markers
+from serd_ros.convert.sensors import (
+    to_bumper_message,
+    to_imu_message,
+    to_occupancy_grid,
+    to_scan,
+)
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationPublisher
+from serd_ros.endpoints.transforms import TransformPublisher
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.process.serd_node import SerdNode
 from sim.crowd.social_force import model_named
@@ -20,16 +26,26 @@ from sim.world.world import HallwayWorld
 
 
 class WorldPublisher:
-    """Publishes the world's present state; scan and markers only while there are subscribers."""
+    """Publishes the world's present state.
+
+    Scan, IMU and markers only while there are subscribers; the bumper only while it is touched.
+    n_clocks: messages of the clock so far.
+    """
 
     def __init__(self, node: SerdNode[HallwaySimConfig], world: HallwayWorld) -> None:
-        self._node, self._world = node, world
+        self._node, self._world, self.n_clocks = node, world, 0
         self._clock = node.create_publisher(Clock, topics.CLOCK, qos.CLOCK)
         self._observation = ObservationPublisher(node)
         self._scan: Publisher = node.create_publisher(LaserScan, topics.SCAN, qos.STATE)
+        self._imu: Publisher = node.create_publisher(Imu, topics.IMU, qos.STATE)
+        self._bumper = node.create_publisher(PointCloud2, topics.BUMPER, qos.STATE)
         self._people: Publisher = node.create_publisher(
             MarkerArray, topics.MARKERS_PEOPLE, qos.STATE
         )
+        self._obstacles: Publisher = node.create_publisher(
+            MarkerArray, topics.MARKERS_OBSTACLES, qos.STATE
+        )
+        self._transforms = TransformPublisher(node) if node.config.publish_tf else None
         self._map = node.create_publisher(OccupancyGrid, topics.MAP, qos.LATCHED)
         self._map.publish(to_occupancy_grid(world.map_raster(), 0.0))
         model = model_named(world.scenario.pedestrians.model)
@@ -38,12 +54,27 @@ class WorldPublisher:
     def publish(self) -> None:
         """Send the world as it is now."""
         observation = self._world.observation
+        self.n_clocks += 1
         self._clock.publish(Clock(clock=to_stamp(observation.time_s)))
         if self._world.is_scan_tick:
             self._publish_rarely(observation)
         if is_decision_tick(observation, self._world.scenario) or self._world.in_goal:
             self.report()
+        self._publish_body(observation.time_s)
+        if self._transforms is not None:
+            self._transforms.publish(
+                observation.pose, self._world.odometry_pose, observation.time_s
+            )
         self._observation.publish(observation, self._world.odometry_pose)
+
+    def _publish_body(self, time_s: float) -> None:
+        """Send IMU and bumper."""
+        if self._imu.get_subscription_count():
+            scenario = self._world.scenario
+            period_s = scenario.control_period_s
+            self._imu.publish(to_imu_message(self._world.imu, scenario.imu, period_s, time_s))
+        if touches := self._world.bumper:
+            self._bumper.publish(to_bumper_message(touches, time_s))
 
     def _publish_rarely(self, observation: Observation) -> None:
         if self._scan.get_subscription_count():
@@ -53,6 +84,10 @@ class WorldPublisher:
             self._people.publish(
                 to_people_markers(observation.people, self._person_radius_m, observation.time_s)
             )
+
+        if self._world.obstacle_poses and self._obstacles.get_subscription_count():
+            outlines_m = self._world.obstacle_outlines_m
+            self._obstacles.publish(to_obstacle_markers(outlines_m, observation.time_s))
 
     def report(self) -> None:
         """Send contacts and distances of the running episode on `diagnostics`."""

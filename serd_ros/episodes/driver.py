@@ -13,7 +13,8 @@ from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import END, START, from_world_report
 from serd_ros.convert.stamp import Jump, stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.observation import subscribe_observations
+from serd_ros.endpoints.observation import ObservationSource
+from serd_ros.endpoints.worlds import several_worlds
 from serd_ros.episodes.starter import EpisodeStarter
 from serd_ros.graph.configs import DriverConfig
 from serd_ros.process.progress import Progress, write_progress
@@ -23,11 +24,15 @@ from sim.episodes.progress import Ending, EpisodeProgress
 from sim.episodes.result import EpisodeStart, observed_result
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.world.observation import Observation
-from sim.world.waypoint import is_decision_tick
+from sim.world.waypoint import DecisionClock
 from storage.episode_table import EpisodeResult, save_episodes
 
 Config = TypeVar("Config", bound=DriverConfig)
 _CLOCK_ROUNDING_S = 1e-6
+#: Without a reset, an episode begins with an observation of at most this wall time ago (s), or of
+#: two control periods where these are longer.
+_FRESH_S = 0.5
+_LOOK_PERIOD_S = 1.0
 
 
 class EpisodeDriverNode(SerdNode[Config]):
@@ -39,8 +44,10 @@ class EpisodeDriverNode(SerdNode[Config]):
         self.driver: Driver = self.make_driver()
         self._results: list[EpisodeResult] = []
         self._running: EpisodeStart | None = None
+        self._observation: Observation | None = None
         self._progress: EpisodeProgress | None = None
-        self._waiting: Observation | None = None
+        #: With the wall time at which it came.
+        self._waiting: tuple[Observation, float] | None = None
         self._decision: tuple[int, Action] | None = None
         self._ending: tuple[Ending, Observation] | None = None
         self._reason = ""
@@ -50,7 +57,14 @@ class EpisodeDriverNode(SerdNode[Config]):
         self.create_subscription(
             DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
         )
-        subscribe_observations(self, self.scenario.control_period_s, self._on_observation)
+        self._periods = DecisionClock(self.scenario)
+        ObservationSource(
+            self,
+            self.scenario.control_period_s,
+            self._on_observation,
+            needs_people=self.needs_people,
+            localisation=self.config,
+        )
         self._starter = EpisodeStarter(
             self,
             self.config.required_nodes,
@@ -58,8 +72,10 @@ class EpisodeDriverNode(SerdNode[Config]):
             on_start=self._begin_episode,
             on_wait=self._log_waiting,
             needs_reset=self.resets_world,
+            world_topics=self._world_topics(),
         )
         self._starter.wait()
+        self.create_timer(_LOOK_PERIOD_S, self._look_for_other_worlds, clock=self.wall_clock)
 
     @abstractmethod
     def make_driver(self) -> Driver:
@@ -90,6 +106,24 @@ class EpisodeDriverNode(SerdNode[Config]):
             self._waiting = self._world_report = None
             self._starter.wait()
 
+    def _world_topics(self) -> list[str]:
+        """The topics of a world that this node depends on."""
+        follows_clock = self.resets_world or self.get_parameter("use_sim_time").value
+        takes_pose = self.config.pose_from == topics.ROBOT_POSE
+        return [topics.CLOCK] * bool(follows_clock) + [topics.ROBOT_POSE] * takes_pose
+
+    def _look_for_other_worlds(self) -> None:
+        """Discard the episode while several nodes publish the world; another one begins after."""
+        several = several_worlds(self, self._world_topics()) if self.driving else ""
+        if not several:
+            return
+        self.get_logger().error(f"there must be {several}; the episode is discarded")
+        if self._observation is not None and self._progress is not None:
+            self._mark(END, self._observation, "discarded")
+        self._clear()
+        self._waiting = None
+        self._starter.wait()
+
     def _log_waiting(self, missing: str) -> None:
         if missing != self._waited_for:
             self._waited_for = missing
@@ -110,6 +144,11 @@ class EpisodeDriverNode(SerdNode[Config]):
     def driving(self) -> bool:
         """Whether an episode is running."""
         return self._running is not None
+
+    @property
+    def needs_people(self) -> bool:
+        """Whether decisions depend on people."""
+        return True
 
     @property
     def resets_world(self) -> bool:
@@ -137,12 +176,18 @@ class EpisodeDriverNode(SerdNode[Config]):
         self._running = episode
         self.driver.begin(episode.episode)
         if self._waiting is not None:
-            self._on_observation(self._waiting)
+            observation, received_s = self._waiting
+            self._waiting = None
+            # A world that was reset stands until its first observation is answered.
+            fresh_s = max(_FRESH_S, 2 * self.scenario.control_period_s)
+            if self.resets_world or self.wall_s() - received_s <= fresh_s:
+                self._on_observation(observation)
 
     def _on_observation(self, observation: Observation) -> None:
         """Follow the episode; an observation may come before the reply that begins it."""
+        self._observation = observation
         if self._running is None:
-            self._waiting = observation
+            self._waiting = observation, self.wall_s()
             return
         self._waiting = None
         earlier = observation.time_s < self._running.start_s - _CLOCK_ROUNDING_S
@@ -155,11 +200,12 @@ class EpisodeDriverNode(SerdNode[Config]):
         if ending is not None:
             self._ending = ending, observation
             self._finish_when_reported()
-        elif is_decision_tick(observation, self.scenario):
+        elif self._periods.begins(observation):
             self._decide(observation)
 
     def _start(self, observation: Observation) -> None:
         self._progress = EpisodeProgress(self.scenario, observation, self.config.timeout_s)
+        self._periods.begin()
         self._started_wall_s = self.wall_s()
         self._mark(START, observation)
 

@@ -24,14 +24,14 @@ from serd_ros.convert.command import to_intent, to_twist
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.observation import subscribe_observations
+from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.episodes.person_episodes import PersonEpisodes
 from serd_ros.graph.configs import HandDriverConfig
 from serd_ros.process.serd_node import SerdNode
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation
-from sim.world.waypoint import is_decision_tick
+from sim.world.waypoint import DecisionClock
 from teleop.keyboard import DirectionChoice, Mode
 
 Config = TypeVar("Config", bound=HandDriverConfig)
@@ -61,6 +61,8 @@ class HandDriverNode(SerdNode[Config]):
             on_end=self.stop_moving,
         )
         self._was_present = self._is_driving = self._is_moving = self._is_e_stopped = False
+        # Between the key of the emergency stop and the mux's answer a tap must not drive.
+        self._wants_stop = False
         self._is_driven, self._beat_s = False, self.wall_s()
         self._received_s: dict[str, float] = {}
         self._is_silent = False
@@ -70,7 +72,9 @@ class HandDriverNode(SerdNode[Config]):
         self._e_stop = self.create_publisher(Bool, topics.E_STOP, qos.COMMAND)
         self._override = self.create_publisher(Bool, topics.GUARD_OVERRIDE, qos.COMMAND)
         self._is_guarded = True
-        subscribe_observations(self, self.scenario.control_period_s, self._on_observation)
+        self._periods = DecisionClock(self.scenario)
+        self._periods.begin(0)
+        ObservationSource(self, self.scenario.control_period_s, self._on_observation)
         self.create_subscription(
             DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
         )
@@ -94,12 +98,16 @@ class HandDriverNode(SerdNode[Config]):
         self.stop_moving()
         if jump is Jump.BACKWARD:
             self.notify("the clock fell back: a new session begins")
+            self._periods.begin(0)
             self.episodes.begin_session()
 
     def set_e_stop(self, engaged: bool) -> None:
         """Engage the emergency stop, or release it."""
+        self._wants_stop = engaged and not self._is_e_stopped
         if engaged:
             self.stop_moving()
+        else:
+            self.discard_input()
         self._e_stop.publish(Bool(data=engaged))
 
     def set_mode(self, mode: Mode) -> None:
@@ -167,6 +175,8 @@ class HandDriverNode(SerdNode[Config]):
 
     def _on_e_stop(self, message: Bool) -> None:
         was_stopped, self._is_e_stopped = self._is_e_stopped, bool(message.data)
+        if self._is_e_stopped or was_stopped:
+            self._wants_stop = False
         if self._is_e_stopped:
             self.stop_moving()
         elif was_stopped:
@@ -178,11 +188,12 @@ class HandDriverNode(SerdNode[Config]):
         self.observation = observation
         self._received_s["world"] = self.wall_s()
         self.episodes.see(observation)
-        if self.mode == "directions" and is_decision_tick(observation, self.scenario):
+        if self._periods.begins(observation) and self.mode == "directions":
             self._decide(observation)
 
     def _decide(self, observation: Observation) -> None:
-        if not self._was_present or self._is_e_stopped or self.episodes.other_driver:
+        is_stopped = self._is_e_stopped or self._wants_stop
+        if not self._was_present or is_stopped or self.episodes.other_driver:
             return
         action = self.choice.decide()
         chosen = action != Action.WAIT

@@ -1,65 +1,103 @@
 """The state that the page shows: world, intent, waypoint, episode, mux, recorder and learner."""
 
-from typing import Any
+import math
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, ClassVar
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, Vector3Stamped
+from geometry_msgs.msg import Vector3Stamped
 from numpy.typing import NDArray
-from sensor_msgs.msg import LaserScan
 
 from serd_core.grid.grid import Action, Grid
 from serd_ros.convert.command import from_intent
-from serd_ros.convert.diagnostics import from_learner_report, values_of
-from serd_ros.convert.pose import from_waypoint_message
-from serd_ros.convert.sensors import from_scan
-from serd_ros.endpoints import qos, topics
+from serd_ros.convert.diagnostics import (
+    START,
+    EpisodeMark,
+    from_episode_message,
+    from_learner_report,
+    values_of,
+)
+from serd_ros.convert.markers import from_obstacle_markers
+from serd_ros.convert.pose import from_odometry, from_pose_stamped, from_waypoint_message
+from serd_ros.convert.sensors import from_people_message, from_scan
+from serd_ros.endpoints import topics
+from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.episodes.person_episodes import PersonEpisodes
 from serd_ros.process.serd_node import SerdNode
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario
-from sim.world.observation import Observation
+from sim.world.observation import NO_PEOPLE, Observation, Pose, make_observation
 from sim.world.waypoint import Waypoint, waypoint_of_intent
 from teleop.page.view import point, word, world_state
+from teleop.session import EpisodeTally
 
 _SHOWN = ("teleop_mux", "guard", "demo_recorder")
 _STALE_S = 1.0
 
 
 class PageView:
-    """Subscribes to what the front end itself does not need, and composes the state."""
+    """Composes the state from the messages of topics, of ROS or decoded from a bag."""
 
-    def __init__(self, node: SerdNode[Any], scenario: Scenario) -> None:
+    #: The topics that are shown.
+    topics: ClassVar[tuple[str, ...]] = (
+        topics.SCAN,
+        topics.INTENT,
+        topics.WAYPOINT,
+        topics.MARKERS_OBSTACLES,
+        topics.DIAGNOSTICS,
+    )
+
+    def __init__(self, scenario: Scenario) -> None:
         self.grid: Grid = grid_of(scenario)
-        self._node, self._scenario = node, scenario
+        self._scenario = scenario
         self._observation: Observation | None = None
-        self._seen_wall_s = node.wall_s()
+        self._shown: Observation | None = None
+        self._seen_wall_s = -math.inf
         self._ranges: NDArray[np.float32] | None = None
+        self._obstacles_m: list[list[tuple[float, float]]] = []
         self._action = Action.WAIT
         self._waypoint: Waypoint | None = None
         self._health: dict[str, dict[str, str]] = {}
         self._next_start: tuple[float, float] | None = None
-        node.create_subscription(LaserScan, topics.SCAN, self._on_scan, qos.STATE)
-        node.create_subscription(Vector3Stamped, topics.INTENT, self._on_intent, qos.STATE)
-        node.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.STATE)
-        node.create_subscription(
-            DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
-        )
 
-    def state(self, observation: Observation | None, episodes: PersonEpisodes) -> dict[str, Any]:
+    def subscribe(self, node: SerdNode[Any]) -> None:
+        """Take the messages that a node receives on the topics."""
+        for topic in self.topics:
+            kind = topic_type(topic, stamped_cmd_vel=False)
+            node.create_subscription(kind.message, topic, partial(self.take, topic), kind.qos)
+
+    def take(self, topic: str, message: Any) -> None:
+        """Take a message of one of the topics; MessageError where it breaks a rule."""
+        if topic == topics.SCAN:
+            _, self._ranges = from_scan(message, self._scenario.lidar)
+        elif topic == topics.INTENT:
+            self._take_intent(message)
+        elif topic == topics.WAYPOINT:
+            _, self._waypoint = from_waypoint_message(message)
+        elif topic == topics.MARKERS_OBSTACLES:
+            self._obstacles_m = from_obstacle_markers(message)
+        elif topic == topics.DIAGNOSTICS:
+            self._take_diagnostics(message)
+
+    def state(
+        self, observation: Observation | None, episode: Mapping[str, Any], wall_s: float
+    ) -> dict[str, Any]:
         """Everything the page needs to draw itself."""
-        now_s = self._node.wall_s()
-        if observation is not self._observation:
-            self._observation, self._seen_wall_s = observation, now_s
+        self._observation = observation
+        if observation is not self._shown:
+            self._shown, self._seen_wall_s = observation, wall_s
         ranges, self._ranges = self._ranges, None
         world = None if observation is None else world_state(observation, self._scenario, ranges)
         return {
             "type": "state",
             "world": world,
-            "is_stale": observation is None or now_s - self._seen_wall_s > _STALE_S,
+            "is_stale": observation is None or wall_s - self._seen_wall_s > _STALE_S,
+            "obstacles_m": self._obstacles_m,
             "action": word(self._action),
             "waypoint": point(self._waypoint),
-            "episode": _episode_values(episodes),
+            "episode": episode,
             "mux": self._health.get("teleop_mux"),
             "guard": self._health.get("guard"),
             "recorder": self._health.get("demo_recorder"),
@@ -70,7 +108,7 @@ class PageView:
         """Discard what was received before a jump of the clock."""
         self._ranges, self._waypoint, self._action = None, None, Action.WAIT
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+    def _take_diagnostics(self, message: DiagnosticArray) -> None:
         for name in _SHOWN:
             values = values_of(message, name)
             if values is not None:
@@ -78,22 +116,94 @@ class PageView:
         if "converged" in (values_of(message, "learner") or {}):  # a fit has ended
             self._next_start = from_learner_report(message)
 
-    def _on_scan(self, message: LaserScan) -> None:
-        _, self._ranges = from_scan(message, self._scenario.lidar)
-
-    def _on_intent(self, message: Vector3Stamped) -> None:
+    def _take_intent(self, message: Vector3Stamped) -> None:
         _, self._action = from_intent(message)
         if self._observation is not None:
             waits = self._action == Action.WAIT
             target = waypoint_of_intent(self.grid, self._observation, self._action)
             self._waypoint = None if waits else target
 
-    def _on_waypoint(self, message: PoseStamped) -> None:
-        _, self._waypoint = from_waypoint_message(message)
+
+class WatchView(PageView):
+    """The state of a world that others drive: robot, people and episodes as their topics have them.
+
+    The newest message of each topic is shown; a robot without `pedestrians` or `odom` is shown too.
+    """
+
+    topics: ClassVar[tuple[str, ...]] = (
+        *PageView.topics,
+        topics.ROBOT_POSE,
+        topics.ODOM,
+        topics.PEDESTRIANS,
+        topics.EPISODE,
+    )
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario)
+        self._people, self._speeds = NO_PEOPLE, (0.0, 0.0)
+        self._mark: EpisodeMark | None = None
+        self._began_s = self._ended_s = 0.0
+        self._tally = EpisodeTally()
+        self._n_decisions = 0
+
+    def take(self, topic: str, message: Any) -> None:
+        """Take a message of one of the topics; MessageError where it breaks a rule."""
+        super().take(topic, message)
+        if topic == topics.ROBOT_POSE:
+            self._observation = self._observed(*from_pose_stamped(message))
+        elif topic == topics.ODOM:
+            _, _, self._speeds = from_odometry(message)
+        elif topic == topics.PEDESTRIANS:
+            _, self._people = from_people_message(message)
+        elif topic == topics.EPISODE:
+            self._take_mark(from_episode_message(message))
+        elif topic == topics.INTENT:
+            self._n_decisions += 1
+
+    def watched_state(self, wall_s: float) -> dict[str, Any]:
+        """What the page draws, without a driver."""
+        state = self.state(self._observation, self._episode_values(), wall_s)
+        return {**state, "page": 0, "there": False, "mode": "", "choice": "wait"}
+
+    def _observed(self, time_ns: int, pose: Pose) -> Observation:
+        time_s = time_ns * 1e-9
+        return make_observation(
+            time_s=time_s,
+            tick=round(time_s / self._scenario.control_period_s),
+            pose=pose,
+            speed_mps=self._speeds[0],
+            yaw_rate_radps=self._speeds[1],
+            people_position_m=self._people.position_m,
+            people_velocity_mps=self._people.velocity_mps,
+            people_id=self._people.identity,
+        )
+
+    def _take_mark(self, mark: EpisodeMark) -> None:
+        self._mark = mark
+        self._tally.add(mark.event, mark.episode, mark.driver, mark.outcome)
+        if mark.event == START:
+            self._began_s, self._n_decisions = mark.time_s, 0
+        else:
+            self._ended_s = mark.time_s
+
+    def _episode_values(self) -> dict[str, Any]:
+        mark, is_running = self._mark, self._tally.running is not None
+        now_s = self._observation.time_s if self._observation is not None else self._began_s
+        until_s = now_s if is_running else self._ended_s
+        return {
+            "phase": "idle" if mark is None else "running" if is_running else "ended",
+            "number": None if mark is None else mark.episode,
+            "outcome": "" if mark is None else mark.outcome,
+            "duration_s": round(max(0.0, until_s - self._began_s), 1),
+            "decisions": self._n_decisions,
+            "other_driver": mark.driver if mark is not None and is_running else "",
+            **_counts(self._tally),
+        }
 
 
-def _episode_values(episodes: PersonEpisodes) -> dict[str, Any]:
-    session, tally = episodes.session, episodes.tally
+def episode_values(episodes: PersonEpisodes) -> dict[str, Any]:
+    """The episode of the person at the page, and the counts of all."""
+    session = episodes.session
     return {
         "phase": session.phase,
         "number": episodes.number,
@@ -101,7 +211,9 @@ def _episode_values(episodes: PersonEpisodes) -> dict[str, Any]:
         "duration_s": round(session.duration_s, 1),
         "decisions": episodes.n_decisions,
         "other_driver": episodes.other_driver,
-        "kept": tally.kept,
-        "arrived": tally.arrived,
-        "discarded": tally.discarded,
+        **_counts(episodes.tally),
     }
+
+
+def _counts(tally: EpisodeTally) -> dict[str, int]:
+    return {"kept": tally.kept, "arrived": tally.arrived, "discarded": tally.discarded}

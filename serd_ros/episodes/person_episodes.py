@@ -109,7 +109,9 @@ class PersonEpisodes:
         mark = from_episode_message(message)
         self.tally.add(mark.event, mark.episode, mark.driver, mark.outcome)
         if mark.event == END:
-            took = f" after {self.session.duration_s:.1f} s" if mark.episode == self.number else ""
-            self._notify(f"episode {mark.episode} {mark.outcome}{took}; so far {self.tally}")
+            own = mark.episode == self.number
+            took = f" after {self.session.duration_s:.1f} s" if own else ""
+            late = " for it timed out (save keeps it)" if own and self.session.timed_out else ""
+            self._notify(f"episode {mark.episode} {mark.outcome}{took}{late}; so far {self.tally}")
         else:
             self._notify(f"episode {mark.episode} of {mark.driver} has begun")

@@ -13,6 +13,7 @@ from std_srvs.srv import Trigger
 
 from serd_ros.convert.diagnostics import EpisodeMark, to_episode_message
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.worlds import WORLD_TOPICS, several_worlds
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode
 from sim.episodes.result import EpisodeStart
@@ -24,7 +25,8 @@ _LOOK_AGAIN_S = 0.05
 
 class EpisodeStarter:
     """on_ready: called when an episode may begin; on_start: with each episode that the world
-    begins; on_wait: with what is missing, at each look. needs_reset: whether the world is reset.
+    begins; on_wait: with what is missing, at each look. needs_reset: whether the world is reset;
+    world_topics: those that must not have several publishers.
     """
 
     def __init__(
@@ -36,9 +38,10 @@ class EpisodeStarter:
         on_start: Callable[[EpisodeStart], None],
         on_wait: Callable[[str], None],
         needs_reset: bool = True,
+        world_topics: Sequence[str] = WORLD_TOPICS,
     ) -> None:
         self.episode: EpisodeStart | None = None
-        self._node, self._needs_reset = node, needs_reset
+        self._node, self._needs_reset, self._world_topics = node, needs_reset, world_topics
         self._on_ready, self._on_start, self._on_wait = on_ready, on_start, on_wait
         self._readiness = Readiness(node, required_nodes, node.wall_s())
         self._reset = node.create_client(Trigger, topics.RESET)
@@ -85,7 +88,8 @@ class EpisodeStarter:
         self._marks.publish(to_episode_message(mark))
 
     def _continue_when_ready(self) -> None:
-        missing = self._readiness.missing(self._node.wall_s())
+        several = several_worlds(self._node, self._world_topics)
+        missing = several or self._readiness.missing(self._node.wall_s())
         if not missing and self._needs_reset and not self._reset.service_is_ready():
             missing = "the reset service"
         if missing:

@@ -1,9 +1,9 @@
 """The parameters of each node: name, type, default, unit, range and description."""
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
-from bags.recorder import RecorderSettings
+from bags.recorder_settings import RecorderSettings
 from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.settings import NavigationSettings
 from sim.drivers.catalogue import driver_names
@@ -22,7 +22,9 @@ _NONE = ("",)
 
 
 class NodeConfig(StrictModel):
-    """The parameters of a node."""
+    """The parameters of a node. changeable: those that can be set while it runs."""
+
+    changeable: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -31,7 +33,17 @@ class NodeConfig(StrictModel):
         return {name: field.default for name, field in cls.model_fields.items()}
 
 
-class HallwaySimConfig(NodeConfig):
+class FramesConfig(NodeConfig):
+    """The frames of the robot."""
+
+    frame_prefix: str = setting(
+        "",
+        'before the frames base_link and odom, as "robot1/"; robots whose frames meet on one /tf'
+        " need it",
+    )
+
+
+class HallwaySimConfig(FramesConfig):
     """Parameters of hallway_sim."""
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
@@ -51,16 +63,43 @@ class HallwaySimConfig(NodeConfig):
     command_timeout_s: float = setting(
         0.5, "stop the robot after this time without a command", unit="s", gt=0, le=0.5
     )
+    publish_tf: bool = setting(False, "publish map -> odom -> base_link on tf")
     required_nodes: tuple[str, ...] = setting(_NONE, "reset fails until these nodes subscribe")
 
 
-class LocalPlannerConfig(PlannerSettings, NodeConfig):
+class LocalisationConfig(FramesConfig):
+    """How nodes put observations of the robot together."""
+
+    pose_from: Literal["robot_pose", "amcl_pose", "tf"] = setting(
+        "robot_pose",
+        "pose of the robot in the map: the topic robot_pose; the topic amcl_pose, carried on by"
+        " odom; or base_link in map by /tf",
+    )
+    stamp_tolerance_s: float = setting(
+        0.0,
+        "pose, odom and pedestrians belong together when their stamps differ by at most this; 0:"
+        " they have one stamp, as in a simulator",
+        unit="s",
+        ge=0,
+        le=2,
+    )
+    people_topic: str = setting(
+        "pedestrians",
+        "topic of people: PointCloud2 as hallway_sim publishes it, people_msgs/People,"
+        " TrackedPersons of spencer_tracking_msgs, or vision_msgs/Detection3DArray",
+        min_length=1,
+    )
+
+
+class LocalPlannerConfig(PlannerSettings, LocalisationConfig):
     """Parameters of local_planner; those of `PlannerSettings` default to the scenario's."""
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
     planner: str = setting_of(WorldSettings, "planner")
-    people_from: Literal["given", "scan"] = setting(
-        "given", "given: people come from the topic pedestrians; scan: from the lidar's scans"
+    people_from: Literal["given", "scan", "none"] = setting(
+        "given",
+        "given: people come from the topic pedestrians; scan: from the lidar's scans; none: people"
+        " are not considered",
     )
     lockstep: bool = setting_of(
         HallwaySimConfig, "lockstep", description="answer every observation with one command"
@@ -92,13 +131,20 @@ class LocalPlannerConfig(PlannerSettings, NodeConfig):
         return load_scenario(self.scenario).with_local_planner(planner)
 
 
-class GuardConfig(GuardSettings, NodeConfig):
+class GuardConfig(GuardSettings, FramesConfig):
     """Parameters of guard; those of `GuardSettings` default to the scenario's robot."""
 
     scenario: str = setting(
         "", "built-in scenario or file whose robot is guarded; any other robot when empty"
     )
-    people_from: Literal["given", "scan"] = setting_of(LocalPlannerConfig, "people_from")
+    people_from: Literal["given", "scan", "none"] = setting_of(LocalPlannerConfig, "people_from")
+    people_topic: str = setting_of(LocalisationConfig, "people_topic")
+    scan_frame: str = setting(
+        "base_link",
+        "frame of scans whose lidar is at sensor_x, sensor_y and sensor_yaw; scans of other frames"
+        " need its transform on /tf",
+        min_length=1,
+    )
     lockstep: bool = setting_of(
         HallwaySimConfig, "lockstep", description="answer every command of that stamp with one"
     )
@@ -129,7 +175,7 @@ class GuardConfig(GuardSettings, NodeConfig):
         return GuardSettings(**{name: getattr(self, name) for name in GuardSettings.model_fields})
 
 
-class DriverConfig(EpisodeSettings, NodeConfig):
+class DriverConfig(EpisodeSettings, LocalisationConfig):
     """Parameters of the nodes that drive a series of episodes."""
 
     required_nodes: tuple[str, ...] = setting(
@@ -148,8 +194,16 @@ class ScriptedExpertConfig(DriverConfig):
 class StrategyConfig(NavigationSettings, DriverConfig):
     """Parameters of strategy."""
 
+    changeable: ClassVar[tuple[str, ...]] = ("goal", "model")
+
     reset: bool = setting(
         True, "reset the world before each episode; false: a goal starts one where the robot is"
+    )
+    people: int = setting(
+        -1,
+        "number of people that outcomes which depend on density are planned for; -1: as the"
+        " scenario has it",
+        ge=-1,
     )
 
 
@@ -163,11 +217,14 @@ class DemoRecorderConfig(NodeConfig):
             "odom",
             "robot_pose",
             "scan",
+            "imu",
+            "bumper",
             "pedestrians",
             "map",
             "cmd_vel",
             "intent",
             "waypoint",
+            "markers/obstacles",
             "episode",
         ),
         'topics of this stack, or any other as "/imu:sensor_msgs/msg/Imu" (in quotes), which is'
@@ -212,7 +269,9 @@ class BagReplayConfig(NodeConfig):
         10.0, "longest wait for subscribers when no node is required", unit="s", ge=0
     )
     keys: bool = setting(False, "space pauses, right steps, up and down change the rate")
-    exit_when_done: bool = setting(True, "end the process after the last message")
+    exit_when_done: bool = setting(
+        True, "end the process after the last message; else its topics end and the node stays"
+    )
 
 
 class LearnerConfig(LearningSettings, NodeConfig):
@@ -240,9 +299,14 @@ class LearnerConfig(LearningSettings, NodeConfig):
         " flow when empty",
     )
     exit_when_done: bool = setting(True, "with a bag: end the process when the model is learned")
+    exit_with_publishers: bool = setting(
+        False,
+        "live: end the process when nothing publishes what is learned from any more, or a replay"
+        " has finished, and all is learned; without a model with exit code 2",
+    )
 
 
-class Nav2BridgeConfig(NodeConfig):
+class Nav2BridgeConfig(FramesConfig):
     """Parameters of nav2_bridge."""
 
     mode: Literal["to_pose", "through_poses"] = setting(
@@ -252,10 +316,14 @@ class Nav2BridgeConfig(NodeConfig):
     waypoint_timeout_s: float = setting(
         5.0, "cancel Nav2's goal after this wall time without a waypoint", unit="s", gt=0
     )
-    publish_tf: bool = setting(True, "publish map -> odom -> base_link from robot_pose and odom")
+    publish_tf: bool = setting(
+        False,
+        "publish map -> odom -> base_link from robot_pose and odom; for simulated robots, since a"
+        " real one has its own",
+    )
 
 
-class TeleopMuxConfig(NodeConfig):
+class TeleopMuxConfig(FramesConfig):
     """Parameters of teleop_mux."""
 
     mux: str = setting("", "YAML file of inputs and locks as twist_mux has it; built in when empty")
@@ -286,7 +354,7 @@ class TeleopJoyConfig(NodeConfig):
     )
 
 
-class HandDriverConfig(NodeConfig):
+class HandDriverConfig(FramesConfig):
     """Parameters of the nodes through which a person drives."""
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
@@ -323,6 +391,15 @@ class TeleopPageConfig(HandDriverConfig):
     )
 
 
+class WatchPageConfig(FramesConfig):
+    """Parameters of watch_page."""
+
+    scenario: str = setting_of(EpisodeSettings, "scenario")
+    address: str = setting_of(TeleopPageConfig, "address")
+    port: int = setting_of(TeleopPageConfig, "port", default=8766)
+    token_file: str = setting_of(TeleopPageConfig, "token_file")
+
+
 CONFIGS: dict[str, type[NodeConfig]] = {
     "hallway_sim": HallwaySimConfig,
     "local_planner": LocalPlannerConfig,
@@ -337,4 +414,5 @@ CONFIGS: dict[str, type[NodeConfig]] = {
     "teleop_joy": TeleopJoyConfig,
     "teleop_keyboard": TeleopKeyboardConfig,
     "teleop_page": TeleopPageConfig,
+    "watch_page": WatchPageConfig,
 }

@@ -3,6 +3,7 @@
 No rclpy in here: the launcher, the ROS launch file and the pictures use it.
 """
 
+import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -17,6 +18,7 @@ from storage.yaml_config import StrictModel, load_yaml_model
 
 GRAPH_YAML = Path(__file__).with_name("graph.yaml")
 PACKAGE = "serd_ros"
+_NAMESPACE = re.compile(r"(/[A-Za-z_]\w*)+", re.ASCII)
 Parameters = dict[str, Any]
 
 
@@ -39,6 +41,7 @@ class Stack(StrictModel):
     parameters: of one node each; only `node.parameter` changes them, so that a name which means
     something else in another node (a bag played, a bag learned from) reaches the right one.
     remappings: for each node its topics that have another name in this stack.
+    required: parameters without which it cannot run.
     """
 
     about: str
@@ -46,6 +49,7 @@ class Stack(StrictModel):
     shared: dict[str, Any] = Field(default_factory=dict)
     parameters: dict[str, dict[str, Any]] = Field(default_factory=dict)
     remappings: dict[str, dict[str, str]] = Field(default_factory=dict)
+    required: tuple[str, ...] = ()
 
 
 class Graph(StrictModel):
@@ -61,6 +65,30 @@ class Graph(StrictModel):
                 if node not in self.nodes:
                     raise ValueError(f"stack {name} names node {node!r}; {hint(node, self.nodes)}")
         return self
+
+    def has_world(self, stack: Stack) -> bool:
+        """Whether a node of the stack publishes the clock, as a simulator and a replay do."""
+        return any("/clock" in self.nodes[node].publishes for node in stack.nodes)
+
+    def namespace_remappings(self, stack: Stack, namespace: str) -> dict[str, str]:
+        """What has a namespace in no name of its own: the clock of a world.
+
+        namespace: in full, as /robot1, or empty.
+        """
+        return {"/clock": f"{namespace}/clock"} if namespace and self.has_world(stack) else {}
+
+
+def full_namespace(name: str) -> str:
+    """The namespace with a slash before it, empty for none; NodeError for a name that is none."""
+    if not name.strip("/"):
+        return ""
+    full = f"/{name.strip('/')}"
+    if not _NAMESPACE.fullmatch(full):
+        raise NodeError(
+            "namespace must be letters, digits, _ and /, no part of it beginning with a digit,"
+            f" got {name!r}; write it as robot1"
+        )
+    return full
 
 
 @cache
@@ -81,14 +109,18 @@ def stack_parameters(stack: Stack, given: Mapping[str, Any]) -> dict[str, Parame
     """Parameters of each node of the stack: `shared`, the stack's own, then what was given.
 
     given: keys are a parameter's name, for every node that has it and to which the stack gives no
-    value of its own, or `node.parameter`. Raises NodeError for a name that reaches no node.
+    value of its own, or `node.parameter`. Raises NodeError for a name that reaches no node, or if a
+    required one is missing.
     """
+    for name in stack.required:
+        if not any(key.rpartition(".")[2] == name for key in given):
+            raise NodeError(f"parameter {name} must be given, for {stack.about}; add {name}:=VALUE")
     layers: dict[str, Parameters] = {
         node: {**_known(node, stack.shared), **stack.parameters.get(node, {})}
         for node in stack.nodes
     }
     for key, value in given.items():
-        for node, name in _addressees(stack, key):
+        for node, name in addressees(stack, key):
             layers[node][name] = value
     return layers
 
@@ -97,7 +129,8 @@ def _known(node: str, values: Mapping[str, Any]) -> Parameters:
     return {name: value for name, value in values.items() if name in CONFIGS[node].model_fields}
 
 
-def _addressees(stack: Stack, key: str) -> list[tuple[str, str]]:
+def addressees(stack: Stack, key: str) -> list[tuple[str, str]]:
+    """(node, parameter) that `parameter` or `node.parameter` sets; NodeError where it is none."""
     node, dot, name = key.rpartition(".")
     if dot:
         if node not in stack.nodes:

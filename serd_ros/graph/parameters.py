@@ -42,7 +42,9 @@ def read_config(node: Node, kind: str, config_class: type[Config]) -> Config:
             node.undeclare_parameter(each.name)
         value = getattr(config, each.name)
         plain = list(value) if isinstance(value, tuple) else value
-        node.declare_parameter(each.name, plain, descriptor_of(each), ignore_override=True)
+        descriptor = descriptor_of(each)
+        descriptor.read_only = each.name not in config_class.changeable
+        node.declare_parameter(each.name, plain, descriptor, ignore_override=True)
     return config
 
 
@@ -74,24 +76,22 @@ def descriptor_of(setting: Setting) -> ParameterDescriptor:
     return descriptor
 
 
-def accept_changes(node: Node, changes: Mapping[str, Callable[[Any], None]]) -> None:
-    """Call `changes[name](value)` when that parameter is set, and reject to set any other.
+def refusal_of(parameters: Sequence[Parameter], config_class: type[NodeConfig]) -> str:
+    """Why parameters cannot be set while the node runs; empty where they can."""
+    for name in (each.name for each in parameters):
+        if name in config_class.model_fields and name not in config_class.changeable:
+            return f"{name} is fixed while the node runs; start it again with -p {name}:=VALUE"
+    return ""
 
-    A SerdError raised by the call rejects the value.
-    """
+
+def accept_changes(node: Node, changes: Mapping[str, Callable[[Any], None]]) -> None:
+    """Call `changes[name](value)` when that parameter is set; a SerdError rejects the value."""
 
     def on_set(parameters: Sequence[Parameter]) -> SetParametersResult:
-        wanted = [each for each in parameters if not each.name.startswith(ROS_OWN)]
-        for parameter in wanted:
-            if parameter.name not in changes:
-                reason = (
-                    f"{parameter.name} is fixed while the node runs; start it again with "
-                    f"-p {parameter.name}:=VALUE"
-                )
-                return SetParametersResult(successful=False, reason=reason)
         try:
-            for parameter in wanted:
-                changes[parameter.name](parameter.value)
+            for parameter in parameters:
+                if parameter.name in changes:
+                    changes[parameter.name](parameter.value)
         except SerdError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

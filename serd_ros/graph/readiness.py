@@ -16,7 +16,7 @@ PATIENCE_S = 10.0
 
 
 class Readiness:
-    """Looks at one node's publishers; `required_nodes` must be present."""
+    """Looks at one node's publishers; `required_nodes` must be present in its namespace."""
 
     def __init__(self, node: Node, required_nodes: Sequence[str], now_s: float) -> None:
         # A ROS parameter cannot be an empty list, so none is written [""].
@@ -25,7 +25,9 @@ class Readiness:
 
     def missing(self, now_s: float) -> str:
         """What is missing, as words; empty when ready. now_s: steady wall time."""
-        absent = [name for name in self._required if name not in self._node.get_node_names()]
+        here = self._node.get_namespace()
+        present = self._node.get_node_names_and_namespaces()
+        absent = [name for name in self._required if (name, here) not in present]
         if absent:
             return f"node {', '.join(absent)}"
         patient = now_s - self._since_s < PATIENCE_S

@@ -38,7 +38,10 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._reader = BagReader(config.bag)
         wanted = selected_topics(self._reader.topics, [name for name in config.topics if name])
         if config.clock_hz > 0:
-            wanted -= {topics.CLOCK}
+            kinds = self._reader.topics
+            wanted = frozenset(
+                each for each in wanted if kinds[each].type_name != "rosgraph_msgs/msg/Clock"
+            )
         self._outlet = ReplayPublishers(self, [self._reader.topics[name] for name in wanted])
         for topic, kind in self._outlet.skipped.items():
             self.get_logger().warning(
@@ -169,6 +172,8 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self.get_logger().info(f"played {self._n_sent} messages of {self.config.bag}")
         if self.config.exit_when_done:
             self.finish(0)
+        else:
+            self._outlet.close()
 
 
 def main() -> int:

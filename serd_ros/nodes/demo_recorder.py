@@ -16,7 +16,8 @@ from std_srvs.srv import Trigger
 from bags.errors import BagError
 from bags.message_times import RecordingClock
 from bags.messages.plain import message_stamp_ns
-from bags.recorder import BagRecorder, RecorderSettings
+from bags.recorder import BagRecorder
+from bags.recorder_settings import RecorderSettings
 from serd_core.errors import SerdError
 from serd_ros.convert.diagnostics import ERROR, OK, WARN
 from serd_ros.endpoints import topics
@@ -41,6 +42,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         super().__init__("demo_recorder", DemoRecorderConfig)
         self._recorder: BagRecorder | None = None
         self._clock: RecordingClock | None = None
+        self._clock_topic = self.resolve_topic_name(topics.CLOCK)
         self._n_bags = 0
         self._topics: dict[str, FollowedTopic] = {}
         for topic in self.config.topics:
@@ -96,7 +98,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         if self._clock is None:
             self._clock = RecordingClock(simulated=self._is_simulated(name))
         times_ns = self._clock.times_ns(
-            stamp_ns, message.received_ns, message.sent_ns, is_clock=name == topics.CLOCK
+            stamp_ns, message.received_ns, message.sent_ns, is_clock=name == self._clock_topic
         )
         recorder = self._recorder
         if recorder is not None and not recorder.record(name, message.data, *times_ns):
@@ -105,7 +107,8 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
     def _is_simulated(self, first_topic: str) -> bool:
         """Whether there is a /clock; its publisher is known before any message of a world."""
         expected = bool(self.get_parameter("use_sim_time").value)
-        return expected or first_topic == topics.CLOCK or self.count_publishers(topics.CLOCK) > 0
+        has_clock = first_topic == self._clock_topic or self.count_publishers(self._clock_topic) > 0
+        return expected or has_clock
 
     def _poll(self) -> None:
         self._look_at([topic for topic in self._topics.values() if not topic.is_subscribed])
@@ -186,7 +189,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
             {
                 "recording": status.recording,
                 "messages": status.n_messages,
-                "episodes": status.episodes_ended,
+                "episodes": status.episodes_ended - status.outcomes.get("discarded", 0),
                 "bag_mb": status.size_bytes / 1e6,
                 "free_mb": status.free_bytes / 1e6,
             },

@@ -11,16 +11,17 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import LaserScan, PointCloud2
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool
 
 from serd_ros.convert.command import from_twist, from_twist_stamped, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.pose import from_odometry, from_pose_stamped
-from serd_ros.convert.sensors import from_people_message, from_scan, scan_geometry_of
+from serd_ros.convert.sensors import from_scan, scan_geometry_of
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.people_topic import PeopleTopic
+from serd_ros.endpoints.transforms import follow_transforms
 from serd_ros.graph.configs import GuardConfig
-from serd_ros.graph.parameters import accept_changes
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
@@ -29,6 +30,7 @@ from sim.safety.reasons import Fault, GuardAction, Reason, Source
 from sim.safety.scan import Scan
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.world.command import STOP, Command
+from sim.world.observation import People, Pose
 
 _REPORT_PERIOD_S = 0.5
 _CLOCK_STANDS = GuardOutput(STOP, GuardAction.STOP, (Reason(Source.CLOCK, Fault.STALE),))
@@ -39,7 +41,6 @@ class GuardNode(SerdNode[GuardConfig]):
 
     def __init__(self) -> None:
         super().__init__("guard", GuardConfig)
-        accept_changes(self, {})
         config = self.config
         self._guard = Guard(config.guard())
         self._scenario = self._scenario_in_lockstep()
@@ -54,9 +55,10 @@ class GuardNode(SerdNode[GuardConfig]):
         kind = TwistStamped if self._stamped else Twist
         self._commands = self.create_publisher(kind, topics.CMD_VEL, qos.STATE)
         self.create_subscription(kind, topics.CMD_VEL_RAW, self._on_command, qos.COMMAND)
+        follow_transforms(self)
         self.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
         self.create_subscription(PoseStamped, topics.ROBOT_POSE, self._on_pose, qos.STATE)
-        self.create_subscription(PointCloud2, topics.PEDESTRIANS, self._on_people, qos.STATE)
+        PeopleTopic(self, config.people_topic, self._on_people)
         profile = qos.STATE if config.lockstep else qos.SENSOR
         self.create_subscription(LaserScan, topics.SCAN, self._on_scan, profile)
         if not config.lockstep:
@@ -71,24 +73,31 @@ class GuardNode(SerdNode[GuardConfig]):
         return load_scenario(self.config.scenario or "hallway")
 
     def _on_odometry(self, message: Odometry) -> None:
-        time_ns, pose, speeds = from_odometry(message)
+        time_ns, pose, speeds = from_odometry(message, self.frames)
         receive = self._guard.receive_odometry
         self._take(Source.ODOMETRY, time_ns, lambda: receive(time_ns * 1e-9, pose, speeds))
 
     def _on_pose(self, message: PoseStamped) -> None:
-        time_ns, pose = from_pose_stamped(message)
+        time_ns, pose = from_pose_stamped(message, self.frames)
         self._take(Source.POSE, time_ns, lambda: self._guard.receive_pose(time_ns * 1e-9, pose))
 
-    def _on_people(self, message: PointCloud2) -> None:
-        time_ns, people = from_people_message(message)
+    def _on_people(self, time_ns: int, people: People) -> None:
         values = people.position_m, people.velocity_mps
         receive = self._guard.receive_people
         self._take(Source.PEOPLE, time_ns, lambda: receive(time_ns * 1e-9, *values))
 
     def _on_scan(self, message: LaserScan) -> None:
         time_ns, ranges_m = from_scan(message, frame="")
-        scan = Scan(time_ns * 1e-9, ranges_m, scan_geometry_of(message))
+        mount = self._mount_of(message.header.frame_id)
+        scan = Scan(time_ns * 1e-9, ranges_m, scan_geometry_of(message), mount)
         self._take(Source.SCAN, time_ns, lambda: self._guard.receive_scan(scan))
+
+    def _mount_of(self, frame: str) -> Pose:
+        """Where the lidar of a scan is in base_link."""
+        config = self.config
+        if frame == config.scan_frame:
+            return config.sensor_x, config.sensor_y, config.sensor_yaw
+        return self.frames.place(frame, topics.BASE_FRAME).pose
 
     def _on_command(self, message: Twist | TwistStamped) -> None:
         if isinstance(message, TwistStamped):

@@ -9,6 +9,7 @@ from serd_ros.convert.pose import from_goal_area_message
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.world_loop import LiveLoop, LockstepLoop, WorldLoop
 from serd_ros.endpoints.world_publisher import WorldPublisher
+from serd_ros.endpoints.worlds import OtherClocks
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.run_node import run_node
@@ -37,12 +38,18 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         self.create_service(Trigger, topics.RESET, self._on_reset)
         self.create_service(SetBool, topics.PAUSE, self._on_pause)
         self.create_subscription(PolygonStamped, topics.GOAL_AREA, self._on_goal, qos.LATCHED)
-        if not self.config.lockstep:
-            self._begin_episode()
-            self.get_logger().info(
-                f"{scenario.name} with {scenario.pedestrians.count} people, seed "
-                f"{self.config.seed}; the robot follows {topics.CMD_VEL}"
-            )
+        OtherClocks(self, lambda: self._publisher.n_clocks, self._begin_live)
+
+    def _begin_live(self) -> None:
+        """Begin the first episode, which no driver asks for."""
+        if self.config.lockstep or self._next_episode:
+            return
+        self._begin_episode()
+        scenario = self._world.scenario
+        self.get_logger().info(
+            f"{scenario.name} with {scenario.pedestrians.count} people, seed {self.config.seed};"
+            f" the robot follows {topics.CMD_VEL}"
+        )
 
     def close(self) -> None:
         """Close PyBullet's world."""

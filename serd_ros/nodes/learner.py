@@ -8,6 +8,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
+from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -19,6 +20,7 @@ from serd_app.learning.methods import FitProgress, require_learnable
 from serd_app.learning.outcome import FitOutcome, save_outcome
 from serd_app.learning.recipe import learn, require_enough, task_in
 from serd_app.learning.worker import FitWorker
+from serd_app.places.kept_scenario import require_replaceable
 from serd_core.errors import SerdError
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
@@ -37,20 +39,26 @@ _CHECKPOINT_PERIOD_S = 1.0
 #: Intents may come this much later (s) than the end mark of their episode; later, it counts anew.
 _SETTLING_S = 0.5
 _UNCONVERGED = 1
+_REPLAY = "bag_replay"
 
 
 class LearnerNode(SerdNode[LearnerConfig]):
-    """Listens, learns in a thread, says how it goes on `diagnostics` and publishes `model`."""
+    """Takes decisions, learns in a thread, publishes its progress on `diagnostics`, and `model`."""
 
     def __init__(self) -> None:
         super().__init__("learner", LearnerConfig)
         require_learnable(self.config.method, hidden=self._hidden)
         self._scenario = load_scenario(self.config.scenario)
         self._task = task_in(self._scenario, self.config.discount, self.config.flow)
-        self._worker, self._memory = FitWorker(), None if self.config.bag else self._listen()
+        require_replaceable(Path(self.config.output), self._task.scenario_yaml)
         self._again = self._begin_anew = False
         self._begun_s = 0.0
         self._ended_s: float | None = None
+        #: Wall time at which something published episodes, or a message came; None before.
+        self._published_s: float | None = None
+        self._is_played = self._is_learned = False
+        self._refusal = "no episode has ended"
+        self._worker, self._memory = FitWorker(), None if self.config.bag else self._listen()
         self._checkpoint_due_s = 0.0
         self._models = self.create_publisher(String, topics.MODEL, qos.LATCHED)
         self.create_service(Trigger, topics.LEARN, self._on_learn)
@@ -84,11 +92,24 @@ class LearnerNode(SerdNode[LearnerConfig]):
                 qos.LOSSLESS,
                 raw=True,
             )
+        if self.config.exit_with_publishers:
+            self.create_subscription(
+                DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
+            )
         return memory
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        """The end of a replay, also of a bag without the topics that are learned from."""
+        for status in message.status:
+            if status.name == _REPLAY:
+                self._is_played = status.message == "finished"
+                if self._published_s is None:
+                    self._published_s = self.wall_s()
 
     def _take(self, memory: LearnerMemory, topic: str, data: bytes) -> None:
         drive = memory.drive
         before = (drive.n_ended, drive.n_late)
+        self._published_s = self.wall_s()
         try:
             drive.take(topic, data)
         except BagError as error:
@@ -109,11 +130,35 @@ class LearnerNode(SerdNode[LearnerConfig]):
             self._gather_ended(self._memory)
         if (self._again or self._begin_anew) and not self._worker.busy:
             self._begin(anew=self._begin_anew)
+        elif self.config.exit_with_publishers and not self._worker.busy:
+            self._end_with_source()
+
+    def _end_with_source(self) -> None:
+        if self._ended_s is not None or not self._source_ended():
+            return
+        memory = self._memory
+        if self._is_learned or (memory is not None and memory.n_decisions and not memory.unlearned):
+            self.finish(0)
+        else:
+            self.fail(f"no model was learned: {self._refusal}")
+
+    def _source_ended(self) -> bool:
+        """Whether there was something to learn from, and neither a publisher, or one that plays,
+        nor an unread message is left.
+
+        Messages that have arrived are taken one after the other, without gaps of this length.
+        """
+        observed = (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE)
+        if not self._is_played and any(map(self.count_publishers, observed)):
+            self._published_s = self.wall_s()
+        since_s = self._published_s
+        return since_s is not None and self.wall_s() - since_s > _SETTLING_S
 
     def _settled(self, memory: LearnerMemory) -> bool:
         if self._ended_s is None:
             return False
-        return self.wall_s() - self._ended_s >= _SETTLING_S and memory.drive.caught_up
+        is_due = self.wall_s() - self._ended_s >= _SETTLING_S
+        return is_due and (memory.drive.caught_up or self._source_ended())
 
     def _gather_ended(self, memory: LearnerMemory) -> None:
         try:
@@ -201,6 +246,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
 
     def _conclude(self, outcome: FitOutcome) -> None:
         save_outcome(Path(self.config.output), outcome, self._task.problem.grid)
+        self._is_learned = True
         self._models.publish(String(data=model_yaml(outcome.model)))
         if self._memory is not None:
             self._memory.save_learned(outcome.fit)
@@ -216,6 +262,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
         if self._ends:
             self.fail(reason)
             return
+        self._refusal = reason
         self.get_logger().warning(f"not learned: {reason}")
         self.report(0.0, {"model": self.config.output}, level=WARN, message=reason)
 

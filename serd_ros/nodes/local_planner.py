@@ -1,9 +1,9 @@
 """local_planner: follows the current waypoint or intent, as a ROS 2 node.
 
 In lock-step every observation is answered by one command with its stamp; at a decision tick the
-answer waits for the waypoint or intent of that tick. Live, a timer plans on the newest messages,
-and stale ones stop the robot; when waypoints or intents stop coming, it drives to the next cell
-centre on its way and stands there. An engaged e-stop discards them.
+answer waits for the waypoint or intent of that tick. Live, every observation is answered at once,
+and the robot stops when they stop coming; when waypoints or intents stop coming, it drives to the
+next cell centre on its way and stands there. An engaged e-stop discards them.
 """
 
 import sys
@@ -19,9 +19,8 @@ from serd_ros.convert.pose import from_waypoint_message
 from serd_ros.convert.sensors import from_scan
 from serd_ros.convert.stamp import Jump, stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.observation import subscribe_observations
+from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.graph.configs import LocalPlannerConfig
-from serd_ros.graph.parameters import accept_changes
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
@@ -40,7 +39,6 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
 
     def __init__(self) -> None:
         super().__init__("local_planner", LocalPlannerConfig)
-        accept_changes(self, {})
         self._scenario = self.config.planned_scenario()
         self._grid = grid_of(self._scenario)
         self._scans = self._matcher()
@@ -59,22 +57,23 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         self._stamped = self.config.stamped_cmd_vel or self.config.lockstep
         kind = TwistStamped if self._stamped else Twist
         self._commands = self.create_publisher(kind, topics.CMD_VEL_RAW, qos.STATE)
-        subscribe_observations(
+        ObservationSource(
             self,
             self._scenario.control_period_s,
             self._on_observation,
-            needs_people=self._scans is None,
+            needs_people=self.config.people_from == "given",
+            localisation=self.config,
         )
         self.create_subscription(Vector3Stamped, topics.INTENT, self._on_intent, qos.COMMAND)
         self.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
         if not self.config.lockstep:
             self.create_subscription(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
             period_s = self._scenario.control_period_s
-            self.create_timer(period_s, self._plan_live, clock=self.wall_clock)
+            self.create_timer(period_s, self._stop_when_stale, clock=self.wall_clock)
 
     def _matcher(self) -> ScanMatcher | None:
         """The detector of people in scans, None where people are given."""
-        if self.config.people_from == "given":
+        if self.config.people_from != "scan":
             return None
         profile = qos.STATE if self.config.lockstep else qos.SENSOR
         self.create_subscription(LaserScan, topics.SCAN, self._on_scan, profile)
@@ -100,10 +99,10 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
             self._answer_tick()
 
     def _on_intent(self, message: Vector3Stamped) -> None:
-        self._take_directive(*from_intent(message))
+        self._take_directive(*from_intent(message, self.frames))
 
     def _on_waypoint(self, message: PoseStamped) -> None:
-        self._take_directive(*from_waypoint_message(message))
+        self._take_directive(*from_waypoint_message(message, self.frames))
 
     def _take_directive(self, time_ns: int, directive: Action | Waypoint) -> None:
         self._directive = time_ns, directive
@@ -128,6 +127,8 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
             self._scans.take_observation(observation)
         if self.config.lockstep:
             self._answer_tick()
+        else:
+            self._answer_live(observation)
 
     def _is_another_episode(self, last: Observation, observation: Observation) -> bool:
         """Episodes are more than a decision period apart; a live clock may skip a few ticks."""
@@ -155,22 +156,26 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
             self._ready = not self._readiness.missing(self.wall_s())
         return self._ready
 
-    def _plan_live(self) -> None:
-        observation = self._observation
-        if observation is None or not self._followed.is_given:
+    def _answer_live(self, observation: Observation) -> None:
+        if not self._followed.is_given:
             return  # without a directive, cmd_vel is left to other publishers
         self._waypoint = self._followed.waypoint(observation)
         self._report_overdue(observation)
-        silent_s = self.wall_s() - self._heard_wall_s
-        if silent_s > self.config.input_timeout_s:
-            self.get_logger().warning(
-                f"no pose or people received for {silent_s:.1f} s: stopping",
-                throttle_duration_sec=2.0,
-            )
-            self.report(observation.time_s, {"silent_s": silent_s}, level=WARN, message="stale")
-            self._send(STOP, observation.time_s)
-            return
         self._send(self._plan(observation), observation.time_s)
+
+    def _stop_when_stale(self) -> None:
+        silent_s = self.wall_s() - self._heard_wall_s
+        observation = self._observation
+        if observation is None or not self._followed.is_given:
+            return
+        if silent_s <= self.config.input_timeout_s:
+            return
+        self.get_logger().warning(
+            f"no pose or people received for {silent_s:.1f} s: stopping",
+            throttle_duration_sec=2.0,
+        )
+        self.report(observation.time_s, {"silent_s": silent_s}, level=WARN, message="stale")
+        self._send(STOP, observation.time_s)
 
     def _report_overdue(self, observation: Observation) -> None:
         """Publish that the source of waypoints is silent, or no longer so, when that changes."""

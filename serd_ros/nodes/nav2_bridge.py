@@ -20,19 +20,20 @@ from serd_ros.convert.pose import (
     PlanarPose,
     from_odometry,
     from_pose_stamped,
-    from_waypoint_message,
     odom_in_map,
     to_pose_stamped,
     to_transform,
 )
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.transforms import follow_transforms
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import Nav2BridgeConfig
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 
 _WATCH_S = 0.5
+_LOG_PERIOD_S = 5.0
 
 
 class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
@@ -44,7 +45,7 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
         kind = ros_type("nav2_msgs.action", "NavigateThroughPoses" if through else "NavigateToPose")
         name = "navigate_through_poses" if through else "navigate_to_pose"
         self._kind, self._odom_pose, self._stamp_clock = kind, None, StampClock()
-        self._client = ActionClient(self, kind, name)
+        self._action, self._client = name, ActionClient(self, kind, name)
         self._goals = Nav2Goals(
             self._client, self._goal_message, timeout_s=self.config.waypoint_timeout_s
         )
@@ -54,9 +55,10 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
             self.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
         if self.config.publish_tf:
             self._tf_type = ros_type("tf2_msgs.msg", "TFMessage")
-            self._tf = self.create_publisher(self._tf_type, "/tf", qos.TF)
+            self._tf = self.create_publisher(self._tf_type, topics.TF, qos.TF)
             self.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
             self.create_subscription(PoseStamped, topics.ROBOT_POSE, self._on_pose, qos.STATE)
+        follow_transforms(self)
         self.create_timer(_WATCH_S, self._watch, clock=self.wall_clock)
 
     _odom_pose: PlanarPose | None
@@ -72,13 +74,13 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
         self._take(message.poses)
 
     def _take(self, poses: Sequence[PoseStamped]) -> None:
-        waypoints = [from_waypoint_message(each) for each in poses]
-        if waypoints:
-            targets = [(each.x_m, each.y_m) for _, each in waypoints]
-            self._goals.take(targets, waypoints[0][0] * 1e-9, self.wall_s())
+        stamped = [from_pose_stamped(each, self.frames) for each in poses]
+        if stamped:
+            targets = [pose for _, pose in stamped]
+            self._goals.take(targets, stamped[0][0] * 1e-9, self.wall_s())
 
     def _goal_message(self, targets: Sequence[Target], time_s: float) -> Any:
-        poses = [to_pose_stamped((*target, 0.0), time_s) for target in targets]
+        poses = [to_pose_stamped(target, time_s) for target in targets]
         if self.config.mode == "through_poses":
             return self._kind.Goal(poses=poses, behavior_tree=self.config.behavior_tree)
         return self._kind.Goal(pose=poses[0], behavior_tree=self.config.behavior_tree)
@@ -86,15 +88,20 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
     def _watch(self) -> None:
         if self._goals.expire(self.wall_s()):
             self.get_logger().warning("no waypoint in time: goal of Nav2 cancelled")
+        bad = ("no server", "no answer", "rejected")
+        if self._goals.state in bad or self._goals.state.startswith("failed"):
+            self.get_logger().warning(
+                f"{self._action}: {self._goals.state}", throttle_duration_sec=_LOG_PERIOD_S
+            )
         time_s = self.get_clock().now().nanoseconds * 1e-9
         well = self._goals.state in ("no goal", "sent", "driving", "arrived")
         self.report(time_s, {"goal": self._goals.state}, level=OK if well else WARN)
 
     def _on_odometry(self, message: Odometry) -> None:
-        _, self._odom_pose, _ = from_odometry(message)
+        _, self._odom_pose, _ = from_odometry(message, self.frames)
 
     def _on_pose(self, message: PoseStamped) -> None:
-        time_ns, pose = from_pose_stamped(message)
+        time_ns, pose = from_pose_stamped(message, self.frames)
         if self._stamp_clock.advance(time_ns) in (Jump.FORWARD, Jump.BACKWARD):
             self._goals.cancel()  # until the next waypoint
             self._odom_pose = None

@@ -28,6 +28,7 @@ from serd_ros.process.run_node import run_node
 from sim.drivers.catalogue import Driver
 from sim.episodes.result import ANYWHERE, UNCOUNTED, EpisodeStart
 from sim.world.observation import Observation
+from sim.world.waypoint import heading_to
 from storage.episode_table import EpisodeResult
 from storage.files import FileWatch
 from storage.model_file import ModelFile
@@ -58,7 +59,10 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
 
     def make_driver(self) -> Driver:
         """The policy of the model file, towards the goal of the parameters."""
-        self._navigator = Navigator(self.scenario, self.config)
+        scenario = self.scenario
+        if self.config.people >= 0:
+            scenario = scenario.with_pedestrian_count(self.config.people)
+        self._navigator = Navigator(scenario, self.config)
         self.scenario = self._navigator.strategy.scenario
         return self._navigator
 
@@ -72,7 +76,8 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
     def steer(self, observation: Observation, action: Action) -> None:
         """Publish the waypoint and the forecast it is based on."""
         waypoint = self._navigator.waypoint_of(observation, action)
-        self._waypoints.publish(to_waypoint_message(waypoint, observation.time_s))
+        heading_rad = heading_to(waypoint, observation)
+        self._waypoints.publish(to_waypoint_message(waypoint, observation.time_s, heading_rad))
         self._records.note_decision(self._navigator, observation)
         self._reporter.report_decision(self._navigator, observation)
 
@@ -85,6 +90,11 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         self._records.note_result(result)
         if result.reason:
             self._reporter.report_give_up(result.reason)
+
+    @property
+    def needs_people(self) -> bool:
+        """The policy depends on the robot's cell alone."""
+        return False
 
     @property
     def resets_world(self) -> bool:
@@ -118,7 +128,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
             super().save_results()
 
     def _on_goal(self, message: PoseStamped) -> None:
-        x_m, y_m = from_goal_message(message)
+        x_m, y_m = from_goal_message(message, self.frames)
         try:
             self._replan(lambda: self._navigator.set_goal(x_m, y_m), f"goal ({x_m:g}, {y_m:g})")
             self._start_drive()

@@ -31,7 +31,7 @@ class TeleopMuxNode(SerdNode[TeleopMuxConfig]):
         super().__init__("teleop_mux", TeleopMuxConfig)
         config = self.config
         settings = load_mux(config.mux)
-        limits = config.model_dump(exclude={"mux", "rate_hz", "stamped_cmd_vel"})
+        limits = config.model_dump(exclude={"mux", "rate_hz", "stamped_cmd_vel", "frame_prefix"})
         self._mux = TwistMux(settings, VelocityLimits(**limits))
         self._reported: MuxOutput | None = None
         self._reported_s = self.wall_s()

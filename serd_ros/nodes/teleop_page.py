@@ -14,7 +14,7 @@ from serd_ros.convert.command import to_joy
 from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.hand_driver import HandDriverNode
-from serd_ros.episodes.page_view import PageView
+from serd_ros.episodes.page_view import PageView, episode_values
 from serd_ros.graph.configs import TeleopPageConfig
 from serd_ros.process.run_node import run_node
 from sim.world.command import Command
@@ -46,7 +46,8 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
         config = self.config
         self._heard_s: float | None = None
         self._moving = self._was_released = self._has_gamepad = False
-        self._view = PageView(self, self.scenario)
+        self._view = PageView(self.scenario)
+        self._view.subscribe(self)
         self._joy = self.create_publisher(Joy, topics.JOY, qos.COMMAND)
         access = PageAccess(config.address, read_token(config.token_file))
         scene = scene_of(self.scenario, self._view.grid)
@@ -73,11 +74,18 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
         """Take the page's requests and send it the present state."""
         if self._server is None:
             return False
+        if self._heard_s is not None and not self._is_there():
+            # The mux has stopped the robot. What waits now was held before: it counts anew.
+            self._heard_s = None
+            self.stop_moving()
         for request in self._server.take():
             self._obey(request)
-        there = self._heard_s is not None and self.wall_s() - self._heard_s <= _SILENCE_S
+        there = self._is_there()
         self._server.show(self._state(self._server, there=there))
         return there
+
+    def _is_there(self) -> bool:
+        return self._heard_s is not None and self.wall_s() - self._heard_s <= _SILENCE_S
 
     def discard_input(self) -> None:
         """Discard the directions; velocities and gamepad count after they were neutral."""
@@ -137,7 +145,7 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
 
     def _state(self, server: PageServer, *, there: bool) -> dict[str, Any]:
         return {
-            **self._view.state(self.observation, self.episodes),
+            **self._view.state(self.observation, episode_values(self.episodes), self.wall_s()),
             "page": server.driving_page,
             "there": there,
             "mode": self.mode,

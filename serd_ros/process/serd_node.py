@@ -2,11 +2,17 @@
 
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial, wraps
 from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.task import Future
@@ -14,15 +20,19 @@ from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from serd_ros.convert.diagnostics import ERROR, OK, WARN, to_diagnostics
+from serd_ros.convert.frames import Frames
 from serd_ros.convert.stamp import Jump, stamp_ns
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.followed_topic import matching_subscriptions
 from serd_ros.graph.configs import NodeConfig
-from serd_ros.graph.parameters import read_config
+from serd_ros.graph.parameters import read_config, refusal_of
 from serd_ros.process.callback_guard import CallbackGuard
 
 Config = TypeVar("Config", bound=NodeConfig)
 BAD_INPUT = 2
 _INPUT_REPORT_PERIOD_S = 1.0
+_NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+_FOLLOW_PERIOD_S = 1.0
 
 
 class SerdNode(Node, Generic[Config]):
@@ -30,23 +40,71 @@ class SerdNode(Node, Generic[Config]):
 
     def __init__(self, kind: str, config_class: type[Config]) -> None:
         # Before rclpy makes its own endpoints, which are guarded too.
-        self.callbacks = CallbackGuard(self, self.fail)
+        self.callbacks, self.frames = CallbackGuard(self, self.fail), Frames()
+        self._reports_as = kind
         self._reported_counts = (0, 0)
+        self._subscribed: dict[Subscription, Callable[[QoSProfile], Subscription]] = {}
         super().__init__(kind, automatically_declare_parameters_from_overrides=True)
         self.config: Config = read_config(self, kind, config_class)
+        self.frames = Frames(getattr(self.config, "frame_prefix", ""))
         self.finished = Future()
         self.wall_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, qos.STATE)
         self.create_timer(_INPUT_REPORT_PERIOD_S, self._report_input, clock=self.wall_clock)
+        self.create_timer(_FOLLOW_PERIOD_S, self._follow_publishers, clock=self.wall_clock)
+
+    def create_publisher(self, msg_type: Any, *args: Any, **options: Any) -> Publisher:
+        """As rclpy's; puts the prefix of this robot's frames into what it publishes."""
+        publisher = super().create_publisher(msg_type, *args, **options)
+        publish = publisher.publish
+
+        def with_prefix(message: Any) -> None:
+            self.frames.add_prefix(message)
+            publish(message)
+
+        if self.frames.prefix:
+            publisher.publish = with_prefix
+        return publisher
 
     def create_subscription(
-        self, msg_type: Any, topic: str, callback: Callable[..., None], *args: Any, **options: Any
+        self,
+        msg_type: Any,
+        topic: str,
+        callback: Callable[..., None],
+        profile: QoSProfile | int,
+        **options: Any,
     ) -> Subscription:
-        """As rclpy's, with a guarded callback; that of /clock gets sound stamps only."""
+        """As rclpy's, with a guarded callback; that of /clock gets sound stamps only.
+
+        Where a publisher offers less than `profile`, the subscription requests what it offers.
+        """
         if msg_type is ClockMessage and not options.get("raw"):
             callback = _of_times(callback)
+        if self.frames.prefix and not options.get("raw"):
+            callback = self._without_prefix(callback)
         guarded = self.callbacks.of_messages(topic, callback)
-        return super().create_subscription(msg_type, topic, guarded, *args, **options)
+        # An event that waits while its subscription is destroyed would end EventsExecutor.
+        options.setdefault("event_callbacks", _NO_EVENTS)
+        make = super().create_subscription
+        subscription = make(msg_type, topic, guarded, profile, **options)
+        if isinstance(profile, QoSProfile) and not options.get("raw"):
+            self._subscribed[subscription] = partial(make, msg_type, topic, guarded, **options)
+        return subscription
+
+    def _without_prefix(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """The callback of a subscription, for messages of this robot's frames."""
+
+        @wraps(callback)
+        def renamed(message: Any, *info: object) -> None:
+            self.frames.remove_prefix(message)
+            callback(message, *info)
+
+        return renamed
+
+    def destroy_subscription(self, subscription: Subscription) -> bool:
+        """As rclpy's, which destroys that of /clock itself when `use_sim_time` becomes false."""
+        self._subscribed.pop(subscription, None)
+        return super().destroy_subscription(subscription)
 
     def create_service(
         self,
@@ -66,6 +124,13 @@ class SerdNode(Node, Generic[Config]):
         """As rclpy's, with a guarded callback."""
         guarded = self.callbacks.of_timer(callback)
         return super().create_timer(timer_period_sec, guarded, *args, **options)
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """As rclpy's, which the services call; to set a fixed parameter is refused with the fix."""
+        reason = refusal_of(parameter_list, type(self.config))
+        if reason:
+            return SetParametersResult(successful=False, reason=reason)
+        return super().set_parameters_atomically(parameter_list)
 
     def clock_jumped(self, jump: Jump) -> None:
         """The clock of the observations jumped; called before the observation that shows it.
@@ -95,29 +160,52 @@ class SerdNode(Node, Generic[Config]):
         level: bytes = OK,
         message: str = "",
     ) -> None:
-        """Publish the node's health and numbers on `diagnostics`."""
+        """Publish the node's health and numbers on `diagnostics`, whatever its name is."""
         self._diagnostics.publish(
-            to_diagnostics(self.get_name(), time_s, values, level=level, message=message)
+            to_diagnostics(self._reports_as, time_s, values, level=level, message=message)
         )
+
+    def report_part(
+        self, part: str, values: Mapping[str, object], *, level: bytes, message: str
+    ) -> None:
+        """Publish a status of its own, `NODE: PART`, on `diagnostics`."""
+        name = f"{self._reports_as}: {part}"
+        self._diagnostics.publish(to_diagnostics(name, 0.0, values, level=level, message=message))
+
+    def _follow_publishers(self) -> None:
+        """Request less where a publisher does not offer what a subscription requests."""
+        for subscription, make in list(self._subscribed.items()):
+            topic = subscription.topic_name
+            found = self.get_publishers_info_by_topic(topic)
+            offered = [each.qos_profile for each in found]
+            *_, newest = matching_subscriptions(
+                self, subscription, offered, make, _without_info(subscription.callback)
+            )
+            if newest is not subscription:
+                self._subscribed.pop(subscription, None)
+                self._subscribed[newest] = make
+                profile = newest.qos_profile
+                self.get_logger().info(
+                    f"{topic}: received as its publishers offer it,"
+                    f" {profile.reliability.name.lower()} and {profile.durability.name.lower()}"
+                )
 
     def _report_input(self) -> None:
         """Publish what was dropped when it has changed, as a status of its own."""
         counts = self.callbacks.n_rejected, self.callbacks.n_internal_errors
         if counts != self._reported_counts:
             self._reported_counts = counts
-            self._diagnostics.publish(
-                to_diagnostics(
-                    f"{self.get_name()}: input",
-                    0.0,
-                    self.callbacks.values(),
-                    level=ERROR if self.callbacks.n_internal_errors else WARN,
-                    message="input dropped",
-                )
-            )
+            level = ERROR if self.callbacks.n_internal_errors else WARN
+            values = self.callbacks.values()
+            self.report_part("input", values, level=level, message="input dropped")
 
     def wall_s(self) -> float:
         """Steady wall time, independent of /clock."""
         return self.wall_clock.now().nanoseconds * 1e-9
+
+
+def _without_info(callback: Callable[[Any], None]) -> Callable[[Any, object], None]:
+    return lambda message, _: callback(message)
 
 
 def _of_times(callback: Callable[[ClockMessage], None]) -> Callable[[ClockMessage], None]:

@@ -1,80 +1,99 @@
-"""Both crowd models at several densities, compared with measured crowds."""
+"""The crowd models at several densities, compared with measured crowds."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from sim.crowd.corridor_measures import CorridorMeasures, measure_simulation
-from sim.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
+from serd_core.arrays import FloatArray
+from sim.crowd.corridor_measures import Corridor, CorridorMeasures, measure_simulation
+from sim.crowd.ring_corridor import weidmann_speed_mps
 
-ONE_WAY_DENSITIES = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
-TWO_WAY_DENSITIES = (0.5, 0.75, 1.0, 1.25)
-_STEP_S = 0.05
+DENSITIES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
+#: Fewer recorded speeds (of persons at moments) at a density say too little.
+_LEAST_RECORDED = 100
+_UNKNOWN = float("nan")
 
 
 @dataclass(frozen=True)
-class ComparedSpeed:
-    """One model at one density; passing_distance_m and recorded values are NaN where unknown."""
+class Walking:
+    """Means over people and moments; NaN where unknown.
+
+    speed_deviation_mps: standard deviation of speeds. nearest_m: distance of centres that 5 % of
+    the nearest neighbours fall below. passing_m: median over moments of the smallest distance of
+    two who walk opposite ways.
+    """
+
+    speed_mps: float
+    speed_deviation_mps: float = _UNKNOWN
+    nearest_m: float = _UNKNOWN
+    passing_m: float = _UNKNOWN
+
+
+@dataclass(frozen=True)
+class ComparedCrowd:
+    """One model at one density, beside what was measured there."""
 
     model: str
+    place: str
     flow: str
     density_pm2: float
-    speed_mps: float
-    expected_speed_mps: float
-    passing_distance_m: float = float("nan")
-    expected_passing_distance_m: float = float("nan")
+    simulated: Walking
+    measured: Walking
+
+    @property
+    def deviations(self) -> float:
+        """Difference of the mean speeds in standard deviations of the measured one."""
+        away = self.simulated.speed_mps - self.measured.speed_mps
+        return away / self.measured.speed_deviation_mps
 
 
-def compare_one_way(
-    model: str, densities: Sequence[float] = ONE_WAY_DENSITIES, *, seed: int = 1
-) -> Iterator[ComparedSpeed]:
-    """Mean speed along a ring corridor of 4 m after 20 s, against Weidmann's."""
-    for density in densities:
-        yield ComparedSpeed(
-            model, "one way", density, one_way_speed_mps(model, density, seed=seed),
-            float(weidmann_speed_mps(np.array(density))),
-        )  # fmt: skip
+def compare_with_weidmann(
+    model: str, densities: Sequence[float] | None = None, *, seed: int = 1
+) -> Iterator[ComparedCrowd]:
+    """One way in a ring corridor of 4 m, against the mean speeds of Weidmann (1993)."""
+    for density in densities or DENSITIES:
+        walked = measure_simulation(
+            density, model_name=model, share_backwards=0.0, keep_right=False, seed=seed
+        )
+        expected = Walking(float(weidmann_speed_mps(np.array(density))))
+        yield ComparedCrowd(model, "Weidmann", "one way", density, _walking(walked), expected)
 
 
-def one_way_speed_mps(
-    model: str, density_pm2: float, *, seed: int, settle_s: float = 20.0, duration_s: float = 30.0
-) -> float:
-    """Mean over people and time of the speed along the corridor."""
-    crowd = ring_corridor_crowd(
-        width_m=4.0,
-        length_m=20.0,
-        density_pm2=density_pm2,
-        model_name=model,
-        rng=np.random.default_rng(seed),
-    )
-    along = []
-    for step in range(round((settle_s + duration_s) / _STEP_S)):
-        crowd.step(_STEP_S)
-        if step * _STEP_S >= settle_s:
-            along.append(crowd.velocity_x_mps.mean())
-    return float(np.mean(along))
-
-
-def compare_two_ways(
+def compare_with_recording(
     model: str,
+    name: str,
+    corridor: Corridor,
     recorded: CorridorMeasures,
-    densities: Sequence[float] = TWO_WAY_DENSITIES,
+    densities: Sequence[float] | None = None,
     *,
     seed: int = 1,
-) -> Iterator[ComparedSpeed]:
-    """Two-way traffic in the corridor of a recording, at densities that it holds."""
-    for density in densities:
+) -> Iterator[ComparedCrowd]:
+    """A ring corridor as wide as the recorded one, at the densities that the recording holds."""
+    for density in densities or DENSITIES:
         real = recorded.near_density(density)
-        if not len(real.speed_mps):
+        if len(real.speed_mps) < _LEAST_RECORDED:
             continue
-        walked = measure_simulation(density, model_name=model, seed=seed)
-        yield ComparedSpeed(
-            model,
-            "two ways",
+        walked = measure_simulation(
             density,
-            float(walked.speed_mps.mean()),
-            float(real.speed_mps.mean()),
-            float(np.nanmedian(walked.passing_distance_m)),
-            float(np.nanmedian(real.passing_distance_m)),
+            model_name=model,
+            width_m=corridor.width_m,
+            share_backwards=corridor.share_backwards if corridor.flow == "two ways" else 0.0,
+            keep_right=corridor.flow == "two ways",
+            seed=seed,
         )
+        yield ComparedCrowd(model, name, corridor.flow, density, _walking(walked), _walking(real))
+
+
+def _walking(measures: CorridorMeasures) -> Walking:
+    return Walking(
+        float(measures.speed_mps.mean()),
+        float(measures.speed_mps.std()),
+        float(np.quantile(measures.nearest_m, 0.05)),
+        _median(measures.passing_distance_m),
+    )
+
+
+def _median(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else _UNKNOWN

@@ -11,12 +11,15 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from sim.crowd.distances import PairGeometry, WallGeometry
 from sim.crowd.routes import Routes, offset_loop
-from sim.crowd.social_force import Bodies, SocialForceModel, model_named
+from sim.crowd.social_force import Bodies, Force, SocialForceModel, model_named
 from sim.scenario.settings import Loop, PedestrianSettings
 
 _CLOSEST_TO_WALL = 0.6
 #: Less than the distance kept to walls, so that a push never carries a person through one.
 _LARGEST_PUSH_M = 0.1
+#: People who stand walk back to their place slower when nearer than this (m).
+_AT_PLACE_M = 0.5
+_BACK_TO_PLACE_MPS = 0.5
 
 
 @dataclass(frozen=True)
@@ -49,16 +52,17 @@ class Crowd:
         fluctuation_mps2: float,
         rng: np.random.Generator,
         period_m: float | None = None,
+        standing_m: FloatArray | None = None,
     ) -> None:
+        """standing_m: (S, 2) places of the last S people, whose routes are not used."""
         count = len(x_m)
         self.desired_speed_mps = desired_speed_mps
         self.body_radius_m = model.body_radius_m
         self._model, self._routes, self._rng = model, routes, rng
         self._fluctuation_mps2, self._period_m = fluctuation_mps2, period_m
         self.x_m, self.y_m = x_m.copy(), y_m.copy()
-        heading_x, heading_y = routes.headings(self.x_m, self.y_m)
-        self.velocity_x_mps = desired_speed_mps * heading_x
-        self.velocity_y_mps = desired_speed_mps * heading_y
+        self._standing_m = np.zeros((0, 2)) if standing_m is None else standing_m
+        _, (self.velocity_x_mps, self.velocity_y_mps) = self._wanted()
         self._pairs = PairGeometry(count, count + 1, period_m)
         self._walls = WallGeometry(count, walls_m)
 
@@ -87,6 +91,10 @@ class Crowd:
         self.x_m[person], self.y_m[person] = place_m
         self.velocity_x_mps[person], self.velocity_y_mps[person] = velocity_mps
 
+    def set_walls(self, walls_m: FloatArray) -> None:
+        """Keep clear of the walls (W, 2, 2) from the next step on."""
+        self._walls = WallGeometry(len(self), walls_m)
+
     def push_out_of(self, robot: RobotBody) -> None:
         """Move people who overlap the robot's footprint towards its edge; it does not move."""
         away_x, away_y = self.x_m - robot.x_m, self.y_m - robot.y_m
@@ -104,7 +112,7 @@ class Crowd:
 
     def _forces(self, robot: RobotBody | None) -> tuple[FloatArray, FloatArray]:
         """(N,) x and y of dv/dt: relaxation, people, walls, fluctuation."""
-        heading_x, heading_y = self._routes.headings(self.x_m, self.y_m)
+        (heading_x, heading_y), (wanted_x, wanted_y) = self._wanted()
         other = _NO_ROBOT if robot is None else robot
         self._pairs.update(np.append(self.x_m, other.x_m), np.append(self.y_m, other.y_m))
         self._walls.update(self.x_m, self.y_m)
@@ -113,24 +121,32 @@ class Crowd:
         wall_x, wall_y = self._model.wall_force(self._walls)
         noise = self._fluctuation_mps2 * self._rng.standard_normal((2, len(self)))
         rate = 1.0 / self._model.relaxation_time_s
-        wanted_x = self.desired_speed_mps * heading_x
-        wanted_y = self.desired_speed_mps * heading_y
         return (
             rate * (wanted_x - self.velocity_x_mps) + people_x + wall_x + noise[0],
             rate * (wanted_y - self.velocity_y_mps) + people_y + wall_y + noise[1],
         )
 
+    def _wanted(self) -> tuple[Force, Force]:
+        """(N,) x and y of the headings, and of the wanted velocities."""
+        heading_x, heading_y = self._routes.headings(self.x_m, self.y_m)
+        count = len(self._standing_m)
+        if count:
+            back_m = self._standing_m - np.stack([self.x_m[-count:], self.y_m[-count:]], axis=1)
+            way_m = np.maximum(np.hypot(back_m[:, 0], back_m[:, 1]), _AT_PLACE_M)
+            heading_x[-count:], heading_y[-count:] = (back_m / way_m[:, None]).T
+        wanted_x = self.desired_speed_mps * heading_x
+        wanted_y = self.desired_speed_mps * heading_y
+        return (heading_x, heading_y), (wanted_x, wanted_y)
+
     def _bodies(self, heading_x: FloatArray, heading_y: FloatArray, robot: RobotBody) -> Bodies:
         """The people and, last, the robot; a robot at rest has no heading."""
         robot_mps = float(np.hypot(robot.velocity_x_mps, robot.velocity_y_mps))
         moves = robot_mps > 1e-6
-        # The stride of a person who is held up is short: with the wanted speed instead, people who
-        # stand would push others metres ahead of them, and a hallway jams for good.
-        speed = np.hypot(self.velocity_x_mps, self.velocity_y_mps)
         return Bodies(
             heading_x=np.append(heading_x, robot.velocity_x_mps / robot_mps if moves else 0.0),
             heading_y=np.append(heading_y, robot.velocity_y_mps / robot_mps if moves else 0.0),
-            speed_mps=np.append(speed, robot_mps),
+            velocity_x_mps=np.append(self.velocity_x_mps, robot.velocity_x_mps),
+            velocity_y_mps=np.append(self.velocity_y_mps, robot.velocity_y_mps),
             radius_m=np.append(np.full(len(self), self.body_radius_m), robot.radius_m),
         )
 
@@ -162,6 +178,8 @@ class Crowd:
         self.velocity_y_mps[rows] -= inwards * away_y
 
 
+#: Stands in for the loop of a person who stands.
+_UNUSED_LOOP = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 _SPEED_DEVIATIONS = 2.0
 _SLOWEST_MPS = 0.3
 
@@ -182,7 +200,10 @@ def start_crowd(
     walls_m: FloatArray,
     rng: np.random.Generator,
 ) -> Crowd:
-    """Crowd spread over its loops, each walker at a random place, offset and wanted speed."""
+    """Crowd spread over its loops, each walker at a random place, offset and wanted speed.
+
+    Those who stand come last.
+    """
     lines, shares = [], []
     for loop, people in zip(loops, people_per_loop(loops, settings.count), strict=True):
         corners = np.array(loop.waypoints_m)
@@ -190,17 +211,23 @@ def start_crowd(
             offset = rng.uniform(-loop.lane_half_width_m, loop.lane_half_width_m)
             lines.append(offset_loop(corners, offset))
             shares.append((place + rng.uniform(0.0, 0.9)) / people)
+    standing_m = np.array(settings.standing_m, dtype=np.float64).reshape(-1, 2)
+    lines += [place + _UNUSED_LOOP for place in standing_m]
     routes = Routes(lines)
-    x_m, y_m = routes.place(np.array(shares))
+    x_m, y_m = routes.place(np.append(shares, np.zeros(len(standing_m))))
+    walk = len(shares)
+    x_m[walk:], y_m[walk:] = standing_m.T
+    speeds = _truncated_speeds(settings, rng)
     return Crowd(
         model=model_named(settings.model),
         routes=routes,
         x_m=x_m,
         y_m=y_m,
-        desired_speed_mps=_truncated_speeds(settings, rng),
+        desired_speed_mps=np.append(speeds, np.full(len(standing_m), _BACK_TO_PLACE_MPS)),
         walls_m=walls_m,
         fluctuation_mps2=settings.fluctuation_mps2,
         rng=rng,
+        standing_m=standing_m,
     )
 
 

@@ -30,7 +30,7 @@ class PairGeometry:
         """Fill the buffers for bodies at (n_bodies,) positions.
 
         Two bodies at one point are taken to be a micrometre apart, in opposite directions for the
-        two, so that they part. Nobody is near themselves: that distance is infinite.
+        two, so that they part. The distance of a person to themselves is infinite.
         """
         n_people = len(self.dx_m)
         np.subtract(x_m[:n_people, None], x_m[None, :], out=self.dx_m)

@@ -43,9 +43,7 @@ def ring_corridor_crowd(
     x_m, y_m = _lattice(count, width_m, length_m, rng)
     rank = np.argsort(np.argsort(-y_m, kind="stable")) if keep_right else rng.permutation(count)
     backwards = rank < round(share_backwards * count)
-    loops = [
-        _endless_lane(y, -1.0 if back else 1.0) for y, back in zip(y_m, backwards, strict=True)
-    ]
+    loops = [endless_lane(y, -1.0 if back else 1.0) for y, back in zip(y_m, backwards, strict=True)]
     routes = Routes(loops)
     routes.place(np.full(count, 1.0 / 6.0))
     quantiles = (np.arange(count) + 0.5) / count
@@ -85,7 +83,7 @@ def _lattice(
     return np.mod(x_m, length_m), np.clip(y_m, 0.2, width_m - 0.2)
 
 
-def _endless_lane(y_m: float, direction: float) -> FloatArray:
+def endless_lane(y_m: float, direction: float) -> FloatArray:
     """A square loop so large that its first side is a straight line for ever."""
     end = direction * _FAR_M
     return np.array([[-end, y_m], [end, y_m], [end, y_m + _FAR_M], [-end, y_m + _FAR_M]])

@@ -7,11 +7,13 @@ from typing import Protocol
 from serd_core.grid.grid import Action
 from sim.drivers.expert import ExpertSettings, ScriptedExpert
 from sim.drivers.expert_styles import STYLES, VariedExpert
-from sim.drivers.policy_driver import MODEL_SUFFIXES, model_driver
 from sim.errors import SimError
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
-from storage.nearest import nearest_name
+from storage.nearest import choice_rule
+
+#: Ends of the name of a driver that is a model file.
+MODEL_SUFFIXES = (".yaml", ".yml")
 
 
 class Driver(Protocol):
@@ -71,11 +73,11 @@ def driver_names() -> tuple[str, ...]:
 def make_driver(name: str, scenario: Scenario, seed: int) -> Driver:
     """The driver of that name or model file; SimError with the nearest name when there is none."""
     if name.endswith(MODEL_SUFFIXES):
+        # Here, for the names alone need no Bellman solver.
+        from sim.drivers.policy_driver import model_driver
+
         return model_driver(name, scenario, seed)
     if name not in _DRIVERS:
-        meant = nearest_name(name, driver_names()) or driver_names()[0]
-        raise SimError(
-            f"driver must be one of {', '.join(_DRIVERS)} or the .yaml file of a model, "
-            f"got {name!r}; did you mean {meant!r}?"
-        )
+        names = choice_rule("driver", name, _DRIVERS)
+        raise SimError(f"{names}; or name the .yaml file of a model")
     return _DRIVERS[name](scenario, seed)

@@ -62,9 +62,6 @@ class PolicyDriver:
         return Action(int(self._rng.choice(len(row), p=row / row.sum())))
 
 
-MODEL_SUFFIXES = (".yaml", ".yml")
-
-
 def model_driver(path: str, scenario: Scenario, seed: int) -> PolicyDriver:
     """Drives by the optimal policy of a model; FileError where it is for another grid."""
     grid = grid_of(scenario)

@@ -12,16 +12,17 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import TypeVar
 
-from sim.drivers.catalogue import make_driver
-from sim.drivers.policy_driver import MODEL_SUFFIXES
+from sim.drivers.catalogue import MODEL_SUFFIXES, make_driver
 from sim.episodes.episode import run_episode
 from sim.episodes.execution import Execution
 from sim.episodes.metrics import EpisodeMetrics, MetricsObserver
 from sim.errors import SimError
 from sim.planning.catalogue import make_planner, planner_in_world, require_people_source
 from sim.robot.contacts import ContactCounts
+from sim.safety.world_guard import no_guard
 from sim.scenario.grid import grid_of, start_states_of
 from sim.scenario.scenario import Scenario, load_scenario, scenario_content
+from sim.scenario.shortest_way import shortest_way_m
 from sim.world.world import HallwayWorld
 from storage.files import read_text
 from storage.row_table import Key, Row, RowTable
@@ -39,7 +40,7 @@ class EpisodeTask:
     """What defines one episode. n_people: the scenario's own number when None.
 
     driver: a name of `sim.drivers.catalogue` or the file of a learned model. people_from: a name of
-    `sim.planning.catalogue.PEOPLE_SOURCES`.
+    `sim.planning.catalogue.PEOPLE_SOURCES`. guarded: 0 for a robot without the guard.
     """
 
     scenario: str
@@ -50,6 +51,7 @@ class EpisodeTask:
     planner: str = "dwa"
     driver: str = "expert_with_flow"
     people_from: str = "given"
+    guarded: int = 1
 
     @property
     def key(self) -> Key:
@@ -65,6 +67,8 @@ COLUMNS = (
     Column("time_of_arrival_s", float, nullable=True),
     Column("duration_s", float),
     Column("distance_m", float),
+    Column("shortest_way_m", float),
+    Column("spl", float),
     Column("n_decisions", int),
     Column("minimum_person_distance_m", float),
     *columns_of(ContactCounts),
@@ -75,7 +79,10 @@ COLUMNS = (
 
 
 def run_task(task: EpisodeTask) -> Row:
-    """Run one episode; its row."""
+    """Run one episode; its row.
+
+    spl: success weighted by path length (Anderson et al., 2018), of this episode.
+    """
     scenario = scenario_of(task.scenario, task.n_people)
     observer = MetricsObserver(scenario)
     with HallwayWorld(scenario, seed=task.seed) as world:
@@ -87,7 +94,10 @@ def run_task(task: EpisodeTask) -> Row:
             episode=task.episode,
             start_area=task.start_area,
             observer=observer.see,
+            guard=None if task.guarded else no_guard,
         )
+    shortest_m = shortest_way_m(scenario, *observer.start_m)
+    longer = max(record.distance_m, shortest_m)
     return {
         **{name: getattr(task, name) for name in TASK_COLUMNS},
         INPUTS: inputs_digest(task.scenario, task.driver),
@@ -95,6 +105,8 @@ def run_task(task: EpisodeTask) -> Row:
         "time_of_arrival_s": record.time_of_arrival_s,
         "duration_s": record.duration_s,
         "distance_m": record.distance_m,
+        "shortest_way_m": shortest_m,
+        "spl": shortest_m / longer if record.outcome == "arrived" else 0.0,
         "n_decisions": len(record.decisions),
         "minimum_person_distance_m": record.minimum_person_distance_m,
         **asdict(record.contacts),

@@ -1,32 +1,25 @@
 """Summary of the rows of a batch: one line per condition."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from math import isnan, nan
 from statistics import fmean
 from typing import Any
 
-from scipy.stats import binomtest
-
+from serd_core.arrival.bands import clopper_pearson
+from sim.episodes.metrics import EpisodeMetrics
+from sim.robot.contacts import ContactCounts
 from storage.row_table import Row
 
-_CONDITION = ("planner", "scenario", "n_people", "start_area", "driver", "people_from")
-_AVERAGED = (
-    "intimate_share",
-    "personal_share",
-    "robot_on_person",
-    "person_on_robot",
-    "robot_on_wall",
-    "mean_abs_acceleration_mps2",
-    "mean_abs_turn_acceleration_radps2",
-)
+_CONDITION = ("planner", "scenario", "n_people", "start_area", "driver", "people_from", "guarded")
 
 
 @dataclass(frozen=True)
 class ConditionSummary:
     """One line of the table.
 
-    n_people: None for the scenario's own number. arrival_low, arrival_high: Wilson's 95 % interval.
-    Contacts are per episode, shares of time; NaN where no episode arrived.
+    n_people: None for the scenario's own number. arrival_low, arrival_high: exact 95 % interval.
+    Contacts are per episode; metrics: means over the episodes. NaN where no episode arrived.
     """
 
     planner: str
@@ -35,6 +28,7 @@ class ConditionSummary:
     start_area: str
     driver: str
     people_from: str
+    guarded: int
     n_episodes: int
     n_arrived: int
     arrival_low: float
@@ -42,13 +36,11 @@ class ConditionSummary:
     mean_time_of_arrival_s: float
     mean_distance_m: float
     minimum_person_distance_m: float
-    intimate_share: float
-    personal_share: float
+    spl: float
     robot_on_person: float
     person_on_robot: float
     robot_on_wall: float
-    mean_abs_acceleration_mps2: float
-    mean_abs_turn_acceleration_radps2: float
+    metrics: EpisodeMetrics
 
     @property
     def arrival_rate(self) -> float:
@@ -64,20 +56,14 @@ def summarise(rows: Sequence[Row]) -> list[ConditionSummary]:
     return [_summary(group) for group in conditions.values()]
 
 
-def wilson_interval(n_hits: int, n_tries: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share."""
-    interval = binomtest(n_hits, n_tries).proportion_ci(0.95, method="wilson")
-    return float(interval.low), float(interval.high)
-
-
 def _summary(group: list[Row]) -> ConditionSummary:
     arrived = [float(row["time_of_arrival_s"]) for row in group if row["outcome"] == "arrived"]
     first = group[0]
-    means: dict[str, Any] = {name: fmean(float(row[name]) for row in group) for name in _AVERAGED}
-    low, high = wilson_interval(len(arrived), len(group))
+    low, high = (float(end) for end in clopper_pearson(len(arrived), len(group)))
     return ConditionSummary(
         **{name: first[name] for name in _CONDITION},
-        **means,
+        **_means(group, ("spl", *_names_of(ContactCounts))),
+        metrics=EpisodeMetrics(**_means(group, _names_of(EpisodeMetrics))),
         n_episodes=len(group),
         n_arrived=len(arrived),
         arrival_low=low,
@@ -86,3 +72,17 @@ def _summary(group: list[Row]) -> ConditionSummary:
         mean_distance_m=fmean(float(row["distance_m"]) for row in group),
         minimum_person_distance_m=min(float(row["minimum_person_distance_m"]) for row in group),
     )
+
+
+def _means(group: list[Row], names: Sequence[str]) -> dict[str, Any]:
+    return {name: _mean(float(row[name]) for row in group) for name in names}
+
+
+def _mean(values: Iterable[float]) -> float:
+    """Over the known ones; NaN where there is none."""
+    known = [value for value in values if not isnan(value)]
+    return fmean(known) if known else nan
+
+
+def _names_of(record: type) -> tuple[str, ...]:
+    return tuple(each.name for each in fields(record))

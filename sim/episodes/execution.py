@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import joblib
 
 from sim.errors import SimError
-from storage.nearest import hint
+from storage.nearest import choice_rule
 
 BACKENDS = ("loky", "dask", "ray")
 Task = TypeVar("Task")
@@ -33,10 +33,7 @@ class Execution:
 
     def __post_init__(self) -> None:
         if self.backend not in BACKENDS:
-            raise SimError(
-                f"backend must be one of {', '.join(BACKENDS)}, got {self.backend!r}; "
-                f"{hint(self.backend, BACKENDS)}"
-            )
+            raise SimError(choice_rule("backend", self.backend, BACKENDS))
         if self.n_jobs == 0 or self.n_jobs < -1:
             raise SimError(f"jobs must be at least 1, or -1 for all cores, got {self.n_jobs}")
         if self.address and self.backend == "loky":

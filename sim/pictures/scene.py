@@ -17,6 +17,9 @@ from serd_core.arrays import FloatArray
 from sim.errors import SimError
 from sim.pictures.camera import Camera, as_frame, overview_camera
 from sim.robot.bullet import add_wall, load_urdf, pybullet
+from sim.robot.movable_bodies import HEIGHT_M
+from sim.scenario.obstacle import Obstacle
+from sim.scenario.polygon import counter_clockwise
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings import RobotSettings
 
@@ -24,6 +27,7 @@ Pose = tuple[float, float, float]
 
 _PERSON_URDF = Path(__file__).with_name("person.urdf")
 _WALL_COLOUR = (0.80, 0.78, 0.74, 1.0)
+_OBSTACLE_COLOUR = (0.55, 0.42, 0.30, 1.0)
 _FLOOR_COLOUR, _LINE_COLOUR = (0.93, 0.92, 0.89, 1.0), (0.85, 0.84, 0.81, 1.0)
 _LINE_M, _MOST_LINES, _HALF_PLATE_M = 0.03, 200, 0.001
 _LIGHT_FROM = (3.0, -4.0, 8.0)
@@ -56,7 +60,7 @@ class Scene:
             raise
         self._robot_pose: Pose | None = None
         self._people_m: FloatArray | None = None
-        count = scenario.pedestrians.count
+        count = scenario.pedestrians.n_people
         #: Direction and stride of each person, in radians.
         self._heading_rad = np.zeros(count)
         self._stride_rad = 2.4 * np.arange(count)
@@ -71,8 +75,9 @@ class Scene:
             wall = add_wall(self.client, start, end)
             self._paint(wall, -1, _WALL_COLOUR)
         self._add_floor(scenario)
+        self._obstacles = [self._add_obstacle(each) for each in scenario.movable_obstacles]
         self._robot = self._load_robot(scenario)
-        count = scenario.pedestrians.count
+        count = scenario.pedestrians.n_people
         self._people = [self._load_person(number) for number in range(count)]
         if gui:
             self._look_at(overview_camera(scenario))
@@ -115,6 +120,13 @@ class Scene:
             self._people, now.tolist(), self._heading_rad, self._stride_rad, strict=True
         ):
             self._place_person(body, (x_m, y_m, 0.0), heading, stride)
+
+    def place_obstacles(self, poses: ArrayLike) -> None:
+        """Put the movable obstacles at (K, 3) poses, in the order of the scenario."""
+        places = np.asarray(poses, dtype=np.float64).reshape(-1, 3).tolist()
+        for body, (x_m, y_m, yaw_rad) in zip(self._obstacles, places, strict=True):
+            place_m = (x_m, y_m, 0.0)
+            pybullet.resetBasePositionAndOrientation(body, place_m, _turned(yaw_rad), self.client)
 
     def render(self, camera: Camera) -> NDArray[np.uint8]:
         """(height, width, 3) picture by PyBullet's software renderer."""
@@ -193,6 +205,33 @@ class Scene:
         place_m = (*middle_m, top_m - _HALF_PLATE_M)
         pybullet.createMultiBody(0.0, -1, shape, place_m, physicsClientId=self.client)
 
+    def _add_obstacle(self, obstacle: Obstacle) -> int:
+        """A prism of triangles: two on each side, and a fan on top."""
+        corners = counter_clockwise(obstacle.corners_m)
+        count = len(corners)
+        low, high = (np.column_stack([corners, np.full(count, z_m)]) for z_m in (0.0, HEIGHT_M))
+        vertices, normals, indices = [*high], [(0.0, 0.0, 1.0)] * count, []
+        for corner in range(1, count - 1):
+            indices += [0, corner, corner + 1]
+        for corner in range(count):
+            after = (corner + 1) % count
+            along = corners[after] - corners[corner]
+            first = len(vertices)
+            vertices += [low[corner], low[after], high[after], high[corner]]
+            normals += [(*(np.array([along[1], -along[0]]) / np.hypot(*along)), 0.0)] * 4
+            indices += [first, first + 1, first + 2, first, first + 2, first + 3]
+        shape = pybullet.createVisualShape(
+            pybullet.GEOM_MESH,
+            vertices=[tuple(map(float, each)) for each in vertices],
+            indices=indices,
+            normals=[tuple(map(float, each)) for each in normals],
+            rgbaColor=_OBSTACLE_COLOUR,
+            physicsClientId=self.client,
+        )
+        place_m = (*obstacle.pose[:2], 0.0)
+        body: int = pybullet.createMultiBody(0.0, -1, shape, place_m, physicsClientId=self.client)
+        return body
+
     def _load_robot(self, scenario: Scenario) -> int:
         """The robot of the scenario; the kinematic one looks like the built-in robot."""
         settings, scale = scenario.robot, 1.0
@@ -240,8 +279,8 @@ def _floor_lines(scenario: Scenario) -> list[tuple[float, float, float, float]]:
     """(west, south, east, north) of the lines of a grid, as far as they are walkable."""
     x_min, y_min, x_max, y_max = scenario.bounds_m
     area = shapely.Polygon(scenario.walkable_area_m)
-    for obstacle in scenario.obstacles:
-        area = area.difference(shapely.Polygon(obstacle.outline_m))
+    for solid in scenario.wall_polygons_m[1:]:
+        area = area.difference(shapely.Polygon(solid))
     lines = [((x_m, y_min), (x_m, y_max)) for x_m in _whole_metres(x_min, x_max)]
     lines += [((x_min, y_m), (x_max, y_m)) for y_m in _whole_metres(y_min, y_max)]
     parts = shapely.get_parts(shapely.intersection(shapely.linestrings(lines), area))

@@ -31,6 +31,7 @@ class SceneView:
             x_m, y_m, yaw_rad = trajectory.robot_pose[shown].tolist()
             self._scene.place_robot((x_m, y_m, yaw_rad))
             self._scene.place_people(trajectory.people_position_m[shown])
+        self._scene.place_obstacles(trajectory.obstacle_pose[tick])
         return self._scene.render(self._camera((x_m, y_m, yaw_rad)))
 
     def close(self) -> None:

@@ -1,20 +1,26 @@
 """Local planners by name."""
 
 from collections.abc import Callable
+from functools import partial
 
 from sim.errors import SimError
 from sim.perception.scan_people import ScanPerception
 from sim.perception.scanning_planner import Scanner, ScanningPlanner, scans_of
-from sim.planning.dwa import DwaPlanner
+from sim.planning.baselines import BASELINES, BaselinePlanner
+from sim.planning.dwa import WINDOW_S, DwaPlanner
 from sim.planning.local_planner import LocalPlanner
 from sim.planning.mppi import MppiPlanner
 from sim.planning.recovery import RecoveringPlanner
 from sim.scenario.scenario import Scenario
-from storage.nearest import hint, nearest_name
+from storage.nearest import choice_rule
 
 #: Source of people: as the world gives them, or from the lidar's scans alone.
 PEOPLE_SOURCES = ("given", "scan")
-_PLANNERS: dict[str, Callable[[Scenario], LocalPlanner]] = {"dwa": DwaPlanner, "mppi": MppiPlanner}
+_PLANNERS: dict[str, Callable[[Scenario], LocalPlanner]] = {
+    "dwa": DwaPlanner,
+    "dwa_smooth": partial(DwaPlanner, approach_s=WINDOW_S),
+    "mppi": MppiPlanner,
+}
 
 
 def planner_names() -> tuple[str, ...]:
@@ -22,23 +28,23 @@ def planner_names() -> tuple[str, ...]:
     return tuple(_PLANNERS)
 
 
+def baseline_names() -> tuple[str, ...]:
+    """Further names that `make_planner` accepts: planners of a library, for comparisons."""
+    return tuple(BASELINES)
+
+
 def make_planner(name: str, scenario: Scenario) -> RecoveringPlanner:
     """A planner for the scenario's walls and robot, with its parameters and recoveries."""
-    if name not in _PLANNERS:
-        meant = nearest_name(name, planner_names()) or planner_names()[0]
-        raise SimError(
-            f"planner must be one of {', '.join(_PLANNERS)}, got {name!r}; did you mean {meant!r}?"
-        )
-    return RecoveringPlanner(_PLANNERS[name](scenario), scenario)
+    makers = _PLANNERS | {each: partial(BaselinePlanner, each) for each in BASELINES}
+    if name not in makers:
+        raise SimError(choice_rule("planner", name, makers))
+    return RecoveringPlanner(makers[name](scenario), scenario)
 
 
 def require_people_source(name: str) -> None:
     """SimError with the nearest name when `name` is none of PEOPLE_SOURCES."""
     if name not in PEOPLE_SOURCES:
-        raise SimError(
-            f"people_from must be one of {', '.join(PEOPLE_SOURCES)}, got {name!r}; "
-            f"{hint(name, PEOPLE_SOURCES)}"
-        )
+        raise SimError(choice_rule("people_from", name, PEOPLE_SOURCES))
 
 
 def planner_in_world(

@@ -33,7 +33,7 @@ _FORBIDDEN = 1e6
 _SLOWEST_MPS = 1e-3
 _STANDS_MPS = 0.05
 #: Time (s) within which a sampled command must be reachable.
-_WINDOW_S = 0.3
+WINDOW_S = 0.3
 #: How long (s) a sampled turn lasts before the rollout goes straight on.
 _TURN_TIME_S = 0.4
 #: How long (s) a blocked robot may turn in place before it drives on.
@@ -44,10 +44,14 @@ _TURNING_WEIGHT = 0.01
 class DwaPlanner:
     """Drives to a waypoint around people and away from walls.
 
+    approach_s: time constant (s) with which the chosen speed is approached, where that hits
+    nothing; 0: as fast as the robot can. Samples are up to 0.2 m/s apart and move with the speed,
+    so that the chosen one jumps from step to step.
     is_blocked: whether every motion was forbidden at the last step.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, approach_s: float = 0.0) -> None:
+        self._approach = min(1.0, scenario.control_period_s / approach_s) if approach_s else 1.0
         self._settings = scenario.local_planner
         self._robot = self._settings.limited(scenario.robot)
         step_s = self._settings.time_granularity
@@ -79,7 +83,13 @@ class DwaPlanner:
         if self.is_blocked and abs(observation.speed_mps) < _STANDS_MPS:
             return self._turn_to_leave(observation, around, waypoint)
         best_v, best_w = np.unravel_index(int(np.argmin(cost)), cost.shape)
-        return Command(float(speeds[best_v]), float(turns[best_w]))
+        speed, turn = float(speeds[best_v]), turns[best_w : best_w + 1]
+        if self._approach < 1.0:
+            way = self._approach * (speed - observation.speed_mps)
+            nearer = np.array([min(max(observation.speed_mps + way, 0.0), float(speeds.max()))])
+            if self._cost(observation, around, waypoint, nearer, turn)[0, 0] < _FORBIDDEN:
+                speed = float(nearer[0])
+        return Command(speed, float(turn[0]))
 
     def _samples(
         self, observation: Observation, distance_m: float
@@ -87,7 +97,7 @@ class DwaPlanner:
         """Speeds (V,) forward, slow enough to stop at the waypoint, the last one 0; turns (W,)."""
         robot = self._robot
         window = reachable_window(
-            robot, observation.speed_mps, observation.yaw_rate_radps, _WINDOW_S
+            robot, observation.speed_mps, observation.yaw_rate_radps, WINDOW_S
         )
         fastest = max(min(window.fastest_mps, speed_to_stop_within(distance_m, robot)), 0.0)
         slowest = min(max(window.slowest_mps, 0.0), fastest)

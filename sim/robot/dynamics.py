@@ -6,21 +6,22 @@ which only a new world is free of.
 
 import math
 from array import array
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from sim.errors import SimError
 from sim.robot.bullet import add_wall, let_move_freely, load_urdf, pybullet
+from sim.robot.imu import GRAVITY_MPS2, Inertial
+from sim.robot.movable_bodies import MovableBodies
 from sim.robot.people_bodies import MOST_NEAR, Moving, PeopleBodies, Velocity
+from sim.robot.quaternion import Quaternion, Vector, product, rotated, yaw_of
+from sim.scenario.obstacle import Pose
 from sim.scenario.scenario import Scenario
 
-Pose = tuple[float, float, float]
 Wheels = tuple[float, float]
-Quaternion = tuple[float, float, float, float]
 
-_GRAVITY_MPS2 = 9.81
 _LONGEST_SUBSTEP_S = 0.005
 _SOLVER_ITERATIONS = 20
 #: Share of a penetration that a substep corrects. The correction is a velocity: the default of 0.2
@@ -35,12 +36,17 @@ _FRAME_MASS_KG, _FRAME_INERTIA_KGM2 = 1e-3, (1e-6, 1e-6, 1e-6)
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """Pose (x_m, y_m, yaw_rad) and velocity of the robot's root link, and its wheels' angles."""
+    """Pose (x_m, y_m, yaw_rad) of the robot's root link, and its wheels' angles.
+
+    velocity_mps: of the root link's centre of mass. inertial: orientation and velocity of the root
+    link.
+    """
 
     pose: Pose
     velocity_mps: Velocity
     yaw_rate_radps: float
     wheels_rad: Wheels
+    inertial: Inertial
 
 
 @dataclass(frozen=True)
@@ -62,11 +68,30 @@ class History:
 
 
 @dataclass
-class Impulses:
-    """Sums over a control period of the normal impulses (N s) on the robot, by who exerts them."""
+class Push:
+    """Normal impulse (N s) on the robot, and its moment: the sum of impulses times positions.
 
-    walls: float = 0.0
-    people: dict[int, float] = field(default_factory=dict)
+    Positions are on the hull, in metres from the robot's root link along its heading and to the
+    left.
+    """
+
+    impulse_ns: float = 0.0
+    moment_nsm: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def place_m(self) -> tuple[float, float]:
+        """Mean position on the hull."""
+        along, left = self.moment_nsm
+        return along / self.impulse_ns, left / self.impulse_ns
+
+
+@dataclass
+class Impulses:
+    """Pushes on the robot during a control period, by who exerts them."""
+
+    walls: Push = field(default_factory=Push)
+    people: dict[int, Push] = field(default_factory=dict)
+    obstacles: dict[int, Push] = field(default_factory=dict)
 
 
 class Dynamics:
@@ -103,8 +128,8 @@ class Dynamics:
     ) -> Impulses:
         """Advance by one control period; the wheels' targets change linearly to those given.
 
-        people: those near the robot, with their motion at its beginning. near_walls: whether
-        contacts with walls are looked for.
+        people: those near the robot or an obstacle, with their motion at its beginning. near_walls:
+        whether contacts with walls and obstacles are looked for.
         """
         if people:
             self._people_log[len(self._wheel_log) // 2] = people
@@ -118,7 +143,9 @@ class Dynamics:
                 old + share * (new - old) for old, new in zip(before, wheels_radps, strict=True)
             )
             self._turn_wheels((left, right))
+            self.obstacles.brake()
             pybullet.stepSimulation(self._client)
+            self.obstacles.stop_doors()
             if near_walls or people:
                 self._add_contacts(impulses)
         return impulses
@@ -127,14 +154,28 @@ class Dynamics:
     def motion(self) -> BodyMotion:
         """Where the robot is and how it moves."""
         place, turn = pybullet.getBasePositionAndOrientation(self._robot, self._client)
-        turn = _product(turn, self._root_turn)
-        x_m, y_m, _ = np.subtract(place, _rotated(turn, self._mass_in_root[0])).tolist()
-        (vx_mps, vy_mps, _), (_, _, yaw_rate) = pybullet.getBaseVelocity(self._robot, self._client)
+        turn = product(turn, self._root_turn)
+        x_m, y_m, _ = self._root_m(place, turn)
+        velocity, rates = pybullet.getBaseVelocity(self._robot, self._client)
+        (vx_mps, vy_mps, _), (_, _, yaw_rate) = velocity, rates
         wheels = pybullet.getJointStates(self._robot, self._wheels, self._client)
         left, right = (
             sign * state[0] for sign, state in zip(self._drive.turns_forward, wheels, strict=True)
         )
-        return BodyMotion((x_m, y_m, _yaw_of(turn)), (vx_mps, vy_mps), yaw_rate, (left, right))
+        inertial = Inertial(turn, self._root_mps(velocity, rates, turn))
+        pose = x_m, y_m, yaw_of(turn)
+        return BodyMotion(pose, (vx_mps, vy_mps), yaw_rate, (left, right), inertial)
+
+    def _root_m(self, place: Sequence[float], turn: Quaternion) -> list[float]:
+        """Position of the root link, of which `turn` is the orientation, by that of its mass."""
+        root_m: list[float] = np.subtract(place, rotated(turn, self._mass_in_root[0])).tolist()
+        return root_m
+
+    def _root_mps(self, velocity: Vector, rates: Vector, turn: Quaternion) -> Vector:
+        """Velocity of the root link by that of its mass, which is at r from it: v - w x r."""
+        (vx, vy, vz), (wx, wy, wz) = velocity, rates
+        x, y, z = rotated(turn, self._mass_in_root[0])
+        return vx - (wy * z - wz * y), vy - (wz * x - wx * z), vz - (wx * y - wy * x)
 
     def save(self) -> History:
         """All that has acted since the robot was placed."""
@@ -166,7 +207,7 @@ class Dynamics:
             raise
 
     def _add_bodies(self, client: int) -> None:
-        pybullet.setGravity(0, 0, -_GRAVITY_MPS2, physicsClientId=client)
+        pybullet.setGravity(0, 0, -GRAVITY_MPS2, physicsClientId=client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=self._substep_s,
             numSubSteps=0,
@@ -185,9 +226,11 @@ class Dynamics:
         self._walls = {add_wall(client, *segment) for segment in self._scenario.wall_segments_m}
         self._robot = self._load_robot()
         self._require_footprint()
+        movable = self._scenario.movable_obstacles
+        self.obstacles = MovableBodies(client, movable, walls=self._walls, floor=self._floor)
         self.people = PeopleBodies(
             client,
-            min(self._scenario.pedestrians.count, MOST_NEAR),
+            min(self._scenario.pedestrians.n_people, MOST_NEAR * (1 + len(movable))),
             self._person_radius_m,
             apart_from=(self._floor, *self._walls),
         )
@@ -236,8 +279,8 @@ class Dynamics:
         """Put the root link where the wheels touch the floor."""
         turn = (0.0, 0.0, math.sin(0.5 * pose[2]), math.cos(0.5 * pose[2]))
         root_m = (*pose[:2], self._wheel_radius_m - self._drive.axle_height_m)
-        place = np.add(root_m, _rotated(turn, self._mass_in_root[0]))
-        turn = _product(turn, self._mass_in_root[1])
+        place = np.add(root_m, rotated(turn, self._mass_in_root[0]))
+        turn = product(turn, self._mass_in_root[1])
         pybullet.resetBasePositionAndOrientation(self._robot, place, turn, self._client)
 
     def _set_velocity(self, start: Start) -> None:
@@ -272,34 +315,30 @@ class Dynamics:
 
     def _add_contacts(self, impulses: Impulses) -> None:
         for contact in pybullet.getContactPoints(self._robot, physicsClientId=self._client):
-            other, force_n = contact[2], contact[9]
+            other, place_m, force_n = contact[2], contact[5], contact[9]
             if other == self._floor or force_n <= 0.0:
                 continue
+            push = self._push_of(impulses, other)
             impulse = force_n * self._substep_s
-            if other in self._walls:
-                impulses.walls += impulse
-            else:
-                person = self.people.person_in(other)
-                impulses.people[person] = impulses.people.get(person, 0.0) + impulse
+            along, left = self._on_hull(place_m)
+            push.impulse_ns += impulse
+            moment = push.moment_nsm
+            push.moment_nsm = moment[0] + impulse * along, moment[1] + impulse * left
 
+    def _push_of(self, impulses: Impulses, other: int) -> Push:
+        """The sum to which a contact with a body belongs."""
+        if other in self._walls:
+            return impulses.walls
+        obstacle = self.obstacles.number_of(other)
+        if obstacle is not None:
+            return impulses.obstacles.setdefault(obstacle, Push())
+        return impulses.people.setdefault(self.people.person_in(other), Push())
 
-def _yaw_of(turn: Quaternion) -> float:
-    x, y, z, w = turn
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
-def _product(first: Quaternion, second: Quaternion) -> Quaternion:
-    """first * second. PyBullet's own functions of transforms have single precision."""
-    (ax, ay, az, aw), (bx, by, bz, bw) = first, second
-    return (
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    )
-
-
-def _rotated(turn: Quaternion, vector: tuple[float, float, float]) -> tuple[float, float, float]:
-    x, y, z, w = turn
-    rotated = _product(_product(turn, (*vector, 0.0)), (-x, -y, -z, w))
-    return rotated[:3]
+    def _on_hull(self, place_m: Sequence[float]) -> Velocity:
+        """A position on the map, seen from the robot."""
+        centre, turn = pybullet.getBasePositionAndOrientation(self._robot, self._client)
+        turn = product(turn, self._root_turn)
+        yaw_rad = yaw_of(turn)
+        x_m, y_m, _ = np.subtract(place_m, self._root_m(centre, turn)).tolist()
+        cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+        return cosine * x_m + sine * y_m, cosine * y_m - sine * x_m

@@ -1,4 +1,4 @@
-"""A 2-D lidar: rays all around the robot against walls and people, exactly, in the plane.
+"""A 2-D lidar: rays all around the robot against walls, obstacles and people, in the plane.
 
 A ray meets a wall segment where both parameters of the crossing are in range, and a person's circle
 at along - sqrt(r^2 - across^2). Tests compare it with the ray tests of the physics world, which
@@ -34,33 +34,26 @@ class Lidar:
         people_x_m: FloatArray,
         people_y_m: FloatArray,
         rng: np.random.Generator | None = None,
+        obstacles_m: FloatArray | None = None,
     ) -> NDArray[np.float32]:
         """(n_rays,) distance along each ray from the robot's centre; inf where nothing is hit.
 
-        With an rng, every range that hits something carries the sensor's noise.
+        obstacles_m: (S, 2, 2) edges of movable obstacles. With an rng, every range that hits
+        something carries the sensor's noise.
         """
         settings = self._settings
         angle = self.angles_rad + pose[2]
         ray_x, ray_y = np.cos(angle), np.sin(angle)
-        ranges = self._to_walls(pose, ray_x, ray_y)
+        ranges = _to_segments(self._start, self._along, pose, ray_x, ray_y)
+        if obstacles_m is not None and len(obstacles_m):
+            start, along = obstacles_m[:, 0], obstacles_m[:, 1] - obstacles_m[:, 0]
+            ranges = np.minimum(ranges, _to_segments(start, along, pose, ray_x, ray_y))
         if len(people_x_m):
             self._shorten_by_people(ranges, pose, (ray_x, ray_y), people_x_m, people_y_m)
         if rng is not None and settings.noise_deviation_m > 0:
             ranges = ranges + settings.noise_deviation_m * rng.standard_normal(len(ranges))
         seen = (ranges >= settings.range_min_m) & (ranges <= settings.range_max_m)
         return np.where(seen, ranges, np.inf).astype(np.float32)
-
-    def _to_walls(self, pose: Pose, ray_x: FloatArray, ray_y: FloatArray) -> FloatArray:
-        """(n_rays,) distance to the nearest wall."""
-        to_x, to_y = self._start[:, 0] - pose[0], self._start[:, 1] - pose[1]
-        along_x, along_y = self._along[:, 0], self._along[:, 1]
-        turn = ray_x[:, None] * along_y - ray_y[:, None] * along_x
-        turn = np.where(np.abs(turn) < 1e-12, 1e-12, turn)
-        distance = (to_x * along_y - to_y * along_x) / turn
-        share = (to_x * ray_y[:, None] - to_y * ray_x[:, None]) / turn
-        hit = (distance > 0.0) & (share >= -1e-9) & (share <= 1.0 + 1e-9)
-        nearest: FloatArray = np.where(hit, distance, np.inf).min(axis=1)
-        return nearest
 
     def _shorten_by_people(
         self,
@@ -80,3 +73,18 @@ class Lidar:
         hit = (inside > 0.0) & (along > 0.0)
         distance = np.where(hit, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
         np.minimum(ranges, distance.min(axis=1, initial=np.inf), out=ranges)
+
+
+def _to_segments(
+    start_m: FloatArray, along_m: FloatArray, pose: Pose, ray_x: FloatArray, ray_y: FloatArray
+) -> FloatArray:
+    """(n_rays,) distance to the nearest of the segments, given by (S, 2) starts and lengths."""
+    to_x, to_y = start_m[:, 0] - pose[0], start_m[:, 1] - pose[1]
+    along_x, along_y = along_m[:, 0], along_m[:, 1]
+    turn = ray_x[:, None] * along_y - ray_y[:, None] * along_x
+    turn = np.where(np.abs(turn) < 1e-12, 1e-12, turn)
+    distance = (to_x * along_y - to_y * along_x) / turn
+    share = (to_x * ray_y[:, None] - to_y * ray_x[:, None]) / turn
+    hit = (distance > 0.0) & (share >= -1e-9) & (share <= 1.0 + 1e-9)
+    nearest: FloatArray = np.where(hit, distance, np.inf).min(axis=1)
+    return nearest

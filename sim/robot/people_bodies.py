@@ -1,8 +1,8 @@
-"""People whom the robot can touch, as rigid bodies.
+"""People whom the robot or a movable obstacle can touch, as rigid bodies.
 
 A person is an upright capsule on two prismatic joints without motors: it keeps its velocity unless
-the robot pushes it, and it pushes the robot. Walls and other people act on people in the crowd's
-model alone. There are a few capsules, which the nearest people take.
+the robot or an obstacle pushes it, and it pushes them. Walls and other people act on people in the
+crowd's model alone. There are a few capsules, which the nearest people take.
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,7 +19,7 @@ Moving = tuple[tuple[float, float], Velocity]
 MOST_NEAR = 12
 #: Mean of adults.
 PERSON_MASS_KG = 75.0
-_FRICTION = 0.3
+CONTACT_FRICTION = 0.3
 #: People who are this close to the robot's surface at the start of a control period of 0.05 s may
 #: touch it; the distance grows with the period.
 _REACH_M, _REACH_PERIOD_S = 0.3, 0.05
@@ -28,7 +28,7 @@ _SIDE_M = 1.5
 _OUT_OF_THE_WAY_M = 1000.0
 _NO_COLLISION = 0
 #: Of the link between the joints.
-_CARRIAGE_KG = 1e-3
+CARRIAGE_KG = 1e-3
 
 
 def near_people(
@@ -42,8 +42,22 @@ def near_people(
 
     reach_m: sum of the radii of robot and person; period_s: of control.
     """
-    reach_m += _REACH_M * (period_s / _REACH_PERIOD_S)
     away = np.hypot(positions_m[:, 0] - robot_m[0], positions_m[:, 1] - robot_m[1])
+    return nearest_moving(away, reach_m, period_s, positions_m, velocities_mps)
+
+
+def nearest_moving(
+    away: FloatArray,
+    reach_m: float,
+    period_s: float,
+    positions_m: FloatArray,
+    velocities_mps: FloatArray,
+) -> dict[int, Moving]:
+    """Those of the (N, 2) people who may touch a body in the next control period.
+
+    away: (N,) distances to it, of which those up to reach_m are contacts.
+    """
+    reach_m += _REACH_M * (period_s / _REACH_PERIOD_S)
     near = np.flatnonzero(away < reach_m)
     nearest = near[np.argsort(away[near], kind="stable")][:MOST_NEAR].tolist()
     return {
@@ -103,7 +117,7 @@ class PeopleBodies:
         body: int = pybullet.createMultiBody(
             0.0,
             basePosition=(0.0, 0.0, 0.5 * _SIDE_M),
-            linkMasses=(_CARRIAGE_KG, PERSON_MASS_KG),
+            linkMasses=(CARRIAGE_KG, PERSON_MASS_KG),
             linkCollisionShapeIndices=(-1, capsule),
             linkVisualShapeIndices=(-1, -1),
             linkPositions=(here, here),
@@ -122,7 +136,7 @@ class PeopleBodies:
             pybullet.changeDynamics(
                 body,
                 joint,
-                lateralFriction=_FRICTION,
+                lateralFriction=CONTACT_FRICTION,
                 restitution=0.0,
                 physicsClientId=self._client,
             )

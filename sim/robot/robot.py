@@ -9,6 +9,7 @@ from serd_core.arrays import FloatArray
 from sim.crowd.crowd import Crowd, RobotBody
 from sim.crowd.distances import WallGeometry
 from sim.robot.contacts import Touches
+from sim.robot.imu import Inertial
 from sim.robot.physics import Physics
 from sim.robot.unicycle import chord_velocity, limited_velocity
 from sim.scenario.scenario import Scenario
@@ -48,8 +49,10 @@ def standing_at(pose: Pose) -> RobotState:
 class KinematicRobot:
     """Drives commands exactly; `state` is the truth."""
 
-    #: It has no wheels.
+    #: It has no wheels, and moves among walls only.
     wheel_motion: tuple[float, float] | None = None
+    obstacle_poses: tuple[Pose, ...] = ()
+    obstacle_segments_m: FloatArray = np.zeros((0, 2, 2))
 
     def __init__(self, scenario: Scenario) -> None:
         self._settings = scenario.robot
@@ -120,6 +123,13 @@ class KinematicRobot:
             velocity_y_mps=speed * math.sin(yaw_rad),
             radius_m=self._settings.radius_m,
         )
+
+    @property
+    def inertial(self) -> Inertial:
+        """Motion that an IMU measures."""
+        body = self.body
+        velocity = body.velocity_x_mps, body.velocity_y_mps, 0.0
+        return Inertial((0.0, 0.0, *self.state.half_turn), velocity)
 
     def _distance_to_walls_m(self) -> float:
         here: FloatArray = np.array(self.state.pose[:2])

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy  # loads spatial at its first use
 
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
@@ -154,6 +154,14 @@ def _require_one_axis(
         )
 
 
+def _rotation(roll_pitch_yaw: FloatArray) -> FloatArray:
+    """(3, 3) rotation matrix."""
+    matrix: FloatArray = scipy.spatial.transform.Rotation.from_euler(
+        "xyz", roll_pitch_yaw
+    ).as_matrix()
+    return matrix
+
+
 def _frame_in_root(joint: ET.Element, joints: dict[str, ET.Element]) -> FloatArray:
     """(4, 4) pose of a joint's frame in the root link's."""
     by_child = {_end(each, "child"): each for each in joints.values()}
@@ -161,7 +169,7 @@ def _frame_in_root(joint: ET.Element, joints: dict[str, ET.Element]) -> FloatArr
     for each in _chain(joint, by_child):
         origin = np.eye(4)
         place = each.find("origin")
-        origin[:3, :3] = Rotation.from_euler("xyz", _numbers(place, "rpy", "0 0 0")).as_matrix()
+        origin[:3, :3] = _rotation(_numbers(place, "rpy", "0 0 0"))
         origin[:3, 3] = _numbers(place, "xyz", "0 0 0")
         frame = origin @ frame
     return frame

@@ -52,7 +52,6 @@ class FaultTask(EpisodeTask):
     """An episode with a fault; people_from: as the fault needs it."""
 
     fault: str = "none"
-    guarded: int = 1
 
 
 @dataclass(frozen=True)
@@ -91,9 +90,8 @@ def tasks_of(
     """Every fault with and without the guard on every seed, else as `condition` has it."""
     return [
         FaultTask(
-            **asdict(replace(condition, seed=seed, people_from=kind.people_from)),
+            **asdict(replace(condition, seed=seed, people_from=kind.people_from, guarded=guarded)),
             fault=fault,
-            guarded=guarded,
         )
         for fault, kind in ((fault, fault_named(fault)) for fault in faults)
         for guarded in (0, 1)

@@ -12,7 +12,7 @@ from sim.safety.motion import Pose
 from sim.safety.reasons import Source
 from sim.safety.scan import Scan
 from sim.safety.world_guard import Message
-from storage.nearest import hint
+from storage.nearest import choice_rule
 
 _NOISE_M = 0.05
 _JUMP_M = 2.0
@@ -166,7 +166,5 @@ FAULTS: dict[str, FaultKind] = {
 def fault_named(name: str) -> FaultKind:
     """The fault of that name; SimError with the nearest name when there is none."""
     if name not in FAULTS:
-        raise SimError(
-            f"fault must be one of {', '.join(FAULTS)}, got {name!r}; {hint(name, FAULTS)}"
-        )
+        raise SimError(choice_rule("fault", name, FAULTS))
     return FAULTS[name]

@@ -209,11 +209,14 @@ class Guard:
         moved = motion_between(self._odometry.track.at(stamp_s), odometry)
         walked_m = (scan.stamp_s - people.stamp_s) * people.velocity_mps
         place_m = in_frame(in_frame(people.position_m + walked_m, pose), moved)
-        self._crowd.compare(scan, in_frame(place_m, self._sensor))
+        self._crowd.compare(scan, in_frame(place_m, self._mount_of(scan)))
+
+    def _mount_of(self, scan: Scan) -> Pose:
+        return self._sensor if scan.mount is None else scan.mount
 
     def _points(self, scan: Scan) -> FloatArray:
         """(N, 2) points near the robot, in its frame at the time of the scan."""
-        x_m, y_m, yaw_rad = self._sensor
+        x_m, y_m, yaw_rad = self._mount_of(scan)
         points_m = scan.points_within(self._reach_m + math.hypot(x_m, y_m))
         if yaw_rad != 0.0:
             points_m = _rotated(points_m, yaw_rad)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrays import BoolArray, FloatArray
+from sim.safety.motion import Pose
 
 #: Error (m) allowed between the place of a person and the points that show it.
 _PLACE_ERROR_M = 0.3
@@ -38,11 +39,13 @@ class ScanGeometry:
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """ranges_m: (n_rays,) single precision."""
+    """ranges_m: (n_rays,) single precision. mount: pose of the lidar on the robot, None for that
+    of the settings."""
 
     stamp_s: float
     ranges_m: NDArray[np.float32]
     geometry: ScanGeometry
+    mount: Pose | None = None
 
     @cached_property
     def valid(self) -> BoolArray:

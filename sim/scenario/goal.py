@@ -28,27 +28,27 @@ def with_goal(scenario: Scenario, text: str) -> Scenario:
     return goal_at(scenario, *point_of(text)) if text.strip() else scenario
 
 
-def point_of(text: str) -> Point:
-    """The point "x, y" names; SimError if it names none."""
+def point_of(text: str, *, what: str = "goal") -> Point:
+    """The point "x, y" names; SimError if it names none. what: the point, for errors."""
     try:
         x_m, y_m = (float(part) for part in text.split(","))
     except ValueError:
         raise SimError(
-            f"goal must be two numbers 'x, y' (m), got {text!r}; try '3.5, 20.5'"
+            f"{what} must be two numbers 'x, y' (m), got {text!r}; try '3.5, 20.5'"
         ) from None
     return x_m, y_m
 
 
-def goal_cell(grid: Grid, x_m: float, y_m: float) -> int:
-    """State under the point; SimError where there is none."""
+def goal_cell(grid: Grid, x_m: float, y_m: float, *, what: str = "goal") -> int:
+    """State under the point; SimError where there is none. what: the point, for errors."""
     if not (math.isfinite(x_m) and math.isfinite(y_m)):
-        raise SimError(f"goal must be two finite numbers (m), got ({x_m}, {y_m}); set a point")
+        raise SimError(f"{what} must be two finite numbers (m), got ({x_m}, {y_m}); set a point")
     state = grid.state_at(x_m, y_m)
     if state < 0:
         away_m = np.hypot(grid.centers_m[:, 0] - x_m, grid.centers_m[:, 1] - y_m)
         near_x_m, near_y_m = grid.centers_m[int(np.argmin(away_m))]
         raise SimError(
-            f"goal must be in a walkable cell, got ({x_m:g}, {y_m:g}) m"
+            f"{what} must be in a walkable cell, got ({x_m:g}, {y_m:g}) m"
             f"; the nearest one is at ({near_x_m:g}, {near_y_m:g})"
         )
     return state

@@ -12,7 +12,7 @@ from sim.scenario.polygon import contains, distance_to_segments_m, edges_of
 from sim.scenario.rules import has_room
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings import Loop
-from storage.nearest import nearest_name
+from storage.nearest import choice_rule
 
 NO_FLOW = -1
 _WEAKEST_FLOW = 0.05
@@ -63,11 +63,7 @@ def goal_states_of(scenario: Scenario, grid: Grid) -> IntArray:
 def start_states_of(scenario: Scenario, grid: Grid, area: str) -> IntArray:
     """States in which a robot starts: in the start area of that name, with room between walls."""
     if area not in scenario.start_areas_m:
-        known = sorted(scenario.start_areas_m)
-        meant = nearest_name(area, known) or known[0]
-        raise SimError(
-            f"start area must be one of {', '.join(known)}, got {area!r}; did you mean {meant!r}?"
-        )
+        raise SimError(choice_rule("start area", area, sorted(scenario.start_areas_m)))
     states = np.flatnonzero(contains(scenario.start_areas_m[area], grid.centers_m))
     walls_m, radius_m = scenario.wall_segments_m, scenario.robot.radius_m
     return states[has_room(grid.centers_m[states], grid.cell_size_m, walls_m, radius_m)]

@@ -20,11 +20,13 @@ _WALL_THICKNESS_M = 0.2
 
 @dataclass(frozen=True, eq=False)
 class OccupancyRaster:
-    """cells: (rows, columns) int8 of FREE, OCCUPIED, UNKNOWN; origin_m: lower-left corner."""
+    """cells: (rows, columns) int8 from FREE to OCCUPIED, or UNKNOWN; origin_m: lower-left corner,
+    about which the raster is turned by yaw_rad."""
 
     origin_m: tuple[float, float]
     resolution_m: float
     cells: NDArray[np.int8]
+    yaw_rad: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

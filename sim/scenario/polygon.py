@@ -10,10 +10,15 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from serd_core.arrays import BoolArray, FloatArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 
 Point = tuple[float, float]
 _SMALLEST_AREA_M2 = 1e-9
+_BOX_MARGIN_M = 1e-3
+#: Points times edges that are computed at once.
+_LARGEST_BLOCK = 1_000_000
+#: Points of a tile, for all of which the walls are sorted out together that may be the nearest.
+_POINTS_OF_A_TILE = 200
 #: Sine of a turn below which two edges are one straight wall.
 _SMALLEST_TURN = 1e-9
 
@@ -47,7 +52,23 @@ def without_straight_corners(polygon_m: FloatArray) -> FloatArray:
 def contains(polygon_m: ArrayLike, points_m: ArrayLike) -> BoolArray:
     """(N,) whether each of the (N, 2) points lies inside the polygon (even-odd rule)."""
     points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
-    start, end = np.moveaxis(edges_of(polygon_m), 1, 0)
+    edges = edges_of(polygon_m)
+    corners = edges[:, 0]
+    (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
+    x, y = points.T
+    near = (x >= west - _BOX_MARGIN_M) & (x <= east + _BOX_MARGIN_M)
+    near &= (y >= south - _BOX_MARGIN_M) & (y <= north + _BOX_MARGIN_M)
+    inside = np.zeros(len(points), dtype=np.bool_)
+    rows = np.flatnonzero(near)
+    n_blocks = 1 + len(rows) * len(edges) // _LARGEST_BLOCK
+    for part in np.array_split(rows, n_blocks):
+        inside[part] = _crossings_are_odd(edges, points[part])
+    return inside
+
+
+def _crossings_are_odd(edges_m: FloatArray, points: FloatArray) -> BoolArray:
+    """(N,) whether a ray from each point to the east crosses an odd number of edges."""
+    start, end = np.moveaxis(edges_m, 1, 0)
     x, y = points[:, 0, None], points[:, 1, None]
     straddles = (start[:, 1] > y) != (end[:, 1] > y)
     rise = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
@@ -129,10 +150,31 @@ def signed_wall_distance_m(points_m: FloatArray, polygons_m: Sequence[ArrayLike]
 
     polygons_m: the outline of the walkable area, then the solids inside it.
     """
-    distance = np.full(len(points_m), np.inf)
-    for wall in np.concatenate([edges_of(polygon) for polygon in polygons_m]):
-        np.minimum(distance, distance_to_segments_m(points_m, wall[None])[:, 0], out=distance)
+    walls_m = np.concatenate([edges_of(polygon) for polygon in polygons_m])
+    distance = np.empty(len(points_m))
+    for rows in _tiles(points_m):
+        near = walls_m[_may_be_nearest(points_m[rows], walls_m)]
+        distance[rows] = distance_to_segments_m(points_m[rows], near).min(axis=1)
     walkable = contains(polygons_m[0], points_m)
     for solid in polygons_m[1:]:
         walkable &= ~contains(solid, points_m)
     return np.where(walkable, distance, -distance)
+
+
+def _tiles(points_m: FloatArray) -> list[IntArray]:
+    """Rows of the points of each square of a raster over them."""
+    low, high = points_m.min(axis=0), points_m.max(axis=0)
+    n_tiles = 1 + len(points_m) // _POINTS_OF_A_TILE
+    side_m = max(float(np.sqrt(np.prod(high - low) / n_tiles)), float((high - low).max()) / n_tiles)
+    columns, rows = np.floor((points_m - low) / max(side_m, _BOX_MARGIN_M)).astype(np.int64).T
+    tile = rows * (columns.max() + 1) + columns
+    order = np.argsort(tile, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(tile[order])) + 1)
+
+
+def _may_be_nearest(points_m: FloatArray, walls_m: FloatArray) -> BoolArray:
+    """(W,) whether a wall may be the nearest one of a point, by their distances to the middle."""
+    low, high = points_m.min(axis=0), points_m.max(axis=0)
+    away_m = distance_to_segments_m((low + high) / 2, walls_m)[0]
+    reach_m = float(np.linalg.norm(high - low)) + _BOX_MARGIN_M  # twice that of the farthest point
+    return np.asarray(away_m <= away_m.min() + reach_m)

@@ -18,6 +18,7 @@ from sim.scenario.polygon import (
     edges_of,
     first_crossing,
     overlap,
+    signed_wall_distance_m,
 )
 from sim.scenario.settings import LARGEST_NUMBER, LidarSettings, Loop, RobotSettings
 from sim.scenario.walkable_cells import WalkableCells
@@ -58,7 +59,7 @@ def require_whole_periods(name: str, period_s: float, control_period_s: float) -
 
 
 def require_control_period(control_period_s: float, robot: RobotSettings) -> None:
-    """Nobody may get past a wall within one period, nor may people leap."""
+    """No one may get past a wall within one period, nor may people leap."""
     speed_mps = max(robot.max_vel_x_mps, -robot.min_vel_x_mps)
     most_s = min(LONGEST_CONTROL_PERIOD_S, robot.radius_m / speed_mps)
     if control_period_s > LONGEST_CONTROL_PERIOD_S or control_period_s >= most_s:
@@ -111,6 +112,18 @@ def require_walkable_crowd(count: int, cells: WalkableCells) -> None:
             f"pedestrians.count must be at most {most} on {area_m2:.4g} m2, for at "
             f"{DENSITY_AT_WHICH_NOBODY_WALKS_PM2:g} people per m2 walking stops, got "
             f"{count}; lower it"
+        )
+
+
+def require_standing(
+    name: str, place: Point, walls_m: Sequence[Sequence[Point]], radius_m: float
+) -> None:
+    """People stand clear of the walls: the outline of the area, then the obstacles."""
+    gap_m = float(signed_wall_distance_m(np.array([place]), walls_m)[0]) - radius_m
+    if gap_m < 0.0:
+        raise ValueError(
+            f"{name} must be at least {radius_m:g} m from every wall, got {list(place)}, "
+            f"{-gap_m:.2g} m too near; move it"
         )
 
 
@@ -185,13 +198,14 @@ def require_way(
 ) -> None:
     """From every cell of a start area, moves from cell to cell must lead to the goal."""
     islands = _islands(cells)
-    at_goal = set(islands[contains(goal, cells.centers_m)].tolist())
-    for center, island in zip(cells.centers_m, islands, strict=True):
-        if island not in at_goal and contains(start, center).all():
-            raise ValueError(
-                f"goal_area_m must be reachable from {name}, but no way over cells of "
-                f"{cells.cell_size_m:g} m leads there from {center.tolist()}; open one"
-            )
+    at_goal = islands[contains(goal, cells.centers_m)]
+    cut_off = contains(start, cells.centers_m) & ~np.isin(islands, at_goal)
+    if cut_off.any():
+        raise ValueError(
+            f"goal_area_m must be reachable from {name}, but no way over cells of "
+            f"{cells.cell_size_m:g} m leads there from"
+            f" {cells.centers_m[np.argmax(cut_off)].tolist()}; open one"
+        )
 
 
 def require_lane(

@@ -10,14 +10,17 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import ValidationError, model_validator
 
 from serd_core.arrays import FloatArray
+from sim.crowd.social_force import model_named
 from sim.errors import SimError
 from sim.planning.settings import PlannerSettings
 from sim.scenario import rules
+from sim.scenario.obstacle import Obstacle, require_free
 from sim.scenario.polygon import counter_clockwise, edges_of, without_straight_corners
 from sim.scenario.settings import (
+    ImuSettings,
     LidarSettings,
     Loop,
     OdometrySettings,
@@ -29,16 +32,9 @@ from sim.scenario.walkable_cells import WalkableCells, walkable_cells
 from storage.files import read_text
 from storage.nearest import nearest_name
 from storage.settings import setting
-from storage.yaml_config import StrictModel, load_yaml_model
+from storage.yaml_config import StrictModel, load_yaml_model, sentence_of
 
 _BUILTIN_FOLDER = Path(__file__).parent / "scenarios"
-
-
-class Obstacle(StrictModel):
-    """A solid inside the walkable area."""
-
-    name: str
-    outline_m: Outline
 
 
 class Scenario(StrictModel):
@@ -51,6 +47,13 @@ class Scenario(StrictModel):
         f"side of the cells of the decision grid, of which there may be {rules.MOST_CELLS:,}",
         unit="m",
         ge=0.001,
+    )
+    cell_clearance_m: float | None = setting(
+        None,
+        "least distance of a walkable cell's centre to every wall; a tenth of a cell by default."
+        " With half a cell no thin wall lies between two walkable cells",
+        unit="m",
+        ge=0,
     )
     decision_period_s: float = setting(
         2.0,
@@ -76,7 +79,9 @@ class Scenario(StrictModel):
         ..., "corners of a simple polygon, in order; its edges are walls", unit="m"
     )
     obstacles: tuple[Obstacle, ...] = setting(
-        (), "solids in it, each with `name` and `outline_m`; they may extend beyond the walls"
+        (),
+        "solids in it, each with `name` and `outline_m`; they may extend beyond the walls. With"
+        " `mass_kg` they are movable",
     )
     goal_area_m: Outline = setting(
         ..., "polygon; an episode ends when the robot's centre is inside", unit="m"
@@ -94,6 +99,7 @@ class Scenario(StrictModel):
     robot: RobotSettings = RobotSettings()
     lidar: LidarSettings = LidarSettings()
     odometry: OdometrySettings = OdometrySettings()
+    imu: ImuSettings = ImuSettings()
     local_planner: PlannerSettings = PlannerSettings()
 
     @model_validator(mode="after")
@@ -109,13 +115,21 @@ class Scenario(StrictModel):
         self.local_planner.require_within(self.robot, self.control_period_s)
         if "train" not in self.start_areas_m:
             raise ValueError(f"start_areas_m must have 'train', got {sorted(self.start_areas_m)}")
-        solids = [obstacle.outline_m for obstacle in self.obstacles]
-        rules.require_in_place(self.walkable_area_m, solids)
+        rules.require_in_place(self.walkable_area_m, [each.outline_m for each in self.obstacles])
+        require_free(self.obstacles, self.robot.drive, self.walkable_area_m, self.start_areas_m)
+        solids = self.solids_m
         rules.require_cell_count(self.walkable_area_m, self.cell_size_m)
         self._require_usable_areas()
         rules.require_walkable_crowd(self.pedestrians.count, self.cells)
         if self.pedestrians.count and not self.pedestrians.loops:
             raise ValueError("pedestrians.loops must not be empty when pedestrians.count is not 0")
+        for number, place in enumerate(self.pedestrians.standing_m):
+            rules.require_standing(
+                f"pedestrians.standing_m[{number}]",
+                place,
+                [self.walkable_area_m, *(each.outline_m for each in self.obstacles)],
+                model_named(self.pedestrians.model).body_radius_m,
+            )
         for number, loop in enumerate(self.pedestrians.loops):
             name = f"pedestrians.loops[{number}]"
             rules.require_lane(name, loop, self.walkable_area_m, solids, self.wall_segments_m)
@@ -143,12 +157,12 @@ class Scenario(StrictModel):
 
     @property
     def wall_polygons_m(self) -> list[FloatArray]:
-        """Outline of the walkable area, then of each obstacle, as (n, 2) arrays.
+        """Outline of the walkable area, then of each obstacle that is no movable one, (n, 2).
 
         Corners are ordered so that the free side is to the left of every edge. Corners amid a
         straight wall are left out: people keep away from each edge, however a wall is cut.
         """
-        outlines = (self.walkable_area_m, *(each.outline_m for each in self.obstacles))
+        outlines = (self.walkable_area_m, *self.solids_m)
         area, *solids = (
             counter_clockwise(without_straight_corners(np.array(outline))) for outline in outlines
         )
@@ -160,10 +174,21 @@ class Scenario(StrictModel):
         return np.concatenate([edges_of(polygon) for polygon in self.wall_polygons_m])
 
     @cached_property
+    def movable_obstacles(self) -> tuple[Obstacle, ...]:
+        """The obstacles that can be pushed; the map does not have them."""
+        return tuple(each for each in self.obstacles if each.mass_kg is not None)
+
+    @property
+    def solids_m(self) -> list[Outline]:
+        """Outlines of the obstacles that are no movable ones."""
+        return [each.outline_m for each in self.obstacles if each.mass_kg is None]
+
+    @cached_property
     def cells(self) -> WalkableCells:
         """The coarse cells of the walkable area."""
-        solids = [obstacle.outline_m for obstacle in self.obstacles]
-        return walkable_cells(self.walkable_area_m, solids, self.cell_size_m)
+        return walkable_cells(
+            self.walkable_area_m, self.solids_m, self.cell_size_m, self.cell_clearance_m
+        )
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
@@ -187,7 +212,10 @@ class Scenario(StrictModel):
         if count < 0:
             raise SimError(f"the number of people must be at least 0, got {count}; use 0 for none")
         pedestrians = self.pedestrians.model_dump() | {"count": count}
-        return type(self).model_validate(self.model_dump() | {"pedestrians": pedestrians})
+        try:
+            return type(self).model_validate(self.model_dump() | {"pedestrians": pedestrians})
+        except ValidationError as error:
+            raise SimError(sentence_of(error, type(self))) from None
 
     def with_local_planner(self, parameters: PlannerSettings) -> "Scenario":
         """The same scenario with other parameters of the local planners."""
@@ -201,6 +229,16 @@ class Scenario(StrictModel):
 def builtin_scenarios() -> tuple[str, ...]:
     """Names of the scenarios that come with the package."""
     return tuple(sorted(path.stem for path in _BUILTIN_FOLDER.glob("*.yaml")))
+
+
+def scenario_suite(name: str) -> tuple[str, ...]:
+    """Names of the scenarios of a suite that comes with the package; empty where there is none."""
+    return tuple(f"{name}/{path.stem}" for path in sorted((_BUILTIN_FOLDER / name).glob("*.yaml")))
+
+
+def suite_names() -> tuple[str, ...]:
+    """Names of the suites: folders of scenarios that stay as they are, for comparisons."""
+    return tuple(sorted(path.name for path in _BUILTIN_FOLDER.iterdir() if path.is_dir()))
 
 
 def scenario_content(scenario: Scenario) -> str:
@@ -222,9 +260,10 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     if path.suffix in {".yaml", ".yml"}:
         return load_yaml_model(path, Scenario)
     name = str(name_or_path)
-    if name in builtin_scenarios():
+    if name in (*builtin_scenarios(), *scenario_suite(name.partition("/")[0])):
         return load_yaml_model(_BUILTIN_FOLDER / f"{name}.yaml", Scenario)
-    meant = nearest_name(name, builtin_scenarios())
+    of_suites = (each for suite in suite_names() for each in scenario_suite(suite))
+    meant = nearest_name(name, (*builtin_scenarios(), *of_suites))
     known = ", ".join(builtin_scenarios())
     hint = (
         f"did you mean {meant!r}?" if meant else f"built in are {known}; name the file of another"

@@ -15,7 +15,8 @@ from storage.yaml_config import StrictModel
 #: Products of numbers of this size are far from overflow.
 LARGEST_NUMBER = 1e6
 _Coordinate = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
-Polygon = Annotated[tuple[tuple[_Coordinate, _Coordinate], ...], Field(min_length=3)]
+Point = tuple[_Coordinate, _Coordinate]
+Polygon = Annotated[tuple[Point, ...], Field(min_length=3)]
 #: A polygon that bounds an area: it must not cross itself, nor shrink to a line.
 Outline = Annotated[Polygon, AfterValidator(require_simple)]
 
@@ -148,6 +149,28 @@ class OdometrySettings(StrictModel):
         return scales + self.distance_noise_m + self.turn_noise_rad > 0.0
 
 
+class ImuSettings(StrictModel):
+    """An inertial measurement unit; the defaults are those of an ADIS16448."""
+
+    gyroscope_noise_density: float = setting(
+        1.7e-4, "noise of the angular velocity", unit="rad/s/√Hz", ge=0
+    )
+    gyroscope_bias_walk: float = setting(
+        1.9e-5, "random walk of the gyroscope's bias, from 0", unit="rad/s²/√Hz", ge=0
+    )
+    accelerometer_noise_density: float = setting(
+        2.0e-3, "noise of the acceleration", unit="m/s²/√Hz", ge=0
+    )
+    accelerometer_bias_walk: float = setting(
+        3.0e-3, "random walk of the accelerometer's bias, from 0", unit="m/s³/√Hz", ge=0
+    )
+
+    def noise_deviations(self, period_s: float) -> tuple[float, float]:
+        """Standard deviations (rad/s, m/s²) of means over a period."""
+        scale = 1.0 / math.sqrt(period_s)
+        return scale * self.gyroscope_noise_density, scale * self.accelerometer_noise_density
+
+
 class Loop(StrictModel):
     """A closed line that people walk around, listed as right-hand traffic walks it."""
 
@@ -175,6 +198,9 @@ class PedestrianSettings(StrictModel):
     )
     count: int = setting(24, "number of people, at most 5.4 per walkable m²", ge=0)
     loops: tuple[Loop, ...] = setting((), "closed lines that people walk around")
+    standing_m: tuple[Point, ...] = setting(
+        (), "places of people who stand there, beside `count`; pushed away, they return", unit="m"
+    )
     desired_speed_mean_mps: float = setting(
         1.34,
         "mean of the desired speeds, a normal distribution cut off at two deviations",
@@ -193,6 +219,11 @@ class PedestrianSettings(StrictModel):
     robot_visible: bool = setting(
         True, "whether people avoid the robot; contacts push them in either case"
     )
+
+    @property
+    def n_people(self) -> int:
+        """Those who walk and those who stand."""
+        return self.count + len(self.standing_m)
 
     @field_validator("model")
     @classmethod

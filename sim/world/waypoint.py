@@ -1,10 +1,14 @@
 """Waypoints, the decision clock, and the waypoint of each decision on the grid."""
 
+import math
 from dataclasses import dataclass
 
 from serd_core.grid.grid import Action, Grid
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
+
+#: A waypoint this near (m) gives no direction.
+_THERE_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -18,6 +22,39 @@ class Waypoint:
 def is_decision_tick(observation: Observation, scenario: Scenario) -> bool:
     """Whether a decision period begins at this observation."""
     return observation.tick % scenario.ticks_per_decision == 0
+
+
+class DecisionClock:
+    """The decision periods of a drive: each begins at the first observation in it.
+
+    So observations of any rate and phase decide once in each period.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._ticks = scenario.ticks_per_decision
+        self.begin()
+
+    def begin(self, start_tick: int | None = None) -> None:
+        """Count periods from a tick on, None for that of the next observation."""
+        self._start = start_tick
+        self._begun = -1, -1
+
+    def begins(self, observation: Observation) -> bool:
+        """Whether a period begins at this observation, or began at it when it came before."""
+        if self._start is None:
+            self._start = observation.tick
+        period = (observation.tick - self._start) // self._ticks
+        if period > self._begun[0]:
+            self._begun = period, observation.tick
+        return observation.tick == self._begun[1]
+
+
+def heading_to(waypoint: Waypoint, observation: Observation) -> float:
+    """Direction (rad) of the way to a waypoint; the robot's own where it has arrived there."""
+    east_m, north_m = waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m
+    if math.hypot(east_m, north_m) < _THERE_M:
+        return observation.yaw_rad
+    return math.atan2(north_m, east_m)
 
 
 def waypoint_of_cell(grid: Grid, state: int) -> Waypoint:

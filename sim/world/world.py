@@ -2,7 +2,7 @@
 
 What happens in an episode depends on the scenario, the seed, the episode number and the start area
 only. Time runs on from episode to episode; an episode starts at a whole decision period after a gap
-by which anyone who sees the observations can tell it from the last.
+by which observations of it are distinguished from those of the last.
 """
 
 import math
@@ -12,26 +12,29 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Grid
 from sim.crowd.crowd import Crowd, start_crowd
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
 from sim.pictures.camera import Camera, overview_camera
 from sim.pictures.scene import Scene
-from sim.robot.contacts import ContactCounter, ContactCounts, ContactEvent
+from sim.robot.contacts import ContactCounter, ContactCounts, ContactEvent, Touch
+from sim.robot.imu import Imu, ImuReading
 from sim.robot.lidar import Lidar
 from sim.robot.odometry import Odometry
 from sim.robot.physical_robot import PhysicalRobot
 from sim.robot.robot import KinematicRobot, RobotState, standing_at
 from sim.scenario.goal import Area
 from sim.scenario.grid import grid_of, start_states_of
+from sim.scenario.obstacle import Pose
 from sim.scenario.occupancy import OccupancyRaster, occupancy_raster
-from sim.scenario.polygon import contains_point
+from sim.scenario.polygon import contains_point, edges_of
 from sim.scenario.rules import START_SPREAD
 from sim.scenario.scenario import Scenario, scenario_digest
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation, make_observation
-from sim.world.seeds import CROWD, LIDAR, ODOMETRY, START, episode_rng
+from sim.world.seeds import CROWD, IMU, LIDAR, ODOMETRY, START, episode_rng
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,7 @@ class WorldState:
     crowd: Crowd
     contacts: ContactCounter
     odometry: Odometry
+    imu: Imu
 
 
 class HallwayWorld:
@@ -79,6 +83,7 @@ class HallwayWorld:
         self._odometry = Odometry(
             scenario.odometry, self._robot.state.pose, episode_rng(seed, 0, ODOMETRY)
         )
+        self._imu = self._new_imu(0)
         self._crowd: Crowd | None = None
         self._observation: Observation | None = None
         self._scanned: tuple[Observation, NDArray[np.float32]] | None = None
@@ -107,9 +112,12 @@ class HallwayWorld:
             self._odometry.follow(self._robot.state.pose)
         else:
             self._odometry.add(*self._robot.wheel_motion)
+        self._imu.follow(self._robot.inertial)
         self._contacts.update(crowd, self._robot.body, self._robot.wall_distance_m, touches)
         if touches is None:
             crowd.push_out_of(self._robot.body)
+        if self._robot.obstacle_poses:
+            crowd.set_walls(self._walls_of_people_m())
         self.tick += 1
         if self._window is not None:
             self._show_in(self._window)
@@ -159,6 +167,29 @@ class HallwayWorld:
         return self._odometry.pose
 
     @property
+    def imu(self) -> ImuReading:
+        """Angular velocity and acceleration of the last control period."""
+        self._running()
+        return self._imu.reading
+
+    @property
+    def bumper(self) -> tuple[Touch, ...]:
+        """What touched the hull in the last control period; the physical drive alone has it."""
+        touches = self._contacts.touches
+        return touches.all if touches else ()
+
+    @property
+    def obstacle_poses(self) -> tuple[Pose, ...]:
+        """(x_m, y_m, yaw_rad) of the scenario's movable obstacles."""
+        return self._robot.obstacle_poses
+
+    @property
+    def obstacle_outlines_m(self) -> list[FloatArray]:
+        """(n, 2) corners of each movable obstacle as it is."""
+        pairs = zip(self.scenario.movable_obstacles, self.obstacle_poses, strict=True)
+        return [obstacle.outline_at(pose) for obstacle, pose in pairs]
+
+    @property
     def is_scan_tick(self) -> bool:
         """Whether the lidar has a new scan at this tick."""
         return self.tick % self.scenario.ticks_per_scan == 0
@@ -176,7 +207,9 @@ class HallwayWorld:
         rng = None
         if self.scenario.lidar.noise_deviation_m > 0:
             rng = episode_rng(self.seed, self._episode, LIDAR, self.tick - self._first_tick)
-        ranges_m = self._lidar.scan(seen.pose, crowd.x_m, crowd.y_m, rng)
+        ranges_m = self._lidar.scan(
+            seen.pose, crowd.x_m, crowd.y_m, rng, self._robot.obstacle_segments_m
+        )
         self._scanned = seen, ranges_m
         return ranges_m
 
@@ -206,6 +239,7 @@ class HallwayWorld:
             crowd=deepcopy(self._running()),
             contacts=deepcopy(self._contacts),
             odometry=deepcopy(self._odometry),
+            imu=deepcopy(self._imu),
         )
 
     def restore(self, state: WorldState) -> Observation:
@@ -222,7 +256,7 @@ class HallwayWorld:
             )
         self._robot.place(state.robot)
         self._crowd, self._contacts = deepcopy(state.crowd), deepcopy(state.contacts)
-        self._odometry = deepcopy(state.odometry)
+        self._odometry, self._imu = deepcopy(state.odometry), deepcopy(state.imu)
         self._episode, self.tick, self._first_tick = state.episode, state.tick, state.first_tick
         self.n_rejected_commands, self.goal_area_m = state.n_rejected_commands, state.goal_area_m
         self._observation = self._observe()
@@ -250,10 +284,17 @@ class HallwayWorld:
         """Put robot and people of a scene where they are."""
         crowd = self._running()
         scene.place_robot(self._robot.state.pose)
+        scene.place_obstacles(self._robot.obstacle_poses)
         scene.place_people(
             np.stack([crowd.x_m, crowd.y_m], axis=1),
             np.stack([crowd.velocity_x_mps, crowd.velocity_y_mps], axis=1),
         )
+
+    def _walls_of_people_m(self) -> FloatArray:
+        """(W, 2, 2) what people keep clear of: walls and movable obstacles but doors."""
+        pairs = zip(self.scenario.movable_obstacles, self.obstacle_outlines_m, strict=True)
+        free = [edges_of(outline_m) for each, outline_m in pairs if each.hinge_m is None]
+        return np.concatenate([self.scenario.wall_segments_m, *free])
 
     def _begin(self, episode: int, robot: RobotState) -> None:
         """New people on their loops, not yet warmed up, and the robot in the given state."""
@@ -263,13 +304,18 @@ class HallwayWorld:
         self._odometry = Odometry(
             self.scenario.odometry, robot.pose, episode_rng(self.seed, episode, ODOMETRY)
         )
+        self._imu = self._new_imu(episode)
         self._crowd = start_crowd(
             self.scenario.pedestrians,
             self.scenario.directed_loops,
-            self.scenario.wall_segments_m,
+            self._walls_of_people_m(),
             episode_rng(self.seed, episode, CROWD),
         )
         self._contacts = ContactCounter(len(self._crowd))
+
+    def _new_imu(self, episode: int) -> Imu:
+        rng = episode_rng(self.seed, episode, IMU)
+        return Imu(self.scenario.imu, self.scenario.control_period_s, self._robot.inertial, rng)
 
     def _draw_start(self, rng: np.random.Generator, area: str) -> tuple[float, float, float]:
         state = rng.choice(start_states_of(self.scenario, self.grid, area))

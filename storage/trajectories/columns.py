@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from serd_core.arrays import FloatArray
 from storage.errors import FileError
+from storage.settings import setting
 from storage.yaml_config import StrictModel
 
 Unit = Literal["m", "cm", "mm"]
@@ -50,13 +50,13 @@ _CM_ABOVE, _MM_ABOVE = 40.0, 400.0
 class TableColumns(StrictModel):
     """Names of the columns, or their numbers from 1; empty: found by names or values."""
 
-    time: str = ""
-    agent: str = ""
-    x: str = ""
-    y: str = ""
-    fps: float | None = Field(default=None, gt=0)
-    time_unit: Literal["s", "ms", "us", "ns"] | None = None
-    unit: Unit | None = None
+    time: str = setting("", "column of times or frames: its name, or its number from 1")
+    agent: str = setting("", "column of ids")
+    x: str = setting("", "column of x")
+    y: str = setting("", "column of y")
+    fps: float | None = setting(None, "frames per second, where times are frames", unit="Hz", gt=0)
+    time_unit: Literal["s", "ms", "us", "ns"] | None = setting(None, "unit of times")
+    unit: Unit | None = setting(None, "unit of x and y")
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,16 @@ class SetMode(StrictModel):
     mode: Mode
 
 
-PageRequest = Hold | Move | Joystick | Override | Away | Episode | EmergencyStop | SetMode
+class Replay(StrictModel):
+    """Play or pause a recording, go to a time of it, or change its rate; None leaves it."""
+
+    type: Literal["replay"]
+    playing: bool | None = None
+    at_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None = None
+    rate: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
+
+
+PageRequest = Hold | Move | Joystick | Override | Away | Episode | EmergencyStop | SetMode | Replay
 _REQUEST: TypeAdapter[PageRequest] = TypeAdapter(
     Annotated[PageRequest, Field(discriminator="type")]
 )

@@ -1,6 +1,6 @@
 """The data that the page draws: the scene once, the state of the world again and again."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,13 @@ def scene_of(scenario: Scenario, grid: Grid) -> dict[str, Any]:
         "scan_start_rad": scenario.lidar.angle_min_rad,
         "scan_step_rad": scenario.lidar.angle_increment_rad,
     }
+
+
+def watched_scene_of(
+    scenario: Scenario, grid: Grid, replay: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The scene of a page that only watches; replay: duration_s and episodes of a recording."""
+    return {**scene_of(scenario, grid), "watch": True, "replay": replay}
 
 
 def world_state(

@@ -20,6 +20,7 @@ from serd_app.drives.mapping import BagMapping
 from serd_app.learning.checkpoint import LearnerCheckpoint
 from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arrivals
 from serd_app.navigation.drive_folder import BegunDrive
+from serd_app.places.ros_map import MapFile
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.node_commands import parse_assignment, stack_processes
 from serd_core.demonstrations.decisions import Decisions
@@ -54,6 +55,7 @@ _BAG = BagRecord(
 _MODELS: dict[str, StrictModel] = {
     "scenario": _CORRIDOR,
     "mapping": BagMapping(longest_gap_s=1.0),
+    "map": MapFile(image="map.pgm", resolution=0.05, origin=(0.0, 0.0, 0.0)),
     "checkpoint": LearnerCheckpoint(
         scenario="corridor", grid_fingerprint="0", reward_weights={"goal": 1.0}, goal_entry_s=(1.0,)
     ),

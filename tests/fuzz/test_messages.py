@@ -54,6 +54,7 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
     "strategy": [{"episodes": 1_000_000}, {"episodes": 1_000_000, "reset": False}],
     "teleop_mux": [{"use_sim_time": True}, {"stamped_cmd_vel": True}],
     "teleop_page": [{"port": 0}],
+    "watch_page": [{"port": 0}],
     "demo_recorder": [{"compression": "zstd"}],
     "learner": [{"learn_on": "call"}],
     "nav2_bridge": [{"publish_tf": True}, {"mode": "through_poses"}],

@@ -8,6 +8,7 @@ from report.figures.arrival import (
     at_times,
     measured_curve,
     predicted_curve,
+    shown_from_s,
     shown_until_s,
     time_reaching,
 )
@@ -55,3 +56,11 @@ def test_a_share_that_is_never_reached_has_no_time() -> None:
 def test_counts_passed_as_probabilities_are_refused() -> None:
     with pytest.raises(SerdError, match=r"must lie in \[0, 1\], got up to 7.0"):
         curve([0.0, 1.0], [0.0, 7.0])
+
+
+def test_the_axis_begins_shortly_before_the_first_curve_leaves_zero():
+    times = [0.0, 20.0, 30.0, 40.0]
+    early, late = curve(times, [0.0, 0.1, 0.5, 1.0]), curve(times, [0.0, 0.001, 0.5, 1.0])
+    assert shown_from_s(early, late) == 0.9 * 20.0
+    assert shown_from_s(late) == 0.9 * 30.0
+    assert shown_from_s(curve(times, [0.0] * 4)) == 0.0

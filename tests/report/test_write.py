@@ -157,8 +157,8 @@ def test_a_nan_in_the_objective_is_refused_with_its_place(inputs: ReportInputs) 
         replace(inputs, fit=fit)
 
 
-def test_a_report_without_episodes_is_refused(inputs: ReportInputs) -> None:
-    with pytest.raises(SerdError, match="episodes must have at least one row, got none"):
+def test_a_report_without_episodes_and_forecasts_is_refused(inputs: ReportInputs) -> None:
+    with pytest.raises(SerdError, match="episodes must have at least one row where there is no"):
         replace(inputs, episodes=())
 
 

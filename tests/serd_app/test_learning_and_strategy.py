@@ -8,11 +8,13 @@ import pytest
 
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
 from serd_app.demonstrations.flow_table import save_flow
+from serd_app.errors import AppError
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.methods import FitProgress
+from serd_app.learning.outcome import fit_of_file, outcome_files, save_outcome
 from serd_app.learning.recipe import learn, task_in
 from serd_app.navigation.strategy import load_strategy, start_distribution
-from serd_cli.demo.report import fit_of
+from serd_app.places.kept_scenario import scenario_beside
 from serd_core.ascent.ascent import Step
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.solved_policy import soft_policy
@@ -74,7 +76,7 @@ def test_a_model_file_gives_the_fit_and_the_policy_back(outcome, tmp_path):
     path, fit = tmp_path / "model.yaml", outcome[0].fit
     save_model(path, outcome[0].model)
     strategy = load_strategy(str(path), HALLWAY, "optimal")
-    back = fit_of(load_model(path), strategy.problem, fit.objective_trace)
+    back = fit_of_file(load_model(path), strategy.problem, fit.objective_trace)
     assert np.array_equal(back.reward_weights, fit.reward_weights)
     assert np.array_equal(back.outcome_probabilities, fit.outcome_probabilities)
     assert (back.objective, back.converged) == (fit.objective, fit.converged)
@@ -147,3 +149,26 @@ def test_a_candidate_fit_leaves_the_weights_of_the_checkpoint_as_they_are(outcom
     assert memory.warm_weights.tolist() == before
     memory.save_progress(FitProgress(2, 2, 0.1, step))
     assert memory.warm_weights.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_a_scenario_that_is_not_built_in_is_kept_beside_the_model(outcome, tmp_path):
+    own = HALLWAY.model_copy(update={"name": "my hallway"})
+    path = tmp_path / "model.yaml"
+    kept = replace(outcome[0], scenario_yaml=task_in(own, CONFIG.discount).scenario_yaml)
+    save_outcome(path, kept, grid_of(HALLWAY))
+    assert load_scenario(scenario_beside(path, "my hallway")) == own
+    save_outcome(path, outcome[0], grid_of(HALLWAY))
+    assert scenario_beside(path, "hallway") == "hallway"
+
+
+def test_a_model_is_not_saved_beside_an_edited_scenario_that_is_another(outcome, tmp_path):
+    path = tmp_path / "model.yaml"
+    (tmp_path / "model.scenario.yaml").write_text("name: my own\n")
+    with pytest.raises(AppError, match="edited or written by hand"):
+        save_outcome(path, outcome[0], grid_of(HALLWAY))
+    assert [each.name for each in tmp_path.iterdir()] == ["model.scenario.yaml"]
+
+
+def test_files_beside_two_models_in_one_folder_are_apart():
+    first, second = (set(outcome_files(Path(name)).values()) for name in ("a.yaml", "b.yaml"))
+    assert not first & second

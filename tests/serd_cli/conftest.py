@@ -129,7 +129,8 @@ def _north(time_s: float) -> bytes:
 
 
 def _mark(time_s: float, event: str) -> bytes:
-    values = {"episode": "0", "outcome": "arrived" if event == "end" else ""}
+    values = {"episode": "0", "driver": "anna", "seed": "1", "start_area": "train"}
+    values["outcome"] = "arrived" if event == "end" else ""
     pairs = [_STORE.types["diagnostic_msgs/msg/KeyValue"](*pair) for pair in values.items()]
     status = _STORE.types["diagnostic_msgs/msg/DiagnosticStatus"](0, "episode", event, "", pairs)
     return _encoded(DIAGNOSTICS, _header(time_s), [status])

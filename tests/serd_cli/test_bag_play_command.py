@@ -1,8 +1,18 @@
 """`serd bag play` executes the node, and rejects a bag that cannot be played before that."""
 
+import json
+
 import pytest
 
 from serd_cli.commands import bag_play
+
+
+@pytest.fixture(autouse=True)
+def looked_at(monkeypatch):
+    """Topics that were required to have no publisher."""
+    seen = []
+    monkeypatch.setattr(bag_play, "require_free", lambda _, *names: seen.extend(names))
+    return seen
 
 
 @pytest.fixture
@@ -29,6 +39,31 @@ def test_options_become_parameters_of_the_node(serd, drive_bag, started):
     assert parameters["bag"] == str(bag.resolve())
     assert (parameters["rate"], parameters["start_s"], parameters["clock_hz"]) == (10.0, 2.0, 0.0)
     assert (parameters["topics"], parameters["required_nodes"]) == (("intent",), ("learner",))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "topics"),
+    [
+        ([], ["/clock"]),
+        (["--remap", "/clock:=/robot1/clock"], ["/robot1/clock"]),
+        (["--no-clock"], []),
+    ],
+)
+def test_a_clock_must_have_no_other_publisher(
+    serd, drive_bag, started, looked_at, arguments, topics
+):
+    assert serd("bag", "play", drive_bag(), *arguments).code == 0
+    assert looked_at == topics
+    assert started
+
+
+def test_with_json_the_result_is_printed_when_the_node_has_ended(serd, drive_bag, monkeypatch):
+    node = ["/bin/echo", "played 12 messages of a bag"]
+    monkeypatch.setattr(bag_play, "node_command", lambda *_: node)
+    ended = serd("bag", "play", bag := drive_bag(), "--json")
+    assert ended.code == 0, ended.err
+    assert json.loads(ended.out) == {"bag": str(bag.resolve()), "messages": 12}
+    assert "played 12 messages of a bag" in ended.err
 
 
 @pytest.mark.parametrize(

@@ -5,22 +5,23 @@ import json
 import numpy as np
 import pytest
 
-from sim.crowd import comparison
+from sim.crowd import comparison, corridor_measures
+from sim.crowd.social_force import model_names
 
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch):
-    monkeypatch.setattr(comparison.compare_one_way, "__defaults__", ((0.5,),))
-    monkeypatch.setattr(comparison.compare_two_ways, "__defaults__", ((0.5,),))
-    monkeypatch.setattr(comparison.one_way_speed_mps, "__kwdefaults__",
-                        {"settle_s": 5.0, "duration_s": 5.0})  # fmt: skip
+    monkeypatch.setattr(comparison, "DENSITIES", (0.5,))
+    defaults = corridor_measures.measure_simulation.__kwdefaults__
+    quick = defaults | {"settle_s": 5.0, "duration_s": 5.0}
+    monkeypatch.setattr(corridor_measures.measure_simulation, "__kwdefaults__", quick)
 
 
 @pytest.fixture
 def recording(tmp_path):
     """Eight people in a corridor of 4 m, four each way: half a person per square metre."""
-    frames = np.arange(60)
-    along = (frames - 30) / 25.0
+    frames = np.arange(150)
+    along = (frames - 75) / 25.0
     rows = []
     for person in range(8):
         way, y_cm = (1, -150 + 40 * person) if person % 2 else (-1, -150 + 40 * person)
@@ -30,25 +31,38 @@ def recording(tmp_path):
     return path
 
 
-def test_both_models_are_compared_with_weidmann_and_with_the_recording(serd, recording, tmp_path):
+def test_every_model_is_compared_with_weidmann_and_with_the_recording(serd, recording, tmp_path):
     picture = tmp_path / "crowd.png"
     ended = serd("crowd", "compare", "--recording", recording, "--output", picture, "--json")
     rows = json.loads(ended.out)["rows"]
     assert picture.read_bytes().startswith(b"\x89PNG")
-    assert [(row["model"], row["flow"]) for row in rows] == [
-        ("circular_anisotropic", "one way"),
-        ("circular_anisotropic", "two ways"),
-        ("helbing_molnar_1995", "one way"),
-        ("helbing_molnar_1995", "two ways"),
+    assert [(row["model"], row["place"], row["flow"]) for row in rows] == [
+        (model, *place)
+        for model in model_names()
+        for place in (("Weidmann", "one way"), ("people", "two ways"))
     ]
-    assert rows[0]["expected_speed_mps"] == pytest.approx(1.30, abs=0.01)
-    assert rows[1]["expected_speed_mps"] == pytest.approx(1.0, abs=0.01)
-    assert 0.8 < rows[0]["speed_mps"] < 1.5
+    weidmann, people = rows[:2]
+    assert weidmann["measured_speed_mps"] == pytest.approx(1.30, abs=0.01)
+    assert people["measured_speed_mps"] == pytest.approx(1.0, abs=0.01)
+    assert 0.4 <= people["measured_nearest_m"] <= 0.8
+    assert 0.8 < weidmann["speed_mps"] < 1.5
+    assert "8 people, corridor of 3.2 m along x, two ways" in ended.err
+
+
+def test_a_recording_along_y_with_other_frames_is_the_same(serd, recording, tmp_path):
+    rows = np.loadtxt(recording)[:, [0, 1, 3, 2, 4]]
+    turned = tmp_path / "turned.txt"
+    np.savetxt(turned, rows)
+    words = ("--fps", 16, "--width", 4, "--json", "--output", tmp_path / "crowd.png")
+    ended = serd("crowd", "compare", "--recording", turned, *words)
+    people = json.loads(ended.out)["rows"][1]
+    assert people["measured_speed_mps"] == pytest.approx(16 / 25, abs=0.01)
+    assert "corridor of 4 m along y" in ended.err
 
 
 def test_without_a_recording_only_weidmann_is_there(serd, tmp_path):
     ended = serd("crowd", "compare", "--output", tmp_path / "crowd.png")
-    assert "one way" in ended.out
+    assert "Weidmann, one way" in ended.out
     assert "two ways" not in ended.out
 
 
@@ -62,6 +76,7 @@ def test_without_a_recording_only_weidmann_is_there(serd, tmp_path):
             "cannot write here.png: a file of this name is in the way",
         ),
         (("--recroding", "none.txt"), "No such option"),
+        (("--fps", "0"), "--fps must be above 0, got 0"),
     ],
 )
 def test_bad_input_gets_a_sentence_and_exit_code_2(serd, words, sentence, tmp_path):

@@ -1,7 +1,6 @@
 """`serd demos`: recordings become decisions, a grid and a picture, and nothing is lost unsaid."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +9,12 @@ import pytest
 from bags.reader import BagReader
 from bags.writer import BagWriter
 from serd_app.demonstrations.decision_table import load_decisions
+from serd_app.demonstrations.discretise import Faults
 from serd_app.demonstrations.flow_table import load_flow
 from serd_app.demonstrations.grid_file import load_grid
-from serd_app.demonstrations.recorded import DemonstrationRecord
-from serd_app.drives.mapping import BagMapping
+from serd_app.demonstrations.measured_density import load_density
+from serd_app.demonstrations.recorded import DemonstrationRecord, faults_of
+from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_core.grid.grid import Action
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
@@ -49,6 +50,19 @@ def test_beside_the_table_is_what_learning_reads(serd, drive_bag, tmp_path):
     assert not table.with_suffix(".flow.csv").exists()
 
 
+def test_a_scenario_of_the_user_beside_the_table_is_not_deleted(serd, drive_bag, tmp_path):
+    mine = tmp_path / "office.scenario.yaml"
+    mine.write_text("# My office.\nname: office\n")
+    words = ("demos", drive_bag(), "--scenario", "hallway", "--output", tmp_path / "office.csv")
+    refused = serd(*words)
+    assert refused.code == 2
+    assert "move it to another name" in refused.err
+    assert mine.read_text() == "# My office.\nname: office\n"
+    assert not list(tmp_path.glob("office*.csv"))
+    mine.rename(tmp_path / "mine.yaml")
+    assert serd(*words).code == 0
+
+
 def test_where_people_were_recorded_their_flow_is_told(serd, drive_bag, people_bag, tmp_path):
     table = tmp_path / "decisions.csv"
     words = ("demos", drive_bag(), people_bag(), "--output", table, "--scenario", "hallway")
@@ -66,6 +80,39 @@ def test_where_people_were_recorded_their_flow_is_told(serd, drive_bag, people_b
     }  # fmt: skip
     assert Path(values["files"]["flow picture"]).read_bytes().startswith(b"\x89PNG")
     assert "1 of 2 as in the scenario, 0 opposite" in serd(*words).out
+
+
+def test_where_people_were_recorded_their_density_at_decisions_is_measured(
+    serd, people_bag, drive_bag, tmp_path
+):
+    """People are seen for 3 s, and decisions are made every 2 s."""
+    table = tmp_path / "decisions.csv"
+    words = ("demos", people_bag(), "--output", table, "--scenario", "hallway")
+    ended = serd(*words, "--json")
+    assert ended.code == 0, ended.err
+    assert json.loads(ended.out)["density"]["n_known"] == 2
+    grid = load_grid(table.with_suffix(".grid.yaml"))
+    density = load_density(table, grid, load_decisions(table))
+    assert np.isfinite(density.aimed_at_pm2).all(axis=1).tolist() == [True] * 2 + [False] * 3
+    assert density.mean_pm2[grid.state_at(4.5, 8.5)] > 0.4
+    assert "density of people: known at 2 of 5 decisions" in serd(*words).out
+    ended = serd("demos", drive_bag(), "--output", table, "--scenario", "hallway", "--json")
+    assert json.loads(ended.out)["density"] is None
+    assert not table.with_suffix(".density.csv").exists()
+
+
+def test_moves_that_no_outcome_is_are_counted_as_faults_and_kept(serd, drive_bag, tmp_path):
+    """The robot drives 1 m per period: four cells of 0.25 m."""
+    table = tmp_path / "decisions.csv"
+    words = ("demos", drive_bag(), "--cell-size-m", "0.25", "--output", table)
+    ended = serd(*words, "--json")
+    assert json.loads(ended.out)["bags"][0]["fault_share"] == 1.0
+    assert faults_of(table) == Faults(0, 5, 0, 5)
+    assert "100.0 % of 5 moves are no outcome of the grid" in serd(*words).out
+    ended = serd("demos", drive_bag("other"), "--scenario", "hallway", "--output", table)
+    assert "no outcome of the grid" not in ended.out
+    assert faults_of(table).share == 0.0
+    assert faults_of(tmp_path / "another.csv") is None
 
 
 def test_episodes_of_several_bags_stay_apart(serd, drive_bag):
@@ -245,9 +292,10 @@ def test_waits_while_the_robot_moves_are_reported_with_the_command_that_helps(
     assert "while the robot moves" not in ended.out
 
 
-def test_the_help_names_every_key_of_a_mapping(serd):
-    shown = set(re.findall(r"\w+", serd("demos", "--help").out))
-    assert shown >= set(BagMapping.model_fields)
+def test_the_page_of_sources_names_every_key_of_a_mapping(root):
+    page = (root / "docs" / "sources.md").read_text(encoding="utf-8")
+    keys = {*BagMapping.model_fields, *TableMapping.model_fields}
+    assert {key for key in keys if f"| `{key}` |" not in page} == set()
 
 
 def test_of_a_bag_of_which_nothing_is_left_the_damage_is_told(serd, tmp_path):

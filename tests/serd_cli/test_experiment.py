@@ -12,7 +12,7 @@ from serd_core.errors import SerdError
 
 
 def run(*words):
-    make_app("experiment")(["experiment", *words], standalone_mode=False)
+    make_app()(["experiment", *words], standalone_mode=False)
 
 
 def test_an_experiment_leaves_its_tables_and_figures(tmp_path, capsys):

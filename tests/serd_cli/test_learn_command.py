@@ -10,6 +10,7 @@ import pytest
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.flow_table import save_flow
 from serd_app.demonstrations.grid_file import save_grid
+from serd_app.demonstrations.measured_density import MeasuredDensity, save_density
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.settings import MethodName
@@ -100,6 +101,48 @@ def learned(ended, *, code: int = 0):
     return json.loads(ended.out)
 
 
+def test_outcomes_that_depend_on_density_are_kept_planned_with_and_reported(
+    serd, demonstrations, tmp_path
+):
+    """Moves fail in dense crowds: the drive is predicted to take longer where more people walk."""
+    table, model = demonstrations(n_episodes=20), tmp_path / "model.yaml"
+    decisions = load_decisions(table)
+    rng = np.random.default_rng(0)
+    stayed = (decisions.next_state == decisions.state)[:, None]
+    density = np.where(stayed, 0.75, 0.0) + rng.uniform(0.0, 1.0, (len(decisions), 5))
+    density[3] = np.nan
+    measured = MeasuredDensity(density, np.full(GRID.n_states, 0.75))
+    save_density(table, GRID, decisions, measured)
+    ended = serd("learn", table, "--output", model, "--density", "--report", tmp_path / "page")
+    assert ended.code == 0, ended.err
+    # The table may break the name "with flow at 1 per m2": its width is that of the terminal.
+    assert ended.out.count("m2") == 4
+    page = (tmp_path / "page/report.html").read_text()
+    assert "0.0 % of 1 moves are no outcome of the grid" in page
+    file = load_model(model)
+    assert file.with_density
+    assert len(file.outcome_models) == 8
+    predicted = []
+    for people in (10, 140):
+        strategy = load_strategy(str(model), HALLWAY.with_pedestrian_count(people), "optimal")
+        start = start_states_of(HALLWAY, GRID, "train")
+        counts = strategy.predicted_arrival(np.eye(GRID.n_states)[start[0]], strategy.n_periods)
+        predicted.append(strategy.law_s(counts).quantile_s(0.5))
+    assert predicted[1] > predicted[0] + 4.0
+    ended = serd("compare", model, table, "--json")
+    assert ended.code == 0, ended.err
+    for words in (("--method", "mdce_irl"), ("--method", "pm_serd")):
+        ended = serd("learn", table, "--output", model, "--density", *words)
+        assert ended.code == (2 if "pm_serd" in words else 0), ended.err
+    assert "with density, got pm_serd" in ended.err
+
+
+def test_density_is_learned_from_where_people_were_recorded_alone(serd, demonstrations):
+    ended = serd("learn", demonstrations(), "--density")
+    assert ended.code == 2
+    assert "density.csv must be there to learn with density" in ended.err
+
+
 def test_the_expert_s_weights_lie_within_their_standard_errors(serd, demonstrations):
     found = learned(serd("learn", demonstrations(), "--json"))
     assert found["converged"]
@@ -135,6 +178,23 @@ def test_without_a_scenario_the_goal_is_where_the_episodes_end(serd, demonstrati
     goal = navigation_problem_of(HALLWAY, 0.99).goal_states
     ends = GRID.states_at(found["goals_m"])
     assert set(ends.tolist()) <= set(goal.tolist())
+
+
+def test_a_model_of_a_fitted_grid_drives_on_its_cells(serd, demonstrations):
+    table = demonstrations(scenario="", flow=flow_of(HALLWAY, GRID))
+    found = learned(serd("learn", table, "--json"))
+    kept = Path(found["model"]).with_suffix(".scenario.yaml")
+    assert grid_of(load_scenario(kept)).fingerprint() == GRID.fingerprint()
+    driven = serd("navigate", found["model"], "--episodes", "2", "--json")
+    assert json.loads(driven.out)["n_arrived"] == 2
+    edited = kept.read_text().replace("count: 0", "count: 4")
+    kept.write_text(edited)
+    refused = serd("learn", table)
+    assert refused.code == 2
+    assert "edited or written by hand; move it to another name" in refused.err
+    assert "learning" not in refused.err
+    assert kept.read_text() == edited
+    kept.unlink()
     refused = serd("navigate", found["model"])
     assert refused.code == 2
     assert "--scenario must be given" in refused.err
@@ -177,8 +237,8 @@ def test_a_goal_that_no_episode_reaches_is_remarked(serd, demonstrations):
         ("decisions", "decisions.yaml"),
         ("decisions", "decisions.grid.yaml"),
         ("decisions", "folder/../decisions.yaml"),
-        ("learning", "model.yaml"),
-        ("grid", "model.yaml"),
+        ("model.learning", "model.yaml"),
+        ("model.grid", "model.yaml"),
     ],
 )
 def test_a_model_never_overwrites_what_it_is_learned_from(
@@ -292,6 +352,6 @@ def test_what_is_known_of_outcomes_is_printed_and_mapped(serd, demonstrations, t
     assert "against flow: " in ended.out
     assert "a demonstration from " in ended.out
     for name in ("posterior.csv", "next_demonstration.csv", "next_demonstration.png"):
-        assert (model.parent / name).stat().st_size > 100
+        assert model.with_suffix(f".{name}").stat().st_size > 100
     found = learned(serd("learn", table, "--method", "mdce_serd", "--json"))
     assert found["knowledge"] is None

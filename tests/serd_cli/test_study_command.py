@@ -1,6 +1,7 @@
 """`serd study hallway`: figures out of kept tables, and bad input."""
 
 import json
+import shlex
 from pathlib import Path
 
 import pytest
@@ -8,12 +9,13 @@ from typer.testing import CliRunner
 
 from experiments.study.run import KEPT
 from serd_cli.app import make_app
+from serd_cli.commands.study import _command
 from serd_core.errors import SerdError
 from storage.errors import FileError
 
 
 def study(*words):
-    return CliRunner().invoke(make_app("study"), ["study", "hallway", *words])
+    return CliRunner().invoke(make_app(), ["study", "hallway", *words])
 
 
 def test_a_figure_is_drawn_again_from_the_kept_tables(tmp_path):
@@ -24,9 +26,16 @@ def test_a_figure_is_drawn_again_from_the_kept_tables(tmp_path):
     assert (tmp_path / "figure_5_8.svg").exists()
 
 
-def test_a_figure_drawn_again_is_told_as_json_when_asked_for(tmp_path):
+def test_a_figure_drawn_again_is_printed_as_json(tmp_path):
     result = study("--figure", "5.8", "--output", str(tmp_path), "--json")
     assert json.loads(result.output) == {"pictures": [str(tmp_path / "figure_5_8.png")]}
+
+
+def test_a_mistyped_folder_of_a_figure_is_refused(tmp_path):
+    result = study("--figure", "5.8", "--output", str(tmp_path / "stdy"))
+    assert isinstance(result.exception, SerdError)
+    assert "--output must be a folder that exists with --figure" in str(result.exception)
+    assert not (tmp_path / "stdy").exists()
 
 
 def test_a_file_in_the_place_of_the_folder_is_refused_before_anything_runs(tmp_path):
@@ -54,3 +63,19 @@ def test_settings_that_cannot_be_are_refused_before_anything_runs(tmp_path, text
     assert isinstance(result.exception, FileError)
     assert fault in str(result.exception)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_file_of_people_that_is_not_there_is_refused_by_its_path(tmp_path):
+    words = ["study", "people", str(tmp_path / "none.txt"), "--output", str(tmp_path / "out")]
+    result = CliRunner().invoke(make_app(), words)
+    assert isinstance(result.exception, FileError)
+    assert "none.txt: it does not exist" in str(result.exception)
+
+
+def test_the_recorded_command_quotes_files_whose_names_have_spaces():
+    own = ["a table.txt", "--mapping", "my mapping.yaml"]
+    command = _command("people", own, Path("an output"), quick=True, config=Path("a config.yaml"))
+    assert shlex.split(command) == [
+        *("serd", "study", "people", *own, "--quick"),
+        *("--config", "a config.yaml", "--output", "an output"),
+    ]

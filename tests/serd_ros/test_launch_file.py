@@ -3,12 +3,14 @@
 The stand-ins keep what they are given; what a real launch makes of it was not run here.
 """
 
+import re
 import runpy
 import sys
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
+from serd_ros.errors import NodeError
 from serd_ros.graph.graph import find_stack, stack_parameters
 
 
@@ -23,7 +25,13 @@ class Configuration(Kept):
     """Looks its name up in the context."""
 
     def perform(self, context):
-        return context[self.words[0]]
+        return context.launch_configurations[self.words[0]]
+
+
+def context_of(launch_file, **given):
+    """As launch makes it of the arguments, with what was not given as the file declares it."""
+    names = dict.fromkeys((*launch_file["OWN"], *launch_file["descriptions"]()), "")
+    return SimpleNamespace(launch_configurations=names | given)
 
 
 @pytest.fixture
@@ -49,11 +57,22 @@ def test_every_parameter_is_a_launch_argument(launch_file):
     (entities,) = launch_file["generate_launch_description"]().words
     declared = {entity.words[0] for entity in entities if entity.words}
     assert {"stack", "seed", "scenario", "lockstep", "model", "bag"} <= declared
+    assert {"namespace", "use_sim_time", "params_file"} <= declared
+
+
+def test_a_file_of_parameters_overrides_the_stack_and_arguments_override_the_file(launch_file):
+    given = {"params_file": "robot.yaml", "use_sim_time": "true", "hallway_sim.seed": "7"}
+    context = context_of(launch_file, stack="live", **given)
+    nodes = launch_file["nodes_of_stack"](context)
+    layers = {each.named["name"]: each.named["parameters"] for each in nodes}
+    stack, *rest = layers["hallway_sim"]
+    assert stack["seed"] == 7
+    assert rest == ["robot.yaml", {"seed": 7}, {"use_sim_time": True}]
+    assert layers["guard"][1:] == ["robot.yaml", {}, {"use_sim_time": True}]
 
 
 def test_a_stack_starts_the_nodes_and_parameters_of_the_graph(launch_file):
-    context = dict.fromkeys(launch_file["parameter_names"](), "")
-    context |= {"stack": "demonstrate", "seed": "7"}
+    context = context_of(launch_file, stack="demonstrate", seed="7")
     nodes = launch_file["nodes_of_stack"](context)
     expected = stack_parameters(find_stack("demonstrate"), {"seed": 7})
     assert {node.named["executable"]: node.named["parameters"] for node in nodes} == {
@@ -63,15 +82,53 @@ def test_a_stack_starts_the_nodes_and_parameters_of_the_graph(launch_file):
 
 
 def test_a_topic_that_has_another_name_in_a_stack_is_remapped(launch_file):
-    context = dict.fromkeys(launch_file["parameter_names"](), "") | {"stack": "teleop"}
+    context = context_of(launch_file, stack="teleop")
     nodes = launch_file["nodes_of_stack"](context)
     remapped = {node.named["executable"]: node.named["remappings"] for node in nodes}
     assert remapped.pop("local_planner") == [("cmd_vel_raw", "cmd_vel_planner")]
     assert not any(remapped.values())
 
 
+def test_in_a_namespace_the_clock_of_a_simulator_is_that_of_the_namespace(launch_file):
+    context = context_of(launch_file, stack="live", namespace="robot1")
+    nodes = launch_file["nodes_of_stack"](context)
+    assert {node.named["executable"]: node.named["remappings"] for node in nodes} == {
+        name: [("/clock", "/robot1/clock")] for name in ("hallway_sim", "local_planner", "guard")
+    }
+
+
 def test_an_argument_that_no_node_of_the_stack_has_is_refused(launch_file):
-    context = dict.fromkeys(launch_file["parameter_names"](), "")
-    context |= {"stack": "live", "model": "model.yaml"}
+    context = context_of(launch_file, stack="live", model="model.yaml")
     with pytest.raises(Exception, match="no node of this stack has a parameter 'model'"):
         launch_file["nodes_of_stack"](context)
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("sead", "no node of this stack has a parameter 'sead'; did you mean 'seed'?"),
+        ("hallway_sim.sead", "hallway_sim has no parameter 'sead'; did you mean 'seed'?"),
+        ("hallway_simm.seed", "'hallway_simm.seed' names no node of this stack"),
+    ],
+)
+def test_a_name_that_reaches_no_node_is_refused(launch_file, monkeypatch, name, sentence):
+    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "serd_ros", "serd.launch.py"])
+    context = context_of(launch_file, stack="live", **{name: "3"})
+    with pytest.raises(NodeError, match=re.escape(sentence)):
+        launch_file["nodes_of_stack"](context)
+
+
+def test_the_parameter_of_one_node_is_set_by_its_name(launch_file):
+    context = context_of(launch_file, stack="live", **{"local_planner.people_from": "scan"})
+    nodes = launch_file["nodes_of_stack"](context)
+    (planner,) = [each for each in nodes if each.named["name"] == "local_planner"]
+    assert planner.named["parameters"][0]["people_from"] == "scan"
+    (guard,) = [each for each in nodes if each.named["name"] == "guard"]
+    assert "people_from" not in guard.named["parameters"][0]
+
+
+def test_arguments_of_a_file_that_includes_this_one_are_left(launch_file, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "of_a_robot", "bringup.launch.py"])
+    context = context_of(launch_file, stack="live", world="depot", guard="true", seed="3")
+    nodes = launch_file["nodes_of_stack"](context)
+    assert nodes[0].named["parameters"][0]["seed"] == 3

@@ -6,7 +6,7 @@ waits for nothing.
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
@@ -92,9 +92,13 @@ class NodeInProcess:
 
 
 @contextmanager
-def node_in_process(kind: str, **parameters: object) -> Iterator[NodeInProcess]:
-    """The node with these parameters, in a ROS domain of its own."""
+def node_in_process(
+    kind: str, *, remappings: Sequence[str] = (), **parameters: object
+) -> Iterator[NodeInProcess]:
+    """The node with these parameters, in a ROS domain of its own; remappings: FROM:=TO."""
     arguments = ["--ros-args", "--log-level", "fatal"]
+    for each in remappings:
+        arguments += ["-r", each]
     for name, value in parameters.items():
         text = yaml.safe_dump(value, default_flow_style=True).removesuffix("\n...\n").strip()
         arguments += ["-p", f"{name}:={text}"]

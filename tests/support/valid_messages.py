@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
 from nav_msgs.msg import OccupancyGrid
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, String
@@ -11,16 +11,25 @@ from std_msgs.msg import Bool, String
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent, to_joy, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import EpisodeMark, to_diagnostics, to_episode_message
+from serd_ros.convert.markers import to_obstacle_markers
 from serd_ros.convert.pose import (
     to_goal_area_message,
     to_odometry,
     to_path,
+    to_pose,
     to_pose_stamped,
     to_waypoint_message,
 )
-from serd_ros.convert.sensors import to_people_message, to_scan
+from serd_ros.convert.sensors import (
+    to_bumper_message,
+    to_imu_message,
+    to_people_message,
+    to_scan,
+)
 from serd_ros.convert.stamp import to_stamp
 from sim.episodes.result import UNCOUNTED
+from sim.robot.contacts import Touch
+from sim.robot.imu import ImuReading
 from sim.scenario.goal import goal_at
 from sim.scenario.scenario import load_scenario
 from sim.world.command import Command
@@ -30,10 +39,12 @@ from support.observations import observation_at
 HALLWAY = load_scenario("hallway")
 PLACE_M = 3.5, 6.5
 GOAL_M = 3.5, 18.5
+REST = ImuReading((0.0, 0.0, 0.0), (0.0, 0.0, 9.81))
+OBSTACLE_M = np.array([[1.0, 5.0], [1.4, 5.0], [1.0, 5.4]])
 
 
 def valid_message(topic: str, time_s: float, message_type: type | None = None) -> Any:
-    """The message; message_type tells Twist from TwistStamped."""
+    """The message; message_type: distinguishes Twist and TwistStamped."""
     x_m, y_m = PLACE_M
     observation = observation_at(
         x_m, y_m, 1.5, time_s=time_s, speed_mps=0.4, people=[[4.5, 12.0], [2.5, 9.0]]
@@ -47,9 +58,13 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
     diagnostics = to_diagnostics("hallway_sim", time_s, counts)
     diagnostics.status += to_diagnostics("teleop_mux", time_s, {"e_stop": False}).status
     diagnostics.status += to_diagnostics("demo_recorder", time_s, {"messages": 7}).status
+    amcl_pose = PoseWithCovarianceStamped()
+    amcl_pose.header = to_pose_stamped(observation.pose, time_s).header
+    amcl_pose.pose.pose = to_pose(observation.pose)
     messages = {
         "clock": Clock(clock=to_stamp(time_s)),
         "robot_pose": to_pose_stamped(observation.pose, time_s),
+        "amcl_pose": amcl_pose,
         "odom": to_odometry(observation, (1.0, 2.0, 0.5)),
         "pedestrians": to_people_message(observation.people, time_s),
         "scan": to_scan(ranges_m, HALLWAY.lidar, time_s),
@@ -65,6 +80,9 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
         "e_stop_engaged": Bool(data=False),
         "episode": to_episode_message(mark),
         "diagnostics": diagnostics,
+        "imu": to_imu_message(REST, HALLWAY.imu, HALLWAY.control_period_s, time_s),
+        "bumper": to_bumper_message([Touch(0.4, (0.17, 0.0), 0.3, by_robot=True)], time_s),
+        "markers/obstacles": to_obstacle_markers([OBSTACLE_M], time_s),
         "map": OccupancyGrid(),
         "model": String(data="scenario: hallway"),
     }

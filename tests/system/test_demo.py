@@ -1,5 +1,6 @@
 """`serd demo` as a user runs it: interrupted, resumed, with a killed node, finished."""
 
+import json
 import os
 import re
 import signal
@@ -85,6 +86,11 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
     assert len(re.findall(r"<figure", page)) >= 6
     for name in ("bag/metadata.yaml", "bag.partial-1/metadata.yaml", "model.yaml", "decisions.csv"):
         assert (run / name).is_file(), name
+
+    again = [SERD, "demo", "--resume", str(run), "--json"]
+    printed = subprocess.run(again, cwd=tmp_path, capture_output=True, check=True).stdout
+    summary = json.loads(printed)
+    assert (summary["n_arrived"], summary["report"]) == (2, str(run / "report.html"))
 
 
 def test_a_killed_node_ends_the_demo_with_its_name(tmp_path):

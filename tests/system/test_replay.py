@@ -44,7 +44,7 @@ def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(nodes, probe, ba
     offline, _ = demonstrations_of_bag(bag, grid_of(hallway), hallway.decision_period_s)
     save_decisions(tmp_path / "offline.csv", offline.decisions)
     received = tmp_path / "received.csv"
-    nodes.start_stack(
+    started = nodes.start_stack(
         "replay_and_learn",
         bag=str(bag),
         bag_replay__rate=500.0,
@@ -56,6 +56,10 @@ def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(nodes, probe, ba
         lambda: received.exists() and len(table_without_source(received)) == len(wanted)
     )
     assert table_without_source(received) == wanted
+    learner = started["learner"]
+    probe.spin_until(lambda: learner.poll() is not None)
+    assert learner.returncode == 0
+    assert (tmp_path / "model.yaml").exists()
 
 
 def test_every_recorded_pose_arrives_bit_for_bit_at_a_high_rate(probe, replay, bag):

@@ -1,6 +1,7 @@
 """`serd teleop` as a person types it into a terminal."""
 
 import contextlib
+import json
 import os
 import pty
 import subprocess
@@ -123,9 +124,9 @@ def test_keys_start_save_and_discard_and_a_second_run_overwrites_nothing(probe, 
         probe.spin_until(lambda: len(times_s) > n_poses and times_s[-1] > times_s[n_poses] + 0.3)
 
     for number in (1, 2):
-        session = Session(
-            tmp_path, ros_env, "--no-page", "--people", "0", "--driver", "anna", "--seed", "2"
-        )
+        as_json = ["--json"] if number == 2 else []
+        given = ["--no-page", "--people", "0", "--driver", "anna", "--seed", "2", *as_json]
+        session = Session(tmp_path, ros_env, *given)
         try:
             session.wait_for("the world is running")
             session.type(b"\r\x1b[A")
@@ -142,6 +143,12 @@ def test_keys_start_save_and_discard_and_a_second_run_overwrites_nothing(probe, 
             assert session.terminal_is_as_before()
         finally:
             session.close()
-        assert "1 episode kept (1 aborted), 1 discarded" in session.output
         bag = tmp_path / f"teleop_output/session-{number}/bag"
-        assert [span.outcome for span in read_drives(bag)[0].episodes] == ["aborted", "discarded"]
+        if as_json:
+            recorded = json.loads(session.output[session.output.index("\n{") :])
+            assert recorded["outcomes"] == {"saved": 1, "discarded": 1}
+            assert recorded["bag"] == str(bag)
+            assert f"serd demos {bag} --scenario hallway" in recorded["decisions"]
+        else:
+            assert "1 episode kept (1 saved), 1 discarded" in session.output
+        assert [span.outcome for span in read_drives(bag)[0].episodes] == ["saved", "discarded"]

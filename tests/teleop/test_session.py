@@ -5,7 +5,7 @@ import pytest
 from sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 from teleop.errors import TeleopError
-from teleop.session import DISCARDED, END, START, EpisodeTally, Session
+from teleop.session import DISCARDED, END, SAVED, START, EpisodeTally, Session
 
 SCENARIO = load_scenario("hallway")
 PERIOD_S = SCENARIO.control_period_s
@@ -45,13 +45,25 @@ def test_arrival_ends_it_once(running):
 
 def test_the_timeout_ends_it(running):
     events = [event for tick in range(101, 320) for event in running.observe(seen(tick))]
-    assert [(event.outcome, event.time_s) for event in events] == [("timeout", 15.0)]
+    assert [(event.outcome, event.time_s) for event in events] == [(DISCARDED, 15.0)]
+    assert running.timed_out
+    with pytest.raises(TeleopError, match="no episode to discard"):
+        running.discard()
 
 
-def test_saving_before_the_goal_is_an_aborted_episode_at_the_newest_time(running):
+def test_an_episode_that_timed_out_is_kept_only_when_it_is_saved(running):
+    for tick in range(101, 302):
+        running.observe(seen(tick))
+    event = running.save()
+    assert (event.event, event.outcome) == (END, SAVED)
+    assert not running.timed_out
+    assert running.save() is None
+
+
+def test_saving_before_the_goal_ends_the_episode_as_saved_at_the_newest_time(running):
     running.observe(seen(120))
     event = running.save()
-    assert (event.outcome, event.time_s) == ("aborted", 6.0)
+    assert (event.outcome, event.time_s) == (SAVED, 6.0)
 
 
 def test_an_arrived_episode_is_saved_already_and_can_be_taken_back_once(running):
@@ -93,7 +105,7 @@ def test_the_tally_counts_each_episode_by_its_last_end_mark():
     assert tally.running.driver == "me"
     tally.add(END, 1, "me", "arrived")
     tally.add(START, 2, "me", "")
-    tally.add(END, 2, "me", "aborted")
+    tally.add(END, 2, "me", SAVED)
     tally.add(END, 1, "me", DISCARDED)
     assert tally.running is None
     assert (tally.kept, tally.arrived, tally.discarded) == (1, 0, 1)

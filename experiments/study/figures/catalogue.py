@@ -20,7 +20,7 @@ from experiments.study.figures import (
 from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from serd_core.errors import SerdError
-from storage.nearest import hint
+from storage.nearest import choice_rule
 
 
 @dataclass(frozen=True)
@@ -60,4 +60,4 @@ def figure_of(name: str) -> StudyFigure:
         if figure.name == name:
             return figure
     names = [figure.name for figure in FIGURES]
-    raise SerdError(f"figure must be one of {', '.join(names)}, got {name!r}; {hint(name, names)}")
+    raise SerdError(choice_rule("figure", name, names))

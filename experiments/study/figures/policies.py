@@ -67,7 +67,7 @@ def _panel(axes: Axes, study: Study, greedy: IntArray, trapped: BoolArray) -> No
     grid = study.problem.grid
     is_goal = np.isin(np.arange(grid.n_states), study.problem.goal_states)
     draw_areas(axes, study.layout, filled=False)
-    draw_arrows(axes, grid, greedy, is_goal, trapped, width_in=0.008)
+    draw_arrows(axes, grid, greedy, is_goal, trapped, width_in=0.012)
     outline_cells(axes, grid, np.flatnonzero(trapped).tolist(), style.RED, "trap")
 
 

@@ -16,11 +16,14 @@ from experiments.study.recordings.experts import EXPERTS
 from experiments.study.study import StudyWorld
 from serd_app.demonstrations.concatenate import concatenate
 from serd_app.demonstrations.discretise import decisions_from_drive
+from serd_app.demonstrations.measured_density import MeasuredDensity, density_at, joined_density
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
+from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import explained
 from serd_core.grid.grid import Action
+from serd_core.grid.navigation import NavigationProblem
 from sim.drivers.catalogue import Driver
 from sim.episodes.episode import EpisodeRecord, run_episode
 from sim.planning.catalogue import make_planner
@@ -53,10 +56,16 @@ def world_seed(seed: int, expert: str, repetition: int, purpose: Purpose) -> int
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """decisions: of all episodes; records: one per episode, in order."""
+    """decisions: of all episodes; records: one per episode, in order; density: of the decisions.
+
+    n_diagonal, n_far: moves that the decisions assign to a neighbour.
+    """
 
     decisions: Decisions
     records: tuple[EpisodeRecord, ...]
+    density: MeasuredDensity
+    n_diagonal: int
+    n_far: int
 
 
 def drive_episodes(
@@ -69,11 +78,34 @@ def drive_episodes(
     timeout_s: float | None = None,
 ) -> Drives:
     """Run the episodes one after the other in a world of that seed."""
-    scenario, problem = study.scenario, study.problem
-    local_planner = make_planner(study.settings.planner, scenario)
-    tables, records = [], []
+    starts = [(episode, start_area) for episode in episodes]
+    planner = study.settings.planner
+    return drive_in(
+        study.scenario,
+        study.problem,
+        planner,
+        driver,
+        seed=seed,
+        starts=starts,
+        timeout_s=timeout_s,
+    )
+
+
+def drive_in(
+    scenario: Scenario,
+    problem: NavigationProblem,
+    planner: str,
+    driver: Driver,
+    *,
+    seed: int,
+    starts: Iterable[tuple[int, str]],
+    timeout_s: float | None = None,
+) -> Drives:
+    """The same in a scenario. starts: number and start area of each episode."""
+    local_planner = make_planner(planner, scenario)
+    tables, records, densities, reports = [], [], [], []
     with HallwayWorld(scenario, seed=seed) as world:
-        for episode in episodes:
+        for episode, start_area in starts:
             track = _Track(scenario)
             record = run_episode(
                 world,
@@ -86,25 +118,38 @@ def drive_episodes(
                 guard=no_guard,  # as when the shipped bags and the kept results were made
             )
             drive = track.drive(record, world.observation)
-            decisions, _ = decisions_from_drive(drive, problem.grid, scenario.decision_period_s)
-            tables.append(decisions.select(explained(problem.mdp, decisions)))
+            found, report = decisions_from_drive(drive, problem.grid, scenario.decision_period_s)
+            decisions = found.select(explained(problem.mdp, found))
+            tables.append(decisions)
             records.append(record)
-    return Drives(concatenate(tuple(tables)), tuple(records))
+            reports.append(report)
+            densities.append(
+                density_at(problem.grid, decisions, drive.intent_time_s, track.people_m)
+            )
+    return Drives(
+        concatenate(tuple(tables)),
+        tuple(records),
+        joined_density(densities),
+        n_diagonal=sum(each.n_diagonal for each in reports),
+        n_far=sum(each.n_far for each in reports),
+    )
 
 
 @dataclass(eq=False)
 class _Track:
-    """Poses at every tick and intents at every decision of one episode."""
+    """Poses at every tick, intents and people at every decision of one episode."""
 
     scenario: Scenario
     poses: list[tuple[float, float, float]] = field(default_factory=list)
     intents: list[tuple[float, int]] = field(default_factory=list)
+    people_m: list[FloatArray] = field(default_factory=list)
 
     def see(self, observation: Observation, command: Command, action: Action) -> None:
         del command
         self.poses.append((observation.time_s, observation.x_m, observation.y_m))
         if is_decision_tick(observation, self.scenario):
             self.intents.append((observation.time_s, int(action)))
+            self.people_m.append(observation.people_position_m)
 
     def drive(self, record: EpisodeRecord, last: Observation) -> RecordedDrive:
         """The episode as a recording of it would be read."""

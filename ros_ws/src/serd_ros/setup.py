@@ -24,6 +24,7 @@ setup(
             "*.pyi",
             "*.yaml",
             "scenarios/*.yaml",
+            "scenarios/*/*.yaml",
             "templates/*",
             "data/*",
             "static/*",
@@ -39,6 +40,7 @@ setup(
         (f"share/{PACKAGE}/launch", files("launch")),
         (f"share/{PACKAGE}/config", files("config")),
         (f"share/{PACKAGE}/rviz", files("rviz")),
+        (f"share/{PACKAGE}/foxglove", files("foxglove")),
     ],
     entry_points={
         "console_scripts": [f"{node} = serd_ros.process.executable:main" for node in NODES],

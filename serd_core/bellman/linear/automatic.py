@@ -29,6 +29,8 @@ _PER_BAND_PRODUCT_S = 0.9e-9
 _PER_ITERATION_S, _PER_ENTRY_S, _PER_ELEMENT_S = 85e-6, 4e-9, 17e-9
 #: Iterations for a residual of 1e-11: per root of the horizon, and at most per step of depth.
 _LEAST, _PER_ROOT_HORIZON, _PER_DEPTH = 5.0, 6.0, 6.0
+#: Time of BiCGSTAB with compiled sweeps, as a share of that without: fewer, longer iterations.
+_SWEPT_SHARE = 0.5
 #: A graph in which all states are this near (times log2 of their number) and have more than two
 #: neighbours has no small separator, so even ordering it for LU is expensive.
 _NEAR, _FEW_NEIGHBOURS = 1.5, 2.2
@@ -58,6 +60,8 @@ class Automatic(LinearSolver):
             return Krylov(fill=10.0) if horizon > self.long_horizon else Krylov()
         growth = min(_PER_ROOT_HORIZON * math.sqrt(horizon), _PER_DEPTH * pattern.depth)
         krylov_s = (_LEAST + growth) * _iteration_s(pattern)
+        if Krylov().sweeps(n_states):
+            krylov_s *= _SWEPT_SHARE
         band_s = _PER_BAND_PRODUCT_S * n_states * pattern.band.width**2
         if self._is_narrow(pattern) and band_s <= krylov_s:
             return BAND

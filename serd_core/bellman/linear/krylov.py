@@ -2,10 +2,13 @@
 
 BiCGSTAB, restarted from its true residual until that is small enough: the recurrences drift from it
 by rounding. An incomplete LU factor may precondition; discounts near one and grids with long ways
-need it, others do without.
+need it, others do without. Where numba is installed, large systems without such a factor are
+preconditioned by Gauss-Seidel sweeps (`serd_core.bellman.linear.swept_bicgstab`).
 """
 
+from abc import abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,6 +17,7 @@ import scipy.sparse.linalg
 from serd_core.arrays import FloatArray
 from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
 from serd_core.bellman.linear.policy_pattern import PolicyPattern
+from serd_core.compiled import is_compiled
 from serd_core.errors import SerdError
 
 #: What one run of BiCGSTAB is asked to gain before it is restarted.
@@ -38,12 +42,15 @@ class Krylov(LinearSolver):
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Keep the matrix, and an incomplete factor of it where one is used."""
         matrix = pattern.matrix(data)
-        return KrylovSystem(
-            matrix=matrix.tocsr(),
-            transposed=matrix.T,
-            incomplete=self._incomplete(matrix),
-            settings=self,
-        )
+        if self.sweeps(pattern.n_states):
+            from serd_core.bellman.linear.swept_bicgstab import SweptMatrix
+
+            return SweptSystem(matrix, self, SweptMatrix(pattern, data))
+        return PlainSystem(matrix, self, self._incomplete(matrix))
+
+    def sweeps(self, n_states: int) -> bool:
+        """Whether systems of this size are preconditioned by compiled sweeps."""
+        return is_compiled(n_states) and self.fill <= 0
 
     def _incomplete(self, matrix: Any) -> Any:
         if self.fill <= 0:
@@ -55,11 +62,9 @@ class Krylov(LinearSolver):
 
 @dataclass(frozen=True, eq=False)
 class KrylovSystem(LinearSystem):
-    """One matrix, its transpose (both by rows) and perhaps an incomplete factor."""
+    """One matrix by columns."""
 
     matrix: Any
-    transposed: Any
-    incomplete: Any
     settings: Krylov
 
     def solve(
@@ -73,22 +78,15 @@ class KrylovSystem(LinearSystem):
         return np.stack(columns, axis=1)
 
     def _solve_one(self, right_side: FloatArray, transposed: bool, target: float) -> FloatArray:
-        matrix = self.transposed if transposed else self.matrix
+        matrix = self.matrix.T if transposed else self.matrix
         size = float(np.linalg.norm(right_side))
         solution, left = np.zeros_like(right_side), right_side
         for _ in range(self.settings.max_runs):
             length = float(np.linalg.norm(left))
             if length <= target * size:
                 return solution
-            correction, _ = scipy.sparse.linalg.bicgstab(
-                matrix,
-                left,
-                rtol=max(0.5 * target * size / length, GAIN_PER_RUN),
-                atol=0.0,
-                maxiter=self.settings.max_iterations,
-                M=self._preconditioner("T" if transposed else "N"),
-            )
-            improved = solution + correction
+            gain = max(0.5 * target * size / length, GAIN_PER_RUN)
+            improved = solution + self._run(left, transposed, gain)
             remaining = right_side - matrix @ improved
             if not np.linalg.norm(remaining) < length:
                 break
@@ -101,6 +99,36 @@ class KrylovSystem(LinearSystem):
             " max_iterations, or use SparseLu"
         )
 
+    @abstractmethod
+    def _run(
+        self, right_side: FloatArray, transposed: bool, relative_residual: float
+    ) -> FloatArray:
+        """(S,) result of one run of BiCGSTAB from zero, converged or not."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlainSystem(KrylovSystem):
+    """Without a preconditioner, or with an incomplete factor."""
+
+    incomplete: Any
+
+    @cached_property
+    def _by_rows(self) -> Any:
+        return self.matrix.tocsr()
+
+    def _run(
+        self, right_side: FloatArray, transposed: bool, relative_residual: float
+    ) -> FloatArray:
+        found, _ = scipy.sparse.linalg.bicgstab(
+            self.matrix.T if transposed else self._by_rows,
+            right_side,
+            rtol=relative_residual,
+            atol=0.0,
+            maxiter=self.settings.max_iterations,
+            M=self._preconditioner("T" if transposed else "N"),
+        )
+        return np.asarray(found)
+
     def _preconditioner(self, trans: str) -> Any:
         if self.incomplete is None:
             return None
@@ -110,3 +138,18 @@ class KrylovSystem(LinearSystem):
             matvec=lambda vector: factor.solve(vector, trans=trans),
             dtype=np.float64,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class SweptSystem(KrylovSystem):
+    """Preconditioned by symmetric Gauss-Seidel sweeps."""
+
+    swept: Any
+
+    def _run(
+        self, right_side: FloatArray, transposed: bool, relative_residual: float
+    ) -> FloatArray:
+        found: FloatArray = self.swept.solve(
+            right_side, transposed, relative_residual, self.settings.max_iterations
+        )
+        return found

@@ -16,6 +16,7 @@ import scipy.sparse.csgraph
 import scipy.sparse.linalg
 
 from serd_core.arrays import FloatArray, IntArray
+from serd_core.compiled import is_compiled
 
 #: Size of a factor, in entries of the matrix, beyond which it is not counted to the end.
 _MOST_FILL = 80
@@ -47,7 +48,11 @@ class PolicyPattern:
         weights = np.take(policy.ravel(), self.row_of_entry)
         weights *= entries
         flow = np.bincount(self.position, weights=weights, minlength=len(self.row_index))
-        data = np.asarray(flow, dtype=np.float64) * -discount
+        return self.less_than_one(np.asarray(flow, dtype=np.float64), discount)
+
+    def less_than_one(self, flow: FloatArray, discount: float) -> FloatArray:
+        """(nnz,) numbers of I - gamma P_pi for those of P_pi."""
+        data = flow * -discount
         data[self.diagonal] += 1.0
         return data
 
@@ -229,9 +234,11 @@ def policy_pattern(
     unique, place = np.unique(keys, return_inverse=True)
     column_start = np.searchsorted(unique, np.arange(n_states + 1, dtype=np.int64) * n_states)
     place = place.reshape(-1)
+    # Compiled code reads half the bytes; NumPy's counts would convert small integers at each call.
+    index = np.int32 if is_compiled(n_states) else np.int64
     return PolicyPattern(
         row_of_entry=row,
-        position=place[: len(row)],
+        position=place[: len(row)].astype(index, copy=False),
         diagonal=place[len(row) :],
         column_start=column_start.astype(np.int32),
         row_index=(unique % n_states).astype(np.int32),

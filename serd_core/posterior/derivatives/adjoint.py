@@ -12,8 +12,6 @@ the number of parameters.
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from serd_core.arrays import FloatArray
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.linear.linear_solver import LinearSolver
@@ -23,10 +21,10 @@ from serd_core.mdp.mdp import Mdp
 
 @dataclass(frozen=True, eq=False)
 class Adjoint:
-    """dJ/dR as (S, A), dJ/d(entries of P) as (E,), and the state part y as (S,)."""
+    """dJ/dR as (S, A), dJ/d(local probabilities of P), and the state part y as (S,)."""
 
     reward_gradient: FloatArray
-    entry_gradient: FloatArray
+    local_gradient: FloatArray
     state_gradient: FloatArray
 
 
@@ -39,19 +37,12 @@ def adjoint(
 ) -> Adjoint:
     """Gradient of an objective with the given (S, A) gradient by the converged Q."""
     pattern = mdp.policy_pattern
-    data = pattern.system_data(solution.policy, transitions.entries, mdp.discount)
+    data = transitions.system_data(pattern, solution.policy, mdp.discount)
     system = linear_solver.prepare(pattern, data)
     state_gradient = system.solve(mdp.discount * transitions.flow(q_gradient), transposed=True)
     reward_gradient = q_gradient + solution.policy * state_gradient[:, None]
     return Adjoint(
         reward_gradient=reward_gradient,
-        entry_gradient=_entry_gradient(mdp, reward_gradient, solution.value),
+        local_gradient=transitions.local_gradient(reward_gradient, solution.value, mdp.discount),
         state_gradient=state_gradient,
     )
-
-
-def _entry_gradient(mdp: Mdp, reward_gradient: FloatArray, value: FloatArray) -> FloatArray:
-    model = mdp.transitions
-    weights = np.take(reward_gradient.ravel(), model.row)
-    weights *= np.take(value, model.successor)
-    return np.asarray(mdp.discount * weights)

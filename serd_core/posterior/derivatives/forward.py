@@ -92,7 +92,9 @@ def q_gradient_by_lu(
     choose = scipy.sparse.csr_array(
         (policy.ravel(), (states, np.arange(n_pairs))), shape=(mdp.n_states, n_pairs)
     )
-    system = scipy.sparse.eye_array(n_pairs) - mdp.discount * (transitions.matrix @ choose)
+    system = scipy.sparse.csr_array(scipy.sparse.identity(n_pairs)) - mdp.discount * (
+        transitions.matrix @ choose
+    )
     right_side = immediate.reshape(n_pairs, -1)
     solution = scipy.sparse.linalg.splu(system.tocsc()).solve(right_side)
     residual = float(np.max(np.abs(system @ solution - right_side)))

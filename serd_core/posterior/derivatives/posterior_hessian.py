@@ -107,8 +107,8 @@ def dynamics_terms(parts: CurvatureParts, theta: FloatArray, n_features: int) ->
     table = np.zeros((cross.shape[1],) * 2)
     table[n_features:] += cross
     table[:, n_features:] += cross.T
-    by_local = model.gather(parts.adjoint.entry_gradient)
-    table[n_features:, n_features:] += model.local_curvature(theta, by_local)
+    curvature = model.local_curvature(theta, parts.adjoint.local_gradient)
+    table[n_features:, n_features:] += curvature
     return table
 
 
@@ -161,7 +161,7 @@ def curvature_parts(
     """Sensitivities and what else both the Hessian and the scores need."""
     mdp = posterior.problem.mdp
     believed = transitions_at(mdp.transitions, parameters.belief)
-    data = mdp.policy_pattern.system_data(at.solution.policy, believed.entries, mdp.discount)
+    data = believed.system_data(mdp.policy_pattern, at.solution.policy, mdp.discount)
     local_jacobian = mdp.transitions.local_jacobian(parameters.belief)
     found = sensitivities(
         posterior.features,

@@ -29,10 +29,15 @@ export class Controls {
 
   listenToKeys() {
     const commands = {
-      Enter: "start", s: "save", d: "discard", " ": "stop", r: "release", Tab: "switchMode",
+      Enter: "start", s: "save", d: "discard", " ": "stop", r: "release", m: "switchMode",
     };
     addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.altKey || event.metaKey) return;
+      // Enter on a control that has the focus is for that control; Space stops the robot anywhere.
+      if (event.key === "Enter" && event.target.closest("button")) {
+        if (event.repeat) event.preventDefault(); // one press is one click
+        return;
+      }
       const command = commands[event.key.length === 1 ? event.key.toLowerCase() : event.key];
       if (KEY_DIRECTIONS[event.key]) {
         if (!event.repeat) this.hold(KEY_DIRECTIONS[event.key]);
@@ -46,7 +51,7 @@ export class Controls {
     addEventListener("keyup", (event) => {
       if (KEY_DIRECTIONS[event.key]) this.release(KEY_DIRECTIONS[event.key]);
       if (event.key.toLowerCase() === "g") this.overrides = false;
-      if (event.key === " " || event.key === "Enter") event.preventDefault();
+      if (event.key === " ") event.preventDefault();
     });
   }
 
@@ -62,6 +67,19 @@ export class Controls {
         button.addEventListener(ending, () => this.release(direction));
       }
       button.addEventListener("contextmenu", (event) => event.preventDefault());
+      button.addEventListener("keydown", (event) => {
+        if (event.key !== "Enter") return;
+        if (!event.repeat) this.hold(direction);
+        event.preventDefault();
+      });
+      button.addEventListener("keyup", (event) => { if (event.key === "Enter") this.release(direction); });
+      button.addEventListener("blur", () => this.release(direction));
+      // A screen reader clicks without pointer or key: a tap.
+      button.addEventListener("click", (event) => {
+        if (event.detail) return;
+        this.hold(direction);
+        this.release(direction);
+      });
     }
   }
 

@@ -3,6 +3,7 @@
 import { Controls } from "./controls.js";
 import { Link } from "./link.js";
 import { Panel } from "./panel.js";
+import { Replay } from "./replay.js";
 import { View } from "./view.js";
 
 const panel = new Panel();
@@ -11,17 +12,21 @@ let ownPage = 0;
 let state = null;
 let lastNumber = null;
 let frame = 0;
+let controls = null; // none on a page that only watches
+let replay = null;
 
 const handlers = {
   hello: (message) => { ownPage = message.page; },
   scene: (message) => {
     view.setScene(message);
     document.getElementById("scene-name").textContent = message.name;
+    if (message.watch) watch(message);
+    else controls ??= new Controls({ link, actions, pad: document.getElementById("pad") });
   },
   notice: (message) => panel.addNotice(message.text),
   state: (message) => {
     state = message;
-    controls.mode = message.mode;
+    if (controls) controls.mode = message.mode;
     if (message.episode.number !== lastNumber) view.clearTrail();
     lastNumber = message.episode.number;
     view.update(message);
@@ -33,8 +38,15 @@ const handlers = {
 function showState() {
   frame = 0;
   view.draw();
-  panel.show(state, { drives: state.page === ownPage, held: controls.held });
-  panel.showGamepad(controls.gamepadName);
+  panel.show(state, { drives: state.page === ownPage, held: controls?.held ?? [] });
+  if (state.replay) replay?.show(state.replay);
+  panel.showGamepad(controls?.gamepadName);
+}
+
+function watch(scene) {
+  document.body.classList.add("watching");
+  document.title = "SERD · watch";
+  if (scene.replay) replay = new Replay(link, scene.replay);
 }
 
 const link = new Link({
@@ -42,32 +54,45 @@ const link = new Link({
   onChange: showConnection,
 });
 
+// A second click soon after the one that stopped is an accident, no release.
+const RELEASABLE_MS = 1000;
+let stoppedMs = -Infinity;
+const releaseByClick = () => {
+  if (performance.now() - stoppedMs > RELEASABLE_MS) actions.release();
+};
 const isStopped = () => state?.mux?.e_stop === "True";
 const actions = {
   start: () => link.send({ type: "episode", do: "start" }),
   save: () => link.send({ type: "episode", do: "save" }),
   discard: () => link.send({ type: "episode", do: "discard" }),
-  stop: () => link.send({ type: "e_stop", engaged: true }),
+  stop: () => {
+    stoppedMs = performance.now();
+    link.send({ type: "e_stop", engaged: true });
+  },
   release: () => link.send({ type: "e_stop", engaged: false }),
   switchMode: () => setMode(state?.mode === "directions" ? "velocity" : "directions"),
 };
 const setMode = (mode) => link.send({ type: "mode", mode });
-const controls = new Controls({ link, actions, pad: document.getElementById("pad") });
 
 for (const name of ["start", "save", "discard"]) press(name, actions[name]);
 for (const mode of ["directions", "velocity"]) press(mode, () => setMode(mode));
-press("stop", () => (isStopped() ? actions.release() : actions.stop()));
+press("stop", () => (isStopped() ? releaseByClick() : actions.stop()));
 
-// A button that keeps the focus would also react to Space and Enter, which are driving keys.
+// After a click by pointer, which gives the focus, Enter is the driver's key again; a click by key keeps it.
 function press(id, act) {
   const button = document.getElementById(id);
-  button.addEventListener("click", () => { act(); button.blur(); });
+  button.addEventListener("click", (event) => {
+    act();
+    if (event.detail) button.blur();
+  });
 }
 
 function showConnection() {
   const isAlive = link.isAlive;
   panel.showLink({ isAlive, isStale: state?.is_stale ?? true });
-  if (!isAlive) panel.veil("No connection", "The robot has stopped. Reconnecting …");
+  const watches = !controls;
+  if (!isAlive) panel.veil("No connection", watches ? "Reconnecting …" : "The robot has stopped. Reconnecting …");
+  else if (watches) panel.veil(state?.world ? "" : "Nothing to see yet", "No robot_pose has come. Is a stack running in this ROS domain?");
   else if (!controls.isInFront) panel.veil("The robot stands", "Click here to drive: this page must have the focus.");
   else if (isStopped()) panel.veil("Emergency stop", "Press R, or Release; then press a direction anew.");
   else panel.veil("", "");

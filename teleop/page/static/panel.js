@@ -2,12 +2,13 @@
 
 const ARROWS = { north: "↑", east: "→", south: "↓", west: "←", wait: "wait" };
 const HINTS = {
-  directions: "Tap an arrow key for the next cell, hold it to continue; each full ring is a decision. Tab: velocity.",
-  velocity: "Arrow keys drive and turn while held; up is forward. Tab: directions.",
+  directions: "Tap an arrow key for the next cell, hold it to continue; each full ring is a decision. M: velocity.",
+  velocity: "Arrow keys drive and turn while held; up is forward. M: directions.",
 };
 const PHASES = {
   starting: "starting …", running: "", ended: "",
 };
+const OUTCOMES = { timeout: "timed out, not kept; save keeps it" };
 const NOTICES_SHOWN = 3;
 
 export class Panel {
@@ -20,12 +21,15 @@ export class Panel {
     const { parts } = this;
     const { episode, guard, mux, recorder, world } = state;
     const number = episode.number === null ? "" : ` ${episode.number}`;
-    const what = episode.phase === "ended" ? episode.outcome : PHASES[episode.phase];
+    const { outcome } = episode;
+    const ended = episode.phase === "ended";
+    const what = ended ? OUTCOMES[outcome] ?? outcome : PHASES[episode.phase];
     const running = episode.phase === "running";
     parts.phase.textContent = episode.other_driver
       ? `${episode.other_driver} is driving`
       : episode.phase === "idle" ? "no episode" : [`episode${number}`, what].filter(Boolean).join(" · ");
-    parts.recording.hidden = !running;
+    const watches = document.body.classList.contains("watching");
+    parts.recording.hidden = watches ? recorder?.recording !== "True" : !running;
     parts.teaches.hidden = !state.next_start || running;
     parts.duration.textContent = episode.duration_s.toFixed(1);
     parts.decisions.textContent = `${episode.decisions} decision${episode.decisions === 1 ? "" : "s"}`;
@@ -33,9 +37,11 @@ export class Panel {
     for (const count of ["kept", "arrived", "discarded"]) parts[count].textContent = episode[count];
     const free = drives && !episode.other_driver;
     parts.start.disabled = !free || running || episode.phase === "starting";
-    parts.save.disabled = !free || !running;
-    parts.discard.disabled = !free || !(running || (episode.phase === "ended" && episode.outcome !== "discarded"));
-    this.showDriving(state, drives, held);
+    parts.save.disabled = !free || !(running || (ended && outcome === "timeout"));
+    const kept = ended && !["discarded", "timeout"].includes(outcome);
+    parts.discard.disabled = !free || !(running || kept);
+    if (watches) parts.driver.textContent = "read only";
+    else this.showDriving(state, drives, held);
     this.showHealth(mux, recorder);
     this.showGuard(guard);
   }
@@ -61,14 +67,21 @@ export class Panel {
 
   showHealth(mux, recorder) {
     const { parts } = this;
-    const engaged = mux?.e_stop === "True";
-    parts.stop.classList.toggle("engaged", engaged);
-    parts.stop.innerHTML = engaged ? "RELEASE <kbd>R</kbd>" : "E-STOP <kbd>Space</kbd>";
+    this.showStop(mux?.e_stop === "True");
     const isRecording = recorder?.recording === "True";
-    parts.recorder.classList.toggle("alarm", !isRecording);
+    parts.recorder.classList.toggle("alarm", !isRecording && !document.body.classList.contains("watching"));
     parts.recorder.textContent = isRecording
       ? `${Number(recorder.messages).toLocaleString("en")} messages · ${gigabytes(recorder.free_mb)} free`
       : recorder ? "NOT RECORDING" : "no recorder";
+  }
+
+  // Changed only when it changes: a screen reader announces every change.
+  showStop(engaged) {
+    const { stop, alarm } = this.parts;
+    if (stop.classList.contains("engaged") === engaged) return;
+    stop.classList.toggle("engaged", engaged);
+    stop.innerHTML = engaged ? "RELEASE <kbd>R</kbd>" : "E-STOP <kbd>Space</kbd>";
+    alarm.textContent = engaged ? "Emergency stop. R releases it." : "Emergency stop released.";
   }
 
   showGuard(guard) {
@@ -99,6 +112,7 @@ export class Panel {
   }
 
   veil(title, text) {
+    if (this.parts["veil-title"].textContent === title) return;
     this.parts.veil.hidden = !title;
     this.parts["veil-title"].textContent = title;
     this.parts["veil-text"].textContent = text;

@@ -2,13 +2,18 @@
 
 import { Brush } from "./brush.js";
 
-const COLOURS = {
-  floor: "#fbfaf7", wall: "#5c5a56", grid: "#e9e6df", goal: "#d6ecd6", goalLine: "#4f9d61",
-  start: "#dde7f4", person: "#e8963f", personNose: "#8c4e18", robot: "#265cb4", nose: "#f0f4fc",
-  trail: "rgb(38 92 180 / .35)", seen: "rgb(38 92 180 / .055)", scan: "#c2386b", next: "#7b5bc4",
-  chosen: "rgb(38 92 180 / .13)", text: "#3f7d4e",
-  teaches: "#00847e",
-};
+const NAMES = [
+  "floor", "wall", "grid", "goal", "goalLine", "start", "person", "personNose", "robot", "nose", "trail",
+  "seen", "scan", "next", "chosen", "text", "teaches",
+];
+let COLOURS = colours();
+
+// The custom properties --view-NAME of the style sheet, light or dark.
+function colours() {
+  const style = getComputedStyle(document.documentElement);
+  return Object.fromEntries(NAMES.map((name) => [name, style.getPropertyValue(`--view-${name}`).trim()]));
+}
+
 const TRAIL_STEP_M = 0.08;
 const STEPS = { north: [0, 1], east: [1, 0], south: [0, -1], west: [-1, 0] };
 
@@ -17,6 +22,10 @@ export class View extends Brush {
     super(canvas);
     this.trail = [];
     new ResizeObserver(() => this.fit()).observe(canvas);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+      COLOURS = colours();
+      this.draw();
+    });
   }
 
   setScene(scene) {
@@ -72,6 +81,7 @@ export class View extends Brush {
 
   drawWorld(state) {
     const { world } = state;
+    for (const outline of state.obstacles_m) this.area(outline, COLOURS.wall);
     this.drawScan();
     this.drawChoice(state);
     this.drawNextStart(state);

@@ -1,12 +1,14 @@
 """The closed-loop benchmark's plan and its summary."""
 
 import math
+from dataclasses import fields
 
 import pytest
 
 from benchmarks.driving.closed_loop import ClosedLoopPlan
 from serd_core.errors import SerdError
-from sim.episodes.batch_summary import summarise, wilson_interval
+from sim.episodes.batch_summary import summarise
+from sim.episodes.metrics import EpisodeMetrics
 
 
 def row(seed, outcome, time_s, **values):
@@ -17,18 +19,17 @@ def row(seed, outcome, time_s, **values):
         "start_area": "train",
         "driver": "expert_with_flow",
         "people_from": "given",
+        "guarded": 1,
         "seed": seed,
         "outcome": outcome,
         "time_of_arrival_s": time_s,
         "distance_m": 20.0 + seed,
         "minimum_person_distance_m": 0.1 * seed,
-        "intimate_share": 0.1,
-        "personal_share": 0.5,
+        "spl": 0.5,
         "robot_on_person": 0,
         "person_on_robot": seed,
         "robot_on_wall": 0,
-        "mean_abs_acceleration_mps2": 1.0,
-        "mean_abs_turn_acceleration_radps2": 2.0,
+        **{each.name: 0.5 for each in fields(EpisodeMetrics)},
     }
     return base | values
 
@@ -55,7 +56,7 @@ def test_conditions_are_kept_apart():
     assert [summary.planner for summary in summarise(rows)] == ["dwa", "mppi"]
 
 
-def test_a_condition_in_which_nobody_arrives_has_no_time_of_arrival():
+def test_a_condition_without_arrivals_has_no_time_of_arrival():
     (summary,) = summarise([row(1, "timeout", math.nan)])
     assert math.isnan(summary.mean_time_of_arrival_s)
 
@@ -65,10 +66,8 @@ def test_a_plan_without_seeds_is_refused():
         ClosedLoopPlan(n_seeds=0)
 
 
-def test_the_interval_of_the_arrival_rate_is_wilsons():
-    """Closed form (Wilson 1927): (p + z2/2n +- z sqrt(p(1-p)/n + z2/4n2)) / (1 + z2/n)."""
-    z, n, p = 1.959963984540054, 20, 0.95
-    centre = (p + z**2 / (2 * n)) / (1 + z**2 / n)
-    half = z * math.sqrt(p * (1 - p) / n + z**2 / (4 * n**2)) / (1 + z**2 / n)
-    assert wilson_interval(19, 20) == pytest.approx((centre - half, centre + half))
-    assert wilson_interval(20, 20)[1] == 1.0
+def test_the_interval_of_the_arrival_rate_is_the_exact_one():
+    """Closed form where all n arrive: the lower end is 0.025 ** (1 / n)."""
+    (summary,) = summarise([row(seed, "arrived", 50.0) for seed in (1, 2, 3)])
+    assert summary.arrival_low == pytest.approx(0.025 ** (1 / 3))
+    assert summary.arrival_high == 1.0

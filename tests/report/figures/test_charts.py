@@ -103,7 +103,7 @@ def test_the_arrival_figure_draws_both_curves_with_their_bands() -> None:
         assert set(curve.lower) | set(curve.upper) == set(heights)
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert "measured in 30 episodes" in labels
-    assert axes.get_xlim() == (0.0, 25.0)
+    assert axes.get_xlim() == (9.0, 25.0)  # a tenth before the first arrival
     assert png_bytes(figure)
 
 

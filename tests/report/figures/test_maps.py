@@ -107,8 +107,8 @@ def test_policy_arrows_follow_the_greedy_actions_and_traps_are_framed(
     (arrows,) = artists(figure, Quiver, "greedy moves")
     n_moving = n_states - 1 - len(problem.goal_states)
     assert len(arrows.U) == n_moving
-    assert arrows.V[0] == pytest.approx(-0.62)
-    assert set(np.round(arrows.U[1:], 6)) == {0.62}
+    assert arrows.V[0] == pytest.approx(-0.8)
+    assert set(np.round(arrows.U[1:], 6)) == {0.8}
     (waits,) = [c for c in figure.axes[0].collections if c.get_gid() == "greedy waits"]
     np.testing.assert_allclose(waits.get_offsets(), problem.grid.centers_m[:1])
     (frame,) = artists(figure, LineCollection, "trap")

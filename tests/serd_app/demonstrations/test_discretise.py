@@ -10,7 +10,13 @@ from bags.reader import BagReader
 from bags.writer import BagWriter
 from serd_app.demonstrations import discretise
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
-from serd_app.demonstrations.discretise import decisions_from_drive
+from serd_app.demonstrations.discretise import (
+    OFF_GRID,
+    UNEXPLAINED,
+    DiscretisationReport,
+    Faults,
+    decisions_from_drive,
+)
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.recorded_drive import NOT_FINITE, DriveBuilder, RecordedDrive
 from serd_app.drives.sessions import DriveSessions, read_drives
@@ -80,6 +86,8 @@ def test_diagonal_and_far_moves_count_as_the_neighbour_of_the_larger_displacemen
     row, report = only(recorded)
     assert row[2] == GRID.state_at(*next_m)
     assert (report.n_diagonal, report.n_far) == (diagonal, far)
+    assert Faults.of(report) == Faults(diagonal, far, 0, 1)
+    assert Faults.of(report).share == diagonal + far
 
 
 def test_the_decision_that_arrives_ends_at_the_arrival_and_nothing_follows():
@@ -273,3 +281,12 @@ def test_live_messages_give_the_same_drive_as_the_file(recorded_bag, messages):
     assert from_topics.dropped == from_file.dropped == {NOT_FINITE: 1}
     for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
         assert np.array_equal(getattr(from_topics, name), getattr(from_file, name))
+
+
+def test_faults_of_several_recordings_are_added_and_their_share_has_a_sentence():
+    one, other = Faults(1, 2, 1, 20), Faults(0, 0, 0, 30)
+    assert (one + other).share == 4 / 50
+    assert str(one + other).startswith("8.0 % of 50 moves are no outcome of the grid (1 diagonal")
+    assert Faults(0, 0, 0, 0).share == 0.0
+    dropped = DiscretisationReport(9, 1, 0, 0, {UNEXPLAINED: 1, OFF_GRID: 5})
+    assert Faults.of(dropped) == Faults(0, 0, 1, 10)

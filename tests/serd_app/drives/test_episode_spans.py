@@ -136,3 +136,8 @@ def test_a_span_says_what_it_is():
     assert spans_of_marks([start(0.0, 3), end(1.0, 3)], STEADY_S, GAP_S) == (
         EpisodeSpan(3, 0.0, 1.0, "arrived"),
     )
+
+
+def test_an_episode_that_was_discarded_is_kept_by_a_later_mark_that_saves_it():
+    marks = (start(0.0, 1), end(4.0, 1, "discarded"), end(6.0, 1, "saved"), start(7.0, 2))
+    assert spans(*marks)[0] == (1, 0.0, 4.0, "saved")

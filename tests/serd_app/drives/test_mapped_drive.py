@@ -249,6 +249,43 @@ KINDS = {"/pose": POSE, "/cmd_vel": TWIST, "/tf": TF}
 DRIVEN = BagMapping(pose_topic="/pose", action_from="velocity", action_topic="/cmd_vel")
 
 
+@pytest.mark.parametrize(
+    ("kind", "field", "states"),
+    [
+        ("std_msgs/msg/Empty", "", [0]),
+        ("std_msgs/msg/Bool", "data", [False, True, True, False]),
+        ("sensor_msgs/msg/Joy", "buttons.1", [[1, 0], [0, 1], [0, 1], [0, 0]]),
+    ],
+)
+def test_each_press_of_a_button_ends_an_episode(tmp_path, messages, kind, field, states):
+    def made(state):
+        if not kind.endswith("Joy"):
+            return messages.make(kind, state)
+        axes, buttons = np.zeros(0, dtype=np.float32), np.array(state, dtype=np.int32)
+        return messages.make(kind, messages.header(0.0), axes, buttons)
+
+    at_s = 53.0 - 0.1 * (len(states) > 1)
+    rows = [
+        ("/button", at_s + 0.1 * number, messages.encode(made(each), kind))
+        for number, each in enumerate(states)
+    ]
+    path = written(tmp_path / "bag", KINDS | {"/button": kind}, *drive_east(messages), *rows)
+    mapping = DRIVEN.model_copy(update={"button_topic": "button", "button_field": field})
+    drive = mapped_drive_in(BagReader(path), mapping, 1.0)
+    assert [(each.start_s, each.end_s) for each in drive.episodes] == [
+        (50.0, pytest.approx(53.0)),
+        (pytest.approx(53.0), 58.0),
+    ]
+    assert drive.cuts == {"button": 1}
+
+
+def test_a_field_of_a_button_that_is_none_gets_a_sentence(tmp_path, messages):
+    path = written(tmp_path / "bag", KINDS, *drive_east(messages))
+    mapping = DRIVEN.model_copy(update={"button_topic": "pose", "button_field": "buttons.0"})
+    with pytest.raises(BagError, match=r"button_field 'buttons\.0' must be a path of fields of"):
+        mapped_drive_in(BagReader(path), mapping, 1.0)
+
+
 def test_poses_given_in_several_frames_are_each_brought_from_their_own(tmp_path, messages):
     rows = [*drive_east(messages, "odom")]
     rows += [("/tf", 50.0 + tick, tf(messages, 50.0 + tick, 10.0)) for tick in range(9)]
@@ -520,3 +557,22 @@ def test_the_real_robot_becomes_demonstrations():
     )
     assert unknown.dropped == {NO_COMMAND: 12}
     assert len(unknown.intent_time_s) + 12 == report.n_intents
+
+
+@pytest.mark.parametrize(
+    ("keys", "sentence"),
+    [
+        ({"hold_s": 1.0, "action_from": "motion"}, "hold_s must be left out unless action_from is"),
+        ({"waypoint_reached_m": 1.0}, "waypoint_reached_m must be left out unless action_from is"),
+        ({"button_field": "buttons.0"}, "button_field must come with a button_topic"),
+        ({"button_topic": "joy", "episode_topic": "episode"}, "button_topic must be left out with"),
+        ({"goal_area_m": ((0, 0), (1, 1))}, "goal_area_m must have at least 3 corners, got 2"),
+        (
+            {"goals_m": ((0, 0),), "goal_area_m": ((0, 0), (1, 0), (1, 1))},
+            "goals_m and goal_area_m must not both be given",
+        ),
+    ],
+)
+def test_keys_of_a_mapping_that_have_no_effect_are_rejected(keys, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        BagMapping(**keys)

@@ -72,6 +72,43 @@ def test_an_episode_ends_at_each_goal_and_begins_when_it_is_left():
     )  # fmt: skip
 
 
+AREA = ((4.5, -1.0), (5.5, -1.0), (5.5, 1.0), (4.5, 1.0))
+
+
+def test_each_lap_to_a_goal_area_is_an_episode_and_the_way_back_is_none():
+    spans, cuts = spans_of(*drive((5, 0), (0, 0), (5, 0), (1, 0)), goal_area_m=AREA)
+    assert cuts == {"goal": 2}
+    assert [outcome for _, _, outcome in spans] == ["arrived", "return", "arrived", "return"]
+    np.testing.assert_allclose(
+        [(start, end) for start, end, _ in spans],
+        [(0.0, 9.0), (11.0, 20.0), (20.0, 29.0), (31.0, 38.0)],
+        atol=0.21,
+    )
+
+
+def test_a_stop_on_the_way_back_ends_it():
+    spans, _ = spans_of(*drive((5, 0), (0, 0), 15.0, (0, 3)), goal_area_m=AREA)
+    assert [outcome for _, _, outcome in spans] == ["arrived", "return", "unmarked"]
+
+
+def test_a_drive_that_never_comes_to_the_goal_area_is_cut_as_without_one():
+    away = drive((0, 5), (0.2, 0))
+    assert spans_of(*away, goal_area_m=AREA) == spans_of(*away)
+
+
+def test_an_episode_ends_where_the_button_is_pressed():
+    time_s, position_m = drive((5, 0), (5, 5))
+    pressed_s = np.array([-1.0, 4.0, 12.0, 99.0])
+    spans, cuts = unmarked_spans(time_s, position_m, 0.5, DriveMapping(), pressed_s)
+    assert [(each.start_s, each.end_s) for each in spans] == [
+        (0.0, pytest.approx(4.0)),
+        (pytest.approx(4.0), pytest.approx(12.0)),
+        (pytest.approx(12.0), pytest.approx(20.0)),
+    ]
+    assert [each.outcome for each in spans] == ["arrived", "arrived", "unmarked"]
+    assert cuts == {"button": 2}
+
+
 def test_a_gap_between_poses_ends_an_episode():
     time_s, position_m = drive((5, 0))
     kept = (time_s < 4.0) | (time_s > 5.0)

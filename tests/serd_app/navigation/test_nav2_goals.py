@@ -11,7 +11,7 @@ from serd_app.navigation.nav2_goals import SUCCEEDED, Nav2Goals
 from serd_core.errors import SerdError
 from serd_ros.convert.pose import odom_in_map, to_transform
 from serd_ros.nodes.nav2_bridge import ros_type
-from support.nav2_server import Nav2Server
+from support.nav2_server import Handle, Nav2Server, answered
 
 ABORTED = 6
 
@@ -27,17 +27,17 @@ def goals(server):
 
 
 def test_a_waypoint_becomes_one_goal_however_often_it_comes(server, goals):
-    goals.take([(1.0, 2.0)], 10.0, 0.0)
+    goals.take([(1.0, 2.0, 0.0)], 10.0, 0.0)
     server.answer()
-    goals.take([(1.0, 2.0)], 12.0, 2.0)
-    assert server.goals == [(((1.0, 2.0),), 10.0)]
+    goals.take([(1.0, 2.0, 0.0)], 12.0, 2.0)
+    assert server.goals == [(((1.0, 2.0, 0.0),), 10.0)]
     assert goals.state == "driving"
 
 
 def test_a_new_waypoint_replaces_the_goal_and_the_old_ones_end_tells_nothing(server, goals):
-    goals.take([(1.0, 2.0)], 0.0, 0.0)
+    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
     old = server.answer()
-    goals.take([(1.0, 3.0)], 2.0, 2.0)
+    goals.take([(1.0, 3.0, 0.0)], 2.0, 2.0)
     new = server.answer()
     old.end(ABORTED)
     assert goals.state == "driving"
@@ -46,16 +46,26 @@ def test_a_new_waypoint_replaces_the_goal_and_the_old_ones_end_tells_nothing(ser
     assert len(server.goals) == 2
 
 
+def test_a_goal_that_ends_while_the_next_one_is_sent_does_not_cancel_that(server, goals):
+    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
+    old = server.answer()
+    goals.take([(1.0, 3.0, 0.0)], 2.0, 2.0)
+    old.end(ABORTED)
+    new = server.answer()
+    assert goals.state == "driving"
+    assert not new.canceled
+
+
 def test_of_waypoints_that_come_while_one_is_sent_only_the_newest_is_sent_after_it(server, goals):
     for place in range(4):
-        goals.take([(float(place), 0.0)], 0.0, 0.0)
+        goals.take([(float(place), 0.0, 0.0)], 0.0, 0.0)
     assert len(server.goals) == 1
     server.answer()
-    assert [goal[0] for goal in server.goals] == [((0.0, 0.0),), ((3.0, 0.0),)]
+    assert [goal[0] for goal in server.goals] == [((0.0, 0.0, 0.0),), ((3.0, 0.0, 0.0),)]
 
 
 def test_a_waypoint_taken_back_before_the_server_answered_is_not_sent(server, goals):
-    first, second = [(1.0, 2.0)], [(1.0, 3.0)]
+    first, second = [(1.0, 2.0, 0.0)], [(1.0, 3.0, 0.0)]
     for targets in (first, second, first):
         goals.take(targets, 0.0, 0.0)
     handle = server.answer()
@@ -66,27 +76,27 @@ def test_a_waypoint_taken_back_before_the_server_answered_is_not_sent(server, go
 
 
 def test_a_plan_that_goes_on_is_not_sent_again(server, goals):
-    goals.take([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], 0.0, 0.0)
+    goals.take([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0)], 0.0, 0.0)
     server.answer()
-    goals.take([(1.0, 0.0), (2.0, 0.0)], 2.0, 2.0)
+    goals.take([(1.0, 0.0, 0.0), (2.0, 0.0, 0.0)], 2.0, 2.0)
     assert len(server.goals) == 1
-    goals.take([(1.0, 0.0), (1.0, 1.0)], 4.0, 4.0)
+    goals.take([(1.0, 0.0, 0.0), (1.0, 1.0, 0.0)], 4.0, 4.0)
     assert len(server.goals) == 2
 
 
 @pytest.mark.parametrize("ending", ["rejected", "failed with code 105"])
 def test_after_a_failure_the_next_waypoint_tries_again(server, goals, ending):
-    goals.take([(1.0, 2.0)], 0.0, 0.0)
+    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
     handle = server.answer(accepted=ending != "rejected")
     if ending != "rejected":
         handle.end(ABORTED, error_code=105)
     assert goals.state == ending
-    goals.take([(1.0, 2.0)], 2.0, 2.0)
+    goals.take([(1.0, 2.0, 0.0)], 2.0, 2.0)
     assert len(server.goals) == 2
 
 
 def test_silence_stops_nav2(server, goals):
-    goals.take([(1.0, 2.0)], 0.0, 0.0)
+    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
     handle = server.answer()
     assert not goals.expire(4.9)
     assert goals.expire(5.1)
@@ -94,18 +104,45 @@ def test_silence_stops_nav2(server, goals):
     assert not goals.expire(6.0)
 
 
+def test_silence_stops_the_goal_before_a_rejected_one(server, goals):
+    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
+    older = server.answer()
+    goals.take([(1.0, 3.0, 0.0)], 2.0, 2.0)
+    server.answer(accepted=False)
+    assert not older.canceled
+    assert goals.expire(7.1)
+    assert older.canceled
+    assert not goals.expire(8.0)
+
+
+def test_a_request_without_an_answer_is_sent_again_and_its_late_goal_is_canceled(server, goals):
+    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
+    goals.take([(1.0, 2.0, 0.0)], 4.9, 4.9)
+    assert len(server.goals) == 1
+    goals.expire(5.1)
+    assert goals.state == "no answer"
+    goals.take([(1.0, 2.0, 0.0)], 5.2, 5.2)
+    assert len(server.goals) == 2
+    late = Handle(accepted=True)
+    answered(server.answers[0], late)
+    assert late.canceled
+    assert goals.state == "sent"
+    assert not server.answer().canceled
+    assert goals.state == "driving"
+
+
 def test_a_goal_called_off_before_the_server_answered_is_canceled_when_it_does(server, goals):
-    goals.take([(1.0, 2.0)], 0.0, 0.0)
+    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
     goals.cancel()
     assert server.answer().canceled
 
 
 def test_without_a_server_nothing_is_sent_until_it_is_there(server, goals):
     server.ready = False
-    goals.take([(1.0, 2.0)], 0.0, 0.0)
+    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
     assert (goals.state, server.goals) == ("no server", [])
     server.ready = True
-    goals.take([(1.0, 2.0)], 2.0, 2.0)
+    goals.take([(1.0, 2.0, 0.0)], 2.0, 2.0)
     assert len(server.goals) == 1
 
 

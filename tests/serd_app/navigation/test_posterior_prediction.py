@@ -13,7 +13,7 @@ HALLWAY = load_scenario("hallway")
 
 @pytest.fixture
 def tables(save_model_of):
-    """Of two draws: one as the model, one in which everybody stays more often."""
+    """Of two draws: one as the model, one in which everyone stays more often."""
     learned = load_model(save_model_of()).outcome_probabilities
     slow = 0.7 * learned + 0.3 * np.eye(5)[0]
     return np.array([learned, slow])

@@ -17,8 +17,6 @@ from serd_core.posterior.beliefs import (
     FreeBelief,
     TiedBelief,
 )
-from serd_core.posterior.derivatives.differences import gradient_differences
-from serd_core.posterior.derivatives.posterior_hessian import posterior_hessian, vector_hessian
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, require_possible
 from serd_core.priors.dirichlet import DirichletPrior
@@ -26,6 +24,13 @@ from serd_core.priors.divergence import KldPrior
 from serd_core.priors.entropy import EntropyPrior
 from serd_core.priors.gaussian import GaussianPrior
 from serd_core.priors.prior import UniformPrior
+from support.random_posteriors import (
+    assert_gradient_is_of_the_objective,
+    assert_hessian_is_of_the_gradient,
+    assume_one_best_action_around,
+    random_parameters,
+    uniform_decisions,
+)
 
 BELIEFS = [
     TiedBelief(),
@@ -41,25 +46,15 @@ def posterior_of(random_problem, seed, policy_model, belief, share_hidden):
     """A posterior of random decisions of which some hide their action, and its free vector."""
     problem, table = random_problem(seed)
     rng = np.random.default_rng(seed)
-    uniform = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
-    start = np.full(problem.mdp.n_states, 1 / problem.mdp.n_states)
-    decisions = sample_decisions(
-        problem.mdp, uniform, table, start, n_episodes=10, n_steps=8, rng=rng
-    )
+    decisions = uniform_decisions(problem, table, rng)
     if not len(decisions):
         return None
     decisions = decisions.with_hidden_actions(rng.random(len(decisions)) < share_hidden)
     prior = KldPrior(0.3, reference=table) + EntropyPrior(0.2, Block.BELIEF)
     prior = prior + GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.3) + belief.prior
-    model = problem.mdp.transitions
     observations = observe(problem.mdp, decisions)
     posterior = Posterior(problem, observations, policy_model, prior, Newton(), SparseLu())
-    like = Parameters(
-        rng.normal(size=2),
-        rng.normal(size=model.n_parameters),
-        rng.normal(size=model.n_parameters),
-        policy_model.initial_parameters,
-    )
+    like = random_parameters(problem, policy_model, rng)
     return posterior, belief.unpack(belief.pack(like), like), decisions
 
 
@@ -75,30 +70,10 @@ def test_gradient_and_hessian_are_the_finite_differences(
     if made is None:
         return
     posterior, parameters, _ = made
-    vector, step = belief.pack(parameters), 1e-5
-
-    def value(free):
-        return posterior.evaluate(belief.unpack(free, parameters)).objective
-
-    def gradient(free):
-        at = belief.unpack(free, parameters)
-        return belief.pull_back(posterior.evaluate(at).gradient, at)
-
-    def slope(unit):
-        """Fourth order, so that rounding and not the step limits it."""
-        near, far = (value(vector + k * step * unit) for k in (1, 2))
-        back, behind = (value(vector - k * step * unit) for k in (1, 2))
-        return (8 * (near - back) - (far - behind)) / (12 * step)
-
-    numeric = np.array([slope(unit) for unit in np.eye(len(vector))])
-    scale = max(1.0, np.max(np.abs(numeric)))
-    np.testing.assert_allclose(gradient(vector) / scale, numeric / scale, rtol=0, atol=1e-6)
-    found = posterior.evaluate(parameters)
-    blocks = posterior_hessian(posterior, parameters, found)
-    exact = vector_hessian(belief, blocks, found.gradient, parameters)
-    differences = gradient_differences(gradient, vector)
-    scale = max(1.0, np.max(np.abs(differences)))
-    np.testing.assert_allclose(exact / scale, differences / scale, atol=3e-6)
+    if isinstance(policy_model, PolicyMatchingPolicy):
+        assume_one_best_action_around(posterior, belief, parameters)
+    assert_gradient_is_of_the_objective(posterior, belief, parameters)
+    assert_hessian_is_of_the_gradient(posterior, belief, parameters)
 
 
 @pytest.mark.parametrize("policy_model", POLICIES, ids=lambda model: type(model).__name__)

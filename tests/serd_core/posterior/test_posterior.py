@@ -6,12 +6,12 @@ from hypothesis import strategies as st
 from serd_core.bellman.linear.sparse_lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.observations import observe
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
 from serd_core.posterior.beliefs import CoupledBelief, FixedBelief, FreeBelief, TiedBelief
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.divergence import KldPrior
+from support.random_posteriors import random_parameters, uniform_decisions
 
 BELIEFS = [TiedBelief(), FreeBelief(), CoupledBelief(weight=0.7), FixedBelief()]
 POLICIES = [MdcePolicy(), PolicyMatchingPolicy(start_temperature=1.7)]
@@ -20,24 +20,14 @@ POLICIES = [MdcePolicy(), PolicyMatchingPolicy(start_temperature=1.7)]
 def random_posterior(random_problem, seed, policy_model, belief):
     problem, table = random_problem(seed)
     rng = np.random.default_rng(seed)
-    uniform = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
-    start = np.full(problem.mdp.n_states, 1 / problem.mdp.n_states)
-    decisions = sample_decisions(
-        problem.mdp, uniform, table, start, n_episodes=10, n_steps=8, rng=rng
-    )
+    decisions = uniform_decisions(problem, table, rng)
     if not len(decisions):
         return None
-    model = problem.mdp.transitions
     prior = (KldPrior(0.3, reference=table) + belief.prior).anchored(table)
     posterior = Posterior(
         problem, observe(problem.mdp, decisions), policy_model, prior, Newton(), SparseLu()
     )
-    parameters = Parameters(
-        reward=rng.normal(size=2),
-        belief=rng.normal(size=model.n_parameters),
-        truth=rng.normal(size=model.n_parameters),
-        policy=policy_model.initial_parameters,
-    )
+    parameters = random_parameters(problem, policy_model, rng)
     return posterior, belief.unpack(belief.pack(parameters), parameters)
 
 

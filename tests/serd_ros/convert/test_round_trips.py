@@ -28,6 +28,8 @@ from serd_ros.convert.diagnostics import (
     values_of,
 )
 from serd_ros.convert.markers import (
+    from_obstacle_markers,
+    to_obstacle_markers,
     to_people_markers,
     to_policy_markers,
     to_text_marker,
@@ -51,6 +53,8 @@ from serd_ros.convert.pose import (
 from serd_ros.convert.sensors import (
     from_people_message,
     from_scan,
+    to_bumper_message,
+    to_imu_message,
     to_occupancy_grid,
     to_people_message,
     to_scan,
@@ -58,8 +62,10 @@ from serd_ros.convert.sensors import (
 from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
 from serd_ros.errors import MessageError, NodeError
 from sim.episodes.result import EpisodeStart
+from sim.robot.contacts import Touch
+from sim.robot.imu import ImuReading
 from sim.scenario.occupancy import OccupancyRaster
-from sim.scenario.settings import LidarSettings
+from sim.scenario.settings import ImuSettings, LidarSettings
 from sim.world.command import Command
 from sim.world.observation import People
 from sim.world.observation_inbox import ObservationInbox
@@ -166,7 +172,7 @@ def test_parts_of_different_ticks_make_no_observation():
     observation = observation_at(0.0, 0.0, time_s=1.05)
     time_ns, _, speeds = from_odometry(to_odometry(observation, observation.pose))
     assert inbox.take_speeds(time_ns, speeds) is None
-    assert inbox.latest() is not None
+    assert inbox.missing() == {"odom": pytest.approx(-0.05)}
 
 
 def test_who_finds_people_in_scans_needs_pose_and_odometry_only():
@@ -305,7 +311,7 @@ def test_a_goal_is_taken_from_the_map_only():
     message = to_pose_stamped((3.5, 20.25, 1.0), 7.0)
     assert from_goal_message(message) == (3.5, 20.25)
     message.header.frame_id = ""
-    with pytest.raises(NodeError, match="goal_pose must be in the frame 'map', got ''"):
+    with pytest.raises(MessageError, match="must be 'map' or joined with it by /tf, got ''"):
         from_goal_message(message)
 
 
@@ -323,6 +329,44 @@ def test_traps_are_one_list_of_cubes_and_none_takes_them_away():
     assert [(point.x, point.y) for point in shown[0].points] == [(0.5, 0.5), (1.5, 0.5)]
     (gone,) = to_trap_markers(np.zeros((0, 2)), 1.0, 3.0).markers
     assert gone.action == Marker.DELETEALL
+
+
+def test_an_imu_reading_has_the_variances_of_its_noise_and_no_orientation():
+    settings = ImuSettings(gyroscope_noise_density=0.01, accelerometer_noise_density=0.02)
+    reading = ImuReading((0.1, 0.2, 0.3), (1.0, 2.0, 9.8))
+    message = to_imu_message(reading, settings, 0.05, 3.0)
+    assert (message.header.frame_id, stamp_s(message.header.stamp)) == ("base_link", 3.0)
+    rate, force = message.angular_velocity, message.linear_acceleration
+    assert ((rate.x, rate.y, rate.z), (force.x, force.y, force.z)) == (
+        reading.angular_velocity_radps,
+        reading.acceleration_mps2,
+    )
+    assert message.orientation_covariance[0] == -1.0
+    assert list(message.angular_velocity_covariance) == pytest.approx(np.diag([2e-3] * 3).ravel())
+    assert list(message.linear_acceleration_covariance) == pytest.approx(
+        np.diag([8e-3] * 3).ravel()
+    )
+
+
+def test_contacts_are_points_on_the_hull_with_impulses():
+    touches = [Touch(4.0, (0.25, 0.0), 0.5, True), Touch(1.5, (0.0, -0.25), 0.1, False)]
+    message = to_bumper_message(touches, 3.0)
+    rows = np.frombuffer(bytes(message.data), dtype=np.float32).reshape(-1, 4)
+    assert [field.name for field in message.fields] == ["x", "y", "z", "impulse"]
+    assert rows.tolist() == [[0.25, 0.0, 0.0, 4.0], [0.0, -0.25, 0.0, 1.5]]
+    assert (message.width, message.row_step, message.header.frame_id) == (2, 32, "base_link")
+
+
+def test_outlines_of_obstacles_survive_and_one_that_is_not_finite_is_rejected():
+    outlines = [
+        [(0.0, 0.5), (1.0, 0.5), (1.0, 2.0)],
+        [(3.0, 3.0), (4.0, 3.0), (4.0, 4.0), (3.0, 4.0)],
+    ]
+    message = to_obstacle_markers([np.array(each) for each in outlines], 3.0)
+    assert from_obstacle_markers(message) == outlines
+    message.markers[1].points[2].y = math.nan
+    with pytest.raises(MessageError, match="points must be finite"):
+        from_obstacle_markers(message)
 
 
 def test_words_stand_above_their_place():

@@ -16,7 +16,7 @@ def named(text):
 
 def test_every_topic_of_the_graph_has_a_type_that_can_be_imported():
     nodes = load_graph().nodes.values()
-    published = {topic for node in nodes for topic in node.publishes} - {"/tf"}  # Nav2's alone
+    published = {topic for node in nodes for topic in node.publishes}
     for topic in published:
         assert topic_type(topic, stamped_cmd_vel=False).message is not None, topic
 

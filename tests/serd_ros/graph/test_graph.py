@@ -5,10 +5,18 @@ from pathlib import Path
 
 import pytest
 
+from serd_ros.episodes.page_view import WatchView
 from serd_ros.errors import NodeError
-from serd_ros.graph.configs import CONFIGS
-from serd_ros.graph.graph import PACKAGE, find_stack, load_graph, stack_parameters
+from serd_ros.graph.configs import CONFIGS, DemoRecorderConfig
+from serd_ros.graph.graph import (
+    PACKAGE,
+    find_stack,
+    full_namespace,
+    load_graph,
+    stack_parameters,
+)
 
+SIMULATORS = {"hallway_sim", "bag_replay"}
 FROM_PEOPLE = {"goal_pose"}
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -36,6 +44,12 @@ def test_every_subscribed_topic_is_published_by_some_node():
     assert {name for node in graph.nodes.values() for name in node.calls} <= served
 
 
+def test_all_that_the_page_shows_is_recorded_but_for_diagnostics():
+    recorded = DemoRecorderConfig().topics
+    assert set(WatchView.topics) - {"diagnostics"} <= set(recorded)
+    assert set(recorded) == set(load_graph().nodes["demo_recorder"].subscribes)
+
+
 def test_a_parameter_goes_to_every_node_that_has_it_and_to_no_other():
     layers = stack_parameters(find_stack("demonstrate"), {"seed": 5})
     assert layers["hallway_sim"]["seed"] == layers["scripted_expert"]["seed"] == 5
@@ -57,6 +71,11 @@ def test_a_name_does_not_reach_a_node_to_which_the_stack_gives_its_own_value():
     assert live["scripted_expert"]["output"] == ""
     named = stack_parameters(find_stack("replay_and_learn"), {"learner.bag": "drive"})
     assert named["learner"]["bag"] == "drive"
+
+
+def test_a_stack_names_the_parameter_that_it_needs():
+    with pytest.raises(NodeError, match=r"parameter bag must be given, .*; add bag:=VALUE"):
+        stack_parameters(find_stack("replay_and_learn"), {"bag_replay.rate": 50.0})
 
 
 def test_a_name_that_the_stack_sets_in_every_node_is_refused():
@@ -92,3 +111,24 @@ def test_a_wrong_name_gets_the_nearest_right_one(name, sentence):
 def test_an_unknown_stack_gets_the_nearest_right_one():
     with pytest.raises(NodeError, match="did you mean 'navigate'"):
         find_stack("navigat")
+
+
+def test_in_a_namespace_a_world_has_a_clock_of_its_own_and_a_robot_that_of_the_domain():
+    graph = load_graph()
+    for name, stack in graph.stacks.items():
+        own = {"/clock": "/robot1/clock"} if SIMULATORS & set(stack.nodes) else {}
+        assert graph.namespace_remappings(stack, "/robot1") == own, name
+        assert graph.namespace_remappings(stack, "") == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "full"), [("", ""), ("/", ""), ("robot1", "/robot1"), ("/fleet/r_2/", "/fleet/r_2")]
+)
+def test_a_namespace_is_written_in_full(name, full):
+    assert full_namespace(name) == full
+
+
+@pytest.mark.parametrize("name", ["1robot", "robot-1", "a//b", "robot 1", "a/2"])
+def test_a_name_that_is_no_namespace_is_refused(name):
+    with pytest.raises(NodeError, match="namespace must be letters"):
+        full_namespace(name)

@@ -11,6 +11,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_srvs.srv import SetBool, Trigger
 
 from serd_ros.convert.diagnostics import values_of
+from serd_ros.episodes.page_view import episode_values
 from support.nodes_in_process import node_in_process
 from support.valid_messages import valid_message
 
@@ -89,11 +90,21 @@ CASES = [
     ("teleop_page", "waypoint", with_nan, "position must be finite and at most 1e+06, got nan"),
     ("teleop_page", "robot_pose", with_nan, "position must be finite and at most 1e+06, got nan"),
     ("teleop_page", "scan", with_another_number_of_rays, "must have the 360 rays"),
-    ("teleop_page", "robot_pose", before_time, "stamp must have sec from 0 to"),
+    ("teleop_page", "robot_pose", before_time, "stamp must be from 0 to"),
     ("local_planner", "intent", with_nan_direction, "vector must be finite"),
     ("local_planner", "scan", with_another_number_of_rays, "must have the 360 rays"),
-    ("local_planner", "waypoint", in_odom, "frame_id must be 'map', got 'odom'; transform it"),
-    ("local_planner", "robot_pose", in_odom, "frame_id must be 'map', got 'odom'; transform it"),
+    (
+        "local_planner",
+        "waypoint",
+        in_odom,
+        "frame_id must be 'map' or joined with it by /tf, got 'odom'",
+    ),
+    (
+        "local_planner",
+        "robot_pose",
+        in_odom,
+        "frame_id must be 'map' or joined with it by /tf, got 'odom'",
+    ),
     ("scripted_expert", "pedestrians", of_25_bytes, "data must be one row of width * point_step"),
     ("scripted_expert", "pedestrians", plain_xyz, "must have the fields x, y, z, vx, vy, id"),
     ("scripted_expert", "pedestrians", with_nan_person, "x must be finite"),
@@ -108,6 +119,7 @@ def test_a_bad_message_is_dropped_and_counted_and_the_next_one_is_taken(
     kind, topic, break_rule, words
 ):
     with node_in_process(kind, **PARAMETERS.get(kind, {})) as running:
+        running.call_timers()  # a live world begins, and reports
         bad = valid_message(topic, 10.0)
         bad = break_rule(bad) or bad
         running.receive(topic, bad)
@@ -130,7 +142,7 @@ def test_people_of_25_bytes_do_not_stop_a_planner_that_is_given_people():
         of_25_bytes(message)
         running.receive("pedestrians", message)
         assert running.node.callbacks.n_rejected == 1
-        for topic in ("pedestrians", "odom", "robot_pose", "waypoint"):
+        for topic in ("pedestrians", "odom", "waypoint", "robot_pose"):
             running.receive(topic, valid_message(topic, 10.05))
         running.call_timers()
         assert running.published["cmd_vel_raw"] == 1
@@ -157,7 +169,7 @@ def test_the_state_of_the_page_is_json_after_messages_with_nan():
             with_nan(bad)
             running.receive(topic, bad)
         node = running.node
-        state = node._view.state(node.observation, node.episodes)
+        state = node._view.state(node.observation, episode_values(node.episodes), node.wall_s())
         assert json.loads(json.dumps(state, allow_nan=False))["waypoint"] == [3.5, 7.5]
         running.call_timers()
         running.assert_alive()

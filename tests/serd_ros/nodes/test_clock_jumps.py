@@ -6,6 +6,7 @@ from contextlib import contextmanager
 
 import pytest
 from rclpy.serialization import serialize_message
+from std_msgs.msg import Bool
 
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_twist_stamped
@@ -16,6 +17,7 @@ from sim.episodes.result import EpisodeStart
 from sim.world.command import Command
 from support.nodes_in_process import node_in_process
 from support.valid_messages import GOAL_M, valid_message
+from teleop.page.requests import Move
 
 SECOND_NS = 1_000_000_000
 OBSERVATION = ("pedestrians", "odom", "robot_pose")
@@ -161,6 +163,23 @@ def test_a_strategy_without_resets_waits_for_a_goal_in_a_new_session(save_model_
         running.assert_alive()
 
 
+def test_a_drive_begins_with_a_new_observation_where_the_last_one_is_old(
+    save_model_of, monkeypatch
+):
+    with node_in_process("strategy", model=str(save_model_of()), reset=False) as running:
+        running.call_timers()
+        running.node._starter._look.cancel()  # its graph is there
+        feed(running, START)
+        now_s = running.node.wall_s()
+        monkeypatch.setattr(running.node, "wall_s", lambda: now_s + 0.6)
+        running.receive("goal_pose", valid_message("goal_pose", START))
+        assert running.node.driving
+        assert running.published["waypoint"] == 0
+        feed(running, START + 0.65)
+        assert stamp_s(running.sent["waypoint"].header.stamp) == pytest.approx(START + 0.65)
+        running.assert_alive()
+
+
 @contextmanager
 def hand_driver(kind):
     """A front end with a person who drives north, in an episode."""
@@ -218,6 +237,81 @@ def test_a_held_key_counts_anew_after_mux_or_world_were_silent(kind, silent, mon
         running.assert_alive()
 
 
+@pytest.mark.parametrize("kind", ["teleop_page", "teleop_keyboard"])
+def test_a_tap_during_the_e_stop_drives_neither_before_the_mux_confirms_it_nor_after_its_release(
+    kind,
+):
+    with hand_driver(kind) as running:
+        node, choice = running.node, running.node.choice
+
+        def feed_until(before_s, after_s):
+            for tick in range(round(before_s / 0.25) + 1, round(after_s / 0.25) + 1):
+                feed(running, START + 0.25 * tick)
+
+        node.set_e_stop(True)
+        choice.hold(None)
+        choice.tap(Action.NORTH)
+        feed_until(0.0, 2.0)
+        assert running.sent["intent"].vector.y == 0.0
+        running.receive("e_stop_engaged", Bool(data=True))
+        choice.tap(Action.NORTH)
+        node.set_e_stop(False)
+        feed_until(2.0, 4.0)
+        running.receive("e_stop_engaged", Bool(data=False))
+        feed_until(4.0, 6.0)
+        assert running.sent["intent"].vector.y == 0.0
+        assert running.sent["driver_gone"].data
+        choice.tap(Action.NORTH)
+        feed_until(6.0, 8.0)
+        assert running.sent["intent"].vector.y == 1.0
+        running.assert_alive()
+
+
+@pytest.mark.parametrize("silent_s", [0.45, 0.55])
+def test_a_held_key_moves_on_only_after_a_pause_of_the_page_in_which_the_mux_did_not_stop(
+    silent_s, monkeypatch
+):
+    """The mux stops the robot after 0.5 s; the page's next request may be taken at once after."""
+    requests = []
+    with node_in_process("teleop_page", port=0) as running:
+        node, now_s = running.node, running.node.wall_s()
+        monkeypatch.setattr(node._server, "take", lambda: [requests.pop(0)] if requests else [])
+
+        def beat(since_s, *linear):
+            monkeypatch.setattr(node, "wall_s", lambda: now_s + since_s)
+            requests.extend(Move(type="move", linear=each, angular=0.0) for each in linear)
+            running.call_timers()
+
+        node.set_mode("velocity")
+        beat(0.0, 0.0)
+        beat(0.1, 1.0)
+        assert running.sent["cmd_vel_teleop"].linear.x > 0.0
+        beat(0.3)
+        driven = running.published["cmd_vel_teleop"]
+        beat(0.1 + silent_s, 1.0)
+        drives_on = running.published["cmd_vel_teleop"] > driven
+        drives_on &= running.sent["cmd_vel_teleop"].linear.x > 0.0
+        assert drives_on == (silent_s < 0.5)
+        beat(0.7, 0.0)
+        beat(0.8, 1.0)
+        assert running.sent["cmd_vel_teleop"].linear.x > 0.0
+        running.assert_alive()
+
+
+def test_taps_count_again_after_the_stop_was_pressed_twice_and_released_by_another():
+    with hand_driver("teleop_page") as running:
+        node, choice = running.node, running.node.choice
+        node.set_e_stop(True)
+        running.receive("e_stop_engaged", Bool(data=True))
+        node.set_e_stop(True)
+        running.receive("e_stop_engaged", Bool(data=False))
+        choice.hold(None)
+        choice.tap(Action.NORTH)
+        for tick in range(1, 9):
+            feed(running, START + 0.25 * tick)
+        assert running.sent["intent"].vector.y == 1.0
+
+
 def mux_state(**values):
     return to_diagnostics("teleop_mux", START, values)
 
@@ -266,7 +360,7 @@ def test_a_world_in_lock_step_answers_the_stamp_it_waits_for_and_no_other():
 
 @pytest.mark.parametrize("later_s", [START + 1.5, START - 1.5])
 def test_nav2_drives_after_a_jump_only_to_the_next_waypoint(later_s, nav2_server):
-    with node_in_process("nav2_bridge") as running:
+    with node_in_process("nav2_bridge", publish_tf=True) as running:
         feed(running, START, "waypoint")
         goal = nav2_server.answer()
         feed(running, later_s)

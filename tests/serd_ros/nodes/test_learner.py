@@ -1,9 +1,14 @@
 """The learner's parameter `actions`: what it subscribes to, and the methods it accepts."""
 
 import pytest
+from geometry_msgs.msg import PoseStamped
+from rclpy.serialization import serialize_message
 
 from serd_app.errors import AppError
+from serd_ros.convert.diagnostics import EpisodeMark, to_diagnostics, to_episode_message
 from support.nodes_in_process import node_in_process
+from support.valid_messages import valid_message
+from support.waiting import wait_until
 
 
 @pytest.mark.parametrize("actions", ["recorded", "hidden"])
@@ -21,3 +26,42 @@ def test_a_method_that_counts_actions_is_rejected_at_the_start(tmp_path):
         node_in_process("learner", **given),
     ):
         pass
+
+
+def take_pose(running, time_s):
+    running.receive("robot_pose", serialize_message(valid_message("robot_pose", time_s)))
+
+
+@pytest.mark.parametrize("received", ["nothing", "poses", "an episode without its last pose"])
+def test_a_learner_of_a_replay_without_a_whole_episode_ends_with_the_reason(
+    received, tmp_path, monkeypatch, capsys
+):
+    output = str(tmp_path / "m.yaml")
+    with node_in_process("learner", exit_with_publishers=True, output=output) as running:
+        node, now_s = running.node, running.node.wall_s()
+        if received != "nothing":
+            take_pose(running, 1.0)
+        if received.startswith("an episode"):
+            mark = EpisodeMark("end", 9.0, 1, "scripted_expert", 0, "train", outcome="arrived")
+            running.receive("episode", serialize_message(to_episode_message(mark)))
+        running.receive("diagnostics", to_diagnostics("bag_replay", 9.0, {}, message="finished"))
+        assert not node.finished.done()
+        for later_s in (1.0, 2.0, 3.0):
+            monkeypatch.setattr(node, "wall_s", lambda later_s=later_s: now_s + later_s)
+            running.call_timers()
+        assert node.finished.result() == 2
+    assert "no model was learned" in capsys.readouterr().err
+
+
+def test_a_learner_waits_for_a_replay_that_pauses(tmp_path, monkeypatch):
+    output = str(tmp_path / "m.yaml")
+    with node_in_process("learner", exit_with_publishers=True, output=output) as running:
+        node, now_s = running.node, running.node.wall_s()
+        node.create_publisher(PoseStamped, "robot_pose", 1)
+        wait_until(lambda: node.count_publishers("robot_pose"))
+        running.receive("diagnostics", to_diagnostics("bag_replay", 9.0, {}, message="paused"))
+        take_pose(running, 1.0)
+        for later_s in (10.0, 20.0):
+            monkeypatch.setattr(node, "wall_s", lambda later_s=later_s: now_s + later_s)
+            running.call_timers()
+        assert not node.finished.done()

@@ -105,57 +105,59 @@ def test_a_node_with_an_internal_error_ends_with_exit_code_1(capfd):
     assert "teleop_joy: 1 internal errors, logged above" in capfd.readouterr().err
 
 
-@pytest.mark.ros
-@pytest.mark.usefixtures("own_domain")
-def test_a_signal_ends_a_node_that_receives_more_than_it_can_process():
-    """Its executor finds the next event before it looks at the time."""
+MANY = 1_000_000
+
+
+def received_by_a_node(receive, n_first):
+    """Run a node that sends messages to itself; how many it received until it ended.
+
+    receive: called with the number of the message and a function that sends more.
+    """
     n_received = 0
 
     def make_node():
         node = TeleopJoyNode()
-        publisher = node.create_publisher(Bool, "flood", 1000)
+        publisher = node.create_publisher(Bool, "own", 1000)
 
-        def receive(_):
-            nonlocal n_received
-            n_received += 1
-            if n_received == 10:
-                os.kill(os.getpid(), signal.SIGTERM)
-            if n_received < MANY:
+        def publish(count):
+            for _ in range(count):
                 publisher.publish(Bool())
 
-        node.create_subscription(Bool, "flood", receive, 1000)
-        for _ in range(5):
-            publisher.publish(Bool())
+        def count_and_receive(_):
+            nonlocal n_received
+            n_received += 1
+            receive(n_received, publish)
+
+        node.create_subscription(Bool, "own", count_and_receive, 1000)
+        publish(n_first)
         return node
 
     assert run_node(make_node) == 0
-    assert n_received < MANY
+    return n_received
 
 
-MANY = 1_000_000
+@pytest.mark.ros
+@pytest.mark.usefixtures("own_domain")
+def test_a_signal_ends_a_node_that_receives_more_than_it_can_process():
+    """Its executor finds the next event before it looks at the time."""
+
+    def receive(number, publish):
+        if number == 10:
+            os.kill(os.getpid(), signal.SIGTERM)
+        if number < MANY:
+            publish(1)
+
+    assert received_by_a_node(receive, n_first=5) < MANY
 
 
 @pytest.mark.ros
 @pytest.mark.usefixtures("own_domain")
 def test_after_a_signal_a_node_takes_what_it_has_received_before(monkeypatch):
     monkeypatch.setattr("serd_ros.process.run_node._BACKLOG_S", PATIENCE_S)
-    n_received = 0
 
-    def make_node():
-        node = TeleopJoyNode()
-        publisher = node.create_publisher(Bool, "marks", 1000)
+    def receive(number, publish):
+        if number == 1:
+            publish(300)
+            os.kill(os.getpid(), signal.SIGTERM)
 
-        def receive(_):
-            nonlocal n_received
-            n_received += 1
-            if n_received == 1:
-                for _ in range(300):
-                    publisher.publish(Bool())
-                os.kill(os.getpid(), signal.SIGTERM)
-
-        node.create_subscription(Bool, "marks", receive, 1000)
-        publisher.publish(Bool())
-        return node
-
-    assert run_node(make_node) == 0
-    assert n_received == 301
+    assert received_by_a_node(receive, n_first=1) == 301

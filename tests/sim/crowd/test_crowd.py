@@ -110,6 +110,30 @@ def test_wanted_speeds_lie_within_two_deviations_of_the_mean():
     assert speed.mean() == pytest.approx(settings.desired_speed_mean_mps, abs=0.04)
 
 
+def test_people_who_stand_are_pushed_aside_and_return():
+    group = load_scenario("social_v1/group")
+    places = np.array(group.pedestrians.standing_m)
+    crowd = start_crowd(
+        group.pedestrians,
+        group.directed_loops,
+        group.wall_segments_m,
+        np.random.default_rng(1),
+    )
+
+    def away_m():
+        here = np.stack([crowd.x_m, crowd.y_m], axis=1)[-len(places) :]
+        return np.hypot(*(here - places).T).max()
+
+    for _ in range(200):
+        crowd.step(0.05)
+    assert away_m() < 0.3
+    crowd.move(len(crowd) - 1, (places[-1][0] + 0.8, places[-1][1]), (0.0, 0.0))
+    assert away_m() > 0.7
+    for _ in range(200):
+        crowd.step(0.05)
+    assert away_m() < 0.3
+
+
 def test_an_empty_crowd_walks_nowhere():
     crowd = hallway_crowd(0, 1)
     crowd.step(0.05, RobotBody(1.0, 1.0, 0.0, 0.0, 0.25))

@@ -1,4 +1,4 @@
-"""People as the lidar alone tells."""
+"""People found in the lidar alone."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ from sim.world.world import HallwayWorld
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
-NOBODY = np.zeros((0, 2))
+NO_PEOPLE = np.zeros((0, 2))
 HALLWAY_SEEN = observation_at(3.0, 8.0, 1.5, people=[[2.0, 9.0]], velocity=[[0.0, -1.0]])
 WALLS = wall_distance_raster(HALLWAY)
 
@@ -97,7 +97,10 @@ def test_the_robot_arrives_without_driving_into_anybody_by_the_scan_alone(name):
 def test_a_planner_by_scans_knows_nothing_of_people_but_what_the_scans_show():
     """Without given people it drives as with them: it reads only the scans."""
     blind = replace(
-        HALLWAY_SEEN, people_position_m=NOBODY, people_velocity_mps=NOBODY, people_id=np.zeros(0)
+        HALLWAY_SEEN,
+        people_position_m=NO_PEOPLE,
+        people_velocity_mps=NO_PEOPLE,
+        people_id=np.zeros(0),
     )
     ahead = np.array([[3.0, 9.0]])
     lidar = Lidar(HALLWAY.lidar, HALLWAY.wall_segments_m, 0.25)
@@ -110,7 +113,7 @@ def test_a_planner_by_scans_knows_nothing_of_people_but_what_the_scans_show():
         return [planner.step(observation, Waypoint(3.0, 10.0)) for _ in range(3)]
 
     assert commands(blind, ahead) == commands(HALLWAY_SEEN, ahead)
-    assert commands(blind, ahead) != commands(blind, NOBODY)
+    assert commands(blind, ahead) != commands(blind, NO_PEOPLE)
 
 
 def test_a_scan_with_another_number_of_rays_is_refused_with_the_fix():

@@ -50,8 +50,8 @@ def decoded(path):
 
 @pytest.fixture(scope="module")
 def trajectory():
-    recorder = TrajectoryRecorder()
     with HallwayWorld(HALLWAY, seed=1) as world:
+        recorder = TrajectoryRecorder(world)
         seen = world.reset(0)
         for _ in range(20):
             recorder.see(seen, STOP, 0)
@@ -124,7 +124,7 @@ def test_a_movie_of_nothing_is_refused(tmp_path):
     with pytest.raises(SerdError, match="record an episode first"):
         save_gif([], tmp_path / "none.gif")
     with pytest.raises(SerdError, match="nothing was recorded"):
-        _ = TrajectoryRecorder().trajectory
+        _ = TrajectoryRecorder(None).trajectory
 
 
 def test_the_three_dimensional_picture_shows_robot_and_people():

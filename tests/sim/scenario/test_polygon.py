@@ -13,6 +13,7 @@ from sim.scenario.polygon import (
     edges_of,
     overlap,
     require_simple,
+    signed_wall_distance_m,
     without_straight_corners,
 )
 
@@ -85,3 +86,19 @@ def test_a_polygon_that_turns_everywhere_keeps_every_corner():
     np.testing.assert_array_equal(without_straight_corners(circle), circle)
     spike = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [2.0, 5.0], [2.0, 2.0], [0.0, 2.0]])
     assert [2.0, 5.0] in without_straight_corners(spike).tolist()
+
+
+@given(seed=st.integers(0, 10**6), count=st.sampled_from([1, 7, 900]))
+def test_wall_distances_are_those_of_all_walls_to_the_last_bit(seed, count):
+    rng = np.random.default_rng(seed)
+    area = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 5.0], [4.0, 5.5], [0.0, 5.0]])
+    solids = [
+        corner + rng.uniform(0.1, 2.0) * np.array([[0, 0], [1, 0.2], [0.3, 1]])
+        for corner in rng.uniform((0.0, 0.0), (8.0, 4.0), (12, 2))
+    ]
+    points = rng.uniform((-1.0, -1.0), (10.0, 6.0), (count, 2))
+    walls = np.concatenate([edges_of(each) for each in (area, *solids)])
+    free = contains(area, points) & ~np.any([contains(each, points) for each in solids], axis=0)
+    nearest = distance_to_segments_m(points, walls).min(axis=1)
+    found = signed_wall_distance_m(points, [area, *solids])
+    np.testing.assert_array_equal(found, np.where(free, nearest, -nearest))

@@ -1,9 +1,12 @@
 """From a decision to a waypoint."""
 
+import pytest
+
 from serd_core.grid.grid import Action
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from sim.world.waypoint import (
+    DecisionClock,
     Waypoint,
     is_decision_tick,
     waypoint_of_cell,
@@ -34,3 +37,21 @@ def test_decisions_are_taken_every_40_ticks():
         tick for tick in range(100) if is_decision_tick(observation_at(1, 1, tick=tick), HALLWAY)
     ]
     assert ticks == [0, 40, 80]
+
+
+@pytest.mark.parametrize("first_tick", range(12))
+@pytest.mark.parametrize("step", [1, 2, 3])
+def test_every_period_of_a_drive_has_one_decision_at_any_rate_and_phase(first_tick, step):
+    clock = DecisionClock(HALLWAY)
+    ticks = range(first_tick, first_tick + 400, step)
+    decided = [tick for tick in ticks if clock.begins(observation_at(1, 1, tick=tick))]
+    assert [(tick - first_tick) // 40 for tick in decided] == list(range(10))
+    assert all((tick - first_tick) % 40 < step for tick in decided)
+
+
+def test_an_observation_that_comes_again_is_decided_again():
+    clock = DecisionClock(HALLWAY)
+    ticks = [0, 0, 1, 40, 40, 41]
+    assert [clock.begins(observation_at(1, 1, tick=tick)) for tick in ticks] == [
+        True, True, False, True, True, False,
+    ]  # fmt: skip

@@ -2,8 +2,6 @@
 
 import math
 import pickle
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +12,7 @@ from sim.robot.robot import standing_at
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP, Command
 from sim.world.world import HallwayWorld
+from support.processes import outputs_of_processes
 
 HALLWAY = load_scenario("hallway")
 EMPTY = HALLWAY.with_pedestrian_count(0)
@@ -41,16 +40,7 @@ def place(world, x_m, y_m, yaw_rad, speed_mps=0.0, yaw_rate_radps=0.0):
 
 
 def test_one_seed_gives_the_same_trajectory_in_every_process():
-    outputs = {
-        subprocess.run(
-            [sys.executable, "-W", "error", "-c", TRAJECTORY_PROGRAM],
-            check=True,
-            capture_output=True,
-            text=True,
-        ).stdout
-        for _ in range(2)
-    }
-    assert len(outputs) == 1
+    assert len(outputs_of_processes(TRAJECTORY_PROGRAM)) == 1
 
 
 def test_an_episode_does_not_depend_on_the_episodes_before_it():

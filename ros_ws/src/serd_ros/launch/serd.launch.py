@@ -1,8 +1,14 @@
 """ros2 launch serd_ros serd.launch.py stack:=live seed:=3
 
 Starts a stack of serd_ros/graph/graph.yaml, the description that `serd launch` uses too. Every
-parameter that a node of the stack has is a launch argument; empty means the stack's own value.
+parameter that a node of the stack has is a launch argument; `node.parameter:=value` is that of one
+node. Empty means the stack's own value. Values of `params_file` override those of the stack, and
+arguments override both. Any other argument is refused, unless another file includes this one, whose
+arguments are visible here.
 """
+
+import sys
+from pathlib import Path
 
 import yaml
 from launch import LaunchDescription
@@ -12,27 +18,74 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from serd_ros.graph.configs import CONFIGS
-from serd_ros.graph.graph import PACKAGE, find_stack, load_graph, stack_parameters
+from serd_ros.graph.graph import (
+    PACKAGE,
+    addressees,
+    find_stack,
+    full_namespace,
+    load_graph,
+    stack_parameters,
+)
+from storage.settings import settings_of
+
+OWN = {
+    "namespace": "of all nodes, and of the clock of a simulator",
+    "use_sim_time": "true or false for all nodes",
+    "params_file": "parameters of the nodes by name, as YAML",
+}
 
 
-def parameter_names():
-    return sorted({name for config in CONFIGS.values() for name in config.model_fields})
+def descriptions():
+    """What each parameter sets, by its name."""
+    return {each.name: each.description for kind in CONFIGS.values() for each in settings_of(kind)}
+
+
+def is_included():
+    return not any(Path(each).name == "serd.launch.py" for each in sys.argv)
+
+
+def given_parameters(context):
+    """All arguments but empty ones and those of this file; those of an including file are left."""
+    known, nodes = descriptions(), load_graph().nodes
+    given = {}
+    for name, text in context.launch_configurations.items():
+        node, dot, _ = name.partition(".")
+        ours = name in known or (dot and node in nodes)
+        if text and name not in ("stack", *OWN) and (ours or not is_included()):
+            given[name] = yaml.safe_load(text)
+    return given
+
+
+def layers_of(context, stack, given):
+    """What sets the parameters of a node, the later the stronger."""
+    file = LaunchConfiguration("params_file").perform(context)
+    sim_time = LaunchConfiguration("use_sim_time").perform(context)
+    named = {node: {} for node in stack.nodes}
+    for key, value in given.items():
+        for node, name in addressees(stack, key):
+            named[node][name] = value
+
+    def layers(node, parameters):
+        times = [{"use_sim_time": yaml.safe_load(sim_time)}] if sim_time else []
+        return [parameters, *([file, named[node]] if file else []), *times]
+
+    return layers
 
 
 def nodes_of_stack(context):
     stack = find_stack(LaunchConfiguration("stack").perform(context))
-    given = {}
-    for name in parameter_names():
-        text = LaunchConfiguration(name).perform(context)
-        if text:
-            given[name] = yaml.safe_load(text)
+    given = given_parameters(context)
+    layers = layers_of(context, stack, given)
+    namespace = full_namespace(LaunchConfiguration("namespace").perform(context))
+    shared = load_graph().namespace_remappings(stack, namespace)
     return [
         Node(
             package=PACKAGE,
             executable=node,
             name=node,
-            parameters=[parameters],
-            remappings=list(stack.remappings.get(node, {}).items()),
+            namespace=LaunchConfiguration("namespace"),
+            parameters=layers(node, parameters),
+            remappings=list((shared | stack.remappings.get(node, {})).items()),
             output="screen",
             on_exit=EmitEvent(event=Shutdown(reason=f"{node} ended")),
         )
@@ -46,7 +99,10 @@ def generate_launch_description():
     return LaunchDescription(
         [
             DeclareLaunchArgument("stack", default_value="live", description=about),
-            *(DeclareLaunchArgument(name, default_value="") for name in parameter_names()),
+            *(
+                DeclareLaunchArgument(name, default_value="", description=text)
+                for name, text in (*OWN.items(), *sorted(descriptions().items()))
+            ),
             OpaqueFunction(function=nodes_of_stack),
         ]
     )

@@ -6,16 +6,19 @@ from hypothesis import strategies as st
 from serd_core.bellman.linear.sparse_lu import SparseLu
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.observations import observe
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
 from serd_core.posterior.beliefs import CoupledBelief, FixedBelief, FreeBelief, TiedBelief
-from serd_core.posterior.derivatives.differences import gradient_differences
-from serd_core.posterior.derivatives.posterior_hessian import posterior_hessian, vector_hessian
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.entropy import EntropyPrior
 from serd_core.priors.gaussian import GaussianPrior
+from support.random_posteriors import (
+    assert_hessian_is_of_the_gradient,
+    assume_one_best_action_around,
+    random_parameters,
+    uniform_decisions,
+)
 
 BELIEFS = [TiedBelief(), FreeBelief(), CoupledBelief(weight=0.7), FixedBelief()]
 POLICIES = [MdcePolicy(), PolicyMatchingPolicy(start_temperature=1.7)]
@@ -30,38 +33,19 @@ def test_the_hessian_is_the_finite_difference_of_the_gradient(
 ):
     problem, table = random_problem(seed)
     rng = np.random.default_rng(seed)
-    uniform = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
-    start = np.full(problem.mdp.n_states, 1 / problem.mdp.n_states)
-    decisions = sample_decisions(
-        problem.mdp, uniform, table, start, n_episodes=10, n_steps=8, rng=rng
-    )
+    decisions = uniform_decisions(problem, table, rng)
     if not len(decisions):
         return
-    n_parameters = problem.mdp.transitions.n_parameters
     prior = KldPrior(0.3, reference=table) + EntropyPrior(0.2, Block.BELIEF)
     prior = prior + GaussianPrior(2.0, Block.REWARD) + belief.prior
     posterior = Posterior(
         problem, observe(problem.mdp, decisions), policy_model, prior, Newton(), SparseLu()
     )
-    like = Parameters(
-        rng.normal(size=2),
-        rng.normal(size=n_parameters),
-        rng.normal(size=n_parameters),
-        policy_model.initial_parameters,
-    )
-
-    def gradient(vector):
-        at = belief.unpack(vector, like)
-        return belief.pull_back(posterior.evaluate(at).gradient, at)
-
-    vector = belief.pack(belief.unpack(belief.pack(like), like))
-    parameters = belief.unpack(vector, like)
-    found = posterior.evaluate(parameters)
-    blocks = posterior_hessian(posterior, parameters, found)
-    exact = vector_hessian(belief, blocks, found.gradient, parameters)
-    numeric = gradient_differences(gradient, vector)
-    scale = max(1.0, np.max(np.abs(numeric)))
-    np.testing.assert_allclose(exact / scale, numeric / scale, atol=3e-6)
+    like = random_parameters(problem, policy_model, rng)
+    parameters = belief.unpack(belief.pack(like), like)
+    if isinstance(policy_model, PolicyMatchingPolicy):
+        assume_one_best_action_around(posterior, belief, parameters)
+    assert_hessian_is_of_the_gradient(posterior, belief, parameters)
 
 
 @pytest.mark.parametrize("belief", BELIEFS, ids=lambda belief: type(belief).__name__)

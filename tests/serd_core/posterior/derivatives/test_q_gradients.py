@@ -63,7 +63,7 @@ def test_the_adjoint_is_the_transpose_of_the_forward_gradient(equation, random_p
     transitions, solution = solved(problem, weights, theta, equation)
     found = adjoint(mdp, transitions, solution, by_q, SparseLu())
     by_reward = np.tensordot(found.reward_gradient * mdp.available, problem.features, axes=2)
-    by_theta = mdp.transitions.pull_back(theta, mdp.transitions.gather(found.entry_gradient))
+    by_theta = mdp.transitions.pull_back(theta, found.local_gradient)
     np.testing.assert_allclose(np.concatenate([by_reward, by_theta]), expected, atol=1e-7)
 
 

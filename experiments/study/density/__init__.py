@@ -1,0 +1,1 @@
+"""What density as a covariate of outcome models changes in the hallway."""

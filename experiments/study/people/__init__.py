@@ -1,0 +1,1 @@
+"""The people study: pedestrians of measured corridors as experts."""

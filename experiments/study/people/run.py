@@ -1,0 +1,147 @@
+"""The people study: read the recordings, run missing folds, then write tables and the figure.
+
+OUTPUT/work/...        predictions of what does not learn, by recording, and files of the folds
+OUTPUT/*.csv           tables; OUTPUT/people.{png,svg}: the figure
+OUTPUT/settings.yaml   the settings that reproduce all of it, with the names of the files
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.running.tables import write_table
+from experiments.study.people.figure import people_figure
+from experiments.study.people.fold import run_fold
+from experiments.study.people.folds import Fold, folds_of
+from experiments.study.people.people import People
+from experiments.study.people.periods import period_rows
+from experiments.study.people.recordings import Run
+from experiments.study.people.settings import PeopleSettings
+from experiments.study.people.tables import all_tables
+from experiments.study.people.walkers import walker_predictions
+from experiments.study.products import OnWork, Stage, Task, make_products
+from experiments.study.run import SETTINGS_YAML, described
+from report.style import png_bytes, svg_bytes
+from sim.episodes.execution import Execution
+from storage.files import atomic_write_bytes, atomic_write_text
+from storage.yaml_config import model_yaml
+from storage.yaml_text import write_yaml
+
+#: The settings that the files of each stage depend on, besides the recordings.
+_WALKERS: dict[str, Any] = {"columns": True, "grid": True, "forecast": True}
+_FOLDS = _WALKERS | {"crowd": True, "folds": True, "discount": True, "seed": True}
+
+
+@dataclass(frozen=True)
+class PeopleStudy:
+    """The study; all its tasks get it. folder: of its stages."""
+
+    settings: PeopleSettings
+    folder: Path
+
+    @property
+    def people(self) -> People:
+        """The people of the recordings, read once in each process."""
+        return _people(self.settings.model_dump_json())
+
+    @property
+    def runs(self) -> tuple[Run, ...]:
+        """The recordings."""
+        return self.people.runs
+
+    @cached_property
+    def folds(self) -> tuple[Fold, ...]:
+        """Who is learned from and who is held out."""
+        return folds_of(self.runs, self.settings.folds)
+
+    @cached_property
+    def predictions(self) -> tuple[Mapping[str, Any], ...]:
+        """Of what does not learn, by run."""
+        return tuple(
+            json.loads((self.folder / "walkers" / f"{run.name}.json").read_text())
+            for run in self.runs
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"settings": self.settings, "folder": self.folder}
+
+
+@lru_cache(maxsize=1)
+def _people(settings: str) -> People:
+    return People.read(PeopleSettings.model_validate_json(settings))
+
+
+def run_people(
+    settings: PeopleSettings, output: Path, execution: Execution, on_work: OnWork
+) -> Mapping[str, pd.DataFrame]:
+    """Run what is missing, then write all tables and the figure; returns the tables by name."""
+    paths = [Path(each) for each in settings.files]
+    absolute = settings.model_copy(update={"files": tuple(str(each.resolve()) for each in paths)})
+    study = PeopleStudy(absolute, output / "work")
+    make_products(stages_of(study), execution, on_work)
+    named = settings.model_copy(update={"files": tuple(each.name for each in paths)})
+    atomic_write_text(output / SETTINGS_YAML, model_yaml(named))
+    folds = [json.loads(_file(study, "folds", k).read_text()) for k in range(len(study.folds))]
+    for number, fold in enumerate(folds):
+        fold["arrivals"] += json.loads(_file(study, "periods", number).read_text())
+    tables = all_tables(folds, study.runs, settings)
+    for name, rows in tables.items():
+        write_table(output / f"{name}.csv", rows)
+    figure = people_figure(tables)
+    atomic_write_bytes(output / "people.png", png_bytes(figure))
+    atomic_write_bytes(output / "people.svg", svg_bytes(figure))
+    return tables
+
+
+def stages_of(study: PeopleStudy) -> tuple[Stage, ...]:
+    """All stages in their order; task_s are rough."""
+    walkers = tuple(
+        Task(
+            study.folder / "walkers" / f"{run.name}.json",
+            partial(_write_walkers, study, number),
+        )
+        for number, run in enumerate(study.runs)
+    )
+    folds, periods = (
+        tuple(
+            Task(_file(study, stage, number), partial(write, study, number))
+            for number in range(len(study.folds))
+        )
+        for stage, write in (("folds", _write_fold), ("periods", _write_periods))
+    )
+    parts = (
+        ("walkers", _WALKERS, walkers, 40.0),
+        ("periods", _FOLDS, periods, 2.0),
+        ("folds", _FOLDS, folds, 100.0),
+    )
+    digests = [sha256(Path(each).read_bytes()).hexdigest() for each in study.settings.files]
+    names = [run.name for run in study.runs]
+    recorded = write_yaml({"sha256": dict(zip(names, digests, strict=True))})
+    return tuple(
+        Stage(name, study.folder / name, described(study.settings, keys) + recorded, tasks, seconds)
+        for name, keys, tasks, seconds in parts
+    )
+
+
+def _file(study: PeopleStudy, stage: str, number: int) -> Path:
+    return study.folder / stage / f"fold_{number:02d}.json"
+
+
+def _write_walkers(study: PeopleStudy, number: int, file: Path) -> None:
+    found = walker_predictions(study.runs[number], study.settings)
+    atomic_write_text(file, json.dumps(found))
+
+
+def _write_fold(study: PeopleStudy, number: int, file: Path) -> None:
+    found = run_fold(study.people, study.folds[number], number, study.predictions)
+    atomic_write_text(file, json.dumps(found))
+
+
+def _write_periods(study: PeopleStudy, number: int, file: Path) -> None:
+    atomic_write_text(file, json.dumps(period_rows(study.people, study.folds[number], number)))

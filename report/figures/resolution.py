@@ -1,0 +1,62 @@
+"""Completed and far moves by cell size and decision period, with what is used and what is best."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from report import style
+from report.figures.map_axes import colour_bar
+from report.style import new_figure, percent
+from serd_app.demonstrations.resolution import MOST_FAR, ResolutionAdvice, ResolutionRow
+
+
+def draw_resolution(advice: ResolutionAdvice) -> Figure:
+    """Share of completed moves as shade and number, hatched where too many go farther."""
+    cells = sorted({row.cell_size_m for row in advice.rows})
+    periods = sorted({row.period_s for row in advice.rows})
+    shares = np.full((len(cells), len(periods)), np.nan)
+    for row in advice.rows:
+        shares[cells.index(row.cell_size_m), periods.index(row.period_s)] = row.completed
+    with style.report_style():
+        figure = new_figure(1.9 + 0.55 * len(periods), 1.7 + 0.36 * len(cells))
+        axes = figure.subplots()
+        image = axes.imshow(
+            shares, origin="lower", aspect="auto", cmap=style.VALUE_MAP, norm=Normalize(0, 1)
+        )
+        for row in advice.rows:
+            place = periods.index(row.period_s), cells.index(row.cell_size_m)
+            _draw_row(axes, row, place, best=row == advice.best)
+        axes.set_xticks(range(len(periods)), [f"{each:g}" for each in periods])
+        axes.set_yticks(range(len(cells)), [f"{each:g}" for each in cells])
+        axes.set(xlabel="decision period in s", ylabel="side of a cell in m")
+        axes.set_title("used: framed; fits best: dashed frame", loc="left", fontsize=8.5)
+        colour_bar(figure, axes, image, "moves that end in a neighbouring cell")
+        figure.supxlabel(f"hatched: more than {percent(MOST_FAR)} go farther", size=8)
+    return figure
+
+
+def _draw_row(axes: Axes, row: ResolutionRow, place: tuple[int, int], *, best: bool) -> None:
+    x, y = place
+    number = f"{100 * row.completed:.0f}"
+    axes.text(x, y, number, ha="center", va="center", fontsize=7.5, color=style.INK)
+    corner = (x - 0.5, y - 0.5)
+    if row.far > MOST_FAR:
+        axes.add_patch(
+            Rectangle(corner, 1, 1, fill=False, hatch="///", edgecolor=style.RED, linewidth=0)
+        )
+    for wanted, colour, line in ((row.used, style.INK, "-"), (best, style.GREEN, "--")):
+        if wanted:
+            axes.add_patch(
+                Rectangle(
+                    corner,
+                    1,
+                    1,
+                    fill=False,
+                    edgecolor=colour,
+                    linestyle=line,
+                    linewidth=2.2,
+                    zorder=4,
+                )
+            )

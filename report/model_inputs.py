@@ -1,0 +1,151 @@
+"""The report of any model file, from what lies beside it and what is given."""
+
+import shlex
+import sys
+from collections.abc import Sequence
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from report.errors import ReportError
+from report.inputs import ExpertGroup, Forecast, ReportInputs, RunFacts
+from serd_app.demonstrations.recorded import faults_of, files_beside, load_advice
+from serd_app.demonstrations.resolution import ResolutionAdvice
+from serd_app.drives.mapping import DriveMapping
+from serd_app.learning.knowledge import load_knowledge
+from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
+from serd_app.navigation.comparison import predicted_law
+from serd_app.navigation.familiarity import familiarity_of
+from serd_app.navigation.strategy import Strategy, load_strategy
+from serd_app.places.kept_scenario import scenario_beside
+from serd_core.arrays import FloatArray
+from serd_core.arrival.trap_states import trap_states
+from serd_core.demonstrations.decisions import Decisions
+from sim.scenario.goal import goal_cell
+from sim.scenario.scenario import Scenario, load_scenario
+from storage.episode_table import EpisodeResult, load_episodes
+from storage.model_file import ModelFile, load_model
+
+_PACKAGES = ("serd", "numpy", "scipy")
+
+
+def inputs_of_model(
+    model: Path,
+    *,
+    scenario: str = "",
+    demonstrations: Path | None = None,
+    mapping: DriveMapping | None = None,
+    episodes: Path | None = None,
+    starts_m: Sequence[tuple[float, float]] = (),
+    kind: str = "optimal",
+) -> ReportInputs:
+    """All that a report shows of a model; SerdError names a missing file, or one of another grid.
+
+    scenario: in place of the one that the model keeps or names. demonstrations: table of decisions,
+    bag or table of trajectories. episodes: `episodes.csv` of `serd navigate`. starts_m: of the
+    forecasts, besides the start areas.
+    """
+    file = load_model(model)
+    place = load_scenario(_scenario_of(model, file, scenario))
+    strategy = load_strategy(str(model), place, kind, file=file)
+    areas = {name: predicted_law(strategy, name) for name in place.start_areas_m}
+    problem, files = strategy.problem, outcome_files(model)
+    trace = _trace(files["learning"], file)
+    found = None
+    if demonstrations is not None:
+        own = scenario if file.scenario else ""
+        found = familiarity_of(model, demonstrations, mapping=mapping, scenario=own)
+    return ReportInputs(
+        title=f"Learned model: {file.scenario or 'fitted grid'}",
+        scenario=place,
+        problem=problem,
+        demonstrations=_no_decisions() if found is None else found.decisions,
+        demonstration_tracks_m=(),
+        fit=fit_of_file(file, problem, trace),
+        policy=strategy.policy,
+        episodes=_episodes(episodes),
+        predicted=areas["train"],
+        timeout_s=strategy.timeout_s,
+        snapshot=None,
+        run=_facts(file),
+        knowledge=load_knowledge(files, problem.grid) if len(trace) else None,
+        forecasts=tuple(Forecast(f"area {name}", law) for name, law in areas.items())
+        + forecasts_of(strategy, starts_m),
+        familiarity=found,
+        advice=_advice(demonstrations),
+        faults=None if demonstrations is None else faults_of(demonstrations),
+        n_demonstrations=file.fit.n_episodes,
+        groups=_groups(model, place, kind, file),
+    )
+
+
+def _groups(model: Path, place: Scenario, kind: str, file: ModelFile) -> tuple[ExpertGroup, ...]:
+    """The policy of each type of experts."""
+    found = []
+    for number, each in enumerate(file.types, start=1):
+        strategy = load_strategy(str(model), place, kind, file=file, expert=number)
+        problem, greedy = strategy.problem, strategy.policy.greedy
+        traps = trap_states(problem.grid.neighbours, greedy, problem.goal_states)
+        found.append(ExpertGroup(each, strategy.policy, traps))
+    return tuple(found)
+
+
+def forecasts_of(
+    strategy: Strategy, starts_m: Sequence[tuple[float, float]]
+) -> tuple[Forecast, ...]:
+    """The arrival from the cells of points."""
+    grid, found = strategy.problem.grid, []
+    for x_m, y_m in starts_m:
+        start = np.zeros(grid.n_states)
+        start[goal_cell(grid, x_m, y_m, what="start")] = 1.0
+        law = strategy.law_s(strategy.predicted_arrival(start, strategy.n_periods))
+        found.append(Forecast(f"{x_m:g}, {y_m:g}", law))
+    return tuple(found)
+
+
+def _scenario_of(model: Path, file: ModelFile, given: str) -> str:
+    found = given or scenario_beside(model, file.scenario)
+    if not found:
+        raise ReportError(
+            f"scenario of {model} must be given, for it was learned on a fitted grid and none is"
+            " kept beside it; name one, or learn again with 'serd learn'"
+        )
+    return found
+
+
+def _episodes(path: Path | None) -> tuple[EpisodeResult, ...]:
+    if path is None:
+        return ()
+    rows = load_episodes(path)
+    if not rows:
+        raise ReportError(f"{path} must have at least one episode, got none; drive some")
+    return rows
+
+
+def _trace(path: Path, file: ModelFile) -> FloatArray:
+    """The steps of the fit, none where the file beside the model is of another fit."""
+    trace = load_trace(path) if path.exists() else np.zeros(0)
+    return trace if len(trace) and np.isclose(trace[-1], file.fit.objective) else np.zeros(0)
+
+
+def _no_decisions() -> Decisions:
+    none = np.zeros(0, dtype=np.int64)
+    return Decisions(none, np.zeros(0), none, none, none)
+
+
+def _advice(demonstrations: Path | None) -> ResolutionAdvice | None:
+    if demonstrations is None or not files_beside(demonstrations)["record"].exists():
+        return None
+    return load_advice(demonstrations)
+
+
+def _facts(file: ModelFile) -> RunFacts:
+    return RunFacts(
+        command=shlex.join(["serd", *sys.argv[1:]]),
+        how=f"method {file.method}, cells of {file.grid.cell_size_m:g} m, a decision every"
+        f" {file.decision_period_s:g} s",
+        finished_at=datetime.now().astimezone().isoformat(timespec="seconds"),
+        versions={name: version(name) for name in _PACKAGES},
+    )

@@ -1,0 +1,1 @@
+"""Places of scenarios: maps of ROS and grids of recordings as walls, cells and areas."""

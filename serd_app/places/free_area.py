@@ -1,0 +1,98 @@
+"""The free area of a raster as one polygon with holes, whose edges are the walls of a scenario."""
+
+import math
+
+import numpy as np
+import shapely
+from scipy.ndimage import binary_opening, label
+
+from serd_app.errors import AppError
+from serd_core.arrays import BoolArray, FloatArray
+from sim.scenario.occupancy import OccupancyRaster
+
+#: Occupancies below this, in percent, are free; unknown cells are not.
+_FREE_BELOW = 50
+#: Free gaps of fewer cells than this are closed: single rays beyond a wall, slits between shelves.
+_NARROWEST_GAP = 3
+#: Largest distance, in cells, from the border of the raster's cells to the simplified walls.
+_TOLERANCE = 1.0
+_PRECISION_M = 0.001
+
+
+def free_area_m(
+    raster: OccupancyRaster, at_m: tuple[float, float] | None = None
+) -> shapely.Polygon:
+    """The connected free area around a point, by default the largest one, in the frame of the map.
+
+    Gaps narrower than three cells of the raster are closed; walls lie within one cell of the
+    raster's. AppError where nothing is free (there).
+    """
+    free = (raster.cells >= 0) & (raster.cells < _FREE_BELOW)
+    free = binary_opening(free, np.ones((_NARROWEST_GAP, _NARROWEST_GAP)))
+    part = _part(free, None if at_m is None else _cell_at(raster, at_m), at_m)
+    outline = outline_of_cells(part).simplify(_TOLERANCE, preserve_topology=True)
+    return largest(shapely.set_precision(_in_frame(outline, raster), _PRECISION_M))
+
+
+def outline_of_cells(walkable: BoolArray) -> shapely.Polygon:
+    """The outline of (rows, columns) connected cells with its holes, in cells from the corner."""
+    edges = np.diff(np.pad(walkable.astype(np.int8), ((0, 0), (1, 1))), axis=1)
+    row, first = np.nonzero(edges == 1)
+    _, last = np.nonzero(edges == -1)
+    runs = shapely.box(first, row, last, row + 1)
+    return largest(shapely.union_all(runs).simplify(0.0))
+
+
+def largest(shape: shapely.Geometry) -> shapely.Polygon:
+    """The largest polygon of a shape."""
+    parts = shapely.get_parts(shape)
+    return parts[int(np.argmax(shapely.area(parts)))]
+
+
+def rings_m(area: shapely.Polygon) -> list[list[tuple[float, float]]]:
+    """Corners of the outline and of each hole, the last one not repeated."""
+    rings = (area.exterior, *area.interiors)
+    return [[(float(x), float(y)) for x, y in ring.coords[:-1]] for ring in rings]
+
+
+def _part(
+    free: BoolArray, cell: tuple[int, int] | None, at_m: tuple[float, float] | None
+) -> BoolArray:
+    labels, count = label(free)
+    if not count:
+        raise AppError(
+            "the map must have a free area at least three cells wide, got none; check its"
+            " thresholds and `negate`"
+        )
+    if cell is None:
+        return np.asarray(labels == 1 + int(np.argmax(np.bincount(labels[free])[1:])))
+    rows, columns = free.shape
+    inside = 0 <= cell[0] < rows and 0 <= cell[1] < columns
+    if not inside or not free[cell]:
+        raise AppError(
+            f"the point {at_m} m must lie in the free area of the map; name one that does"
+        )
+    return np.asarray(labels == labels[cell])
+
+
+def _cell_at(raster: OccupancyRaster, at_m: tuple[float, float]) -> tuple[int, int]:
+    """(row, column) of the raster under a point of the map's frame."""
+    x_m, y_m = np.subtract(at_m, raster.origin_m)
+    cos, sin = math.cos(raster.yaw_rad), math.sin(raster.yaw_rad)
+    along, across = cos * x_m + sin * y_m, cos * y_m - sin * x_m
+    return math.floor(across / raster.resolution_m), math.floor(along / raster.resolution_m)
+
+
+def _in_frame(area: shapely.Polygon, raster: OccupancyRaster) -> shapely.Polygon:
+    """From cells of the raster to metres in its frame."""
+    turned = raster.resolution_m * np.array(
+        [
+            [math.cos(raster.yaw_rad), math.sin(raster.yaw_rad)],
+            [-math.sin(raster.yaw_rad), math.cos(raster.yaw_rad)],
+        ]
+    )
+
+    def placed(corners: FloatArray) -> FloatArray:
+        return np.asarray(corners @ turned + raster.origin_m)
+
+    return shapely.transform(area, placed)

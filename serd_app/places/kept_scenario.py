@@ -1,0 +1,73 @@
+"""The scenario that is kept beside a model or a table of decisions, where it is not built in.
+
+Its first line holds a checksum of the others: a file that was edited or written by hand is neither
+replaced nor deleted.
+"""
+
+from hashlib import blake2b
+from pathlib import Path
+
+from serd_app.errors import AppError
+from sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
+from storage.errors import FileError
+from storage.files import atomic_write_text, read_text
+from storage.yaml_config import model_yaml, yaml_model
+
+
+def kept_scenario_file(beside: Path) -> Path:
+    """Where the scenario of a model or a table is kept: `model.scenario.yaml`."""
+    return beside.with_suffix(".scenario.yaml")
+
+
+def own_scenario_yaml(scenario: Scenario) -> str:
+    """The scenario as the text of a file; empty where its name is enough, for it is built in."""
+    name = scenario.name
+    if name in builtin_scenarios() and load_scenario(name) == scenario:
+        return ""
+    return model_yaml(scenario)
+
+
+def keep_scenario(beside: Path, text: str) -> None:
+    """Write the text beside the file, or delete that of an earlier one where it is empty.
+
+    A file that was edited is left as it is; see `require_replaceable`.
+    """
+    require_replaceable(beside, text)
+    file = kept_scenario_file(beside)
+    if not text:
+        file.unlink(missing_ok=True)
+    elif not file.is_file() or _is_generated(file):
+        atomic_write_text(file, _first_line(text) + text)
+
+
+def require_replaceable(beside: Path, text: str) -> None:
+    """AppError where an edited file with another scenario is in the place of the text."""
+    file = kept_scenario_file(beside)
+    if file.is_file() and not _is_generated(file) and not _is_same(file, text):
+        raise AppError(
+            f"{file} must be as it was generated, or hold the scenario in use, got another one that"
+            " was edited or written by hand; move it to another name"
+        )
+
+
+def scenario_beside(beside: Path, name: str) -> str:
+    """The path of the scenario that is kept beside a file, the name where none is."""
+    file = kept_scenario_file(beside)
+    return str(file) if file.is_file() else name
+
+
+def _first_line(text: str) -> str:
+    checksum = blake2b(text.encode(), digest_size=8).hexdigest()
+    return f"# Generated, and replaced by the next run unless edited; checksum {checksum}\n"
+
+
+def _is_generated(file: Path) -> bool:
+    first, _, text = read_text(file).partition("\n")
+    return f"{first}\n" == _first_line(text)
+
+
+def _is_same(file: Path, text: str) -> bool:
+    try:
+        return bool(text) and load_scenario(file) == yaml_model(text, Scenario, name=str(file))
+    except FileError:
+        return False

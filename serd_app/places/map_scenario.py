@@ -1,0 +1,293 @@
+"""A scenario file from an area: its walls, cells, a goal and a start far apart, the robot."""
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from scipy.ndimage import label
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import shortest_path
+
+from serd_app.errors import AppError
+from serd_app.places.free_area import largest, outline_of_cells, rings_m
+from serd_app.places.settings import PlaceSettings
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Grid
+from sim.scenario.goal import cell_area_m, goal_cell
+from sim.scenario.grid import grid_of
+from sim.scenario.polygon import contains, edges_of
+from sim.scenario.rules import MOST_CELLS, has_room, require_cell_count
+from sim.scenario.scenario import Scenario
+from sim.scenario.settings import RobotSettings
+from sim.scenario.walkable_cells import walkable_cells
+from storage.yaml_config import yaml_model
+
+#: Cells along a side of the areas of goal and start.
+_AREA_CELLS = 3
+#: A decision period at full speed leads so many cells on, and so at usual speeds about one.
+_CELLS_AT_FULL_SPEED, _PERIOD_STEP_S = 1.25, 0.25
+_SHORTEST_TIMEOUT_S = 60.0
+_TIMEOUT_WAYS = 4.0
+_CONTROL_PERIOD_S, _SCAN_PERIOD_S = 0.05, 0.1
+Corners = Sequence[tuple[float, float]]
+
+_TEXT = """\
+# {source}.
+# Every key may be edited, docs/scenarios.md has them all; `serd scenario show FILE` draws it.
+name: {name}
+description: {description}
+
+# The grid of decisions. Cells are walkable where their centre is at least
+# cell_clearance_m away from all walls.
+cell_size_m: {cell_size_m}
+{clearance}decision_period_s: {period_s}
+control_period_s: {control_period_s}
+episode_timeout_s: {timeout_s}
+
+# An episode ends where the robot's centre is in this polygon; `--goal x,y` takes another cell.
+goal_area_m: {goal}
+
+# Episodes begin in an area, `train` unless `--start-area` names another one.
+start_areas_m:
+  train: {start}
+
+robot:
+  radius_m: {radius_m}
+  max_vel_x_mps: {speed_mps}
+lidar:
+  rate_hz: {scan_rate_hz}
+
+# No people walk here yet. With people:
+# pedestrians:
+#   count: 10
+#   loops:
+#     - name: round the shelf
+#       waypoints_m: [[1, 1], [4, 1], [4, 3], [1, 3]]    # in the order of right-hand traffic
+#       lane_half_width_m: 0.6
+pedestrians:
+  count: 0
+
+# Walls: the edges of the area and of the obstacles in it.
+walkable_area_m: {outline}
+obstacles:{obstacles}
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """Areas in which an episode ends and begins; n_steps: moves between them."""
+
+    goal_m: Corners
+    start_m: Corners
+    n_steps: int
+
+
+@dataclass(frozen=True)
+class _Ends:
+    """States of goal and start, and how many moves lead from one to the other."""
+
+    goal: int
+    start: int
+    n_steps: int
+
+
+def map_scenario_yaml(
+    area: shapely.Polygon,
+    settings: PlaceSettings,
+    *,
+    name: str,
+    source: str,
+    goal_m: tuple[float, float] | None = None,
+    start_m: tuple[float, float] | None = None,
+) -> str:
+    """The text of a scenario file for an area; AppError or SimError where no task fits into it.
+
+    goal_m, start_m: points in the cells of goal and start; by default far from each other.
+    """
+    outline, *solids = rings_m(area)
+    cell_m, clearance_m = settings.cell_m, settings.clearance_m
+    try:
+        require_cell_count(outline, cell_m)
+    except ValueError as error:
+        raise AppError(str(error)) from None
+    cells = walkable_cells(outline, solids, cell_m, clearance_m)
+    if not cells.walkable.any():
+        raise AppError(
+            f"cell_size_m must leave a walkable cell, but no centre of cells of {cell_m:g} m is"
+            f" {clearance_m:g} m or more from all walls; lower it or robot_radius_m"
+        )
+    grid = Grid(cells.origin_m, cells.cell_size_m, cells.walkable)
+    rooms = _rooms(grid, area, settings.robot_radius_m)
+    goal = None if goal_m is None else goal_cell(grid, *goal_m)
+    start = None if start_m is None else goal_cell(grid, *start_m, what="start")
+    ends = _ends(grid, rooms, goal, start)
+    least_s = _CELLS_AT_FULL_SPEED * cell_m / settings.max_speed_mps
+    period_s = settings.period_s or _PERIOD_STEP_S * math.ceil(least_s / _PERIOD_STEP_S - 1e-9)
+    return _text(
+        area,
+        name=name,
+        source=source,
+        cell_size_m=cell_m,
+        clearance_m=clearance_m,
+        period_s=period_s,
+        task=_Task(*_areas(grid, ends.goal, ends.start), ends.n_steps),
+        robot=(settings.robot_radius_m, settings.max_speed_mps),
+    )
+
+
+def grid_scenario(
+    grid: Grid, goal_states: IntArray, start_states: IntArray, period_s: float, *, name: str
+) -> tuple[str, Scenario] | None:
+    """Text and scenario of a place of which only a grid is known, whose cells it has exactly.
+
+    start_states: from which episodes began. None where the walkable cells are not connected, there
+    are more than a scenario may have, or no moves lead from where there is room to the goal.
+    """
+    if grid.walkable.size > MOST_CELLS:
+        return None
+    area = shapely.transform(
+        outline_of_cells(grid.walkable), lambda each: each * grid.cell_size_m + grid.origin_m
+    )
+    cell_m = grid.cell_size_m
+    robot = RobotSettings()
+    radius_m = min(robot.radius_m, cell_m)
+    speed_mps = max(robot.max_vel_x_mps, 2.0 * cell_m / period_s)
+    goals = _largest_group(grid, goal_states)
+    rooms = _rooms(grid, area, radius_m)
+    counts = np.bincount(start_states, minlength=grid.n_states) * rooms
+    counts[goals] = 0
+    start = int(np.argmax(counts)) if counts.any() else None
+    try:
+        ends = _ends(grid, rooms, int(goals[0]), start)
+        start_m = cell_area_m(grid, ends.start)
+        text = _text(
+            area,
+            name=name,
+            source="The cells of a grid that was fitted to recordings",
+            cell_size_m=cell_m,
+            clearance_m=None,
+            period_s=period_s,
+            task=_Task(_outline_m(grid, goals), start_m, ends.n_steps),
+            robot=(radius_m, speed_mps),
+        )
+        found = yaml_model(text, Scenario, name=name)
+    except SerdError:
+        return None
+    return (text, found) if grid_of(found).fingerprint() == grid.fingerprint() else None
+
+
+def _text(
+    area: shapely.Polygon,
+    *,
+    name: str,
+    source: str,
+    cell_size_m: float,
+    clearance_m: float | None,
+    period_s: float,
+    task: _Task,
+    robot: tuple[float, float],
+) -> str:
+    outline, *solids = rings_m(area)
+    radius_m, speed_mps = robot
+    n_ticks = math.ceil(period_s / _CONTROL_PERIOD_S - 1e-9)
+    control_s = period_s / n_ticks
+    timeout_s = max(_SHORTEST_TIMEOUT_S, _TIMEOUT_WAYS * task.n_steps * period_s)
+    obstacles = (
+        f"\n  - {{name: solid {number}, outline_m: {_flow(each)}}}"
+        for number, each in enumerate(solids, start=1)
+    )
+    return _TEXT.format(
+        source=source,
+        name=json.dumps(name, ensure_ascii=False),
+        description=json.dumps(f"{source}.", ensure_ascii=False),
+        cell_size_m=cell_size_m,
+        clearance=f"cell_clearance_m: {clearance_m!r}\n" if clearance_m is not None else "",
+        period_s=period_s,
+        control_period_s=control_s,
+        timeout_s=math.ceil(timeout_s / 10.0) * 10.0,
+        goal=_flow(task.goal_m),
+        start=_flow(task.start_m),
+        radius_m=radius_m,
+        speed_mps=speed_mps,
+        scan_rate_hz=1.0 / (control_s * max(1, round(_SCAN_PERIOD_S / control_s))),
+        outline=_flow(outline),
+        obstacles="".join(obstacles) or " []",
+    )
+
+
+def _flow(corners: Iterable[tuple[float, float]]) -> str:
+    """Corners as YAML in one line."""
+    return json.dumps([[float(x), float(y)] for x, y in corners])
+
+
+def _ends(grid: Grid, rooms: BoolArray, goal: int | None, start: int | None) -> _Ends:
+    """Goal and start; those that are not given are as far away as moves lead."""
+    if not rooms.any():
+        raise AppError(
+            "robot_radius_m must leave room in a cell for the robot to start, it touches a wall in"
+            " each; lower it or cell_size_m"
+        )
+    if goal is None:
+        middle = _largest_group(grid, np.arange(grid.n_states))[0] if start is None else start
+        goal = _farthest(grid, int(middle), rooms)[0]
+    farthest, steps = _farthest(grid, goal, rooms)
+    start = farthest if start is None else start
+    if not np.isfinite(steps[start]) or start == goal:
+        x_m, y_m = grid.centers_m[start]
+        raise AppError(
+            f"start must be another cell than the goal, from which moves lead there, got that at"
+            f" ({x_m:g}, {y_m:g}) m; name other cells or lower cell_size_m"
+        )
+    return _Ends(goal, start, int(steps[start]))
+
+
+def _farthest(grid: Grid, state: int, among: BoolArray) -> tuple[int, FloatArray]:
+    """The state among others that most moves lead to, and (S,) moves to each, inf for none."""
+    rows = np.repeat(np.arange(grid.n_states), grid.neighbours.shape[1])
+    links = csr_array((np.ones(len(rows)), (rows, grid.neighbours.ravel())))
+    steps = np.asarray(shortest_path(links, unweighted=True, indices=state))
+    reached = np.where(among & np.isfinite(steps), steps, -1.0)
+    return int(np.argmax(reached)), steps
+
+
+def _areas(grid: Grid, goal: int, start: int) -> tuple[Corners, Corners]:
+    """Three by three cells around goal and start; one cell where a wall is between these, or where
+    the areas would touch."""
+    rows = np.abs(grid.cells[goal] - grid.cells[start]).max()
+    goal_m, start_m = (_wide_area_m(grid, each) for each in (goal, start))
+    if goal_m is None or start_m is None or rows <= 2 * _AREA_CELLS:
+        return cell_area_m(grid, goal), cell_area_m(grid, start)
+    return goal_m, start_m
+
+
+def _wide_area_m(grid: Grid, state: int) -> Corners | None:
+    center = grid.centers_m[state]
+    wide = np.array(cell_area_m(grid, state)) * _AREA_CELLS - (_AREA_CELLS - 1) * center
+    _, steps = _farthest(grid, state, np.ones(grid.n_states, dtype=bool))
+    if (steps[contains(wide, grid.centers_m)] > _AREA_CELLS - 1).any():
+        return None
+    return [(round(float(x), 6), round(float(y), 6)) for x, y in wide]
+
+
+def _rooms(grid: Grid, area: shapely.Polygon, radius_m: float) -> BoolArray:
+    walls_m = np.concatenate([edges_of(ring) for ring in rings_m(area)])
+    return has_room(grid.centers_m, grid.cell_size_m, walls_m, radius_m)
+
+
+def _largest_group(grid: Grid, states: IntArray) -> IntArray:
+    """Those of the states that lie side by side, most of them."""
+    picture = np.zeros(grid.walkable.shape, dtype=bool)
+    rows, columns = grid.cells[states].T
+    picture[rows, columns] = True
+    labels = label(picture)[0][rows, columns]
+    return np.asarray(states[labels == np.argmax(np.bincount(labels))])
+
+
+def _outline_m(grid: Grid, states: IntArray) -> Corners:
+    """The outline of states that lie side by side."""
+    boxes = [shapely.Polygon(cell_area_m(grid, int(state))) for state in states]
+    return rings_m(largest(shapely.union_all(boxes)))[0]

@@ -1,0 +1,81 @@
+"""`serd report`: the HTML page of any learned model."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from report.model_inputs import inputs_of_model
+from report.page import summary_rows
+from report.summary import headline_of, summary_of
+from report.write import write_report
+from serd_app.drives.mapping import BagMapping, TableMapping
+from serd_app.drives.recording import is_table
+from serd_app.navigation.settings import NavigationSettings, PolicyKind
+from serd_cli.options import AsJson, option
+from serd_cli.output.paths import require_folder
+from serd_cli.output.terminal import console, print_json
+from sim.scenario.goal import point_of
+from storage.yaml_config import load_yaml_model
+
+
+def register(app: typer.Typer) -> None:
+    """Add the subcommand."""
+    app.command(no_args_is_help=True)(report)
+
+
+def report(
+    model: Annotated[Path, typer.Argument(help="file of a learned model")],
+    demonstrations: Annotated[
+        Path | None,
+        typer.Option(help="table of decisions, bag or table of trajectories to compare with it"),
+    ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(help="YAML file as for 'serd demos', not for decisions")
+    ] = None,
+    episodes: Annotated[
+        Path | None, typer.Option(help="episodes.csv that 'serd navigate --output' wrote")
+    ] = None,
+    scenario: Annotated[
+        str, typer.Option(help="scenario or YAML file, in place of the one the model keeps")
+    ] = "",
+    start: Annotated[
+        list[str] | None, typer.Option(help="x,y (m) of a forecast's start, repeat")
+    ] = None,
+    policy: PolicyKind = option(NavigationSettings, "policy"),
+    output: Annotated[Path, typer.Option(help="folder of the page")] = Path("report"),
+    as_json: AsJson = False,
+) -> None:
+    """Write the HTML page of a learned model.
+
+    It shows policy, value, flow, outcomes, forecast, surprises and advice.
+
+    serd report model.yaml --demonstrations decisions.csv
+
+    The page needs nothing but itself; its figures and tables lie beside it.
+    """
+    require_folder(output)
+    chosen = None
+    if mapping is not None and demonstrations is not None:
+        kind = TableMapping if is_table(demonstrations) else BagMapping
+        chosen = load_yaml_model(mapping, kind)
+    inputs = inputs_of_model(
+        model,
+        scenario=scenario,
+        demonstrations=demonstrations,
+        mapping=chosen,
+        episodes=episodes,
+        starts_m=tuple(point_of(each, what="start") for each in start or ()),
+        kind=policy,
+    )
+    page = write_report(inputs, output)
+    summary = summary_of(inputs)
+    if as_json:
+        print_json({**summary.as_json(), "report": str(page)})
+        return
+    console.print(headline_of(summary), soft_wrap=True, markup=False)
+    for what, value in summary_rows(summary):
+        console.print(f"{what}: {value}", soft_wrap=True, markup=False)
+    for line in () if inputs.advice is None else inputs.advice.sentences():
+        console.print(line, soft_wrap=True, markup=False)
+    console.print(f"report: {page}", soft_wrap=True, markup=False)

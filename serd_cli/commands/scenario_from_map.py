@@ -1,0 +1,110 @@
+"""`serd scenario from-map`: a scenario file from a map of ROS."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from serd_app.places.free_area import free_area_m
+from serd_app.places.map_scenario import map_scenario_yaml
+from serd_app.places.ros_map import read_map
+from serd_app.places.settings import PlaceSettings
+from serd_cli.errors import UsageError
+from serd_cli.options import AsJson, validated, with_settings
+from serd_cli.output.paths import require_apart, require_suffix
+from serd_cli.output.scenario import save_plan, scenario_values
+from serd_cli.output.terminal import console, print_json
+from sim.scenario.goal import point_of
+from sim.scenario.scenario import Scenario
+from storage.files import atomic_write_text, read_text
+from storage.quantities import counted
+from storage.yaml_config import yaml_model
+
+
+@with_settings(PlaceSettings)
+def from_map(
+    ros_map: Annotated[
+        Path,
+        typer.Argument(metavar="MAP", help="map.yaml of nav2_map_server, or bag with a map topic"),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(help="scenario to write, ending in .yaml; default MAP-scenario.yaml here"),
+    ] = None,
+    goal: Annotated[
+        str, typer.Option(help="x,y (m) in the goal; default: far from the start")
+    ] = "",
+    start: Annotated[
+        str, typer.Option(help="x,y (m) of the start; default: far from the goal")
+    ] = "",
+    topic: Annotated[str, typer.Option(help="topic of the map in a bag")] = "map",
+    as_json: AsJson = False,
+    **options: Any,
+) -> None:
+    """Write a scenario from the map that a robot navigates by.
+
+    serd scenario from-map depot.yaml --robot-radius-m 0.18 --max-speed-mps 0.3
+
+    MAP is the YAML file beside the image, as map_saver writes it, or a bag
+    with a nav_msgs/OccupancyGrid. The largest free area that is connected is
+    walkable (with --start the one around it), its borders are the walls. The
+    scenario and a plan of it are written; docs/maps.md has all of it.
+    """
+    path = output or Path(f"{ros_map.stem}-scenario.yaml")
+    require_suffix(path, ".yaml", ".yml")
+    picture = path.with_suffix(".png")
+    require_apart(path, (path, picture), (str(ros_map),))
+    settings = validated(PlaceSettings, **options)
+    start_m = point_of(start, what="start") if start else None
+    raster = read_map(ros_map, topic)
+    area = free_area_m(raster, start_m)
+    text = map_scenario_yaml(
+        area,
+        settings,
+        name=ros_map.stem,
+        source=f"Place of the map {ros_map.name}",
+        goal_m=point_of(goal) if goal else None,
+        start_m=start_m,
+    )
+    made = yaml_model(text, Scenario, name=str(path))
+    if output is None:
+        _require_unedited(path, text)
+    atomic_write_text(path, text)
+    save_plan(made, picture)
+    reached_m2 = float(made.cells.walkable.sum()) * made.cell_size_m**2
+    values = scenario_values(str(path), made) | {
+        "map_size": list(raster.cells.shape[::-1]),
+        "free_area_m2": round(float(area.area), 2),
+        "cells_area_m2": round(reached_m2, 2),
+        "solids": len(made.obstacles),
+        "walls": len(made.wall_segments_m),
+        "file": str(path.resolve()),
+        "picture": str(picture.resolve()),
+    }
+    if as_json:
+        print_json(values)
+        return
+    console.print(_sentence(values, raster.yaw_rad), soft_wrap=True, markup=False)
+    for name in ("file", "picture"):
+        console.print(f"{name}: {values[name]}", markup=False, soft_wrap=True)
+
+
+def _require_unedited(path: Path, text: str) -> None:
+    """UsageError where the file exists and differs from what would be written."""
+    if path.exists() and read_text(path) != text:
+        raise UsageError(
+            f"{path} must not be replaced without --output, got other content than would be"
+            f" written; name another file, or give --output {path} to replace it"
+        )
+
+
+def _sentence(values: dict[str, Any], yaw_rad: float) -> str:
+    columns, rows = values["map_size"]
+    turned = f", turned by {math.degrees(yaw_rad):.1f} degrees" if yaw_rad else ""
+    return (
+        f"map of {columns} x {rows} cells{turned}: a free area of {values['free_area_m2']:g} m2"
+        f" with {counted(values['walls'], 'wall')} and {counted(values['solids'], 'solid')} in it;"
+        f" {counted(values['cells'], 'walkable cell')} of {values['cell_size_m']:g} m cover"
+        f" {values['cells_area_m2']:g} m2; a decision every {values['decision_period_s']:g} s"
+    )

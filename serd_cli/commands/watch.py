@@ -1,0 +1,114 @@
+"""`serd watch`: a running stack or a recording on a web page that drives nothing."""
+
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from serd_cli.errors import UsageError
+from serd_cli.node_commands import node_command
+from serd_cli.options import AsJson, option, resolved_scenario, validated
+from serd_cli.output.terminal import print_json, progress_console
+from serd_cli.supervisor import Process, run_together
+from serd_cli.watch import BagWatch, serve_bag
+from serd_cli.workspace import ros_environment
+from serd_ros.graph.configs import BagReplayConfig, WatchPageConfig
+from serd_ros.graph.graph import full_namespace
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import load_scenario
+from teleop.page.access import PageAccess, read_token
+from teleop.page.server import PageServer
+from teleop.page.view import watched_scene_of
+
+_NODE = "watch_page"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the subcommand."""
+    app.command()(watch)
+
+
+def watch(
+    bag: Annotated[
+        Path | None,
+        typer.Argument(metavar="BAG", help="recording to replay; without it, the running stack"),
+    ] = None,
+    scenario: str = option(WatchPageConfig, "scenario"),
+    rate: float = option(BagReplayConfig, "rate"),
+    address: str = option(WatchPageConfig, "address"),
+    port: int = option(WatchPageConfig, "port"),
+    token_file: str = option(WatchPageConfig, "token_file"),
+    namespace: Annotated[
+        str, typer.Option(help="of the robot that is shown, as robot1; / for topics without one")
+    ] = "",
+    frame_prefix: str = option(WatchPageConfig, "frame_prefix"),
+    as_json: AsJson = False,
+) -> None:
+    """Watch a running stack, or a recording, on a web page that drives nothing.
+
+    serd watch
+
+    The page shows what others have started with 'serd launch' in the same
+    ROS domain. It publishes no command, and the viewer needs a browser only.
+
+    serd watch demo_output/run-1/bag --rate 4
+
+    A recording has a time line: play, pause, go to a time, change the speed.
+
+    One of several robots is shown with --namespace robot1, and with
+    --frame-prefix robot1/ where its stack has a frame_prefix.
+
+    With --json the address of the page is printed as JSON. Ctrl-C ends.
+    """
+    settings = validated(
+        WatchPageConfig,
+        scenario=resolved_scenario(scenario),
+        address=address,
+        port=port,
+        token_file=str(Path(token_file).resolve()) if token_file else "",
+        frame_prefix=frame_prefix,
+    )
+    access = PageAccess(settings.address, read_token(settings.token_file))
+    place = load_scenario(settings.scenario)
+    try:
+        if bag is None:
+            if rate != 1.0:
+                raise UsageError(f"--rate must be left out without a BAG, got {rate:g}")
+            _watch_stack(settings, full_namespace(namespace), as_json=as_json)
+            return
+        validated(BagReplayConfig, bag=str(bag), rate=rate)
+        shown = BagWatch(bag, place, rate, namespace=namespace, frame_prefix=frame_prefix)
+        scene = watched_scene_of(place, grid_of(place), shown.replay)
+        server = PageServer(scene, access, settings.port)
+        _print_address(server.url, as_json=as_json)
+        try:
+            serve_bag(shown, server)
+        finally:
+            server.close()
+    except KeyboardInterrupt:
+        pass  # the usual end
+
+
+def _watch_stack(settings: WatchPageConfig, namespace: str, *, as_json: bool) -> None:
+    environment = ros_environment(os.environ)
+    remappings = {"__ns": namespace} if namespace else {}
+    command = node_command(_NODE, settings.model_dump(), remappings, environment)
+
+    def print_line(_: str, line: str) -> None:
+        if match := re.search(r"the page is at (http://\S+)", line):
+            _print_address(match[1], as_json=as_json)
+        else:
+            print(line, file=sys.stderr, flush=True)
+
+    run_together([Process(_NODE, command)], environment, print_line)
+
+
+def _print_address(url: str, *, as_json: bool) -> None:
+    if as_json:
+        print_json({"url": url})
+        sys.stdout.flush()
+    else:
+        progress_console.print(f"watch at [bold]{url}[/bold]   (Ctrl-C ends)")

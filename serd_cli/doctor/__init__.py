@@ -1,0 +1,1 @@
+"""What `serd doctor` checks."""

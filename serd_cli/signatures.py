@@ -1,0 +1,198 @@
+"""Signatures of all commands as data, from which help, completion and errors of usage are made.
+
+A function of `serd_cli/commands` defines a command with its options; its module imports what the
+command needs, which takes seconds. `make reference` writes the signatures to
+`data/signatures.json`; a command made from this file imports its module when it is called.
+"""
+
+import inspect
+import json
+import re
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, TypedDict, Union, get_args, get_origin
+
+import typer
+from typer.core import TyperGroup
+from typer.models import ArgumentInfo, CommandInfo, OptionInfo, TyperInfo
+
+from serd_ros.process.executable import starting
+
+FILE = Path(__file__).parent / "data" / "signatures.json"
+#: Modules of `serd_cli.commands`, each of which registers a command or a group, in the order of
+#: the help.
+MODULES = (
+    "demo", "teleop", "watch", "navigate", "launch", "run", "experiment", "bag", "demos", "learn",
+    "report", "compare", "scenario", "crowd", "episode", "batch", "faults", "study", "doctor",
+)  # fmt: skip
+_TYPES: dict[str, Any] = {kind.__name__: kind for kind in (str, int, float, bool, Path)}
+_TYPES["Context"] = typer.Context
+
+
+class FlagGroup(TyperGroup):
+    """A group whose own options are flags."""
+
+    def get_params(self, ctx: Any) -> Any:
+        """Its options, with False for None: to convert None, Typer imports pydantic."""
+        found = super().get_params(ctx)
+        for flag in found:
+            flag.default = flag.default or False
+        return found
+
+
+class Signature(TypedDict, total=False):
+    """A command with its parameters, or a group, which has none."""
+
+    help: str
+    settings: dict[str, Any]
+    parameters: dict[str, dict[str, Any]]
+
+
+def signatures() -> dict[str, Signature]:
+    """By their words, as `bag info`: groups and commands, from the modules that define them."""
+    return {words: each for module in MODULES for words, each in _signatures_of(module).items()}
+
+
+def text_of(signatures: dict[str, Signature]) -> str:
+    """The file, with a line per parameter."""
+    text = json.dumps(signatures, indent=1, ensure_ascii=False, default=str)
+    return re.sub(r"\n( {4,}|   (?=\}))", " ", text) + "\n"
+
+
+def known_signatures() -> dict[str, Signature]:
+    """The signatures by words, from the file."""
+    found: dict[str, Signature] = json.loads(FILE.read_text(encoding="utf-8"))
+    return found
+
+
+def app_of(name: str, known: dict[str, Signature]) -> typer.Typer:
+    """An app with one command or group only."""
+    app = typer.Typer()
+    app.callback()(lambda: None)  # keeps the name of a command that is the only one
+    if "parameters" in known[name]:
+        app.command(name, **known[name]["settings"])(_function(name, name, known[name]))
+        return app
+    group = typer.Typer(cls=FlagGroup, help=known[name]["help"], **known[name]["settings"])
+    for words, each in known.items():
+        if words.startswith(f"{name} "):
+            command = words.removeprefix(f"{name} ")
+            group.command(command, **each["settings"])(_function(name, command, each))
+    group.callback()(lambda: None)
+    app.add_typer(group, name=name)
+    return app
+
+
+def _function(module: str, command: str, signature: Signature) -> Callable[..., None]:
+    """A function with the parameters of a command; it imports the module and calls the command."""
+
+    def call(**values: Any) -> None:
+        with starting():
+            _, defined = _definitions(module)
+        defined[command].callback(**values)  # type: ignore[misc]
+
+    parameters = [_parameter(*item) for item in signature["parameters"].items()]
+    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    call.__annotations__ = {each.name: each.annotation for each in parameters}
+    call.__doc__ = signature["help"]
+    return call
+
+
+def _parameter(name: str, described: dict[str, Any]) -> inspect.Parameter:
+    kind: Any = _TYPES[described["type"]]
+    given = described.get("default", inspect.Parameter.empty)
+    if kind is Path and isinstance(given, str):
+        given = Path(given)
+    if "choices" in described:
+        kind = Literal[tuple(described["choices"])]
+    if "many" in described:
+        kind = list[kind]
+    if "optional" in described:
+        kind = kind | None
+    if "argument" in described:
+        kind = Annotated[kind, typer.Argument(**described["argument"])]
+    if "option" in described:
+        flags = described.get("flags", ())
+        kind = Annotated[kind, typer.Option(*flags, **described["option"])]
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=given, annotation=kind)
+
+
+def _signatures_of(module: str) -> dict[str, Signature]:
+    group, defined = _definitions(module)
+    if group is None:
+        return {module: _signature_of(defined[module])}
+    commands = {f"{module} {name}": _signature_of(each) for name, each in defined.items()}
+    return {module: {"help": group.help or "", "settings": _changed(group, "help")}, **commands}
+
+
+def _definitions(module: str) -> tuple[TyperInfo | None, dict[str, CommandInfo]]:
+    """The commands that a module registers by name, and the group they are in."""
+    app = typer.Typer()
+    import_module(f"serd_cli.commands.{module}").register(app)
+    group = app.registered_groups[0].typer_instance if app.registered_groups else None
+    commands = {_name(each): each for each in (group or app).registered_commands}
+    return group.info if group else None, commands
+
+
+def _name(command: CommandInfo) -> str:
+    return command.name or getattr(command.callback, "__name__", "").replace("_", "-")
+
+
+def _signature_of(command: CommandInfo) -> Signature:
+    assert command.callback is not None
+    parameters = inspect.signature(command.callback, eval_str=True).parameters
+    return {
+        "help": inspect.getdoc(command.callback) or "",
+        "settings": _changed(command, "name", "callback", "cls"),
+        "parameters": {name: _described(each) for name, each in parameters.items()},
+    }
+
+
+def _described(parameter: inspect.Parameter) -> dict[str, Any]:
+    kind, default = parameter.annotation, parameter.default
+    info: Any = None
+    flags: Sequence[str] = ()
+    if get_origin(kind) is Annotated:
+        kind, info = get_args(kind)
+        flags = (info.default, *(info.param_decls or ())) if info.default != ... else ()
+    elif isinstance(default, OptionInfo | ArgumentInfo):
+        default, info = default.default, default
+        flags = info.param_decls or ()
+    return {
+        **_described_type(kind),
+        **({} if default in (inspect.Parameter.empty, ...) else {"default": default}),
+        **({} if info is None else _described_info(info, flags)),
+    }
+
+
+def _described_type(kind: Any) -> dict[str, Any]:
+    if get_origin(kind) is Annotated:
+        return _described_type(get_args(kind)[0])
+    if get_origin(kind) in (UnionType, Union):
+        (inner,) = set(get_args(kind)) - {NoneType}
+        return {**_described_type(inner), "optional": True}
+    if get_origin(kind) is list:
+        return {**_described_type(get_args(kind)[0]), "many": True}
+    if get_origin(kind) is Literal:
+        return {"type": "str", "choices": get_args(kind)}
+    name = kind.__name__
+    if _TYPES.get(name) is not kind:
+        raise TypeError(f"a parameter of a command must be one of {', '.join(_TYPES)}, got {kind}")
+    return {"type": name}
+
+
+def _described_info(info: OptionInfo | ArgumentInfo, flags: Sequence[str]) -> dict[str, Any]:
+    kind = "argument" if isinstance(info, ArgumentInfo) else "option"
+    about = _changed(info, "default", "param_decls")
+    return {kind: about, **({"flags": flags} if flags else {})}
+
+
+def _changed(info: Any, *but: str) -> dict[str, Any]:
+    """The attributes that differ from those of a new object, but those named."""
+    usual = vars(type(info)())
+    return {
+        name: value
+        for name, value in vars(info).items()
+        if name not in but and type(value).__name__ != "DefaultPlaceholder" and value != usual[name]
+    }

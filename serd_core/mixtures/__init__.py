@@ -1,0 +1,1 @@
+"""Mixtures of experts: latent types with rewards (and beliefs) of their own, shared dynamics."""

@@ -1,0 +1,163 @@
+"""The newest transforms between frames, as /tf and /tf_static give them (REP 105).
+
+A transform that is older than `LONGEST_S` beside the newest one of its chain is stale: what
+published it has stopped.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from bags.messages.plain import Transform
+from serd_core.arrays import FloatArray
+from serd_ros.endpoints import topics
+from serd_ros.errors import MessageError
+from sim.world.observation import Pose
+
+LONGEST_S = 3.0
+_LEAST_UPRIGHT = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Where a frame is in another; stamp_ns: of the moving transform next to it, None if none."""
+
+    matrix: FloatArray
+    stamp_ns: int | None
+
+    @property
+    def pose(self) -> Pose:
+        """x, y and heading, seen from above."""
+        at = self.matrix
+        return float(at[0, 3]), float(at[1, 3]), float(np.arctan2(at[1, 0], at[0, 0]))
+
+
+class Frames:
+    """Takes transforms and places frames in each other; MessageError where nothing joins them.
+
+    prefix: before the frames `base_link` and `odom` of this robot outside its nodes, as
+    robot_state_publisher's frame_prefix.
+    """
+
+    def __init__(self, prefix: str = "") -> None:
+        self.prefix = prefix
+        self._edges: dict[str, tuple[str, FloatArray, int | None]] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All frames that occur."""
+        parents = (parent for parent, _, _ in self._edges.values())
+        return tuple(sorted({*self._edges, *parents}))
+
+    def take(self, transform: Transform, *, static: bool) -> None:
+        """Keep a transform in place of the one before; MessageError where it is none."""
+        turned = np.array(transform.placed[3:])
+        if not (np.isfinite(transform.placed).all() and abs(np.linalg.norm(turned) - 1) < 0.01):
+            raise MessageError(
+                "transforms must be finite, with a unit quaternion",
+                f"{transform.placed} of {transform.child!r}",
+                "correct what publishes it",
+            )
+        matrix = np.eye(4)
+        matrix[:3, :3] = Rotation.from_quat(turned).as_matrix()
+        matrix[:3, 3] = transform.placed[:3]
+        parent, stamp_ns = self._own(transform.header.frame), transform.header.stamp_ns
+        self._edges[self._own(transform.child)] = parent, matrix, None if static else stamp_ns
+
+    def add_prefix(self, message: Any) -> None:
+        """Put the prefix before the robot's frames in a message to be published."""
+        _rename(message, lambda name: self.prefix + name if name in topics.OWN_FRAMES else name)
+
+    def remove_prefix(self, message: Any) -> None:
+        """Take the prefix away from the frames of a message that was received."""
+        _rename(message, lambda name: name.removeprefix(self.prefix))
+
+    def _own(self, frame: str) -> str:
+        return plain_name(frame).removeprefix(self.prefix)
+
+    def place(self, frame: str, target: str, *, level: bool = True) -> Placement:
+        """The frame in the target; level: whether it must be level there."""
+        up, down = self._ancestry(self._own(frame)), self._ancestry(self._own(target))
+        shared = next((each for each in up if each in down), None)
+        if shared is None:
+            raise MessageError(
+                f"frame_id must be {target!r} or joined with it by /tf",
+                f"{frame!r}; frames of /tf: {', '.join(self.names) or 'none'}",
+                f"publish the transform from {target!r} to {frame!r}",
+            )
+        up, down = up[: up.index(shared)], down[: down.index(shared)]
+        self._require_fresh([*up, *down])
+        matrix = np.linalg.inv(self._product(down)) @ self._product(up)
+        if level and matrix[2, 2] < _LEAST_UPRIGHT:
+            raise MessageError(
+                f"frame_id must be of a frame that is level in {target!r}",
+                f"{frame!r}, whose z axis points elsewhere",
+                "publish in a level frame",
+            )
+        stamps = [stamp for child in (*up, *down) if (stamp := self._edges[child][2]) is not None]
+        return Placement(matrix, stamps[0] if stamps else None)
+
+    def pose_in(self, target: str, frame: str, pose: Pose) -> Pose:
+        """A pose given in `frame`, in the target; the same numbers where the frames are one."""
+        if frame == target:
+            return pose
+        return compose(self.place(frame, target).pose, pose)
+
+    def _require_fresh(self, chain: list[str]) -> None:
+        stamps = {child: stamp for child in chain if (stamp := self._edges[child][2]) is not None}
+        if not stamps:
+            return
+        oldest = min(stamps, key=lambda child: stamps[child])
+        age_s = (max(stamps.values()) - stamps[oldest]) * 1e-9
+        if age_s > LONGEST_S:
+            raise MessageError(
+                f"transforms of /tf must be at most {LONGEST_S:g} s apart",
+                f"{self._edges[oldest][0]!r} to {oldest!r}, {age_s:.1f} s older than others",
+                "look at what publishes it",
+            )
+
+    def _product(self, chain: list[str]) -> FloatArray:
+        matrix = np.eye(4)
+        for child in chain:
+            matrix = self._edges[child][1] @ matrix
+        return matrix
+
+    def _ancestry(self, frame: str) -> list[str]:
+        found: list[str] = []
+        while frame not in found:
+            found.append(frame)
+            frame = self._edges[frame][0] if frame in self._edges else frame
+        return found
+
+
+def compose(outer: Pose, inner: Pose) -> Pose:
+    """The pose `inner`, given in the frame whose pose is `outer`, in the frame of `outer`."""
+    x_m, y_m, yaw_rad = outer
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    yaw = yaw_rad + inner[2]
+    return (
+        float(x_m + cos * inner[0] - sin * inner[1]),
+        float(y_m + sin * inner[0] + cos * inner[1]),
+        float(np.arctan2(np.sin(yaw), np.cos(yaw))),
+    )
+
+
+#: Where no transform is known.
+NO_FRAMES = Frames()
+
+
+def _rename(message: Any, new_name: Callable[[str], str]) -> None:
+    """Rename the frames of a message, and of its transforms."""
+    for each in (message, *getattr(message, "transforms", ())):
+        if hasattr(each, "header"):
+            each.header.frame_id = new_name(each.header.frame_id)
+        if hasattr(each, "child_frame_id"):
+            each.child_frame_id = new_name(each.child_frame_id)
+
+
+def plain_name(frame: str) -> str:
+    """A frame without the leading slash of ROS 1."""
+    return frame.lstrip("/")

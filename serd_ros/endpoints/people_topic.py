@@ -1,0 +1,117 @@
+"""People of a topic, of whichever known type its publishers have at run time.
+
+The middleware has one type per topic and process: until a publisher of another known type comes,
+the topic is received as `pedestrians`, a PointCloud2. Other types are received as bytes, so that
+their packages need not be installed.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import PointCloud2
+
+from bags.errors import BagError
+from bags.messages.people import CLOUD, people_in, require_people
+from bags.rosbag2.message_types import MessageType, message_type
+from bags.topic import Topic
+from serd_ros.convert.people import PeopleInMap
+from serd_ros.convert.sensors import from_people_message
+from serd_ros.endpoints import qos
+from serd_ros.endpoints.followed_topic import FollowedTopic, Received
+from serd_ros.endpoints.topic_types import TopicType
+from serd_ros.errors import MessageError
+from serd_ros.process.serd_node import SerdNode
+from sim.world.observation import People
+
+_LOOK_PERIOD_S, _LOG_PERIOD_S = 0.5, 5.0
+_HASH = "RIHS01_"
+
+
+class PeopleTopic:
+    """Calls back with (stamp_ns, people in the map) of each message.
+
+    name: of the topic; fault: why messages cannot be read although it has publishers, else empty.
+    """
+
+    def __init__(self, node: SerdNode[Any], name: str, take: Callable[[int, People], None]) -> None:
+        self.fault = ""
+        self._node, self.name, self._take_people = node, name, take
+        self._cloud: Subscription | None = None
+        self._followed: FollowedTopic | None = None
+        self._topic, self._people = Topic(name, MessageType(CLOUD, "", "")), PeopleInMap()
+        self._subscribe()
+        node.create_timer(_LOOK_PERIOD_S, self._look, clock=node.wall_clock)
+
+    def _on_cloud(self, message: PointCloud2) -> None:
+        self._take_people(*from_people_message(message, self._node.frames))
+
+    def _on_message(self, message: Received) -> None:
+        try:
+            seen = people_in(message.data, self._topic)
+        except BagError as error:
+            raise MessageError("message must hold people", error, "correct it") from None
+        self._take_people(*self._people.convert(seen, self._node.frames))
+
+    def _look(self) -> None:
+        """Follow the type of the publishers; while they have several, the present one stays.
+
+        It subscribes at the look after the one that finds another type: the executor keeps the
+        subscription of the type before until then.
+        """
+        if self._cloud is None and self._followed is None:
+            self._subscribe()
+        found = self._node.get_publishers_info_by_topic(self.name)
+        hashes = {each.topic_type: str(each.topic_type_hash) for each in found}
+        self.fault = ""
+        if hashes and self._topic.type_name not in hashes:
+            self._change_type(hashes)
+        if self._followed is not None:
+            self._followed.look()
+
+    def _change_type(self, hashes: Mapping[str, str]) -> None:
+        """Take the first type that can be read; `fault` names why there is none."""
+        found = [self._readable(*each) for each in sorted(hashes.items())]
+        topic = next((each for each in found if isinstance(each, Topic)), None)
+        if topic is None:
+            self.fault = "; ".join(map(str, found))
+            self._node.get_logger().warning(self.fault, throttle_duration_sec=_LOG_PERIOD_S)
+            return
+        self._topic, self._people = topic, PeopleInMap()
+        if self._cloud is not None:
+            self._node.destroy_subscription(self._cloud)
+        if self._followed is not None:
+            self._followed.close()
+        self._cloud = self._followed = None
+
+    def _readable(self, type_name: str, type_hash: str) -> Topic | BagError:
+        """The topic of the type, or why it cannot be read."""
+        try:
+            topic = Topic(self.name, message_type(type_name))
+            require_people(topic, self._node.get_name())
+            _require_hash(topic, type_hash)
+        except BagError as error:
+            return error
+        return topic
+
+    def _subscribe(self) -> None:
+        name, kind = self._node.resolve_topic_name(self.name), self._topic.type_name
+        if kind == CLOUD:
+            self._cloud = self._node.create_subscription(
+                PointCloud2, self.name, self._on_cloud, qos.STATE
+            )
+        else:
+            take = self._node.callbacks.of_messages(self.name, self._on_message)
+            self._followed = FollowedTopic(self._node, name, TopicType(kind), take)
+            self._node.get_logger().info(f"{name}: people are received as {kind}")
+
+
+def _require_hash(topic: Topic, published: str) -> None:
+    """BagError where the publishers have another definition; a hash may be unknown."""
+    known = topic.message_type.type_hash
+    if published.startswith(_HASH) and known and published != known:
+        package = topic.type_name.partition("/")[0]
+        raise BagError(
+            f"{topic.name}: {topic.type_name} must be as installed here, {known}, its"
+            f" publishers have {published}; install their version of {package} here"
+        )

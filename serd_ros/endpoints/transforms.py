@@ -1,0 +1,105 @@
+"""/tf and /tf_static into the frames of a node, and the transforms of a simulated robot to /tf.
+
+They travel as bytes, since tf2_msgs has no wheel; the topics are relative, so that a robot in a
+namespace has its own.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from geometry_msgs.msg import TransformStamped
+
+from bags.errors import BagError
+from bags.messages.plain import Transform, transforms
+from bags.rosbag2.message_types import rosbags_types
+from serd_ros.convert.pose import PlanarPose, odom_in_map, to_transform
+from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.followed_topic import FollowedTopic, Received
+from serd_ros.endpoints.topic_types import TopicType
+from serd_ros.errors import MessageError
+from serd_ros.process.serd_node import SerdNode
+
+TF_TYPE = "tf2_msgs/msg/TFMessage"
+_LOOK_PERIOD_S = 0.5
+
+
+def follow_transforms(node: SerdNode[Any], on_change: Callable[[], None] = lambda: None) -> None:
+    """Keep `node.frames` as /tf is; on_change: called after each message of /tf.
+
+    Of a message with a bad transform the others are taken.
+    """
+
+    def rejection(transform: Transform, *, static: bool) -> MessageError | None:
+        try:
+            node.frames.take(transform, static=static)
+        except MessageError as error:
+            return error
+        return None
+
+    def take(message: Received, *, static: bool) -> None:
+        try:
+            found = transforms(message.data, TF_TYPE, rosbags_types())
+        except BagError as error:
+            raise MessageError(f"message must be a {TF_TYPE}", error, "correct it") from None
+        rejected = [each for each in (rejection(one, static=static) for one in found) if each]
+        if not static:
+            on_change()
+        if rejected:
+            raise rejected[0]
+
+    def followed_topic(name: str) -> FollowedTopic:
+        guarded = node.callbacks.of_messages(name, partial(take, static=name == topics.TF_STATIC))
+        return FollowedTopic(node, node.resolve_topic_name(name), TopicType(TF_TYPE), guarded)
+
+    followed = [followed_topic(name) for name in (topics.TF, topics.TF_STATIC)]
+
+    def look() -> None:
+        for each in followed:
+            each.look()
+
+    node.create_timer(_LOOK_PERIOD_S, look, clock=node.wall_clock)
+
+
+class TransformPublisher:
+    """Publishes map -> odom -> base_link on `tf` while there are subscribers."""
+
+    def __init__(self, node: SerdNode[Any]) -> None:
+        self._node = node
+        self._tf = node.create_publisher(TopicType(TF_TYPE).message, topics.TF, qos.TF)
+
+    def publish(self, base_in_map: PlanarPose, base_in_odom: PlanarPose, time_s: float) -> None:
+        """Send both transforms."""
+        if not self._tf.get_subscription_count():
+            return
+        odom = odom_in_map(base_in_map, base_in_odom)
+        message = _in_rosbags(
+            to_transform(topics.MAP_FRAME, topics.ODOM_FRAME, odom, time_s),
+            to_transform(topics.ODOM_FRAME, topics.BASE_FRAME, base_in_odom, time_s),
+        )
+        self._node.frames.add_prefix(message)
+        self._tf.publish(bytes(rosbags_types().serialize_cdr(message, TF_TYPE)))
+
+
+def _in_rosbags(*placed: TransformStamped) -> Any:
+    """A TFMessage of rosbags, which encodes it without the package."""
+    types = rosbags_types().types
+
+    def same(message: Any, package: str = "geometry_msgs") -> Any:
+        """The message of rosbags with the numbers of one of rclpy."""
+        kind = types[f"{package}/msg/{type(message).__name__}"]
+        return kind(*(getattr(message, field) for field in message.get_fields_and_field_types()))
+
+    made = [
+        types["geometry_msgs/msg/TransformStamped"](
+            types["std_msgs/msg/Header"](
+                same(each.header.stamp, "builtin_interfaces"), each.header.frame_id
+            ),
+            each.child_frame_id,
+            types["geometry_msgs/msg/Transform"](
+                same(each.transform.translation), same(each.transform.rotation)
+            ),
+        )
+        for each in placed
+    ]
+    return types[TF_TYPE](made)

@@ -1,0 +1,50 @@
+"""watch_page: shows any running stack on a web page, as a ROS 2 node.
+
+It subscribes and serves the page; it publishes nothing but its own health and drives nothing.
+"""
+
+import sys
+
+from serd_ros.episodes.page_view import WatchView
+from serd_ros.graph.configs import WatchPageConfig
+from serd_ros.process.run_node import run_node
+from serd_ros.process.serd_node import SerdNode
+from sim.scenario.scenario import load_scenario
+from teleop.page.access import PageAccess, read_token
+from teleop.page.server import PageServer
+from teleop.page.view import watched_scene_of
+
+_PERIOD_S = 0.05
+
+
+class WatchPageNode(SerdNode[WatchPageConfig]):
+    """Sends what the topics have to all open pages, twenty times a second."""
+
+    def __init__(self) -> None:
+        super().__init__("watch_page", WatchPageConfig)
+        config = self.config
+        scenario = load_scenario(config.scenario)
+        self._view = WatchView(scenario)
+        access = PageAccess(config.address, read_token(config.token_file))
+        scene = watched_scene_of(scenario, self._view.grid)
+        self._server = PageServer(scene, access, config.port)
+        self._view.subscribe(self)
+        self.create_timer(_PERIOD_S, self._show, clock=self.wall_clock)
+        self.get_logger().info(f"the page is at {self._server.url}")
+
+    def close(self) -> None:
+        """End the server."""
+        self._server.close()
+
+    def _show(self) -> None:
+        self._server.take()  # a page that only watches has nothing to request
+        self._server.show(self._view.watched_state(self.wall_s()))
+
+
+def main() -> int:
+    """Entry point of `ros2 run serd_ros watch_page`."""
+    return run_node(WatchPageNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,159 @@
+"""Movable obstacles as rigid bodies: upright prisms that slide and turn, and doors on hinges.
+
+A body without hinge slides on two prismatic joints and turns on a third. Coulomb friction with the
+floor opposes u = (vx, vy, r w), with r the radius of gyration, by m g mu u / |u|, the ellipsoidal
+limit surface of Howe & Cutkosky (1996). A door turns by up to a quarter to each side.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from serd_core.arrays import FloatArray
+from sim.robot.bullet import let_move_freely, pybullet
+from sim.robot.imu import GRAVITY_MPS2
+from sim.robot.people_bodies import CARRIAGE_KG, CONTACT_FRICTION
+from sim.scenario.obstacle import Obstacle, Pose
+
+Motion = tuple[float, float, float]
+
+FLOOR_FRICTION = 0.4
+HINGE_TORQUE_NM = 1.0
+LARGEST_OPENING_RAD = 0.5 * math.pi
+HEIGHT_M = 0.8
+#: Below this speed all of the friction holds in each direction.
+_RESTS_MPS = 1e-4
+_NO_COLLISION = 0
+
+
+class MovableBodies:
+    """The movable obstacles of a scenario in a PyBullet world, in the order of the scenario."""
+
+    def __init__(
+        self, client: int, obstacles: Sequence[Obstacle], *, walls: Iterable[int], floor: int
+    ) -> None:
+        self._client, self._obstacles = client, obstacles
+        fixed = tuple(walls)
+        self._bodies = [
+            self._add(each, (floor, *fixed) if each.hinge_m else (floor,)) for each in obstacles
+        ]
+
+    def brake(self) -> None:
+        """Set the friction with the floor for the next substep."""
+        for obstacle, body in zip(self._obstacles, self._bodies, strict=True):
+            if obstacle.hinge_m is None:
+                self._set_floor_friction(obstacle, body)
+
+    def stop_doors(self) -> None:
+        """Keep doors within the largest opening."""
+        for obstacle, body in zip(self._obstacles, self._bodies, strict=True):
+            if obstacle.hinge_m is not None:
+                angle_rad = pybullet.getJointState(body, 0, self._client)[0]
+                if abs(angle_rad) > LARGEST_OPENING_RAD:
+                    widest = math.copysign(LARGEST_OPENING_RAD, angle_rad)
+                    pybullet.resetJointState(body, 0, widest, 0.0, self._client)
+
+    @property
+    def poses(self) -> tuple[Pose, ...]:
+        """Where the obstacles are."""
+        poses = []
+        for obstacle, body in zip(self._obstacles, self._bodies, strict=True):
+            x_m, y_m, _ = obstacle.pose
+            *moved, turned = (state[0] for state in self._states(body))
+            dx_m, dy_m = moved or (0.0, 0.0)
+            poses.append((x_m + dx_m, y_m + dy_m, turned))
+        return tuple(poses)
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """(vx_mps, vy_mps, yaw rate_radps) of the obstacles at their poses."""
+        motions = []
+        for body in self._bodies:
+            *moved, yaw_rate = (state[1] for state in self._states(body))
+            vx_mps, vy_mps = moved or (0.0, 0.0)
+            motions.append((vx_mps, vy_mps, yaw_rate))
+        return tuple(motions)
+
+    def number_of(self, body: int) -> int | None:
+        """The place of a body of PyBullet among the obstacles, None for another body."""
+        return self._bodies.index(body) if body in self._bodies else None
+
+    def _states(self, body: int) -> list[tuple[float, ...]]:
+        joints = range(pybullet.getNumJoints(body, self._client))
+        states: list[tuple[float, ...]] = pybullet.getJointStates(body, joints, self._client)
+        return states
+
+    def _add(self, obstacle: Obstacle, apart_from: tuple[int, ...]) -> int:
+        assert obstacle.mass_kg is not None
+        slides = obstacle.hinge_m is None
+        shape = prism(self._client, obstacle.corners_m, HEIGHT_M)
+        here, level = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+        centre = np.subtract(obstacle.centroid_m, obstacle.pose[:2]).tolist()
+        count = 3 if slides else 1
+        along = pybullet.JOINT_PRISMATIC
+        axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        body: int = pybullet.createMultiBody(
+            0.0,
+            basePosition=(*obstacle.pose[:2], 0.0),
+            linkMasses=[*[CARRIAGE_KG] * (count - 1), obstacle.mass_kg],
+            linkCollisionShapeIndices=[*[-1] * (count - 1), shape],
+            linkVisualShapeIndices=[-1] * count,
+            linkPositions=[here] * count,
+            linkOrientations=[level] * count,
+            linkInertialFramePositions=[*[here] * (count - 1), (*centre, 0.5 * HEIGHT_M)],
+            linkInertialFrameOrientations=[level] * count,
+            linkParentIndices=range(count),
+            linkJointTypes=[*[along] * (count - 1), pybullet.JOINT_REVOLUTE],
+            linkJointAxis=axes[-count:],
+            physicsClientId=self._client,
+        )
+        inertia = obstacle.mass_kg * obstacle.gyration_radius_m**2
+        pybullet.changeDynamics(
+            body,
+            count - 1,
+            localInertiaDiagonal=(inertia, inertia, inertia),
+            lateralFriction=CONTACT_FRICTION,
+            restitution=0.0,
+            physicsClientId=self._client,
+        )
+        let_move_freely(self._client, body)
+        for joint in range(count):
+            self._hold(body, joint, HINGE_TORQUE_NM)
+        for other in apart_from:
+            pybullet.setCollisionFilterPair(
+                other, body, -1, count - 1, _NO_COLLISION, physicsClientId=self._client
+            )
+        return body
+
+    def _set_floor_friction(self, obstacle: Obstacle, body: int) -> None:
+        assert obstacle.mass_kg is not None
+        radius_m = obstacle.gyration_radius_m
+        force_n = FLOOR_FRICTION * obstacle.mass_kg * GRAVITY_MPS2
+        vx, vy, yaw_rate = (state[1] for state in self._states(body))
+        slip = (vx, vy, radius_m * yaw_rate)
+        speed = math.hypot(*slip)
+        for joint, most in enumerate((force_n, force_n, radius_m * force_n)):
+            share = abs(slip[joint]) / speed if speed > _RESTS_MPS else 1.0
+            self._hold(body, joint, share * most)
+
+    def _hold(self, body: int, joint: int, most: float) -> None:
+        """Brake a joint with up to a force (N) or a torque (N m)."""
+        pybullet.setJointMotorControl2(
+            body,
+            joint,
+            pybullet.VELOCITY_CONTROL,
+            targetVelocity=0.0,
+            force=most,
+            physicsClientId=self._client,
+        )
+
+
+def prism(client: int, corners_m: FloatArray, height_m: float) -> int:
+    """Collision shape of the upright prism over a convex outline (n, 2), from the floor up."""
+    corners = corners_m.tolist()
+    vertices = [(x_m, y_m, z_m) for z_m in (0.0, height_m) for x_m, y_m in corners]
+    shape: int = pybullet.createCollisionShape(
+        pybullet.GEOM_MESH, vertices=vertices, physicsClientId=client
+    )
+    return shape

@@ -1,0 +1,35 @@
+"""Unit quaternions (x, y, z, w), in double precision: PyBullet's own functions have single."""
+
+import math
+
+Quaternion = tuple[float, float, float, float]
+Vector = tuple[float, float, float]
+
+
+def product(first: Quaternion, second: Quaternion) -> Quaternion:
+    """first * second."""
+    (ax, ay, az, aw), (bx, by, bz, bw) = first, second
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def conjugate(turn: Quaternion) -> Quaternion:
+    """The inverse turn."""
+    x, y, z, w = turn
+    return -x, -y, -z, w
+
+
+def rotated(turn: Quaternion, vector: Vector) -> Vector:
+    """The vector after the turn."""
+    x, y, z, _ = product(product(turn, (*vector, 0.0)), conjugate(turn))
+    return x, y, z
+
+
+def yaw_of(turn: Quaternion) -> float:
+    """Heading in the plane."""
+    x, y, z, w = turn
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

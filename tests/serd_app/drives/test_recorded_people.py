@@ -1,0 +1,142 @@
+"""People of standard message types, by the definitions in the bag, as from our own topic."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from bags.damage import Losses
+from bags.errors import BagError
+from bags.messages.people import SightedIds, people_of
+from bags.reader import BagReader
+from bags.writer import BagWriter
+from serd_app.demonstrations.flow_field import flow_from_recordings
+from serd_app.drives.recorded_people import recorded_people
+from serd_app.drives.recording import Recording
+from serd_core.grid.grid import Grid
+from support.bag_messages import Messages
+from support.people_messages import CLOUD, DETECTIONS, PEOPLE, TRACKED, PeopleMessages
+
+MADE = PeopleMessages()
+GRID = Grid((0.0, 0.0), 1.0, np.ones((6, 6), dtype=bool))
+TF = "tf2_msgs/msg/TFMessage"
+
+
+def walk(step):
+    """Positions and velocities of three people at a step of 0.1 s."""
+    velocity = np.array([[1.0, 0.0], [0.0, 0.8], [-0.5, 0.5]])
+    start = np.array([[0.5, 0.5], [5.5, 0.5], [4.5, 1.5]])
+    return start + 0.1 * step * velocity, velocity
+
+
+def bag(folder, kind, *, frame="map", transform=None, **look):
+    with BagWriter(folder) as writer:
+        writer.add_topic("/people", MADE.kind(kind) if kind != CLOUD else kind)
+        if transform is not None:
+            writer.add_topic("/tf_static", TF)
+            writer.write("/tf_static", transform, 10**11)
+        for step in range(40):
+            time_s = 100.0 + 0.1 * step
+            data = MADE.encode(kind, time_s, *walk(step), frame=frame, **look)
+            writer.write("/people", data, round(time_s * 1e9))
+    return folder
+
+
+def turned(x, y):
+    """A static transform that turns by 90 degrees and moves."""
+    make = Messages().make
+    move = make("geometry_msgs/msg/Vector3", x, y, 0.0)
+    turn = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.5**0.5, 0.5**0.5)
+    placed = make("geometry_msgs/msg/Transform", move, turn)
+    header = Messages().header(100.0, "map")
+    each = make("geometry_msgs/msg/TransformStamped", header, "camera", placed)
+    return Messages().encode(make(TF, [each]), TF)
+
+
+@pytest.mark.parametrize("kind", [PEOPLE, TRACKED, DETECTIONS])
+def test_people_of_each_type_are_those_of_our_topic_to_a_millimetre(tmp_path, kind):
+    own = recorded_people(BagReader(bag(tmp_path / "own", CLOUD)), "people", set())
+    found = recorded_people(BagReader(bag(tmp_path / "other", kind)), "people", set())
+    np.testing.assert_allclose(found[0], own[0], atol=1e-3)
+    # A detection has no velocity: it begins with the second sighting.
+    known = slice(3 if kind == DETECTIONS else 0, None)
+    np.testing.assert_allclose(found[1][known], own[1][known], atol=1e-3)
+    recordings = [Recording(tmp_path / name, (), (), Losses()) for name in ("own", "other")]
+    flows = [flow_from_recordings([each], GRID, topic="people").flow for each in recordings]
+    assert flows[0].tolist() == flows[1].tolist()
+
+
+@pytest.mark.parametrize("kind", [CLOUD, PEOPLE, TRACKED, DETECTIONS])
+def test_people_in_the_frame_of_a_sensor_are_brought_into_that_of_the_grid(tmp_path, kind):
+    path = bag(tmp_path / "bag", kind, frame="camera", transform=turned(2.0, 3.0))
+    position_m, velocity_mps = recorded_people(BagReader(path), "people", set(), frame="map")
+    places = np.concatenate([walk(step)[0] for step in range(40)])
+    np.testing.assert_allclose(
+        position_m, np.stack([2.0 - places[:, 1], 3.0 + places[:, 0]], axis=1), atol=1e-3
+    )
+    np.testing.assert_allclose(velocity_mps[3], [0.0, 1.0], atol=1e-3)
+
+
+def test_a_frame_that_no_transform_joins_gets_a_sentence(tmp_path):
+    path = bag(tmp_path / "bag", PEOPLE, frame="lidar", transform=turned(0.0, 0.0))
+    with pytest.raises(BagError, match="frame 'lidar' must be joined with 'map' by /tf"):
+        recorded_people(BagReader(path), "people", set(), frame="map")
+
+
+def test_detections_of_other_classes_are_left_out():
+    place, velocity = walk(0)
+    for name, count in (("person", 3), ("Pedestrian", 3), ("0", 3), ("chair", 0)):
+        message = MADE.message(DETECTIONS, 1.0, place, velocity, classes=name)
+        assert len(people_of(message).ids) == count
+
+
+@pytest.mark.parametrize(
+    ("layout", "person", "other", "ids"),
+    [("foxy", "person", "chair", ("p0", "p1", "p2")), ("noetic", 0, 56, ("", "", ""))],
+)
+def test_detections_of_older_layouts_are_read(tmp_path, layout, person, other, ids):
+    made, walks = PeopleMessages(layout), walk(0)
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/people", made.kind(DETECTIONS))
+        writer.write("/people", made.encode(DETECTIONS, 1.0, *walks, classes=person), 10**9)
+    position_m, _ = recorded_people(BagReader(tmp_path / "bag"), "people", set())
+    np.testing.assert_allclose(position_m, walks[0])
+    found = [
+        people_of(made.message(DETECTIONS, 1.0, *walks, classes=name)).ids
+        for name in (person, other)
+    ]
+    assert found == [ids, ()]
+
+
+def test_a_message_whose_list_has_other_fields_gets_a_sentence():
+    tracks = SimpleNamespace(tracks=[SimpleNamespace(uuid="a")])
+    with pytest.raises(BagError, match=r"people must have the fields of a known type.*track_id"):
+        people_of(tracks)
+
+
+def test_an_id_that_was_not_seen_for_a_second_has_no_velocity(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/people", MADE.kind(DETECTIONS))
+        for time_s in (1.0, 1.5, 3.0):
+            data = MADE.encode(DETECTIONS, time_s, *walk(10 * time_s))
+            writer.write("/people", data, round(time_s * 1e9))
+    _, velocity_mps = recorded_people(BagReader(tmp_path / "bag"), "people", set())
+    known = np.isfinite(velocity_mps).all(axis=1)
+    assert known.tolist() == [False] * 3 + [True] * 3 + [False] * 3
+
+
+def test_empty_messages_are_no_people():
+    none = np.zeros((0, 2))
+    for kind in (CLOUD, PEOPLE, TRACKED, DETECTIONS):
+        found = people_of(MADE.message(kind, 1.0, none, none))
+        assert (found.ids, found.position_m.shape) == ((), (0, 3))
+
+
+def test_a_velocity_is_taken_over_half_a_second_and_a_repeated_message_keeps_it():
+    """Detectors are noisy: between two frames of a camera an error of 5 cm would be 1.5 m/s."""
+    ids, made = SightedIds(), []
+    for time_s, x_m in ((0.0, 0.0), (0.1, 0.3), (0.5, 0.5), (0.5, 0.5), (0.7, 0.5), (0.2, 0.0)):
+        place, walk_mps = np.array([[x_m, 0.0]]), np.zeros((1, 2))
+        seen = people_of(MADE.message(DETECTIONS, time_s, place, walk_mps))
+        made.append(ids.with_velocities(seen, time_s).velocity_mps[0, 0])
+    np.testing.assert_allclose(made, [np.nan, 3.0, 1.0, 1.0, 0.0, np.nan], atol=1e-9)

@@ -1,0 +1,140 @@
+"""Scenarios of maps: walls near those of the map, cells that no wall divides, a task that fits."""
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import label
+
+from serd_app.errors import AppError
+from serd_app.places.free_area import free_area_m, outline_of_cells
+from serd_app.places.map_scenario import grid_scenario, map_scenario_yaml
+from serd_app.places.ros_map import read_map
+from serd_app.places.settings import PlaceSettings
+from serd_core.grid.grid import Grid
+from sim.errors import SimError
+from sim.scenario.grid import grid_of
+from sim.scenario.occupancy import FREE, OCCUPIED, OccupancyRaster
+from sim.scenario.scenario import Scenario
+from storage.yaml_config import yaml_model
+from support import ros_maps
+
+SMALL = PlaceSettings(robot_radius_m=0.18, max_speed_mps=0.4)
+
+
+def scenario_of(raster, chosen=SMALL, **points):
+    area = free_area_m(raster, points.get("start_m"))
+    text = map_scenario_yaml(area, chosen, name="place", source="a map", **points)
+    return area, yaml_model(text, Scenario, name="place")
+
+
+def undivided(scenario):
+    """Whether no wall as thick as a millimetre crosses a way between two cells side by side."""
+    grid = grid_of(scenario)
+    pairs = np.stack([np.repeat(np.arange(grid.n_states), 5), grid.neighbours.ravel()])
+    ways = shapely.linestrings(grid.centers_m[pairs[:, pairs[0] < pairs[1]].T])
+    holes = [each.outline_m for each in scenario.obstacles]
+    free = shapely.Polygon(scenario.walkable_area_m, holes)
+    return float(shapely.length(shapely.difference(ways, free)).max(initial=0.0)) < 0.001
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 2.0, 30.0])
+def test_a_depot_becomes_a_scenario_whose_walls_lie_on_those_of_the_map(tmp_path, angle_deg):
+    shades = ros_maps.depot(angle_deg=angle_deg)
+    raster = read_map(ros_maps.write_map(tmp_path, "depot", shades))
+    area, scenario = scenario_of(raster)
+    free = np.argwhere(raster.cells == FREE)
+    centers_m = raster.origin_m + (free[:, ::-1] + 0.5) * raster.resolution_m
+    inside = shapely.contains_xy(area, centers_m)
+    assert inside.mean() > 0.98
+    assert area.area == pytest.approx(len(free) * 0.05**2, rel=0.03)
+    assert len(scenario.wall_segments_m) < 1000
+    assert undivided(scenario)
+    assert np.unique(label(scenario.cells.walkable)[0], return_counts=True)[1][1:].max() > 1000
+
+
+def test_every_cell_of_a_maze_is_reached_and_no_wall_is_crossed(tmp_path):
+    raster = read_map(ros_maps.write_map(tmp_path, "maze", ros_maps.maze()))
+    _, scenario = scenario_of(raster)
+    assert undivided(scenario)
+    assert label(scenario.cells.walkable)[1] == 1
+    # The way between the cells that are farthest apart is far longer than the straight line.
+    assert scenario.episode_timeout_s > 1000
+
+
+@settings(max_examples=25, deadline=None)
+@example(seed=47010, angle=0.0, cell_m=0.5)  # a wall between two cells that tapers to nothing
+@given(seed=st.integers(0, 10**6), angle=st.floats(0.0, 1.5), cell_m=st.floats(0.3, 0.8))
+def test_no_wall_divides_two_cells_whatever_the_angle_of_the_map(seed, angle, cell_m):
+    rng = np.random.default_rng(seed)
+    cells = np.full((80, 100), FREE, dtype=np.int8)
+    for _ in range(6):
+        x, y, length = rng.integers(0, 100), rng.integers(0, 80), rng.integers(10, 60)
+        if rng.random() < 0.5:
+            cells[y : y + 1 + rng.integers(3), x : x + length] = OCCUPIED
+        else:
+            cells[y : y + length, x : x + 1 + rng.integers(3)] = OCCUPIED
+    raster = OccupancyRaster((3.0, -1.0), 0.05, cells, angle)
+    chosen = PlaceSettings(robot_radius_m=0.12, max_speed_mps=0.5, cell_size_m=cell_m)
+    try:
+        _, scenario = scenario_of(raster, chosen)
+    except AppError:  # no two cells are left
+        return
+    assert undivided(scenario)
+
+
+def test_goal_and_start_are_the_cells_of_the_points_that_are_given(tmp_path):
+    raster = read_map(ros_maps.write_map(tmp_path, "depot", ros_maps.depot()))
+    _, scenario = scenario_of(raster, goal_m=(20.0, 5.0), start_m=(0.7, 7.5))
+    for corners, point in (
+        (scenario.goal_area_m, (20.0, 5.0)),
+        (scenario.start_areas_m["train"], (0.7, 7.5)),
+    ):
+        assert shapely.Polygon(corners).covers(shapely.Point(point))
+
+
+def test_points_off_the_map_get_a_sentence(tmp_path):
+    raster = read_map(ros_maps.write_map(tmp_path, "depot", ros_maps.depot()))
+    with pytest.raises(SimError, match="goal must be in a walkable cell"):
+        scenario_of(raster, goal_m=(-40.0, 5.0))
+    with pytest.raises(AppError, match="must lie in the free area of the map"):
+        scenario_of(raster, start_m=(-40.0, 5.0))
+
+
+def test_a_robot_that_fits_nowhere_gets_a_sentence(tmp_path):
+    raster = read_map(ros_maps.write_map(tmp_path, "maze", ros_maps.maze()))
+    wide = PlaceSettings(robot_radius_m=0.6)
+    with pytest.raises(AppError, match="cell_size_m must leave a walkable cell"):
+        scenario_of(raster, wide)
+
+
+def test_the_outline_of_cells_has_their_area_and_the_holes_among_them():
+    cells = np.ones((5, 7), dtype=bool)
+    cells[2, 3] = cells[0, 0] = False
+    outline = outline_of_cells(cells)
+    assert outline.area == 33
+    assert len(outline.interiors) == 1
+    assert len(outline.exterior.coords) - 1 == 6
+
+
+def test_a_fitted_grid_becomes_a_scenario_of_the_same_cells():
+    walkable = np.zeros((12, 20), dtype=bool)
+    walkable[1:4, 1:19], walkable[1:11, 15:18] = True, True
+    grid = Grid((0.3 * 7, -0.3 * 3), 0.3, walkable[1:11, 1:19])
+    goal, start = grid.state_at(6.75, 1.9), grid.state_at(2.6, -0.45)
+    assert min(goal, start) >= 0
+    text, scenario = grid_scenario(grid, np.array([goal]), np.array([start]), 0.8, name="place")
+    assert yaml_model(text, Scenario, name="place") == scenario
+    assert grid_of(scenario).fingerprint() == grid.fingerprint()
+    assert scenario.decision_period_s == 0.8
+    assert shapely.Polygon(scenario.goal_area_m).contains(shapely.Point(grid.centers_m[goal]))
+    starts = shapely.Polygon(scenario.start_areas_m["train"])
+    assert starts.contains(shapely.Point(grid.centers_m[start]))
+
+
+def test_a_fitted_grid_in_two_parts_is_no_scenario():
+    walkable = np.ones((6, 9), dtype=bool)
+    walkable[:, 4] = False
+    grid = Grid((0.0, 0.0), 0.5, walkable)
+    assert grid_scenario(grid, np.array([0]), np.array([2]), 1.0, name="place") is None

@@ -1,0 +1,156 @@
+"""Maps of nav2_map_server and of bags: every mode of shades, and where the map lies."""
+
+import numpy as np
+import pytest
+from PIL import Image
+from rosbags.typesys import Stores, get_typestore
+
+from bags.errors import BagError
+from bags.writer import BagWriter
+from serd_app.errors import AppError
+from serd_app.places.free_area import free_area_m
+from serd_app.places.ros_map import read_map
+from storage.errors import FileError
+from support.ros_maps import FREE, OCCUPIED, UNKNOWN, write_map
+
+_STORE = get_typestore(Stores.ROS2_JAZZY)
+#: Black, dark, middle, bright, white: p = 1, 0.75, 0.498, 0.2, 0.
+SHADES = np.array([[0, 64, 128, 204, 255]], dtype=np.uint8)
+
+
+def cells_of(folder, shades=SHADES, **look):
+    return read_map(write_map(folder, "map", shades, **look)).cells[0].tolist()
+
+
+def test_a_trinary_map_is_occupied_unknown_or_free_by_its_thresholds(tmp_path):
+    assert cells_of(tmp_path) == [100, 100, -1, 0, 0]
+
+
+def test_negate_makes_bright_cells_the_occupied_ones(tmp_path):
+    path = write_map(tmp_path, "map", SHADES)
+    path.write_text(path.read_text().replace("negate: 0", "negate: true"))
+    assert read_map(path).cells[0].tolist() == [0, -1, -1, 100, 100]
+
+
+def test_a_scaled_map_has_percents_between_the_thresholds(tmp_path):
+    # (0.498 - 0.25) / (0.65 - 0.25) = 62 %
+    assert cells_of(tmp_path, keys="mode: scale\n") == [100, 100, 62, 0, 0]
+
+
+def test_a_raw_map_holds_the_percents_themselves(tmp_path):
+    raw = np.array([[0, 40, 100, 101, 255]], dtype=np.uint8)
+    assert cells_of(tmp_path, raw, keys="mode: raw\n") == [0, 40, 100, -1, -1]
+
+
+def test_the_shade_of_map_saver_for_unknown_is_unknown_below_the_threshold_too(tmp_path):
+    assert 1 - UNKNOWN / 255 < 0.25
+    assert cells_of(tmp_path, np.array([[UNKNOWN, FREE]], dtype=np.uint8)) == [-1, 0]
+
+
+def test_transparent_cells_are_unknown_in_a_scaled_map_and_dark_in_a_trinary_one(tmp_path):
+    pixels = np.zeros((1, 2, 4), dtype=np.uint8)
+    pixels[0, :, :3], pixels[0, :, 3] = 255, [255, 0]
+    assert cells_of(tmp_path, pixels, suffix=".png", keys="mode: scale\n") == [0, -1]
+    # The opacity is averaged in, as nav2_map_server does: shade 0.75, p = 0.25.
+    assert cells_of(tmp_path, pixels, suffix=".png") == [0, -1]
+
+
+def test_sixteen_bits_of_grey_are_read_like_eight(tmp_path):
+    path = write_map(tmp_path, "map", SHADES)
+    Image.fromarray(SHADES.astype(np.uint16) * 257).save(tmp_path / "map.png")
+    path.write_text(path.read_text().replace("map.pgm", "map.png"))
+    assert read_map(path).cells[0].tolist() == [100, 100, -1, 0, 0]
+
+
+def test_the_lowest_row_of_the_image_lies_at_the_origin(tmp_path):
+    shades = np.full((4, 6), OCCUPIED, dtype=np.uint8)
+    shades[-3:, :3] = FREE
+    path = write_map(tmp_path, "map", shades, origin="[10.0, 20.0, 0.0]")
+    assert free_area_m(read_map(path)).bounds == pytest.approx((10.0, 20.0, 10.15, 20.15))
+
+
+def test_a_map_that_is_turned_lies_at_its_yaw(tmp_path):
+    shades = np.full((10, 30), FREE, dtype=np.uint8)
+    path = write_map(tmp_path, "map", shades, origin=f"[1.0, 2.0, {np.pi / 2}]")
+    area = free_area_m(read_map(path), at_m=(0.75, 3.0))
+    assert area.bounds == pytest.approx((0.5, 2.0, 1.0, 3.5))
+
+
+def occupancy_grid(cells, *, origin=(1.0, 2.0), yaw=0.0, resolution=0.05):
+    """(H, W) percents as a message."""
+    kinds = _STORE.types
+    header = kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](1, 0), "map")
+    pose = kinds["geometry_msgs/msg/Pose"](
+        kinds["geometry_msgs/msg/Point"](*origin, 0.0),
+        kinds["geometry_msgs/msg/Quaternion"](0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)),
+    )
+    info = kinds["nav_msgs/msg/MapMetaData"](header.stamp, resolution, *cells.shape[::-1], pose)
+    name = "nav_msgs/msg/OccupancyGrid"
+    message = kinds[name](header, info, cells.astype(np.int8).ravel())
+    return bytes(_STORE.serialize_cdr(message, name))
+
+
+def write_bag(folder, *grids, kind="nav_msgs/msg/OccupancyGrid"):
+    with BagWriter(folder) as writer:
+        writer.add_topic("/map", kind)
+        for number, data in enumerate(grids):
+            writer.write("/map", data, number)
+    return folder
+
+
+def test_the_last_map_of_a_bag_is_read_in_its_place(tmp_path):
+    first, last = np.zeros((6, 8)), np.zeros((6, 8))
+    last[0], last[:, -1] = 100, -1
+    bag = write_bag(tmp_path / "bag", occupancy_grid(first), occupancy_grid(last, yaw=np.pi / 2))
+    raster = read_map(bag)
+    assert raster.cells.tolist() == last.tolist()
+    assert (raster.origin_m, raster.resolution_m) == ((1.0, 2.0), 0.05)
+    assert free_area_m(raster).bounds == pytest.approx((0.7, 2.0, 0.95, 2.35))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("image: none.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n", "none.pgm: it does not exist"),
+        ("image: map.yaml\nresolution: 0.05\norigin: [0, 0, 0]\n", "must be an image (PGM, PNG"),
+        ("image: map.pgm\norigin: [0, 0, 0]\n", "resolution is required but missing; add it"),
+        ("image: map.pgm\nresolution: 0\norigin: [0, 0, 0]\n", "resolution must be greater than 0"),
+        (
+            "image: map.pgm\nresolution: 1\norigin: [0, 0, 0]\nfree_thresh: 0.7\n",
+            "free_thresh must be below occupied_thresh (0.65), got 0.7; lower it",
+        ),
+        (
+            "image: map.pgm\nresolution: 1\norigin: [0, 0, 0]\nmode: tertiary\n",
+            "mode must be 'trinary', 'scale' or 'raw', got 'tertiary'",
+        ),
+    ],
+)
+def test_a_bad_map_file_gets_a_sentence(tmp_path, text, sentence):
+    path = write_map(tmp_path, "map", SHADES)
+    path.write_text(text)
+    with pytest.raises(FileError, match=r".") as raised:
+        read_map(path)
+    assert sentence in str(raised.value)
+
+
+def test_a_map_without_free_cells_gets_a_sentence(tmp_path):
+    path = write_map(tmp_path, "map", np.full((9, 9), UNKNOWN, dtype=np.uint8))
+    with pytest.raises(AppError, match="free area at least three cells wide, got none"):
+        free_area_m(read_map(path))
+
+
+def test_a_bag_without_a_map_gets_a_sentence(tmp_path):
+    other = write_bag(tmp_path / "other", kind="std_msgs/msg/String")
+    with pytest.raises(AppError, match="must be of type nav_msgs/msg/OccupancyGrid"):
+        read_map(other)
+    with pytest.raises(BagError, match="must hold the topic 'costmap'"):
+        read_map(other, "costmap")
+    with pytest.raises(AppError, match="it holds no message"):
+        read_map(write_bag(tmp_path / "empty"))
+
+
+@pytest.mark.parametrize("resolution", [0.0, -0.05, np.nan, np.inf])
+def test_a_grid_without_a_resolution_gets_a_sentence_with_its_topic(tmp_path, resolution):
+    grid = occupancy_grid(np.zeros((4, 4)), resolution=resolution)
+    with pytest.raises(AppError, match=r"/map: the map's resolution must be finite and greater"):
+        read_map(write_bag(tmp_path / "bag", grid))

@@ -1,0 +1,112 @@
+"""The command itself: help without imports, version, completion, near names, closed pipes."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from serd_cli.signatures import MODULES, known_signatures
+from serd_core import __version__
+
+#: Libraries that no help needs.
+HEAVY = ("numpy", "scipy", "pandas", "matplotlib", "pybullet", "rclpy", "PIL", "mcap", "joblib")
+
+
+def serd(root, *words, **environment):
+    program = "import sys; from serd_cli.main import main; sys.argv[0] = 'serd'; sys.exit(main())"
+    return subprocess.run(
+        [sys.executable, "-c", program, *words],
+        env={**os.environ, "PYTHONPATH": str(root), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def imported(root, lines, **environment):
+    """The libraries that one process, which runs several commands, has imported after each."""
+    program = (
+        "import sys\n"
+        "from serd_cli.main import main\n"
+        f"for line in {list(lines)}:\n"
+        "    sys.argv[1:] = line.split()\n"
+        "    try: main()\n"
+        "    except SystemExit: pass\n"
+        f"    print(line, [name for name in {HEAVY} if name in sys.modules], file=sys.stderr)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": str(root), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return {line: f"{line} []" in done.stderr.splitlines() for line in lines}
+
+
+def test_help_version_and_errors_of_usage_import_no_library(root):
+    helps = [f"{words} --help" for words in known_signatures()]
+    wrong = [f"{words} --misspelt" for words in known_signatures() if words != "run"]
+    assert len(helps) > 40
+    lines = ("", "-h", "--version", "bagg", *helps, *wrong)
+    found = imported(root, lines)
+    assert [line for line in lines if not found[line]] == []
+
+
+def test_completion_of_options_imports_no_library(root):
+    environment = {"COMP_WORDS": "serd demos --", "COMP_CWORD": "2"}
+    assert imported(root, ["x"], _SERD_COMPLETE="complete_bash", **environment) == {"x": True}
+
+
+def test_each_module_of_commands_has_a_signature_of_its_name(root):
+    files = (root / "serd_cli" / "commands").glob("[!_]*.py")
+    registering = {path.stem for path in files if "def register(" in path.read_text()}
+    assert {words.split()[0] for words in known_signatures()} == registering == set(MODULES)
+
+
+def test_each_command_prints_its_result_as_json_on_request():
+    for words, signature in known_signatures().items():
+        option = signature.get("parameters", {"as_json": {}}).get("as_json")
+        assert option is not None, words
+
+
+def test_version(root):
+    assert serd(root, "--version").stdout == f"serd {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("bga",), "No such command 'bga'. Did you mean 'bag'?"),
+        (("bag", "nfo"), "No such command 'nfo'. Did you mean 'info'?"),
+        (("xyz",), "No such command 'xyz'."),
+    ],
+)
+def test_near_names_are_suggested_and_others_are_not(root, words, sentence):
+    done = serd(root, *words)
+    assert done.returncode == 2
+    assert f"│ {sentence} " in done.stderr
+
+
+def test_completion_offers_subcommands_and_their_options(root):
+    def completed(words, number):
+        environment = {"COMP_WORDS": words, "COMP_CWORD": str(number)}
+        return serd(root, _SERD_COMPLETE="complete_bash", **environment).stdout.split()
+
+    assert completed("serd na", 1) == ["navigate"]
+    assert "--scenario" in completed("serd demos --", 2)
+
+
+def test_a_reader_that_ends_early_is_no_error(root):
+    program = "import sys; from serd_cli.main import main; sys.exit(main())"
+    with subprocess.Popen(
+        [sys.executable, "-c", program, "scenario", "schema"],
+        env={**os.environ, "PYTHONPATH": str(root)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        process.stdout.close()
+        errors = process.stderr.read()
+    assert errors == ""

@@ -1,0 +1,132 @@
+"""`serd report`: from a bag of another robot to a page in three commands, and of other models."""
+
+import io
+import json
+import re
+import shutil
+import sys
+from contextlib import redirect_stdout
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from serd_cli.main import main
+from sim.scenario.grid import flow_of, grid_of
+from sim.scenario.scenario import load_scenario
+from storage.yaml_config import model_yaml
+from support.bag_messages import Messages
+from support.foreign_bags import STEP_S, ForeignBag
+from tests.serd_cli.test_map_journey import SPEED_MPS, laps
+
+FIGURES = {
+    *("forecast", "resolution", "visitation", "policy", "outcomes", "weights", "progress"),
+    *("gain", "features", "surprises"),
+}
+
+
+def foreign_bag(folder):
+    """Laps of a robot that publishes odometry and is driven by velocities."""
+    track = laps(8, np.random.default_rng(0))
+    rate = np.gradient(np.unwrap(track[:, 3]), STEP_S)
+    bag = ForeignBag(Messages())
+    bag.add_odometry("/odom", track)
+    commands = zip(track[::5, 0], rate[::5], strict=True)
+    bag.add_commands("/cmd_vel", [(time_s, SPEED_MPS, turn) for time_s, turn in commands])
+    return bag.write(folder)
+
+
+@pytest.fixture(scope="module")
+def three_commands(tmp_path_factory):
+    """A folder in which three commands were run, and what they printed."""
+    folder = tmp_path_factory.mktemp("three")
+    bag = foreign_bag(folder / "bag")
+    grid = ("--cell-size-m", "0.5", "--period-s", "1")
+    printed = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
+        patch.chdir(folder)
+        for words in (
+            ("bag", "suggest", bag, "--output", "mapping.yaml"),
+            ("demos", bag, "--mapping", "mapping.yaml", *grid),
+            ("learn", "decisions.csv", "--report", "report"),
+        ):
+            patch.setattr(sys, "argv", ["serd", *map(str, words)])
+            with pytest.raises(SystemExit) as ended:
+                main()
+            assert not ended.value.code
+    return folder, printed.getvalue()
+
+
+@pytest.fixture
+def learned(serd, three_commands, tmp_path):
+    """`serd` in a folder with their files."""
+    shutil.copytree(three_commands[0], tmp_path / "here", dirs_exist_ok=True)
+    return serd
+
+
+def shown(page):
+    return set(re.findall(r'<figure id="(\w+)">', Path(page).read_text(encoding="utf-8")))
+
+
+def test_a_bag_of_another_robot_is_a_page_after_three_commands(three_commands):
+    folder, printed = three_commands
+    page = folder / "report" / "report.html"
+    assert "report.html" in printed
+    assert shown(page) == FIGURES
+    text = page.read_text(encoding="utf-8")
+    assert "After 8 demonstrations with" in text
+    assert "cells of 0.5 m, a decision every 1 s" in text
+
+
+def test_a_model_is_reported_with_its_drives_and_chosen_starts(learned):
+    assert learned("navigate", "model.yaml", "--episodes", 3, "--output", "driven").code == 0
+    words = ("--episodes", "driven/episodes.csv", "--start", "3.4,2.2", "--output", "driven/page")
+    found = json.loads(learned("report", "model.yaml", *words, "--json").out)
+    assert (found["n_episodes"], found["n_demonstrations"]) == (3, 8)
+    without = {"visitation", "resolution", "surprises"}
+    assert shown(found["report"]) == (FIGURES - without) | {"arrival"}
+    assert ">3.4, 2.2</th>" in Path(found["report"]).read_text(encoding="utf-8")
+
+
+def test_a_grid_that_is_too_fine_is_warned_of_on_the_page(serd, tmp_path):
+    bag = foreign_bag(tmp_path / "bag")
+    assert serd("bag", "suggest", bag, "--output", "mapping.yaml").code == 0
+    words = ("--mapping", "mapping.yaml", "--cell-size-m", 0.25, "--period-s", 1)
+    assert serd("demos", bag, *words).code == 0
+    learned = serd("learn", "decisions.csv", "--method", "mdce_irl", "--report", "page")
+    assert learned.code == 0, learned.err
+    assert '<p class="warning">Cells of 0.25 m' in Path("page/report.html").read_text()
+
+
+def test_a_recording_is_reported_against_a_model_of_a_scenario_with_people(serd, root, tmp_path):
+    bag = sorted(path.parent for path in (root / "bags" / "data").rglob("metadata.yaml"))[0]
+    place = tmp_path / "place.yaml"
+    place.write_text(model_yaml(load_scenario("hallway").model_copy(update={"name": "place"})))
+    assert serd("demos", bag, "--scenario", place).code == 0
+    assert serd("learn", "decisions.csv", "--method", "mdce_irl").code == 0
+    place.unlink()
+    ended = serd("report", "model.yaml", "--demonstrations", bag)
+    assert ended.code == 0, ended.err
+    assert {"flow", "surprises", "visitation"} <= shown("report/report.html")
+    assert (flow_of(load_scenario("hallway"), grid_of(load_scenario("hallway"))) >= 0).any()
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("none.yaml",), "none.yaml: it does not exist"),
+        (("mapping.yaml",), "mapping.yaml: "),
+        (("model.yaml", "--scenario", "hallway"), "model.yaml: was made for another grid"),
+        (("model.yaml", "--demonstrations", "none.csv"), "none.csv"),
+        (("model.yaml", "--episodes", "none.csv"), "none.csv: it does not exist"),
+        (("model.yaml", "--start", "here"), "start must be two numbers 'x, y' (m), got 'here'"),
+        (("model.yaml", "--start", "99,99"), "start must be in a walkable cell, got (99, 99) m"),
+        (("model.yaml", "--output", "mapping.yaml"), "cannot write mapping.yaml"),
+    ],
+)
+def test_bad_input_gets_a_sentence(learned, words, sentence):
+    ended = learned("report", *words)
+    assert ended.code == 2
+    assert sentence in ended.err
+    assert ended.err.count("\n") == 1
+    assert ended.out == ""

@@ -1,0 +1,129 @@
+import numpy as np
+import pytest
+from scipy.stats import gamma, kstest
+
+from serd_core.arrival.dwell_times import (
+    DwellModel,
+    Pace,
+    fit_dwell_times,
+    fit_pace_ahead,
+    paced_law,
+)
+from serd_core.arrival.law import ArrivalLaw
+from serd_core.arrival.scores import crps_s, integral_transform, point_law, scaled_point_law
+from serd_core.errors import SerdError
+
+BETA, PHI, PACE = np.array([-0.3, 0.15]), np.array([0.04, 0.4]), 0.2
+
+
+def moves(n_people, n_moves, seed=0):
+    rng = np.random.default_rng(seed)
+    person = np.repeat(np.arange(n_people), n_moves)
+    pace = rng.normal(0, PACE, n_people)
+    design = np.stack([np.ones(len(person)), rng.normal(size=len(person))], axis=1)
+    kind = rng.integers(0, 2, len(person))
+    mean = np.exp(design @ BETA + pace[person])
+    return mean * rng.gamma(1 / PHI[kind], PHI[kind]), design, kind, person, pace
+
+
+def test_the_fit_recovers_covariates_variation_and_pace():
+    times, design, kind, person, _ = moves(600, 12)
+    found = fit_dwell_times(times, design, kind, person)
+    assert found.converged
+    np.testing.assert_allclose(found.coefficients, BETA, atol=0.03)
+    np.testing.assert_allclose(found.dispersion, PHI, rtol=0.08)
+    assert np.sqrt(found.pace_variance) == pytest.approx(PACE, rel=0.08)
+
+
+def test_the_posterior_of_a_pace_is_calibrated():
+    times, design, kind, person, pace = moves(500, 6, seed=3)
+    model = DwellModel(BETA, PHI, PACE**2)
+    each = [
+        model.pace(times[person == i], design[person == i], kind[person == i]) for i in range(500)
+    ]
+    scores = [(b - one.mean) / np.sqrt(one.variance) for b, one in zip(pace, each, strict=True)]
+    assert kstest(scores, "norm").pvalue > 0.01
+    assert np.mean([one.variance for one in each]) < PACE**2 / 2
+
+
+def test_without_moves_the_pace_is_that_of_everyone():
+    found = DwellModel(BETA, PHI, PACE**2).pace(np.zeros(0), np.zeros((0, 2)), np.zeros(0, int))
+    assert found.mean == 0.0
+    assert found.variance == pytest.approx(PACE**2)
+
+
+def test_the_density_at_a_certain_pace_is_the_gamma_density():
+    model = DwellModel(BETA, PHI, PACE**2)
+    found = model.log_density(0.7, 0.9, 1, Pace(0.1, 1e-12))
+    scale = 0.9 * np.exp(0.1) * PHI[1]
+    assert found == pytest.approx(gamma(1 / PHI[1], scale=scale).logpdf(0.7), abs=1e-5)
+
+
+def test_masses_have_the_mean_of_the_times():
+    mass = DwellModel(BETA, PHI, PACE**2).mass(np.array([0.8, 0.4]), np.array([0, 1]), 0.05, 200)
+    np.testing.assert_allclose(mass.sum(axis=1), 1.0, atol=1e-9)
+    np.testing.assert_allclose(mass @ (np.arange(201) * 0.05), [0.8, 0.4], atol=2e-3)
+
+
+def test_a_pace_multiplies_the_time_of_arrival():
+    times = np.arange(1, 2001) * 0.01
+    law = ArrivalLaw(times, gamma(20, scale=0.2).cdf(times), 1.0)
+    slower = paced_law(law, Pace(np.log(1.5), 1e-10))
+    np.testing.assert_allclose(slower.cdf, gamma(20, scale=0.3).cdf(times), atol=1e-3)
+    uncertain = paced_law(law, Pace(0.0, 0.09))
+    spread = [each.quantile_s(0.95) - each.quantile_s(0.05) for each in (law, uncertain)]
+    assert spread[1] > 1.2 * spread[0]
+
+
+def test_times_of_zero_are_rejected():
+    with pytest.raises(SerdError, match=r"dwell_s must hold times above 0, got 0\.0 in row 1"):
+        fit_dwell_times(np.array([1.0, 0.0]), np.ones((2, 1)), np.zeros(2, int), np.zeros(2, int))
+
+
+def test_the_score_of_a_point_is_its_absolute_error():
+    assert crps_s(point_law(4.0), 5.5) == pytest.approx(1.5)
+    assert crps_s(point_law(4.0), 3.0) == pytest.approx(1.0)
+
+
+def test_the_score_of_a_uniform_forecast_is_that_of_its_closed_form():
+    times = np.linspace(0, 1, 2001)
+    found = crps_s(ArrivalLaw(times, times, 1.0), 0.3)
+    assert found == pytest.approx(0.3**3 / 3 + 0.7**3 / 3, abs=1e-3)
+
+
+def test_intervals_hold_their_share_of_times_that_follow_the_forecast():
+    rng = np.random.default_rng(5)
+    law = scaled_point_law(10.0, rng.lognormal(0, 0.3, 4000))
+    drawn = 10.0 * rng.lognormal(0, 0.3, 2000)
+    transformed = np.array([integral_transform(law, each) for each in drawn])
+    assert np.mean(np.abs(transformed - 0.5) <= 0.45) == pytest.approx(0.9, abs=0.025)
+    assert kstest(transformed, "uniform").pvalue > 1e-3
+
+
+def test_one_outlier_among_the_factors_leaves_the_transform_as_it_is():
+    factors = np.concatenate([np.linspace(0.9, 1.1, 99), [40.0]])
+    law = scaled_point_law(10.0, factors)
+    assert integral_transform(law, 8.0) == 0.0
+    assert integral_transform(law, 10.9) == pytest.approx(0.94, abs=0.01)
+    assert integral_transform(law, 50.0) == pytest.approx(0.99)
+    assert integral_transform(point_law(4.0), 4.0) == 0.5
+
+
+def test_kinds_out_of_range_are_rejected():
+    times, design, kind, person, _ = moves(5, 4)
+    with pytest.raises(SerdError, match=r"kind\[0\] must be from 0 to n_kinds - 1 = 1, got -1"):
+        fit_dwell_times(times, design, kind * 0 - 1, person, 2)
+    with pytest.raises(SerdError, match=r"kind\[3\] must be from 0 to n_kinds - 1 = 1, got 2"):
+        fit_dwell_times(times, design, np.where(np.arange(20) == 3, 2, kind), person, 2)
+
+
+def test_the_pace_ahead_regresses_to_the_mean_as_much_as_people_change():
+    rng = np.random.default_rng(4)
+    observed = rng.normal(0, 0.2, 3000)
+    noise = rng.uniform(0.001, 0.01, 3000)
+    ahead = 0.05 + 0.6 * observed + rng.normal(0, np.sqrt(0.01 + noise))
+    found = fit_pace_ahead(observed, ahead, noise)
+    assert found.intercept == pytest.approx(0.05, abs=0.01)
+    assert found.slope == pytest.approx(0.6, abs=0.03)
+    assert found.variance == pytest.approx(0.01, rel=0.1)
+    assert found.after(Pace(0.5, 1.0)).mean == pytest.approx(0.35, abs=0.03)

@@ -1,0 +1,130 @@
+import numpy as np
+import pytest
+from scipy.stats import gamma, nbinom
+
+from serd_core.arrival.chain import arrival_by_state
+from serd_core.arrival.semi_markov import (
+    DwellTimes,
+    RenewalChain,
+    renewal_chain,
+    semi_markov_arrival,
+)
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Action, Grid
+from serd_core.grid.navigation import build_navigation_problem
+
+
+def hallway(rows=7, columns=3):
+    grid = Grid((0, 0), 1.0, np.ones((rows, columns), bool))
+    return build_navigation_problem(
+        grid=grid,
+        flow=np.full(grid.n_states, Action.NORTH),
+        goal_states=[grid.n_states - 1],
+        wall_distance_m=np.ones(grid.n_states),
+        discount=0.95,
+    )
+
+
+def line(n_moves, dwell=None):
+    """States 0 to n, each of which leads to the next one."""
+    state = np.arange(n_moves)
+    goal = np.zeros(n_moves + 1, bool)
+    goal[-1] = True
+    classes = np.zeros(n_moves, int) if dwell is None else np.asarray(dwell)
+    return RenewalChain(state, state + 1, np.ones(n_moves), classes, goal)
+
+
+def any_policy(problem, seed):
+    rng = np.random.default_rng(seed)
+    weights = np.where(problem.mdp.available, rng.gamma(1.0, size=problem.mdp.available.shape), 0)
+    return weights / weights.sum(axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_equal_periods_give_the_arrival_of_decision_periods(seed):
+    problem = hallway()
+    table = np.random.default_rng(seed).dirichlet(np.ones(5), 4)
+    policy = any_policy(problem, seed)
+    expected = arrival_by_state(problem, policy, table, 60)
+    found = semi_markov_arrival(renewal_chain(problem, policy, table), DwellTimes.periodic(2.0), 60)
+    np.testing.assert_allclose(found.cdf, expected.cdf, atol=3e-8)
+    np.testing.assert_allclose(found.arrival_probability, expected.arrival_probability)
+
+
+def test_moves_of_gamma_times_add_up_to_a_gamma_distribution():
+    step_s, shape, scale_s = 0.05, 4.0, 0.25
+    edges = (np.arange(400) + 0.5) * step_s
+    cdf = gamma(shape, scale=scale_s).cdf(edges)
+    dwell = DwellTimes(step_s, np.diff(np.concatenate([[0.0], cdf]))[None])
+    found = semi_markov_arrival(line(5), dwell, 300).cdf[:, 0]
+    np.testing.assert_allclose(found, gamma(5 * shape, scale=scale_s).cdf(edges[:301]), atol=2e-4)
+
+
+def test_waits_of_chance_give_the_negative_binomial_distribution():
+    state, successor = np.repeat(np.arange(3), 2), np.array([0, 1, 1, 2, 2, 3])
+    chain = RenewalChain(
+        state, successor, np.tile([0.6, 0.4], 3), np.zeros(6, int), np.arange(4) == 3
+    )
+    found = semi_markov_arrival(chain, DwellTimes.periodic(1.0), 40).cdf[:, 0]
+    np.testing.assert_allclose(found, nbinom(3, 0.4).cdf(np.arange(41) - 3), atol=3e-8)
+
+
+def test_each_class_of_moves_has_its_own_time():
+    dwell = DwellTimes(1.0, np.array([[0, 1, 0, 0], [0, 0, 0, 1.0]]))
+    found = semi_markov_arrival(line(3, [0, 1, 1]), dwell, 10).cdf
+    assert np.flatnonzero(found[:, 0] > 0.5)[0] == 7
+    assert np.flatnonzero(found[:, 1] > 0.5)[0] == 6
+
+
+def test_classes_follow_the_outcome_models():
+    problem = hallway()
+    policy, table = any_policy(problem, 1), np.random.default_rng(1).dirichlet(np.ones(5), 4)
+    classes = np.tile([1, 0, 0, 0, 0], (4, 1))
+    dwell = DwellTimes(1.0, np.array([[0, 1.0, 0], [0, 0, 1.0]]))
+    chain = renewal_chain(problem, policy, table, classes)
+    found = semi_markov_arrival(chain, dwell, 200)
+    slower = semi_markov_arrival(
+        renewal_chain(problem, policy, table), DwellTimes(1.0, np.array([[0, 0, 1.0]])), 200
+    )
+    faster = semi_markov_arrival(
+        renewal_chain(problem, policy, table), DwellTimes.periodic(1.0), 200
+    )
+    assert np.all(found.cdf <= faster.cdf + 1e-7)
+    assert np.all(found.cdf >= slower.cdf - 1e-7)
+    assert found.mean_periods[0] > faster.mean_periods[0] + 0.1
+
+
+def test_states_that_never_arrive_have_probability_zero():
+    chain = RenewalChain(
+        np.array([0, 1]), np.array([0, 2]), np.ones(2), np.zeros(2, int), np.arange(3) == 2
+    )
+    found = semi_markov_arrival(chain, DwellTimes.periodic(1.0), 20)
+    np.testing.assert_allclose(found.cdf[:, 0], 0.0, atol=1e-7)
+    assert found.arrival_probability.tolist() == [0.0, 1.0, 1.0]
+
+
+def test_moves_that_do_not_sum_to_one_are_rejected():
+    with pytest.raises(SerdError, match=r"moves from state 1 must sum to 1, got 0\.5"):
+        RenewalChain(
+            np.array([0, 1]),
+            np.array([1, 2]),
+            np.array([1, 0.5]),
+            np.zeros(2, int),
+            np.arange(3) == 2,
+        )
+
+
+def test_negative_probabilities_are_rejected():
+    with pytest.raises(SerdError, match=r"probability\[1\] must not be negative, got -0\.5"):
+        RenewalChain(
+            np.array([0, 0]),
+            np.array([1, 0]),
+            np.array([1.5, -0.5]),
+            np.zeros(2, int),
+            np.arange(2) == 1,
+        )
+
+
+def test_masses_that_are_no_probabilities_are_rejected():
+    with pytest.raises(SerdError, match=r"mass\[1\] must be probabilities"):
+        DwellTimes(0.1, np.array([[0, 1.0], [0.7, 0.7]]))

@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from serd_core.demonstrations.crossings import cell_crossings
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Grid
+
+GRID = Grid((0.0, 0.0), 1.0, np.ones((3, 6), bool))
+
+
+def state(column, row):
+    return int(GRID.state_of_cell[row, column])
+
+
+def test_a_straight_line_crosses_every_border_at_its_time():
+    found = cell_crossings(GRID, np.array([0.0, 4.0]), np.array([[0.5, 1.5], [4.5, 1.5]]))
+    assert found.state.tolist() == [state(column, 1) for column in range(5)]
+    np.testing.assert_allclose(found.entered_s, [0.0, 0.5, 1.5, 2.5, 3.5])
+    assert np.isnan(found.left_s)
+
+
+def test_a_diagonal_way_goes_through_the_cell_whose_border_it_passes_first():
+    found = cell_crossings(GRID, np.array([0.0, 1.0]), np.array([[0.5, 0.6], [1.5, 1.6]]))
+    assert found.state.tolist() == [state(0, 0), state(0, 1), state(1, 1)]
+    np.testing.assert_allclose(found.entered_s, [0.0, 0.4, 0.5])
+
+
+def test_swaying_within_the_hysteresis_crosses_nothing():
+    time = np.arange(100) * 0.1
+    sway = np.stack([0.5 + 0.05 * time, 1.0 + 0.08 * np.sin(5 * time)], axis=1)
+    assert len(cell_crossings(GRID, time, sway)) > 4
+    assert len(cell_crossings(GRID, time, sway, hysteresis_m=0.1)) == 1
+
+
+def test_places_beyond_a_wall_stay_in_the_cell_and_an_open_end_ends_the_way():
+    time = np.array([0.0, 1.0, 2.0, 3.0])
+    places = np.array([[4.5, 2.5], [4.6, 3.2], [5.5, 2.6], [6.5, 2.6]])
+    found = cell_crossings(GRID, time, places)
+    assert found.state.tolist() == [state(4, 2), state(5, 2)]
+    assert found.left_s == pytest.approx(2.5)
+
+
+def test_a_way_that_misses_the_grid_has_no_cells():
+    assert len(cell_crossings(GRID, np.array([0.0, 1.0]), np.full((2, 2), 9.0))) == 0
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    steps=st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=12),
+    hysteresis=st.sampled_from([0.0, 0.1, 0.3]),
+)
+def test_each_move_leads_to_a_neighbour_and_times_do_not_decrease(steps, hysteresis):
+    places = np.cumsum(np.array([(2.5, 1.5), *steps]), axis=0)
+    found = cell_crossings(GRID, np.arange(len(places)) * 0.4, places, hysteresis)
+    moved = np.abs(np.diff(GRID.cells[found.state], axis=0)).sum(axis=1)
+    assert np.all(moved == 1)
+    assert np.all(np.diff(found.entered_s) >= 0)
+
+
+def test_times_out_of_order_are_rejected():
+    with pytest.raises(SerdError, match=r"time_s must increase, got 0\.5 after 1\.0"):
+        cell_crossings(GRID, np.array([0.0, 1.0, 0.5]), np.ones((3, 2)))
+
+
+def test_a_hysteresis_of_half_a_cell_is_rejected():
+    with pytest.raises(SerdError, match=r"hysteresis_m must be at least 0 and below half a cell"):
+        cell_crossings(GRID, np.array([0.0, 1.0]), np.ones((2, 2)), 0.5)

@@ -1,0 +1,145 @@
+"""Compiled code against its plain twins in NumPy and SciPy."""
+
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from benchmarks.learning.gridworld_problems import (
+    DYNAMICS,
+    WEIGHTS,
+    demonstrations,
+    landscape_problem,
+    objective_of,
+)
+from serd_core import compiled
+from serd_core.bellman.equations import SoftBellman
+from serd_core.bellman.linear.automatic import Automatic
+from serd_core.bellman.linear.krylov import Krylov, SweptSystem
+from serd_core.compiled import HAS_NUMBA
+from serd_core.dynamics.transition_model import transitions_of
+from serd_core.learners.start import starting_parameters
+
+pytestmark = pytest.mark.skipif(not HAS_NUMBA, reason="numba (the extra `fast`) is not installed")
+
+
+@pytest.fixture(scope="module")
+def everything_compiled():
+    """Problems of any size use compiled code."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiled, "SMALLEST_COMPILED", 0)
+        yield
+
+
+def random_policy(mdp, rng):
+    policy = rng.random(mdp.available.shape) * mdp.available
+    return policy / policy.sum(axis=1, keepdims=True)
+
+
+@pytest.mark.usefixtures("everything_compiled")
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 10_000))
+def test_sums_over_the_entries_are_those_of_the_matrix(random_problem, seed):
+    problem, table = random_problem(seed, 0.95)
+    mdp, rng = problem.mdp, np.random.default_rng(seed)
+    transitions, model = transitions_of(mdp.transitions, table), mdp.transitions
+    assert model.compiled_rows is not None
+    values, weights = rng.normal(size=mdp.n_states), rng.normal(size=mdp.available.shape)
+    rewards = np.where(mdp.available, weights, -np.inf)
+    np.testing.assert_allclose(
+        transitions.backed_up(rewards, 0.95, values),
+        rewards + 0.95 * transitions.expected(values),
+        atol=1e-13,
+    )
+    np.testing.assert_allclose(
+        transitions.flow(weights), transitions.matrix.T @ weights.ravel(), atol=1e-13
+    )
+    policy, pattern = random_policy(mdp, rng), mdp.policy_pattern
+    np.testing.assert_allclose(
+        transitions.system_data(pattern, policy, 0.95),
+        pattern.system_data(policy, transitions.entries, 0.95),
+        atol=1e-14,
+    )
+    by_entry = weights.ravel()[model.row] * values[model.successor]
+    np.testing.assert_allclose(
+        transitions.local_gradient(weights, values, 0.95),
+        0.95 * model.gather(by_entry),
+        atol=1e-12,
+    )
+
+
+@pytest.mark.usefixtures("everything_compiled")
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 10_000), size=st.sampled_from([1e-3, 1.0, 1e4]))
+def test_soft_maximum_and_policy_are_those_of_numpy(seed, size):
+    rng = np.random.default_rng(seed)
+    q = size * rng.normal(size=(7, 4))
+    q[rng.random(q.shape) < 0.3] = -np.inf
+    q[:, 0] = rng.normal(size=7)
+    expected = np.logaddexp.reduce(q, axis=1)
+    np.testing.assert_allclose(SoftBellman().maximum(q), expected, rtol=1e-14, atol=1e-14)
+    weights = np.exp(q - expected[:, None])
+    np.testing.assert_allclose(SoftBellman().policy(q), weights, rtol=1e-10, atol=1e-300)
+
+
+@pytest.mark.usefixtures("everything_compiled")
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 10_000))
+def test_swept_solutions_are_those_of_the_dense_solver(random_problem, seed):
+    problem, table = random_problem(seed, 0.95)
+    mdp, rng = problem.mdp, np.random.default_rng(seed)
+    policy, entries = random_policy(mdp, rng), mdp.transitions.entries(table)
+    data = mdp.policy_pattern.system_data(policy, entries, 0.95)
+    dense, right_side = mdp.policy_pattern.matrix(data).toarray(), rng.normal(size=mdp.n_states)
+    system = Krylov().prepare(mdp.policy_pattern, data)
+    assert isinstance(system, SweptSystem)
+    np.testing.assert_allclose(
+        system.solve(right_side), np.linalg.solve(dense, right_side), atol=1e-7
+    )
+    np.testing.assert_allclose(
+        system.solve(right_side, transposed=True), np.linalg.solve(dense.T, right_side), atol=1e-7
+    )
+
+
+def test_a_large_system_is_solved_to_the_residual_asked_for():
+    mdp = landscape_problem(145, 0.99).problem.mdp
+    policy = np.full(mdp.available.shape, 1.0 / mdp.n_actions)
+    pattern = mdp.policy_pattern
+    data = transitions_of(mdp.transitions, DYNAMICS).system_data(pattern, policy, mdp.discount)
+    right_side = np.random.default_rng(0).normal(size=mdp.n_states)
+    system = Automatic(largest_lu_states=0).prepare(pattern, data)
+    assert isinstance(system, SweptSystem)
+    for transposed in (False, True):
+        found = system.solve(right_side, transposed=transposed)
+        matrix = pattern.matrix(data)
+        left = right_side - (matrix.T if transposed else matrix) @ found
+        assert np.linalg.norm(left) <= 1e-11 * np.linalg.norm(right_side)
+
+
+def large_gradient(monkeypatch, has_numba):
+    monkeypatch.setattr(compiled, "HAS_NUMBA", has_numba)
+    world = landscape_problem(145, 0.99)
+    posterior = objective_of(world.problem, demonstrations(world, 20, 30))
+    assert (world.problem.mdp.transitions.compiled_rows is not None) == has_numba
+    start = starting_parameters(world.problem, posterior.policy_model, WEIGHTS, DYNAMICS)
+    return posterior.evaluate(start)
+
+
+def test_a_numba_that_does_not_load_is_not_used(monkeypatch):
+    monkeypatch.setitem(sys.modules, "numba", None)
+    compiled._numba_loads.cache_clear()
+    assert not compiled.is_compiled(compiled.SMALLEST_COMPILED)
+    monkeypatch.undo()
+    compiled._numba_loads.cache_clear()
+    assert compiled.is_compiled(compiled.SMALLEST_COMPILED)
+
+
+def test_a_large_gradient_is_the_same_with_and_without_numba(monkeypatch):
+    fast, plain = (large_gradient(monkeypatch, has_numba) for has_numba in (True, False))
+    difference = np.max(np.abs(fast.solution.value - plain.solution.value))
+    assert difference <= fast.solution.error_bound + plain.solution.error_bound
+    assert fast.objective == pytest.approx(plain.objective, rel=1e-12)
+    size = np.max(np.abs(plain.gradient.vector))
+    np.testing.assert_allclose(fast.gradient.vector, plain.gradient.vector, atol=1e-9 * size)

@@ -1,0 +1,125 @@
+"""Poses in frames that /tf joins with the map, and frames that nothing joins."""
+
+import math
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+
+from bags.messages.plain import Header, Transform
+from serd_core.grid.grid import Action
+from serd_ros.convert.command import from_intent, to_intent
+from serd_ros.convert.frames import Frames, compose
+from serd_ros.convert.pose import from_odometry, from_pose_stamped, to_pose
+from serd_ros.convert.sensors import from_people_message, to_people_message
+from serd_ros.errors import MessageError
+from sim.world.observation import People
+
+SECOND = 10**9
+
+
+def transform(parent, child, x, y, yaw, *, stamp_ns=SECOND, roll=0.0):
+    turn = (math.sin(roll / 2), 0.0, math.sin(yaw / 2), math.cos(yaw / 2) * math.cos(roll / 2))
+    return Transform(Header(stamp_ns, parent), child, (x, y, 0.3, *turn))
+
+
+@pytest.fixture
+def frames():
+    known = Frames()
+    known.take(transform("map", "odom", 2.0, 1.0, math.pi / 2), static=False)
+    known.take(transform("odom", "base_footprint", 3.0, 0.5, 0.2), static=False)
+    known.take(transform("base_footprint", "base_link", 0.1, 0.0, 0.0), static=True)
+    known.take(transform("base_link", "laser", 0.0, 0.0, 0.0, roll=math.pi), static=True)
+    return known
+
+
+def test_a_pose_in_odom_is_turned_and_moved_into_the_map(frames):
+    message = PoseStamped(pose=to_pose((3.0, 0.5, 0.2)))
+    message.header.frame_id = "/odom"
+    _, pose = from_pose_stamped(message, frames)
+    assert pose == pytest.approx((1.5, 4.0, math.pi / 2 + 0.2))
+
+
+def test_a_chain_of_frames_is_followed_and_its_stamp_is_that_of_the_motion(frames):
+    frames.take(transform("odom", "base_footprint", 3.0, 0.5, 0.2, stamp_ns=5), static=False)
+    placed = frames.place("base_link", "map")
+    odom = compose((2.0, 1.0, math.pi / 2), (3.0, 0.5, 0.2))
+    assert placed.pose == pytest.approx(compose(odom, (0.1, 0.0, 0.0)))
+    assert placed.stamp_ns == 5
+    back = frames.place("map", "base_link").pose
+    assert compose(placed.pose, back) == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_a_frame_that_nothing_joins_is_refused_by_name(frames):
+    with pytest.raises(MessageError, match=r"'map' or joined with it by /tf, got 'world'; frames"):
+        frames.place("world", "map")
+
+
+def test_a_tilted_frame_is_refused(frames):
+    with pytest.raises(MessageError, match="level in 'base_link', got 'laser'"):
+        frames.place("laser", "base_link")
+
+
+def test_a_transform_that_has_stopped_is_named(frames):
+    later = transform("odom", "base_footprint", 3.0, 0.5, 0.2, stamp_ns=9 * SECOND)
+    frames.take(later, static=False)
+    with pytest.raises(MessageError, match=r"'map' to 'odom', 8\.0 s older"):
+        frames.place("base_link", "map")
+
+
+def test_a_transform_that_is_not_finite_is_refused(frames):
+    with pytest.raises(MessageError, match="finite"):
+        frames.take(transform("map", "odom", math.nan, 0.0, 0.0), static=False)
+
+
+def test_odometry_of_another_frame_of_the_robot_gives_the_motion_of_its_base(frames):
+    message = Odometry(child_frame_id="base_footprint")
+    message.header.frame_id = "odom"
+    message.pose.pose = to_pose((3.0, 0.5, math.pi / 2))
+    message.twist.twist.linear.x, message.twist.twist.angular.z = 0.4, 1.0
+    _, pose, speeds = from_odometry(message, frames)
+    assert pose == pytest.approx((3.0, 0.6, math.pi / 2))
+    assert speeds == pytest.approx((0.4, 1.0))
+
+
+def test_people_and_intents_are_turned_into_the_map(frames):
+    people = People(np.array([[1.0, 0.0]]), np.array([[0.5, 0.0]]), np.array([7]))
+    message = to_people_message(people, 1.0)
+    message.header.frame_id = "odom"
+    _, placed = from_people_message(message, frames)
+    assert placed.position_m == pytest.approx(np.array([[2.0, 2.0]]))
+    assert placed.velocity_mps == pytest.approx(np.array([[0.0, 0.5]]), abs=1e-9)
+    intent = to_intent(Action.EAST, 1.0)
+    intent.header.frame_id = "odom"
+    assert from_intent(intent, frames)[1] == Action.NORTH
+
+
+def test_the_prefix_of_a_robot_is_added_to_its_own_frames_and_removed_from_all():
+    frames = Frames("robot1/")
+    odometry, pose = Odometry(child_frame_id="base_link"), PoseStamped()
+    odometry.header.frame_id, pose.header.frame_id = "odom", "map"
+    frames.add_prefix(odometry)
+    frames.add_prefix(odometry)  # a message that is published again keeps one prefix
+    frames.add_prefix(pose)
+    assert (odometry.header.frame_id, odometry.child_frame_id) == (
+        "robot1/odom",
+        "robot1/base_link",
+    )
+    assert pose.header.frame_id == "map"
+    odometry.pose.pose.orientation.w = 1.0
+    frames.remove_prefix(odometry)
+    assert from_odometry(odometry, frames)[1] == (0.0, 0.0, 0.0)
+
+
+def test_on_one_tf_a_robot_is_placed_by_its_own_frames():
+    frames = Frames("robot1/")
+    for robot, x_m in (("robot1", 1.0), ("robot2", 2.0)):
+        placed = x_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
+        frames.take(Transform(Header(1, "map"), f"{robot}/odom", placed), static=False)
+        frames.take(
+            Transform(Header(1, f"{robot}/odom"), f"{robot}/base_link", placed), static=False
+        )
+    assert frames.place("base_link", "map").pose == (2.0, 0.0, 0.0)
+    assert frames.place("robot1/base_link", "map").pose == (2.0, 0.0, 0.0)
+    assert frames.place("robot2/base_link", "map").pose == (4.0, 0.0, 0.0)

@@ -1,0 +1,92 @@
+"""Poses by `amcl_pose` and odometry, and what a message of /tf with a bad transform leaves."""
+
+import math
+
+import pytest
+
+from bags.rosbag2.message_types import message_type, rosbags_types
+from serd_ros.convert.pose import to_odometry
+from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.observation import ObservationSource
+from serd_ros.endpoints.raw_type import raw_message_class
+from serd_ros.endpoints.transforms import TF_TYPE, follow_transforms
+from serd_ros.graph.configs import LocalisationConfig
+from support.nodes_in_process import deliver, node_in_process
+from support.observations import observation_at
+from support.valid_messages import valid_message
+from support.waiting import wait_until
+
+START = 100.0
+
+
+def odometry(running, time_s, pose):
+    running.receive("odom", to_odometry(observation_at(0.0, 0.0, 0.0, time_s=time_s), pose))
+
+
+@pytest.mark.parametrize("far", [(1.1, 0.0, 0.0), (0.0, 0.0, 1.1)])
+def test_without_amcl_pose_odometry_is_followed_for_a_metre_or_a_radian(far):
+    config = LocalisationConfig(pose_from="amcl_pose", stamp_tolerance_s=0.3)
+    seen = []
+    with node_in_process("teleop_mux") as running:
+        source = ObservationSource(
+            running.node, 0.05, seen.append, needs_people=False, localisation=config
+        )
+        fault = source._localisation.fault
+        odometry(running, START, (0.0, 0.0, 0.0))
+        running.receive("amcl_pose", valid_message("amcl_pose", START))
+        odometry(running, START + 0.1, (0.9, 0.0, 0.0))
+        odometry(running, START + 0.2, (0.9, 0.0, 0.9))
+        assert (len(seen), fault()) == (2, "")
+        odometry(running, START + 0.3, far)
+        odometry(running, START + 0.4, (0.0, 0.0, 0.0))
+        assert len(seen) == 2
+        assert "more than 1 m or 1 rad since the last amcl_pose" in fault()
+        assert source._missing() == [fault()]
+        running.receive("amcl_pose", valid_message("amcl_pose", START + 0.4))
+        odometry(running, START + 0.5, (0.1, 0.0, 0.0))
+        assert (len(seen), fault()) == (3, "")
+        running.assert_alive()
+
+
+def transforms_message(*placed):
+    """A TFMessage in CDR of (parent, child, x_m, w of the quaternion)."""
+    types = rosbags_types().types
+    made = [
+        types["geometry_msgs/msg/TransformStamped"](
+            types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](1, 0), parent),
+            child,
+            types["geometry_msgs/msg/Transform"](
+                types["geometry_msgs/msg/Vector3"](x_m, 0.0, 0.0),
+                types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, w),
+            ),
+        )
+        for parent, child, x_m, w in placed
+    ]
+    return bytes(rosbags_types().serialize_cdr(types[TF_TYPE](made), TF_TYPE))
+
+
+def test_of_a_message_with_a_bad_transform_the_others_are_taken():
+    changes = []
+    with node_in_process("teleop_mux") as running:
+        node = running.node
+        follow_transforms(node, lambda: changes.append(node.frames.names))
+        kind = raw_message_class(message_type(TF_TYPE))
+        node.create_publisher(kind, topics.TF, qos.TF)
+
+        def subscription():
+            found = [each for each in node.subscriptions if each.topic_name == "/tf"]
+            return found[0] if found else None
+
+        received = wait_until(subscription, turn=running.call_timers)
+        deliver(
+            received,
+            transforms_message(
+                ("map", "odom", math.nan, 1.0),
+                ("wheel", "tyre", 0.0, 3.0),
+                ("odom", "base_link", 2.0, 1.0),
+            ),
+        )
+        assert changes == [("base_link", "odom")]
+        assert node.frames.place("base_link", "odom").pose == (2.0, 0.0, 0.0)
+        assert "1 x transforms must be finite" in running.rejected["rejected.tf"]
+        running.assert_alive()

@@ -1,0 +1,28 @@
+"""What the recorder reports of a recording."""
+
+from rosgraph_msgs.msg import Clock
+
+from serd_ros.convert.diagnostics import values_of
+from serd_ros.endpoints import qos
+from support.nodes_in_process import node_in_process
+from support.waiting import wait_until
+
+
+def test_a_discarded_episode_is_recorded_and_not_counted(tmp_path, messages):
+    given = {"output": str(tmp_path / "bag"), "topics": ["episode"], "minimum_free_mb": 0.0}
+    with node_in_process("demo_recorder", **given) as running:
+        for number, outcome in enumerate(("discarded", "timeout")):
+            for event, ending in (("start", ""), ("end", outcome)):
+                running.receive("episode", messages.mark(10.0 * number, event, number, ending))
+        running.call_timers()
+        values = values_of(running.sent["diagnostics"], "demo_recorder")
+    assert (values["messages"], values["episodes"]) == ("4", "1")
+
+
+def test_the_clock_of_a_remapped_topic_is_looked_at(tmp_path, messages):
+    given = {"output": str(tmp_path / "bag"), "topics": ["episode"], "minimum_free_mb": 0.0}
+    with node_in_process("demo_recorder", remappings=["/clock:=/robot1/clock"], **given) as running:
+        running.node.create_publisher(Clock, "/robot1/clock", qos.CLOCK)
+        wait_until(lambda: running.node.count_publishers("/robot1/clock"))
+        running.receive("episode", messages.mark(10.0, "start", 0, ""))
+        assert running.node._clock.simulated

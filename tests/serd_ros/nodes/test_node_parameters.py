@@ -1,0 +1,109 @@
+"""Every parameter of every node is described, and can be set while the node runs or is refused."""
+
+import os
+import pty
+import re
+
+import pytest
+from rclpy.parameter import Parameter
+
+from bags.rosbag2.message_types import message_type
+from bags.writer import BagWriter
+from serd_ros.graph.configs import CONFIGS
+from storage.settings import settings_of
+from support.bag_messages import POSE
+from support.nodes_in_process import node_in_process
+
+UNITS = {"s": "s", "m": "m", "mps": "m/s", "mps2": "m/s2", "radps": "rad/s", "hz": "Hz", "mb": "MB"}
+#: Numbers that are counts or shares.
+WITHOUT_RANGE = {"sensor_x", "sensor_y", "sensor_yaw"}
+
+
+@pytest.fixture
+def given(tmp_path, save_model_of, messages):
+    with BagWriter(tmp_path / "played") as writer:
+        kind = message_type(POSE)
+        writer.add_topic("/robot_pose", kind)
+        writer.write("/robot_pose", messages.pose(1.0, 2.0, 3.0), 10**9)
+    master, slave = pty.openpty()
+    yield {
+        "strategy": {"model": str(save_model_of())},
+        "learner": {"output": str(tmp_path / "learned.yaml")},
+        "demo_recorder": {"output": str(tmp_path / "bag")},
+        "bag_replay": {"bag": str(tmp_path / "played"), "paused": True},
+        "teleop_keyboard": {"terminal": os.ttyname(slave)},
+        "teleop_page": {"port": 0},
+        "hallway_sim": {"people": 0},
+    }
+    os.close(master)
+    os.close(slave)
+
+
+def other_value(parameter):
+    """A value of the same type that differs."""
+    value = parameter.value
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, str):
+        return f"{value}x"
+    return [*value, value[0]] if isinstance(value, list | tuple) else value + 1
+
+
+@pytest.mark.usefixtures("nav2_server")
+@pytest.mark.parametrize("kind", sorted(CONFIGS))
+def test_every_parameter_is_described_and_fixed_ones_refuse_to_be_set(kind, given):
+    with node_in_process(kind, **given.get(kind, {})) as running:
+        node, config = running.node, CONFIGS[kind]
+        for name in config.model_fields:
+            described, parameter = node.describe_parameter(name), node.get_parameter(name)
+            assert len(described.description) > 5, name
+            assert described.type == parameter.type_.value, name
+            assert described.read_only == (name not in config.changeable), name
+            if described.read_only:
+                wanted = Parameter(name, value=other_value(parameter))
+                result = node.set_parameters_atomically([wanted])
+                assert not result.successful
+                assert f"{name} is fixed while the node runs" in result.reason
+                assert node.get_parameter(name).value == parameter.value
+        running.assert_alive()
+
+
+@pytest.mark.parametrize("kind", sorted(CONFIGS))
+def test_every_number_has_its_unit_and_its_range(kind):
+    for setting in settings_of(CONFIGS[kind]):
+        if setting.schema["type"] not in ("number", "integer"):
+            continue
+        assert setting.range or setting.name in WITHOUT_RANGE, setting.name
+        suffix = re.search(r"_([a-z0-9]+)$", setting.name)
+        if suffix and suffix[1] in UNITS:
+            assert f"({UNITS[suffix[1]]})" in setting.description, setting.name
+
+
+def test_a_node_lives_on_after_use_sim_time_was_set_and_unset():
+    with node_in_process("guard") as running:
+        for value in (True, False):
+            wanted = Parameter("use_sim_time", value=value)
+            assert running.node.set_parameters_atomically([wanted]).successful
+            running.call_timers()
+        running.assert_alive()
+
+
+def test_a_goal_that_is_set_is_driven_to_and_a_wrong_one_is_refused(given):
+    with node_in_process("strategy", **given["strategy"]) as running:
+        node = running.node
+
+        def set_goal(value):
+            return node.set_parameters_atomically([Parameter("goal", value=value)])
+
+        before = node._navigator.strategy.scenario.goal_area_m
+        assert set_goal("3.5, 3.5").successful
+        assert node._navigator.strategy.scenario.goal_area_m != before
+        refused = set_goal("900, 3.5")
+        assert not refused.successful
+        assert "walkable cell" in refused.reason
+        assert node.get_parameter("goal").value == "3.5, 3.5"
+
+
+def test_the_strategy_plans_for_the_people_of_the_run(given):
+    with node_in_process("strategy", **given["strategy"], people=90) as running:
+        assert running.node.scenario.pedestrians.count == 90

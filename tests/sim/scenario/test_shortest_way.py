@@ -1,0 +1,87 @@
+"""Shortest ways to the goal, against geometry by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim.scenario import shortest_way
+from sim.scenario.scenario import Scenario, load_scenario
+from sim.scenario.shortest_way import shortest_way_m
+from support.movable_obstacles import DOOR, room
+
+ROOM = {
+    "name": "room",
+    "walkable_area_m": [[0, 0], [10, 0], [10, 10], [0, 10]],
+    "goal_area_m": [[8, 4], [10, 4], [10, 6], [8, 6]],
+    "start_areas_m": {"train": [[0, 4], [2, 4], [2, 6], [0, 6]]},
+    "pedestrians": {"count": 0},
+}
+
+
+def with_solid(outline, **values):
+    return Scenario.model_validate(
+        ROOM | {"obstacles": [{"name": "solid", "outline_m": outline}]} | values
+    )
+
+
+def test_straight_to_the_goal_where_nothing_is_between():
+    assert shortest_way_m(load_scenario("corridor"), 3.0, 2.0) == pytest.approx(25.0)
+
+
+def test_round_a_wall_with_arcs_of_the_robots_radius_at_its_corners():
+    wall = with_solid([[4, 3], [6, 3], [6, 7], [4, 7]])
+    # Tangents to circles of 0.25 m around the corners (4, 7), (6, 7), from (1, 5) to (8, 6).
+    expected = 0.0
+    for along, up in ((3.0, 2.0), (2.0, 1.0)):
+        far = math.hypot(along, up)
+        expected += math.sqrt(far**2 - 0.25**2)
+        turned = math.atan2(up, along) + math.asin(0.25 / far)
+        expected += 0.25 * turned
+    expected += 2.0
+    assert shortest_way_m(wall, 1.0, 5.0) == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_gap_that_is_too_narrow_is_no_way():
+    gap = 0.49
+    closed = Scenario.model_validate(
+        ROOM
+        | {
+            "obstacles": [
+                {"name": "low", "outline_m": [[5, -1], [5.9, -1], [5.9, 4], [5, 4]]},
+                {"name": "high", "outline_m": [[5, 4 + gap], [5.9, 4 + gap], [5.9, 9.6], [5, 9.6]]},
+            ],
+            "cell_size_m": 0.49,
+        }
+    )
+    assert shortest_way_m(closed, 1.0, 5.0) == math.inf
+
+
+def test_a_door_across_the_room_is_no_wall():
+    door = DOOR | {"outline_m": [[0, 5], [10, 5], [10, 5.05], [0, 5.05]], "hinge_m": [0, 5.025]}
+    assert shortest_way_m(room(door), 1.0, 1.0) == shortest_way_m(room(), 1.0, 1.0) < math.inf
+
+
+def test_from_within_the_radius_of_a_wall_the_way_starts_at_the_free_place():
+    corridor = load_scenario("corridor")
+    assert shortest_way_m(corridor, 0.1, 2.0) == pytest.approx(25.0)
+
+
+@pytest.mark.parametrize("name", ["hallway", "crossing", "t_junction"])
+def test_ways_over_the_raster_of_a_place_with_many_walls_are_at_most_3_percent_longer(
+    name, monkeypatch
+):
+    place = load_scenario(name)
+    points_m = place.cells.centers_m[::29]
+    exact_m = np.array([shortest_way_m(place, *point) for point in points_m])
+    monkeypatch.setattr(shortest_way, "_MOST_CORNERS", 0)
+    rasters = []
+    made = shortest_way.wall_distance_raster
+    monkeypatch.setattr(
+        shortest_way, "wall_distance_raster", lambda scenario: rasters.append(1) or made(scenario)
+    )
+    found_m = np.array([shortest_way_m(place, *point) for point in points_m])
+    assert (found_m >= exact_m - 0.05).all()
+    assert (found_m <= 1.03 * exact_m + 0.1).all()
+    assert shortest_way_m(place.with_pedestrian_count(1), *points_m[0]) == found_m[0]
+    assert len(rasters) == 1

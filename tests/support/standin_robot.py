@@ -1,0 +1,223 @@
+"""A stand-in for a robot with a driver, AMCL and Nav2, as a process of its own.
+
+    python tests/support/standin_robot.py --start 3.5 1.5 --period 0.1 --follow nav2
+
+All stamps are of the wall clock, and no two topics share one. `odom` and `scan` are best effort,
+`amcl_pose` is latched and published after some motion only, and map -> odom is stamped ahead, as
+AMCL does. Odometry begins at zero, and the lidar is turned by a quarter. The robot follows
+`cmd_vel`, or goals of navigate_to_pose including their heading, as Nav2's goal checker requires.
+It prints `goal N` for each goal, with how far it had to turn in place at its end.
+"""
+
+import argparse
+import array
+import math
+import random
+
+import rclpy
+from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
+from nav_msgs.msg import Odometry
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.task import Future
+from rclpy.time import Time
+from rosbags.typesys import Stores, get_typestore
+from sensor_msgs.msg import LaserScan
+
+from bags.rosbag2.message_types import message_type
+from serd_ros.endpoints.raw_type import raw_message_class
+
+TF = "tf2_msgs/msg/TFMessage"
+BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+RELIABLE = QoSProfile(depth=100)
+STEP_S = 0.02
+SPEED_MPS, TURN_RADPS = 0.6, 1.5
+XY_TOLERANCE_M, YAW_TOLERANCE_RAD = 0.1, 0.25
+N_RAYS, WALL_M = 360, 3.0
+
+
+class StandIn(Node):
+    """Moves in steps of 20 ms and publishes every period."""
+
+    def __init__(self, options):
+        super().__init__("standin_robot")
+        self.pose = [*options.start, math.pi / 2]
+        self.start = tuple(self.pose)
+        self.command, self.commanded_s = (0.0, 0.0), 0.0
+        self.speeds, self.goal, self.n_goals = (0.0, 0.0), None, 0
+        self.turned_rad, self.amcl_at = 0.0, None
+        self.store = get_typestore(Stores.ROS2_JAZZY)
+        tf = raw_message_class(message_type(TF))
+        self.odom = self.create_publisher(Odometry, "odom", BEST_EFFORT)
+        self.scan = self.create_publisher(LaserScan, "scan", BEST_EFFORT)
+        self.amcl = self.create_publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
+        self.tf = self.create_publisher(tf, "tf", RELIABLE)
+        self.tf_static = self.create_publisher(tf, "tf_static", LATCHED)
+        self.publish_tf(
+            self.tf_static,
+            ("base_footprint", "base_link", (0.0, 0.0, 0.0), 0.0),
+            ("base_link", "laser", (-0.04, 0.0, math.pi / 2), 0.0),
+        )
+        if options.follow == "nav2":
+            from nav2_msgs.action import NavigateToPose
+
+            self.kind = NavigateToPose
+            self.server = ActionServer(
+                self, NavigateToPose, "navigate_to_pose", self.drive,
+                goal_callback=self.accept, cancel_callback=lambda _: CancelResponse.ACCEPT,
+                handle_accepted_callback=self.begin,
+            )  # fmt: skip
+        else:
+            self.create_subscription(Twist, "cmd_vel", self.follow, 10)
+        self.create_timer(STEP_S, self.move)
+        self.create_timer(options.period, self.publish)
+
+    def now_s(self):
+        return self.get_clock().now().nanoseconds * 1e-9
+
+    def follow(self, message):
+        self.command, self.commanded_s = (message.linear.x, message.angular.z), self.now_s()
+
+    def accept(self, _):
+        from rclpy.action import GoalResponse
+
+        return GoalResponse.ACCEPT
+
+    def begin(self, handle):
+        """A new goal replaces the old one, which ends as aborted."""
+        if self.goal is not None:
+            self.goal[1].set_result("aborted")
+        self.turned_rad, self.n_goals = 0.0, self.n_goals + 1
+        self.goal = handle, Future()
+        handle.execute()
+
+    async def drive(self, handle):
+        ending = self.goal[1]
+        result = self.kind.Result()
+        getattr(
+            handle, {"arrived": "succeed", "cancelled": "canceled"}.get(await ending, "abort")
+        )()
+        return result
+
+    def towards_goal(self):
+        """Speeds to the goal of Nav2: turn, drive, turn to its heading."""
+        handle, ending = self.goal
+        if handle.is_cancel_requested:
+            self.goal = None
+            ending.set_result("cancelled")
+            return 0.0, 0.0
+        place, turn = handle.request.pose.pose.position, handle.request.pose.pose.orientation
+        east, north = place.x - self.pose[0], place.y - self.pose[1]
+        away_m = math.hypot(east, north)
+        if away_m > XY_TOLERANCE_M:
+            error = math.remainder(math.atan2(north, east) - self.pose[2], math.tau)
+            return (SPEED_MPS if abs(error) < 0.5 else 0.0), limited(3.0 * error, TURN_RADPS)
+        error = math.remainder(2 * math.atan2(turn.z, turn.w) - self.pose[2], math.tau)
+        if abs(error) > YAW_TOLERANCE_RAD:
+            self.turned_rad += TURN_RADPS * STEP_S
+            return 0.0, math.copysign(TURN_RADPS, error)
+        print(f"goal {self.n_goals} turned {self.turned_rad:.2f}", flush=True)
+        self.goal = None
+        ending.set_result("arrived")
+        return 0.0, 0.0
+
+    def move(self):
+        if self.goal is not None:
+            self.command, self.commanded_s = self.towards_goal(), self.now_s()
+        silent = self.now_s() - self.commanded_s > 0.5
+        self.speeds = (0.0, 0.0) if silent else self.command
+        speed, turn = self.speeds
+        self.pose[0] += speed * math.cos(self.pose[2]) * STEP_S
+        self.pose[1] += speed * math.sin(self.pose[2]) * STEP_S
+        self.pose[2] += turn * STEP_S
+
+    def in_odom(self):
+        """The odometry's frame lies where the robot was at the start."""
+        x, y, yaw = self.start
+        east, north = self.pose[0] - x, self.pose[1] - y
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return cos * east + sin * north, cos * north - sin * east, self.pose[2] - yaw
+
+    def publish(self):
+        now_s = self.now_s()
+        x, y, yaw = self.in_odom()
+        message = Odometry()
+        fill(message, now_s, "odom")
+        message.child_frame_id = "base_footprint"
+        place(message.pose.pose, x, y, yaw)
+        message.twist.twist.linear.x, message.twist.twist.angular.z = self.speeds
+        self.odom.publish(message)
+        self.publish_tf(self.tf, ("odom", "base_footprint", (x, y, yaw), now_s + 0.003))
+        self.publish_tf(self.tf, ("map", "odom", self.start, now_s + 0.9))
+        self.publish_scan(now_s - 0.013)
+        moved_m = math.inf if self.amcl_at is None else math.dist(self.amcl_at, self.pose)
+        if moved_m > 0.2:
+            self.amcl_at = tuple(self.pose)
+            found = PoseWithCovarianceStamped()
+            fill(found, now_s - 0.021, "map")
+            place(found.pose.pose, *self.pose)
+            self.amcl.publish(found)
+
+    def publish_scan(self, time_s):
+        message = LaserScan(
+            angle_min=-math.pi, angle_max=math.pi - math.tau / N_RAYS,
+            angle_increment=math.tau / N_RAYS, range_min=0.1, range_max=12.0,
+            ranges=array.array("f", [WALL_M + random.gauss(0.0, 0.01) for _ in range(N_RAYS)]),
+        )  # fmt: skip
+        fill(message, time_s, "laser")
+        self.scan.publish(message)
+
+    def publish_tf(self, publisher, *transforms):
+        types = self.store.types
+        made = []
+        for parent, child, (x, y, yaw), time_s in transforms:
+            stamp = Time(nanoseconds=round(time_s * 1e9)).to_msg()
+            time = types["builtin_interfaces/msg/Time"](stamp.sec, stamp.nanosec)
+            moved = types["geometry_msgs/msg/Vector3"](x, y, 0.0)
+            turned = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+            made.append(
+                types["geometry_msgs/msg/TransformStamped"](
+                    types["std_msgs/msg/Header"](time, parent),
+                    child,
+                    types["geometry_msgs/msg/Transform"](
+                        moved, types["geometry_msgs/msg/Quaternion"](*turned)
+                    ),
+                )
+            )
+        publisher.publish(bytes(self.store.serialize_cdr(types[TF](made), TF)))
+
+
+def limited(value, limit):
+    return max(-limit, min(limit, value))
+
+
+def fill(message, time_s, frame):
+    message.header.frame_id = frame
+    message.header.stamp = Time(nanoseconds=round(time_s * 1e9)).to_msg()
+
+
+def place(pose, x, y, yaw):
+    pose.position.x, pose.position.y = x, y
+    pose.orientation.z, pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--start", type=float, nargs=2, default=(3.5, 1.5))
+    parser.add_argument("--period", type=float, default=0.1)
+    parser.add_argument("--follow", choices=("cmd_vel", "nav2"), default="cmd_vel")
+    options = parser.parse_args()
+    rclpy.init()
+    try:
+        rclpy.spin(StandIn(options))
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()

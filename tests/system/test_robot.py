@@ -1,0 +1,125 @@
+"""A robot without a simulator drives to its goals, and what is missing for it is named.
+
+SERD_ROBOT_GOALS sets the number of goals of each drive, 20 for the long form.
+"""
+
+import importlib.util
+import os
+import re
+import sys
+from itertools import cycle, islice
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+
+from serd_ros.convert.diagnostics import END, from_episode_message
+from serd_ros.convert.pose import to_pose_stamped
+from serd_ros.endpoints import qos
+from support import standin_robot
+from support.waiting import wait_until
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+N_GOALS = int(os.environ.get("SERD_ROBOT_GOALS", "3"))
+PLACES = [(3.5, 3.5), (4.5, 2.5), (2.5, 3.5), (3.5, 1.5)]
+needs_nav2 = pytest.mark.skipif(
+    importlib.util.find_spec("nav2_msgs") is None,
+    reason="nav2_msgs is not installed; run make interfaces",
+)
+
+
+@pytest.fixture
+def start_robot(nodes):
+    def start(*options):
+        script = str(Path(standin_robot.__file__))
+        return nodes.start([sys.executable, script, *map(str, options)], "standin_robot")
+
+    return start
+
+
+class Goals:
+    """Sends goals one after the other and takes how their drives end."""
+
+    def __init__(self, probe):
+        self.probe, self.ends = probe, []
+        self._goals = probe.node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
+        probe.node.create_subscription(DiagnosticArray, "episode", self._take_mark, qos.STATE)
+
+    def _take_mark(self, message):
+        mark = from_episode_message(message)
+        if mark.event == END:
+            self.ends.append(mark.outcome)
+
+    def drive_to(self, place, seen):
+        n_ended = len(self.ends)
+        self.probe.spin_until(lambda: self._goals.get_subscription_count() > 0)
+        self._goals.publish(to_pose_stamped((*place, 0.0), 0.0))
+        self.probe.spin_until(lambda: len(self.ends) > n_ended, seen=seen)
+
+
+@pytest.mark.parametrize(
+    ("stack", "pose_from", "period_s"),
+    [
+        pytest.param("robot_nav2", "tf", 0.1, marks=needs_nav2),
+        pytest.param("robot_nav2", "amcl_pose", 0.103, marks=needs_nav2),
+        ("robot", "tf", 0.103),
+        ("robot", "amcl_pose", 0.1),
+    ],
+)
+def test_a_robot_with_stamps_of_its_own_reaches_its_goals(
+    stack, pose_from, period_s, nodes, probe, start_robot, save_model_of
+):
+    goals = Goals(probe)
+    follow = "nav2" if stack == "robot_nav2" else "cmd_vel"
+    start_robot("--follow", follow, "--period", period_s)
+    nodes.start_stack(stack, pose_from=pose_from, model=str(save_model_of()))
+    wait_until(lambda: "waiting for a goal" in nodes.log_of("strategy"))
+
+    def logs():
+        names = ("standin_robot", "strategy", "nav2_bridge" if follow == "nav2" else "guard")
+        return "\n".join(nodes.log_of(name) for name in names)
+
+    for place in islice(cycle(PLACES), N_GOALS):
+        goals.drive_to(place, logs)
+    assert goals.ends == ["arrived"] * N_GOALS
+    assert "internal error" not in logs()
+    if follow == "nav2":
+        found = re.findall(r"goal \d+ turned (\S+)", nodes.log_of("standin_robot"))
+        turns_rad = [float(each) for each in found]
+        assert len(turns_rad) >= 1
+        # By a heading of 0 it would turn by a quarter at each waypoint to the north.
+        assert sum(turns_rad) < 0.1 * len(turns_rad)
+
+
+def test_what_is_missing_is_named_in_the_log_and_on_diagnostics(
+    nodes, probe, start_robot, save_model_of
+):
+    reported = []
+
+    def take(message):
+        reported.extend(
+            status.message for status in message.status if status.name == "strategy: observation"
+        )
+
+    probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
+    nodes.start_stack("robot", model=str(save_model_of()))
+
+    def is_named(words):
+        return any(words in each for each in reported) and words in nodes.log_of("strategy")
+
+    probe.spin_until(lambda: is_named("tf has no publisher; odom has no publisher"))
+    reported.clear()
+    odometry = probe.node.create_publisher(Odometry, "odom", qos.SENSOR)
+    message = Odometry(child_frame_id="wheels")
+    message.header.frame_id, message.header.stamp.sec = "odom", 5
+    message.pose.pose.orientation.w = 1.0
+    probe.spin_until(
+        lambda: odometry.publish(message) or is_named("odom has a publisher, but no usable message")
+    )
+    assert "must be 'base_link' or joined with it by /tf, got 'wheels'" in nodes.log_of("strategy")
+    probe.node.destroy_publisher(odometry)
+    reported.clear()
+    start_robot()
+    probe.spin_until(lambda: reported and reported[-1] == "", seen=lambda: nodes.log_of("strategy"))

@@ -1,0 +1,284 @@
+"""The page by keyboard and screen reader, in light and dark, on a desk and on a phone.
+
+Rules are those of axe-core (tests/reference/axe, Mozilla Public License 2.0).
+"""
+
+import os
+import shutil
+import threading
+from contextlib import contextmanager
+
+import pytest
+from selenium import webdriver
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+from sim.scenario.grid import grid_of
+from sim.scenario.scenario import load_scenario
+from support.observations import observation_at
+from support.waiting import wait_until
+from teleop.page.access import PageAccess
+from teleop.page.requests import EmergencyStop, Episode, Hold, Replay
+from teleop.page.server import PageServer
+from teleop.page.view import scene_of, watched_scene_of, world_state
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+CHROMEDRIVER = shutil.which("chromedriver")
+HALLWAY = load_scenario("hallway")
+PEOPLE = ((1.0, 5.0), (4.4, 9.0))
+STATE = {
+    "type": "state",
+    "world": world_state(observation_at(2.0, 2.0, people=PEOPLE), HALLWAY, None),
+    "is_stale": False,
+    "obstacles_m": [[[2.0, 6.0], [2.4, 6.0], [2.4, 6.4], [2.0, 6.4]]],
+    "action": "north",
+    "waypoint": [2.5, 3.5],
+    "episode": {
+        "phase": "running",
+        "number": 3,
+        "outcome": "",
+        "duration_s": 12.3,
+        "decisions": 6,
+        "other_driver": "",
+        "kept": 2,
+        "arrived": 1,
+        "discarded": 0,
+    },
+    "mux": {"e_stop": "False", "active": "keys"},
+    "guard": {"action": "DO_NOTHING", "overridden": "False"},
+    "recorder": {"recording": "True", "messages": "1200", "free_mb": "70000"},
+    "next_start": None,
+    "there": True,
+    "mode": "directions",
+    "choice": "north",
+}
+DISCARD = Episode(type="episode", do="discard")
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not (CHROMIUM and CHROMEDRIVER),
+        reason="no Chromium on this machine: apt-get install chromium chromium-driver",
+    ),
+]
+
+
+class ShownPage:
+    """A served page without a robot; `state` is sent again and again, as by the node."""
+
+    def __init__(self, server, browser):
+        self.server, self.browser = server, browser
+        self.state = STATE
+
+    def show(self, **values):
+        self.state = self.state | values
+
+    def focused(self):
+        active = self.browser.switch_to.active_element
+        return active.get_attribute("id") or active.get_attribute("data-direction") or "body"
+
+    def press(self, key):
+        ActionChains(self.browser).send_keys(key).perform()
+
+    def until_requested(self, wanted):
+        found = []
+        wait_until(lambda: found.extend(self.server.take()) or wanted in found)
+        return found
+
+    def text(self, name):
+        return self.browser.find_element(By.ID, name).get_attribute("textContent")
+
+
+def hold(direction):
+    return Hold(type="hold", direction=direction)
+
+
+@contextmanager
+def sending(shown, server):
+    """The newest state of the shown page, sent until the end."""
+    ended = threading.Event()
+
+    def send():
+        while not ended.wait(0.1):
+            server.show(shown.state | {"page": server.driving_page})
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+@pytest.fixture
+def shown(tmp_path):
+    with opened(tmp_path, scene_of(HALLWAY, grid_of(HALLWAY)), STATE) as page:
+        yield page
+
+
+@pytest.fixture
+def replayed(tmp_path):
+    replay = {"duration_s": 600.0, "episodes": [[0.0, 90.0, "arrived"], [100.0, 200.0, "timeout"]]}
+    scene = watched_scene_of(HALLWAY, grid_of(HALLWAY), replay)
+    shown = {"at_s": 65.0, "rate": 1.0, "playing": True}
+    with opened(tmp_path, scene, STATE | {"replay": shown, "recorder": None}) as page:
+        wait_until(lambda: page.text("shown-time") == "1:05 / 10:00")
+        yield page
+
+
+@contextmanager
+def opened(tmp_path, scene, state):
+    """A page of the scene that shows a state."""
+    server = PageServer(scene, PageAccess("127.0.0.1", ""), 0)
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"):
+        options.add_argument(argument)
+    options.add_argument(f"--user-data-dir={tmp_path / 'chromium'}")
+    browser = webdriver.Chrome(options, webdriver.ChromeService(CHROMEDRIVER))
+    page = ShownPage(server, browser)
+    page.state = state
+    try:
+        with sending(page, server):
+            view(browser, width=1280, height=900, scheme="light")
+            browser.get(server.url)
+            wait_until(lambda: page.text("phase") == "episode 3", seen=lambda: page.text("phase"))
+            yield page
+    finally:
+        browser.quit()
+        server.close()
+
+
+def view(browser, *, width, height, scheme):
+    """Give the page the size of a device and its colour scheme."""
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    feature = {"name": "prefers-color-scheme", "value": scheme}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
+
+
+def keep_picture(browser, name):
+    """SERD_PICTURES=FOLDER keeps pictures of the page there."""
+    if "SERD_PICTURES" in os.environ:
+        browser.save_screenshot(f"{os.environ['SERD_PICTURES']}/teleop_{name}.png")
+
+
+def violations(browser):
+    """What axe finds, with the elements."""
+    return browser.execute_async_script(
+        "const done = arguments[0]; axe.run().then((found) => done(found.violations.map("
+        "(each) => [each.id, each.nodes.map((node) => node.html + node.failureSummary)])))"
+    )
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (400, 860)])
+def test_axe_finds_no_violation_on_the_page_of_a_recording(replayed, root, scheme, width, height):
+    browser = replayed.browser
+    browser.execute_script((root / "tests/reference/axe/axe.min.js").read_text(encoding="utf-8"))
+    view(browser, width=width, height=height, scheme=scheme)
+    keep_picture(browser, f"watch_{scheme}_{width}")
+    assert violations(browser) == []
+    for name in ("play", "time", "rate"):
+        assert browser.find_element(By.ID, name).size["height"] >= 44
+    for name in ("start", "pad", "stop"):
+        assert not browser.find_element(By.ID, name).is_displayed()
+
+
+def test_the_page_of_a_recording_requests_times_and_drives_nothing_by_any_key(replayed):
+    for key in ("s", "d", "r", "m", "g", Keys.ENTER, Keys.ARROW_UP, " "):
+        replayed.press(key)
+    requested = replayed.until_requested(Replay(type="replay", playing=False))
+    replayed.browser.find_element(By.ID, "time").send_keys(Keys.ARROW_RIGHT)
+    requested += replayed.until_requested(Replay(type="replay", at_s=65.1))
+    replayed.browser.find_element(By.ID, "rate").send_keys("8")
+    requested += replayed.until_requested(Replay(type="replay", rate=8.0))
+    assert {type(each) for each in requested} == {Replay}
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (400, 860)])
+def test_axe_finds_no_violation_and_controls_are_44_pixels_large(
+    shown, root, scheme, width, height
+):
+    browser = shown.browser
+    browser.execute_script((root / "tests/reference/axe/axe.min.js").read_text(encoding="utf-8"))
+    view(browser, width=width, height=height, scheme=scheme)
+    for name, values in {
+        "driving": {},
+        "stopped": {"mux": {"e_stop": "True"}, "recorder": {"recording": "False"}},
+    }.items():
+        shown.show(**values)
+        stopped = values.get("mux", {}).get("e_stop") == "True"
+        wait_until(lambda: shown.text("stop").startswith("RELEASE") == stopped)  # noqa: B023
+        keep_picture(browser, f"{name}_{scheme}_{width}")
+        assert violations(browser) == []
+    for button in browser.find_elements(By.TAG_NAME, "button"):
+        size = button.size
+        assert min(size["width"], size["height"]) >= 44, button.get_attribute("outerHTML")
+
+
+def test_tab_reaches_every_control_that_is_enabled_and_comes_out_again(shown):
+    order = []
+    for _ in range(20):
+        shown.press(Keys.TAB)
+        if shown.focused() in order:
+            break
+        order.append(shown.focused())
+    pad = ["north", "west", "east", "south"]
+    controls = ["save", "discard", "directions", "velocity", *pad, "stop"]
+    assert [name for name in order if name != "body"] == controls
+
+
+def test_enter_on_a_control_is_for_that_control_only(shown):
+    shown.server.take()
+    shown.browser.execute_script("document.getElementById('discard').focus()")
+    shown.press(Keys.ENTER)
+    found = shown.until_requested(DISCARD)
+    assert [each for each in found if isinstance(each, Episode)] == [DISCARD]
+    assert shown.focused() == "discard"
+
+
+def test_space_stops_the_robot_wherever_the_focus_is_and_the_stop_is_announced(shown):
+    shown.browser.execute_script("document.getElementById('discard').focus()")
+    shown.press(Keys.SPACE)
+    found = shown.until_requested(EmergencyStop(type="e_stop", engaged=True))
+    assert not [each for each in found if isinstance(each, Episode)]
+    shown.show(mux={"e_stop": "True"})
+    wait_until(lambda: shown.text("alarm") == "Emergency stop. R releases it.")
+    shown.show(mux={"e_stop": "False"})
+    wait_until(lambda: shown.text("alarm") == "Emergency stop released.")
+
+
+def test_a_second_click_right_after_the_one_that_stopped_does_not_release(shown):
+    def click():
+        shown.browser.execute_script("document.getElementById('stop').click()")
+
+    released = EmergencyStop(type="e_stop", engaged=False)
+    click()
+    shown.until_requested(EmergencyStop(type="e_stop", engaged=True))
+    shown.show(mux={"e_stop": "True"})
+    wait_until(lambda: shown.text("stop").startswith("RELEASE"))
+    # As if it had been pressed just now, however slow this machine is.
+    shown.browser.execute_script("const now = performance.now(); performance.now = () => now")
+    shown.press(Keys.SPACE)
+    click()
+    click()
+    shown.browser.execute_script("delete performance.now")
+    found = shown.until_requested(EmergencyStop(type="e_stop", engaged=True))
+    assert released not in found
+    requested = []
+    wait_until(lambda: click() or requested.extend(shown.server.take()) or released in requested)
+
+
+def test_the_pad_drives_by_enter_and_by_the_click_of_a_screen_reader(shown):
+    shown.browser.execute_script("document.querySelector('[data-direction=east]').focus()")
+    ActionChains(shown.browser).key_down(Keys.ENTER).perform()
+    shown.until_requested(hold("east"))
+    ActionChains(shown.browser).key_up(Keys.ENTER).perform()
+    shown.until_requested(hold(None))
+    shown.browser.execute_script("document.querySelector('[data-direction=west]').click()")
+    shown.until_requested(hold("west"))
+    shown.until_requested(hold(None))

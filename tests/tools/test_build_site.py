@@ -1,0 +1,38 @@
+"""The documents of the site: copied with what they link to, and generated from the code."""
+
+import runpy
+from pathlib import Path
+
+import pytest
+
+from serd_cli.signatures import MODULES
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def tool():
+    return runpy.run_path(str(ROOT / "tools" / "build_site.py"))
+
+
+def test_documents_are_copied_with_the_files_they_link_to(tool, tmp_path):
+    copied = tool["copy_documents"](tmp_path)
+    assert {Path("README.md"), Path("docs/nodes.md"), Path("benchmarks/README.md")} <= set(copied)
+    assert (tmp_path / "docs/pictures/episode.gif").exists()
+    assert (tmp_path / "serd_ros/graph/graph.yaml").exists()
+
+
+def test_each_command_and_each_of_its_options_has_its_line(tool):
+    page = tool["commands_page"]()
+    for name in MODULES:
+        assert f"## serd {name}\n" in page
+    assert "### serd bag suggest\n" in page
+    assert "| `--cell-size-m` |" in page
+
+
+def test_each_module_of_the_libraries_is_on_a_page(tool):
+    pages = tool["module_pages"]()
+    assert "::: serd_core.learners.serd\n" in pages["reference/python/serd_core.learners.md"]
+    assert "[bags.mcap](python/bags.mcap.md)" in pages["reference/python.md"]
+    index = (ROOT / "mkdocs.yml").read_text()
+    assert "reference/commands.md" in index

@@ -1,0 +1,145 @@
+"""Copy the documents, and all files that they link to, into the folder that MkDocs reads.
+
+Paths stay those of the repository, so that links hold in both. Pages of commands and of Python
+modules are generated from the code. A link to a folder leads to its README, or becomes plain text.
+"""
+
+import os
+import re
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from typer.main import get_command
+
+from serd_cli.app import make_app
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCE = ROOT / ".cache" / "site_source"
+#: Packages that are used as libraries.
+LIBRARIES = ("serd_core", "bags")
+_PAGES = (".md", ".ipynb")
+_LINK = re.compile(r"\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!\w+:)([^)#\s]+)(#[^)]*)?\)")
+_CSS = """\
+.md-grid { max-width: 68rem; }
+.md-typeset table:not([class]) { font-size: .68rem; }
+.md-typeset img { background: white; border-radius: 4px; }
+"""
+
+
+def copy_documents(target: Path) -> list[Path]:
+    """The documents of the project, relative to its root; what they link to is copied too."""
+    pages = [each for kind in _PAGES for each in (ROOT / "docs").rglob(f"*{kind}")]
+    waiting = sorted([*ROOT.glob("*.md"), *pages])
+    copied: list[Path] = []
+    while waiting:
+        document = waiting.pop()
+        name = document.relative_to(ROOT)
+        if (target / name).exists():
+            continue
+        text = _with_links(document.read_text(encoding="utf-8"), document, waiting, target)
+        _write(target / name, text)
+        copied.append(name)
+    return copied
+
+
+def _with_links(text: str, document: Path, waiting: list[Path], target: Path) -> str:
+    def replaced(match: re.Match[str]) -> str:
+        shown, link, anchor = match[1], match[2], match[3] or ""
+        shown = _LINK.sub(replaced, shown)  # a picture within a link
+        file = (document.parent / link).resolve()
+        if file.is_dir():
+            if not (file / "README.md").exists():
+                return shown
+            file, link = file / "README.md", f"{link.rstrip('/')}/README.md"
+        if file.suffix in _PAGES:
+            waiting.append(file)
+        else:
+            copy = target / file.relative_to(ROOT)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, copy)
+        return f"[{shown}]({link}{anchor})"
+
+    return _LINK.sub(replaced, text)
+
+
+def commands_page() -> str:
+    """Every command with its help, its arguments and its options."""
+    lines = ["# Commands", "", "`serd COMMAND --help` prints the same.", ""]
+    group: Any = get_command(make_app())
+    for words, command in commands_of(group, ("serd",)):
+        lines += [f"{'#' * min(len(words), 3)} {' '.join(words)}", ""]
+        lines += [_prose(command.help or ""), "", *_options(command), ""]
+    return "\n".join(lines)
+
+
+def commands_of(command: Any, words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Each subcommand of a group, with the words that call it."""
+    for name in command.list_commands(None):
+        inner = command.get_command(None, name)
+        yield (*words, name), inner
+        if hasattr(inner, "list_commands"):
+            yield from commands_of(inner, (*words, name))
+
+
+def _prose(text: str) -> str:
+    """Help as Markdown: a paragraph that is a command becomes code."""
+    parts = re.split(r"\n\s*\n", text.strip())
+    return "\n\n".join(
+        f"```bash\n{part}\n```" if part.startswith("serd ") and "\n" not in part else part
+        for part in parts
+    )
+
+
+def _options(command: Any) -> list[str]:
+    rows = []
+    for each in command.params:
+        if each.param_type_name == "argument":
+            name, default = each.metavar or each.name.upper(), ""
+        else:
+            name = ", ".join([*each.opts, *each.secondary_opts])
+            shown = each.default if not callable(each.default) else None
+            default = "" if shown in (None, False, (), []) else f"`{shown}`"
+        text = (each.help or "").replace("\\[", "[").replace("|", "\\|").replace("\n", " ")
+        rows.append(f"| `{name}` | {default} | {text} |")
+    return ["| option | default | meaning |", "| --- | --- | --- |", *rows] if rows else []
+
+
+def module_pages() -> dict[str, str]:
+    """By path: a page of modules for each folder of the libraries, and the list of pages."""
+    pages, index = {}, ["# Python modules", ""]
+    for library in LIBRARIES:
+        folders = [ROOT / library, *sorted((ROOT / library).rglob("*"))]
+        for folder in (path for path in folders if (path / "__init__.py").exists()):
+            dotted = ".".join(folder.relative_to(ROOT).parts)
+            modules = sorted(f"{dotted}.{path.stem}" for path in folder.glob("[!_]*.py"))
+            if modules:
+                text = "\n\n".join(f"::: {module}" for module in modules)
+                pages[f"reference/python/{dotted}.md"] = f"# {dotted}\n\n{text}\n"
+                names = ", ".join(module.rpartition(".")[2] for module in modules)
+                index.append(f"- [{dotted}](python/{dotted}.md): {names}")
+    return {**pages, "reference/python.md": "\n".join(index) + "\n"}
+
+
+def main() -> int:
+    """Entry point; `--quick` leaves the modules out, which take a minute."""
+    shutil.rmtree(SOURCE, ignore_errors=True)
+    os.environ["COLUMNS"] = "100"
+    copied = copy_documents(SOURCE)
+    _write(SOURCE / "reference" / "commands.md", commands_page())
+    for name, text in module_pages().items():
+        _write(SOURCE / name, text if "--quick" not in sys.argv else text.replace(":::", "-"))
+    _write(SOURCE / "site.css", _CSS)
+    print(f"{len(copied)} documents in {SOURCE}")
+    return 0
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
