@@ -14,7 +14,7 @@ from serd_ros.errors import NodeError
 
 VARIABLE = "SERD_STARTED_BY"
 #: How long (s) a node may take to end by itself after its parent has ended.
-_GRACE_S = 0.6
+_GRACE_S = 1.2
 
 
 class ParentProcess:

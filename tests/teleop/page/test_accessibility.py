@@ -115,6 +115,7 @@ def sending(shown, server):
 @pytest.fixture
 def shown(tmp_path):
     with opened(tmp_path, scene_of(HALLWAY, grid_of(HALLWAY)), STATE) as page:
+        wait_until(page.browser.find_element(By.ID, "save").is_enabled)  # this page drives
         yield page
 
 
@@ -215,7 +216,9 @@ def test_axe_finds_no_violation_and_controls_are_44_pixels_large(
         wait_until(lambda: shown.text("stop").startswith("RELEASE") == stopped)  # noqa: B023
         keep_picture(browser, f"{name}_{scheme}_{width}")
         assert violations(browser) == []
-    for button in browser.find_elements(By.TAG_NAME, "button"):
+    buttons = [each for each in browser.find_elements(By.TAG_NAME, "button") if each.is_displayed()]
+    assert {"start", "save", "stop"} <= {each.get_attribute("id") for each in buttons}
+    for button in buttons:
         size = button.size
         assert min(size["width"], size["height"]) >= 44, button.get_attribute("outerHTML")
 
