@@ -8,14 +8,11 @@ fewer than a number of people were seen, or where they do not walk in one direct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
-from pathlib import Path
 
 import numpy as np
 
-from bags.reader import BagReader
-from bags.topic import topics_named
-from serd_app.drives.recorded_people import recorded_people
-from serd_app.drives.recording import Recording, is_table
+from serd_app.drives.recorded_people import Sighting
+from serd_app.drives.recording import Recording
 from serd_app.drives.table_drives import Crowd
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.grid import Grid, action_of_direction
@@ -75,28 +72,25 @@ class FlowEstimator:
 
 def flow_from_recordings(
     recordings: Sequence[Recording],
+    sightings: Sequence[Sequence[Sighting]],
     grid: Grid,
     *,
-    topic: str = PEDESTRIANS,
-    frame: str = "",
     rule: FlowRule | None = None,
-    tolerant: bool = False,
 ) -> FlowField | None:
-    """The flow of the people in all bags that hold the topic, and of the agents of all tables; None
-    where there are none.
+    """The flow of the people seen in all bags, and of the agents of all tables; None where there
+    are none.
 
-    A cloud or table that several of them hold, or one holds twice, counts once.
-
-    topic: of people, of a type of `bags.messages.people`. frame: that of the grid, into which they
-    are brought by /tf; empty: as they are. tolerant: use what broken bags still hold.
+    A cloud or table that several of them hold counts once. sightings: of each recording.
     """
     estimator = FlowEstimator(grid)
     seen: set[bytes] = set()
-    for each in recordings:
+    for each, people in zip(recordings, sightings, strict=True):
         if each.crowd is not None:
             _add_crowd(estimator, each.crowd, seen)
-        elif not is_table(each.bag):
-            _add_bag(estimator, each.bag, topic, frame, tolerant, seen)
+        for one in people:
+            if one.digest not in seen:
+                seen.add(one.digest)
+                estimator.add(one.people.position_m[:, :2], one.people.velocity_mps[:, :2])
     return estimator.field(rule) if seen else None
 
 
@@ -105,16 +99,3 @@ def _add_crowd(estimator: FlowEstimator, crowd: Crowd, seen: set[bytes]) -> None
     if digest not in seen:
         seen.add(digest)
         estimator.add(crowd.position_m, crowd.velocity_mps)
-
-
-def _add_bag(
-    estimator: FlowEstimator,
-    path: str | Path,
-    topic: str,
-    frame: str,
-    tolerant: bool,
-    seen: set[bytes],
-) -> None:
-    reader = BagReader(path, tolerant=tolerant)
-    if topics_named(reader.topics, topic):
-        estimator.add(*recorded_people(reader, topic, seen, frame=frame))

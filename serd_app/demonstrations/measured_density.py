@@ -10,11 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bags.reader import BagReader
-from bags.topic import topics_named
 from serd_app.demonstrations.recorded import RecordedDemonstrations, files_beside
-from serd_app.drives.recorded_people import recorded_sightings
-from serd_app.drives.recording import is_table
+from serd_app.drives.recorded_people import Sighting
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.density import crowd_shares
@@ -79,25 +76,17 @@ def joined_density(parts: Sequence[MeasuredDensity]) -> MeasuredDensity:
 
 def density_of_recordings(
     found: Sequence[RecordedDemonstrations],
+    sightings: Sequence[Sequence[Sighting]],
     grid: Grid,
-    *,
-    topic: str,
-    frame: str = "",
-    tolerant: bool = False,
 ) -> MeasuredDensity | None:
-    """Of all decisions, in the order of `concatenated`; None where no bag holds such people.
+    """Of all decisions, in the order of `concatenated`; None where no people were seen at any.
 
-    It is not known for tables of trajectories, and where the clock of the sightings goes back.
+    It is not known where the clock of the sightings goes back. sightings: of each recording.
     """
     parts = []
-    for each in found:
-        time_s, people_m = np.zeros(0), list[FloatArray]()
-        if not is_table(each.bag):
-            reader = BagReader(each.bag, tolerant=tolerant)
-            if topics_named(reader.topics, topic):
-                sightings = recorded_sightings(reader, topic, set(), frame=frame)
-                time_s = np.array([one.time_s for one in sightings])
-                people_m = [_finite(one.people.position_m[:, :2]) for one in sightings]
+    for each, people in zip(found, sightings, strict=True):
+        time_s = np.array([one.time_s for one in people])
+        people_m = [_finite(one.people.position_m[:, :2]) for one in people]
         if np.any(np.diff(time_s) < 0):
             time_s = np.zeros(0)
         parts.append(density_at(grid, each.decisions, time_s, people_m))

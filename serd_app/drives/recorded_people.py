@@ -1,41 +1,45 @@
 """People of a bag in the frame of the grid, with velocities: recorded, or from the ways of ids."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import blake2b
+from pathlib import Path
 
 import numpy as np
 
 from bags.messages.people import SeenPeople, SightedIds, people_in, require_people
 from bags.reader import BagReader
-from bags.topic import topic_named
+from bags.topic import topic_named, topics_named
+from serd_app.drives.recording import is_table
 from serd_app.drives.transforms import Poses, RecordedTransforms, TransformTree
-from serd_core.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """People at a time."""
+    """People at a time; digest: of the message and its time."""
 
     time_s: float
     people: SeenPeople
+    digest: bytes
 
 
-def recorded_people(
-    reader: BagReader, topic: str, seen: set[bytes], *, frame: str = ""
-) -> tuple[FloatArray, FloatArray]:
-    """(N, 2) positions and velocities of all sightings; see `recorded_sightings`."""
-    placed = recorded_sightings(reader, topic, seen, frame=frame)
-    nothing = [np.zeros((0, 2))]
-    return (
-        np.concatenate(nothing + [each.people.position_m[:, :2] for each in placed]),
-        np.concatenate(nothing + [each.people.velocity_mps[:, :2] for each in placed]),
-    )
+def sightings_of_all(
+    recordings: Sequence[Path], topic: str, *, frame: str = "", tolerant: bool = False
+) -> list[list[Sighting]]:
+    """Of each recording; none of a table, or of a bag without the topic.
+
+    tolerant: use what broken bags still hold.
+    """
+    found = list[list[Sighting]]()
+    for each in recordings:
+        reader = None if is_table(each) else BagReader(each, tolerant=tolerant)
+        named = reader is not None and topics_named(reader.topics, topic)
+        found.append(recorded_sightings(reader, topic, frame=frame) if reader and named else [])
+    return found
 
 
-def recorded_sightings(
-    reader: BagReader, topic: str, seen: set[bytes], *, frame: str = ""
-) -> list[Sighting]:
-    """The messages whose digests are not among those seen, to which theirs are added.
+def recorded_sightings(reader: BagReader, topic: str, *, frame: str = "") -> list[Sighting]:
+    """Each message once.
 
     Numbers are NaN where /tf does not reach or no velocity is known. frame: into which people in
     another one are brought by /tf; empty: as they are.
@@ -44,6 +48,7 @@ def recorded_sightings(
     known = reader.topics[name]
     require_people(known, f"bag {reader.path}")
     tf, sightings = RecordedTransforms(reader.topics if frame else {}), []
+    seen = set[bytes]()
     for message in reader.messages({name, *tf.topics}):
         if tf.take(message):
             continue
@@ -53,7 +58,7 @@ def recorded_sightings(
             seen.add(digest)
             people = people_in(message.data, known)
             stamp_ns = people.header.stamp_ns or message.log_time_ns
-            sightings.append(Sighting(stamp_ns / 1e9, people))
+            sightings.append(Sighting(stamp_ns / 1e9, people, digest))
     return _with_velocities(_in_frame(sightings, tf.tree, frame.lstrip("/")))
 
 

@@ -21,6 +21,7 @@ from serd_app.demonstrations.recorded import (
 )
 from serd_app.demonstrations.suggestion.suggest import mapping_of_poses
 from serd_app.drives.mapping import BagMapping, DriveMapping
+from serd_app.drives.recorded_people import sightings_of_all
 from serd_app.drives.recording import is_table, read_recording
 from serd_app.errors import AppError
 from serd_app.learning.learning_files import FlowSource, LearningFiles, read_learning_files
@@ -191,14 +192,11 @@ def _discretise(
             " the same place?"
         )
     of_people = chosen if isinstance(chosen, BagMapping) else BagMapping()
-    flow = flow_from_recordings(
-        [recording], grid, topic=of_people.people_topic, frame=of_people.frame
-    )
+    sightings = sightings_of_all([trajectories], of_people.people_topic, frame=of_people.frame)
+    flow = flow_from_recordings([recording], sightings, grid)
     save_demonstrations(table, place, found, flow or _flow_of_model(model, file, grid))
     if file.with_density:
-        density = density_of_recordings(
-            found, grid, topic=of_people.people_topic, frame=of_people.frame
-        )
+        density = density_of_recordings(found, sightings, grid)
         if density is None:
             raise AppError(
                 f"{trajectories} must hold people at decisions ('{of_people.people_topic}' of a"

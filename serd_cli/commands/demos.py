@@ -23,6 +23,7 @@ from serd_app.demonstrations.recorded import (
 )
 from serd_app.demonstrations.suggestion.suggest import mapping_of_poses
 from serd_app.drives.mapping import BagMapping, TableMapping
+from serd_app.drives.recorded_people import sightings_of_all
 from serd_app.drives.recording import is_table, read_recording
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
@@ -139,20 +140,11 @@ def demos(
     found = demonstrations_of_all(recordings, grid, period)
     _require_decisions(found)
     known_people = chosen if isinstance(chosen, BagMapping) else BagMapping()
-    flow = flow_from_recordings(
-        recordings,
-        grid,
-        topic=known_people.people_topic,
-        frame=known_people.frame,
-        tolerant=tolerant,
+    sightings = sightings_of_all(
+        bags, known_people.people_topic, frame=known_people.frame, tolerant=tolerant
     )
-    density = density_of_recordings(
-        found,
-        grid,
-        topic=known_people.people_topic,
-        frame=known_people.frame,
-        tolerant=tolerant,
-    )
+    flow = flow_from_recordings(recordings, sightings, grid)
+    density = density_of_recordings(found, sightings, grid)
     place = Place(grid, period, known)
     advice = advice_of_all(found, place)
     save_demonstrations(output, place, found, flow, advice)

@@ -12,6 +12,7 @@ from serd_app.demonstrations.recorded import (
     demonstrations_of_all,
     save_demonstrations,
 )
+from serd_app.drives.recorded_people import sightings_of_all
 from serd_app.drives.recording import read_recording
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.outcome import save_outcome
@@ -73,7 +74,7 @@ def _learn_with_density(folder: DemoFolder, settings: DemoSettings) -> None:
     recording = read_recording(folder.bag, period_s, mapping=None, tolerant=False)
     found = demonstrations_of_all([recording], grid, period_s)
     save_demonstrations(folder.decisions, Place(grid, period_s, scenario), found, None)
-    density = density_of_recordings(found, grid, topic=PEDESTRIANS)
+    density = density_of_recordings(found, sightings_of_all([folder.bag], PEDESTRIANS), grid)
     save_density(folder.decisions, grid, concatenated(found), density)
     files = read_learning_files(
         folder.decisions, discount=learning.discount, scenario=settings.scenario, density=True

@@ -4,6 +4,7 @@ A transform that is older than `LONGEST_S` beside the newest one of its chain is
 published it has stopped.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +20,8 @@ from sim.world.observation import Pose
 
 LONGEST_S = 3.0
 _LEAST_UPRIGHT = 0.9
+#: From the middle of the earth to a map it is 6.4e6 m.
+_FARTHEST_M = 1e7
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,16 +57,17 @@ class Frames:
 
     def take(self, transform: Transform, *, static: bool) -> None:
         """Keep a transform in place of the one before; MessageError where it is none."""
-        turned = np.array(transform.placed[3:])
-        if not (np.isfinite(transform.placed).all() and abs(np.linalg.norm(turned) - 1) < 0.01):
+        moved, turned = transform.placed[:3], transform.placed[3:]
+        # Not so for NaN either.
+        if not (math.hypot(*moved) <= _FARTHEST_M and abs(math.hypot(*turned) - 1) < 0.01):
             raise MessageError(
-                "transforms must be finite, with a unit quaternion",
+                f"transforms must be finite, of at most {_FARTHEST_M:g} m, with a unit quaternion",
                 f"{transform.placed} of {transform.child!r}",
                 "correct what publishes it",
             )
         matrix = np.eye(4)
         matrix[:3, :3] = Rotation.from_quat(turned).as_matrix()
-        matrix[:3, 3] = transform.placed[:3]
+        matrix[:3, 3] = moved
         parent, stamp_ns = self._own(transform.header.frame), transform.header.stamp_ns
         self._edges[self._own(transform.child)] = parent, matrix, None if static else stamp_ns
 

@@ -1,8 +1,8 @@
 """nav2_bridge: Nav2 drives instead of our local planner; for full ROS installations.
 
 The strategy's `waypoint` becomes a goal of `navigate_to_pose`, or its `plan` one of
-`navigate_through_poses`; /tf, which Nav2 needs, is made from `robot_pose` and `odom`. nav2_msgs and
-tf2_msgs come with ROS, not as wheels, so this node asks for them when it starts.
+`navigate_through_poses`; /tf, which Nav2 needs, is made from `robot_pose` and `odom`. nav2_msgs
+comes with ROS, not as a wheel, so this node asks for it when it starts.
 """
 
 import sys
@@ -20,13 +20,11 @@ from serd_ros.convert.pose import (
     PlanarPose,
     from_odometry,
     from_pose_stamped,
-    odom_in_map,
     to_pose_stamped,
-    to_transform,
 )
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.transforms import follow_transforms
+from serd_ros.endpoints.transforms import TransformPublisher, follow_transforms
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import Nav2BridgeConfig
 from serd_ros.process.run_node import run_node
@@ -54,8 +52,7 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
         else:
             self.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
         if self.config.publish_tf:
-            self._tf_type = ros_type("tf2_msgs.msg", "TFMessage")
-            self._tf = self.create_publisher(self._tf_type, topics.TF, qos.TF)
+            self._transforms = TransformPublisher(self)
             self.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
             self.create_subscription(PoseStamped, topics.ROBOT_POSE, self._on_pose, qos.STATE)
         follow_transforms(self)
@@ -107,13 +104,7 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
             self._odom_pose = None
         if self._odom_pose is None:
             return
-        time_s = time_ns * 1e-9
-        odom = odom_in_map(pose, self._odom_pose)
-        frames = [
-            to_transform(topics.MAP_FRAME, topics.ODOM_FRAME, odom, time_s),
-            to_transform(topics.ODOM_FRAME, topics.BASE_FRAME, self._odom_pose, time_s),
-        ]
-        self._tf.publish(self._tf_type(transforms=frames))
+        self._transforms.publish(pose, self._odom_pose, time_ns * 1e-9)
 
 
 def ros_type(module: str, name: str) -> Any:

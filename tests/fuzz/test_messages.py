@@ -140,7 +140,7 @@ class Session:
     def send_mutated(self, subscription, rng: random.Random) -> None:
         """One mutated message; an error states it."""
         valid = rng.choice(list(self.messages(subscription)))
-        as_bytes = subscription.raw and rng.random() < 0.5
+        as_bytes = isinstance(valid, bytes) or (subscription.raw and rng.random() < 0.5)
         message = mutated_cdr(valid, rng) if as_bytes else mutated(valid, rng)
         try:
             self.send(subscription, message)

@@ -50,8 +50,8 @@ def mutated(message: Any, rng: random.Random) -> Any:
 
 
 def mutated_cdr(message: Any, rng: random.Random) -> bytes:
-    """The bytes of the message, cut off, overwritten or replaced."""
-    data = bytearray(serialize_message(message))
+    """The bytes of the message, which may be bytes already, cut off, overwritten or replaced."""
+    data = bytearray(message if isinstance(message, bytes) else serialize_message(message))
     way = rng.random()
     if way < 0.3:
         del data[rng.randrange(len(data)) :]

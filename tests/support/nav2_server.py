@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import pytest
 from rclpy.task import Future
-from std_msgs.msg import Empty
 
 from serd_ros.nodes import nav2_bridge
 
@@ -57,22 +56,11 @@ def answered(future, value):
         callback(future)
 
 
-class TransformsMessage(Empty):
-    """In place of tf2_msgs/TFMessage, with the type support of Empty."""
-
-    def __init__(self, transforms=()):
-        super().__init__()
-        self.transforms = transforms
-
-    __slots__ = ("transforms",)
-
-
 @pytest.fixture
 def nav2_server(monkeypatch):
     """The server of every node nav2_bridge that this process starts."""
     server = Nav2Server()
     action = SimpleNamespace(Goal=SimpleNamespace)
-    types = {"TFMessage": TransformsMessage}
-    monkeypatch.setattr(nav2_bridge, "ros_type", lambda _, name: types.get(name, action))
+    monkeypatch.setattr(nav2_bridge, "ros_type", lambda *_: action)
     monkeypatch.setattr(nav2_bridge, "ActionClient", lambda *_: server)
     return server

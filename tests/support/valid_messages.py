@@ -35,6 +35,7 @@ from sim.scenario.scenario import load_scenario
 from sim.world.command import Command
 from sim.world.waypoint import Waypoint
 from support.observations import observation_at
+from support.transforms_message import transforms_message
 
 HALLWAY = load_scenario("hallway")
 PLACE_M = 3.5, 6.5
@@ -84,6 +85,7 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
         "bumper": to_bumper_message([Touch(0.4, (0.17, 0.0), 0.3, by_robot=True)], time_s),
         "markers/obstacles": to_obstacle_markers([OBSTACLE_M], time_s),
         "map": OccupancyGrid(),
+        "tf": transforms_message(("map", "odom", 0.5, 1.0), ("odom", "base_link", 2.0, 1.0)),
         "model": String(data="scenario: hallway"),
     }
     return messages[topic]

@@ -10,12 +10,18 @@ from bags.errors import BagError
 from bags.messages.plain import point_cloud
 from bags.writer import BagWriter
 from serd_app.demonstrations.flow_field import FlowEstimator, FlowRule, flow_from_recordings
+from serd_app.drives.recorded_people import sightings_of_all
 from serd_app.drives.recording import Recording
 from serd_core.grid.grid import Action, Grid
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 GRID = Grid((0.0, 0.0), 1.0, np.ones((1, 4), dtype=bool))
 FIELDS = ("x", "y", "z", "vx", "vy")
+
+
+def flow_of(recordings, topic="pedestrians"):
+    sightings = sightings_of_all([each.bag for each in recordings], topic)
+    return flow_from_recordings(recordings, sightings, GRID)
 
 
 def cloud(messages, rows, *, names=FIELDS, big_endian=False):
@@ -98,13 +104,13 @@ def test_the_flow_is_added_up_over_all_bags_that_hold_people(people_bag):
         people_bag("two", begins_ns=99),
         people_bag("other", "/crowd"),
     )
-    assert flow_from_recordings([one], GRID).flow.tolist() == [-1] * 4  # too few sightings
-    found = flow_from_recordings([one, other, two], GRID)
+    assert flow_of([one]).flow.tolist() == [-1] * 4  # too few sightings
+    found = flow_of([one, other, two])
     assert found.flow.tolist() == [Action.WEST, -1, -1, Action.NORTH]
     assert found.count.tolist() == [30, 0, 0, 30]
-    assert flow_from_recordings([one, other, two, one], GRID).count.tolist() == [30, 0, 0, 30]
-    assert flow_from_recordings([other], GRID) is None
-    assert flow_from_recordings([other], GRID, topic="crowd").count.sum() == 30
+    assert flow_of([one, other, two, one]).count.tolist() == [30, 0, 0, 30]
+    assert flow_of([other]) is None
+    assert flow_of([other], "crowd").count.sum() == 30
 
 
 def test_people_of_another_message_type_are_refused(tmp_path):
@@ -113,4 +119,4 @@ def test_people_of_another_message_type_are_refused(tmp_path):
     with pytest.raises(
         BagError, match="on /pedestrians must be of type sensor_msgs/msg/PointCloud2"
     ):
-        flow_from_recordings([Recording(tmp_path / "bag", (), (), Losses())], GRID)
+        sightings_of_all([tmp_path / "bag"], "pedestrians")

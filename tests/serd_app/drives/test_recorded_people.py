@@ -11,7 +11,7 @@ from bags.messages.people import SightedIds, people_of
 from bags.reader import BagReader
 from bags.writer import BagWriter
 from serd_app.demonstrations.flow_field import flow_from_recordings
-from serd_app.drives.recorded_people import recorded_people
+from serd_app.drives.recorded_people import recorded_sightings, sightings_of_all
 from serd_app.drives.recording import Recording
 from serd_core.grid.grid import Grid
 from support.bag_messages import Messages
@@ -42,6 +42,15 @@ def bag(folder, kind, *, frame="map", transform=None, **look):
     return folder
 
 
+def recorded_people(path, frame=""):
+    """(N, 2) positions and velocities of all sightings."""
+    found = recorded_sightings(BagReader(path), "people", frame=frame)
+    return (
+        np.concatenate([each.people.position_m[:, :2] for each in found]),
+        np.concatenate([each.people.velocity_mps[:, :2] for each in found]),
+    )
+
+
 def turned(x, y):
     """A static transform that turns by 90 degrees and moves."""
     make = Messages().make
@@ -55,21 +64,25 @@ def turned(x, y):
 
 @pytest.mark.parametrize("kind", [PEOPLE, TRACKED, DETECTIONS])
 def test_people_of_each_type_are_those_of_our_topic_to_a_millimetre(tmp_path, kind):
-    own = recorded_people(BagReader(bag(tmp_path / "own", CLOUD)), "people", set())
-    found = recorded_people(BagReader(bag(tmp_path / "other", kind)), "people", set())
+    own = recorded_people(bag(tmp_path / "own", CLOUD))
+    found = recorded_people(bag(tmp_path / "other", kind))
     np.testing.assert_allclose(found[0], own[0], atol=1e-3)
     # A detection has no velocity: it begins with the second sighting.
     known = slice(3 if kind == DETECTIONS else 0, None)
     np.testing.assert_allclose(found[1][known], own[1][known], atol=1e-3)
     recordings = [Recording(tmp_path / name, (), (), Losses()) for name in ("own", "other")]
-    flows = [flow_from_recordings([each], GRID, topic="people").flow for each in recordings]
+    sightings = sightings_of_all([each.bag for each in recordings], "people")
+    flows = [
+        flow_from_recordings([each], [people], GRID).flow
+        for each, people in zip(recordings, sightings, strict=True)
+    ]
     assert flows[0].tolist() == flows[1].tolist()
 
 
 @pytest.mark.parametrize("kind", [CLOUD, PEOPLE, TRACKED, DETECTIONS])
 def test_people_in_the_frame_of_a_sensor_are_brought_into_that_of_the_grid(tmp_path, kind):
     path = bag(tmp_path / "bag", kind, frame="camera", transform=turned(2.0, 3.0))
-    position_m, velocity_mps = recorded_people(BagReader(path), "people", set(), frame="map")
+    position_m, velocity_mps = recorded_people(path, frame="map")
     places = np.concatenate([walk(step)[0] for step in range(40)])
     np.testing.assert_allclose(
         position_m, np.stack([2.0 - places[:, 1], 3.0 + places[:, 0]], axis=1), atol=1e-3
@@ -80,7 +93,7 @@ def test_people_in_the_frame_of_a_sensor_are_brought_into_that_of_the_grid(tmp_p
 def test_a_frame_that_no_transform_joins_gets_a_sentence(tmp_path):
     path = bag(tmp_path / "bag", PEOPLE, frame="lidar", transform=turned(0.0, 0.0))
     with pytest.raises(BagError, match="frame 'lidar' must be joined with 'map' by /tf"):
-        recorded_people(BagReader(path), "people", set(), frame="map")
+        recorded_people(path, frame="map")
 
 
 def test_detections_of_other_classes_are_left_out():
@@ -99,7 +112,7 @@ def test_detections_of_older_layouts_are_read(tmp_path, layout, person, other, i
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic("/people", made.kind(DETECTIONS))
         writer.write("/people", made.encode(DETECTIONS, 1.0, *walks, classes=person), 10**9)
-    position_m, _ = recorded_people(BagReader(tmp_path / "bag"), "people", set())
+    position_m, _ = recorded_people(tmp_path / "bag")
     np.testing.assert_allclose(position_m, walks[0])
     found = [
         people_of(made.message(DETECTIONS, 1.0, *walks, classes=name)).ids
@@ -120,7 +133,7 @@ def test_an_id_that_was_not_seen_for_a_second_has_no_velocity(tmp_path):
         for time_s in (1.0, 1.5, 3.0):
             data = MADE.encode(DETECTIONS, time_s, *walk(10 * time_s))
             writer.write("/people", data, round(time_s * 1e9))
-    _, velocity_mps = recorded_people(BagReader(tmp_path / "bag"), "people", set())
+    _, velocity_mps = recorded_people(tmp_path / "bag")
     known = np.isfinite(velocity_mps).all(axis=1)
     assert known.tolist() == [False] * 3 + [True] * 3 + [False] * 3
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from bags.rosbag2.message_types import message_type, rosbags_types
+from bags.rosbag2.message_types import message_type
 from serd_ros.convert.pose import to_odometry
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationSource
@@ -13,6 +13,7 @@ from serd_ros.endpoints.transforms import TF_TYPE, follow_transforms
 from serd_ros.graph.configs import LocalisationConfig
 from support.nodes_in_process import deliver, node_in_process
 from support.observations import observation_at
+from support.transforms_message import transforms_message
 from support.valid_messages import valid_message
 from support.waiting import wait_until
 
@@ -48,23 +49,6 @@ def test_without_amcl_pose_odometry_is_followed_for_a_metre_or_a_radian(far):
         running.assert_alive()
 
 
-def transforms_message(*placed):
-    """A TFMessage in CDR of (parent, child, x_m, w of the quaternion)."""
-    types = rosbags_types().types
-    made = [
-        types["geometry_msgs/msg/TransformStamped"](
-            types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](1, 0), parent),
-            child,
-            types["geometry_msgs/msg/Transform"](
-                types["geometry_msgs/msg/Vector3"](x_m, 0.0, 0.0),
-                types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, w),
-            ),
-        )
-        for parent, child, x_m, w in placed
-    ]
-    return bytes(rosbags_types().serialize_cdr(types[TF_TYPE](made), TF_TYPE))
-
-
 def test_of_a_message_with_a_bad_transform_the_others_are_taken():
     changes = []
     with node_in_process("teleop_mux") as running:
@@ -83,6 +67,7 @@ def test_of_a_message_with_a_bad_transform_the_others_are_taken():
             transforms_message(
                 ("map", "odom", math.nan, 1.0),
                 ("wheel", "tyre", 0.0, 3.0),
+                ("odom", "moon", 3.8e8, 1.0),
                 ("odom", "base_link", 2.0, 1.0),
             ),
         )

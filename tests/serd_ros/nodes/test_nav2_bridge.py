@@ -2,9 +2,12 @@
 
 import pytest
 
-from bags.messages.plain import Header, Transform
+from bags.messages.plain import Header, Transform, transforms
+from bags.rosbag2.message_types import rosbags_types
+from serd_ros.endpoints.transforms import TF_TYPE
 from support.nodes_in_process import node_in_process
 from support.valid_messages import valid_message
+from support.waiting import wait_until
 
 START = 100.0
 
@@ -17,9 +20,11 @@ def test_pose_and_odometry_are_transformed_into_the_frames_of_its_tf():
             running.node.frames.take(placed, static=True)
         odometry, pose = valid_message("odom", START), valid_message("robot_pose", START)
         odometry.header.frame_id, pose.header.frame_id = "wheels", "world"
+        subscribed = running.node._transforms._tf.get_subscription_count
+        wait_until(subscribed, turn=running.call_timers)  # by itself
         running.receive("odom", odometry)
         running.receive("robot_pose", pose)
-        in_map, in_odom = running.sent["tf"].transforms
-        assert in_odom.transform.translation.x == odometry.pose.pose.position.x + 10.0
-        assert (in_map.header.frame_id, in_map.child_frame_id) == ("map", "odom")
+        odom, base = transforms(running.sent["tf"], TF_TYPE, rosbags_types())
+        assert base.placed[0] == odometry.pose.pose.position.x + 10.0
+        assert (odom.header.frame, odom.child) == ("map", "odom")
         running.assert_alive()
