@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 from bags.reader import BagReader
 from bags.writer import BagWriter
 from serd_cli.main import main
+from serd_cli.output import terminal
 
 POSE = "geometry_msgs/msg/PoseStamped"
 VECTOR = "geometry_msgs/msg/Vector3Stamped"
@@ -37,6 +38,9 @@ def serd(monkeypatch, capsys, tmp_path) -> Callable[..., Ended]:
     folder.mkdir()
     monkeypatch.chdir(folder)
     monkeypatch.setenv("COLUMNS", "160")
+    # A console that was made before keeps the width of its terminal.
+    for console in (terminal.console, terminal.progress_console):
+        monkeypatch.setattr(console, "_width", 160)
 
     def run(*words: str | Path) -> Ended:
         monkeypatch.setattr(sys, "argv", ["serd", *map(str, words)])

@@ -10,6 +10,7 @@ from experiments.running.tables import Row
 from experiments.study.arrival.distances import ArrivalTables, distance_row
 from experiments.study.density.settings import DensityStudy
 from experiments.study.density.stages import WITH, WITHOUT, load, recorded
+from serd_app.demonstrations.measured_density import joined_density
 from serd_app.navigation.predicted_density import predicted_density
 
 METHODS = (WITHOUT, WITH)
@@ -96,11 +97,10 @@ def _crowds(study: DensityStudy) -> Iterable[Row]:
     """
     for people in study.settings.crowds:
         repetitions = range(study.settings.repetitions)
-        found = [recorded(study, people, each)[1] for each in repetitions]
+        parts = [recorded(study, people, each)[1] for each in repetitions]
         contents = [load(study, "recordings", people, each) for each in repetitions]
-        n_decisions = sum(len(each.aimed_at_pm2) for each in found)
-        counts = np.array([each.n_known for each in found])
-        measured = np.stack([each.mean_pm2 for each in found], axis=1) @ counts / counts.sum()
+        found = joined_density(parts)
+        n_decisions, measured = len(found.aimed_at_pm2), found.mean_pm2
         predicted = predicted_density(study.scenario(people), study.problem.grid)
         yield {
             "crowd": people,
@@ -110,5 +110,5 @@ def _crowds(study: DensityStudy) -> Iterable[Row]:
             "measured_pm2": measured.mean(),
             "correlation": float(np.corrcoef(predicted, measured)[0, 1]),
             "rms_difference_pm2": float(np.sqrt(np.mean((predicted - measured) ** 2))),
-            "aimed_at_pm2": float(np.nanmean(np.concatenate([e.aimed_at_pm2 for e in found]))),
+            "aimed_at_pm2": float(np.nanmean(found.aimed_at_pm2)),
         }
