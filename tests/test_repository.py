@@ -5,6 +5,7 @@ import re
 
 import pytest
 import yaml
+from catkin_pkg.package import parse_package
 
 try:
     import tomllib
@@ -68,3 +69,15 @@ def test_issue_forms_have_what_they_need(root):
         if path.name != "config.yml":
             assert form["name"]
             assert all(field["attributes"]["label"] for field in form["body"])
+
+
+def test_the_ros_package_is_valid_and_complete_in_its_folder(root):
+    folder, warnings = root / "ros_ws/src/serd_ros", []
+    package = parse_package(str(folder), warnings=warnings)
+    assert not warnings
+    assert package.get_build_type() == "ament_python"
+    (license,) = package.licenses
+    assert (folder / license.file).read_bytes() == (root / "LICENSE").read_bytes()
+    assert f"\n{package.version} (" in (folder / "CHANGELOG.rst").read_text(encoding="utf-8")
+    keys = [each.name for each in package.exec_depends]
+    assert len(keys) == len(set(keys))

@@ -5,5 +5,5 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 export VENV=.venv-ubuntu
 [ -e "$VENV/.ready" ] || bash tools/setup_venv.sh
-"$VENV/bin/pip" install --quiet numpy==1.26.4 scipy==1.11.4
+"$VENV/bin/pip" install --quiet numpy==1.26.4 scipy==1.11.4 "pandas>=2.2,<3"
 "$VENV/bin/python" -m pytest -q tests/serd_core tests/serd_app/navigation "$@"

@@ -68,7 +68,7 @@ the scenario `hallway`.
 def files() -> dict[Path, str]:
     """The text of each generated file."""
     return {
-        ROOT / "serd_ros" / "graph" / "nodes.yaml": nodes_yaml(),
+        ROOT / "ros_ws" / "src" / "serd_ros" / "config" / "nodes.yaml": nodes_yaml(),
         ROOT / "docs" / "nodes.md": nodes_page(),
         ROOT / "docs" / "scenarios.md": page_of_keys("scenarios.md", SCENARIO_PARTS),
         ROOT / "docs" / "sources.md": page_of_keys("sources.md", MAPPING_PARTS),

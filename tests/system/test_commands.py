@@ -1,6 +1,7 @@
 """`serd run` and `serd launch` as a user types them: wrong names, exit codes, signals."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -8,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from serd_cli.workspace import PROJECT
+from serd_cli.executables import executables_of, find_command
+from serd_cli.workspace import PROJECT, ros_environment
+from serd_ros.graph.graph import load_graph
 from support.waiting import PATIENCE_S
 
 SERD = str(Path(sys.executable).with_name("serd"))
@@ -97,24 +100,28 @@ def test_a_failing_node_ends_the_stack_with_its_error(ros_env, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_workspace_builds_with_plain_colcon(tmp_path):
+def test_an_archive_of_the_package_builds_and_its_nodes_run(tmp_path, ros_env, monkeypatch):
     workspace = tmp_path / "ros_ws"
-    source = workspace / "src"
-    source.mkdir(parents=True)
-    (source / "serd_ros").symlink_to(PROJECT / "ros_ws/src/serd_ros")
+    package = workspace / "src/serd_ros"
+    shutil.copytree(PROJECT / "ros_ws/src/serd_ros", package, symlinks=True)
+    assert not [path for path in package.rglob("*") if path.is_symlink()]
     environment = {**os.environ, "PATH": f"{Path(SERD).parent}:{os.environ['PATH']}"}
     subprocess.run(
         ["colcon", "build"], cwd=workspace, env=environment, check=True, capture_output=True
     )
     prefix = workspace / "install/serd_ros"
     assert (prefix / "share/ament_index/resource_index/packages/serd_ros").exists()
-    assert (prefix / "share/serd_ros/launch/serd.launch.py").exists()
-    assert (prefix / "share/serd_ros/config/nodes.yaml").exists()
-    installed = next((prefix / "lib").glob("python3*")) / "site-packages"
-    for name in (
-        "sim/robot/hallway_robot.urdf",
-        "sim/scenario/scenarios/hallway.yaml",
-        "serd_ros/graph/graph.yaml",
-        "teleop/page/static",
-    ):
-        assert (installed / name).exists(), name
+    for folder in ("launch", "config", "rviz", "foxglove"):
+        names = {path.name for path in (package / folder).iterdir() if path.is_file()}
+        assert {path.name for path in (prefix / "share/serd_ros" / folder).iterdir()} == names
+    modules = [path for path in prefix.rglob("*.py") if "share" not in path.parts]
+    assert not modules
+    assert executables_of(prefix, "serd_ros") == sorted(load_graph().nodes)
+    monkeypatch.setenv("SERD_WORKSPACE", str(workspace))
+    assert find_command("serd_ros", "guard", ros_environment({}))[0].startswith(str(prefix))
+    wrong = ("--ros-args", "-p", "lockstep:=7")
+    done = serd(
+        "run", "serd_ros", "guard", *wrong, env={**ros_env, "SERD_WORKSPACE": str(workspace)}
+    )
+    assert done.returncode == 2
+    assert "lockstep" in done.stderr

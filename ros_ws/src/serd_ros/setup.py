@@ -1,14 +1,35 @@
-"""The colcon package: the project's Python packages (linked here) and one executable per node."""
+"""The ROS package: one executable per node, launch files, parameters and layouts.
+
+The Python code is the distribution `serd`, installed beside it with pip; this package installs no
+module.
+"""
 
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import setup
 
 PACKAGE = "serd_ros"
-NODES = sorted(path.stem for path in Path("serd_ros/nodes").glob("*.py") if path.stem != "__init__")
+NODES = (
+    "bag_replay",
+    "demo_recorder",
+    "guard",
+    "hallway_sim",
+    "learner",
+    "local_planner",
+    "nav2_bridge",
+    "scripted_expert",
+    "strategy",
+    "teleop_joy",
+    "teleop_keyboard",
+    "teleop_mux",
+    "teleop_page",
+    "watch_page",
+)
+FOLDERS = ("launch", "config", "rviz", "foxglove")
 
 
 def files(folder: str) -> list[str]:
+    """The files of a folder."""
     return sorted(str(path) for path in Path(folder).glob("*") if path.is_file())
 
 
@@ -17,30 +38,12 @@ setup(
     version="0.2.0",
     description="Hallway navigation that learns rewards and dynamics from demonstrations (SERD)",
     license="Apache-2.0",
-    packages=find_packages(exclude=["test", "tests"]),
-    package_data={
-        "": [
-            "py.typed",
-            "*.pyi",
-            "*.yaml",
-            "scenarios/*.yaml",
-            "scenarios/*/*.yaml",
-            "templates/*",
-            "data/*",
-            "static/*",
-            "*.xml",
-            "*.urdf",
-        ]
-    },
-    include_package_data=True,
+    packages=[],
     zip_safe=False,
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/launch", files("launch")),
-        (f"share/{PACKAGE}/config", files("config")),
-        (f"share/{PACKAGE}/rviz", files("rviz")),
-        (f"share/{PACKAGE}/foxglove", files("foxglove")),
+        *((f"share/{PACKAGE}/{folder}", files(folder)) for folder in FOLDERS),
     ],
     entry_points={
         "console_scripts": [f"{node} = serd_ros.process.executable:main" for node in NODES],
