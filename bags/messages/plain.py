@@ -146,16 +146,11 @@ def diagnostic_array(data: bytes) -> DiagnosticReport:
     return DiagnosticReport(header_of(message.header), tuple(statuses))
 
 
-def point_cloud(data: bytes, names: tuple[str, ...]) -> dict[str, FloatArray]:
-    """Named fields of a sensor_msgs/PointCloud2, each (N,).
+def points_of(cloud: Any, names: tuple[str, ...]) -> dict[str, FloatArray]:
+    """Named fields of a decoded sensor_msgs/PointCloud2, each (N,).
 
     BagError where one is missing or the sizes do not fit.
     """
-    return points_of(decode(data, "sensor_msgs/msg/PointCloud2"), names)
-
-
-def points_of(cloud: Any, names: tuple[str, ...]) -> dict[str, FloatArray]:
-    """Those of a decoded cloud; see `point_cloud`."""
     layout = {each.name: each for each in cloud.fields}
     for each in cloud.fields:
         if each.datatype not in _POINT_KINDS:

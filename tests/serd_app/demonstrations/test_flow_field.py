@@ -7,7 +7,7 @@ import pytest
 
 from bags.damage import Losses
 from bags.errors import BagError
-from bags.messages.plain import point_cloud
+from bags.messages.plain import decode, points_of
 from bags.writer import BagWriter
 from serd_app.demonstrations.flow_field import FlowEstimator, FlowRule, flow_from_recordings
 from serd_app.drives.recorded_people import sightings_of_all
@@ -22,6 +22,10 @@ FIELDS = ("x", "y", "z", "vx", "vy")
 def flow_of(recordings, topic="pedestrians"):
     sightings = sightings_of_all([each.bag for each in recordings], topic)
     return flow_from_recordings(recordings, sightings, GRID)
+
+
+def point_cloud(data, names):
+    return points_of(decode(data, CLOUD), names)
 
 
 def cloud(messages, rows, *, names=FIELDS, big_endian=False):
