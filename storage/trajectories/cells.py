@@ -85,6 +85,8 @@ def _text(path: Path, text: str) -> Cells:
         )
     if len(names) > frame.shape[1]:  # rows that are cut off
         frame = frame.reindex(columns=range(len(names)))
+    elif names:  # further columns have their numbers
+        names += map(str, range(len(names) + 1, frame.shape[1] + 1))
     return Cells(frame, tuple(names), _rate(comments), comments, len(rows) - len(frame))
 
 

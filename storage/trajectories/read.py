@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 _TRANSPOSED_ROWS, _LEAST_TRANSPOSED = 4, 20
 #: Larger numbers are none of a table; stamps in ns are smaller.
 _LARGEST = 1e20
+#: Half of the shortest step between two stamps.
+_SHORTEST_S = 5e-10
 _NO_AGENTS = (
     "{path} must hold agents with two places at least, it holds none in {n_rows} rows;"
     " name its columns in a --mapping file (time:, agent:, x:, y:)"
@@ -90,11 +92,18 @@ def _tracks(
 
 def _numbers(frame: "pd.DataFrame") -> FloatArray:
     """(R, C) with NaN for text, and for numbers that are neither times nor places."""
-    import pandas as pd
-
-    columns = [pd.to_numeric(frame[name], errors="coerce") for name in frame.columns]
+    columns = [_numeric(frame[name]) for name in frame.columns]
     numbers = np.column_stack([column.to_numpy(dtype=np.float64) for column in columns])
     return np.where(np.abs(numbers) <= _LARGEST, numbers, np.nan)
+
+
+def _numeric(column: "pd.Series[Any]") -> "pd.Series[Any]":
+    import pandas as pd
+
+    try:
+        return pd.to_numeric(column, errors="coerce")
+    except OverflowError:  # an integer of more than 308 digits
+        return pd.to_numeric(column.where(column.astype(str).str.len() < 300), errors="coerce")
 
 
 def _in_words(units: dict[str, str], speed_mps: float) -> tuple[str, ...]:
@@ -144,5 +153,5 @@ def _speed(time_s: FloatArray, place: FloatArray, same: FloatArray) -> float:
     """Median over steps in which an agent moved, in units of the file per second."""
     step_s = np.diff(time_s)[same]
     moved = np.hypot(*np.diff(place, axis=0)[same].T)
-    moving = (moved > 0) & (step_s > 0)
+    moving = (moved > 0) & (step_s > _SHORTEST_S)
     return float(np.median(moved[moving] / step_s[moving])) if moving.any() else 0.0

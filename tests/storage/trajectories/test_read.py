@@ -262,6 +262,32 @@ def test_rows_with_more_cells_than_the_first_are_counted(tmp_path):
     assert read_trajectories(path).n_bad == 2
 
 
+def test_a_column_that_the_first_line_does_not_name_has_its_number(tmp_path):
+    """The fourth one, which alone divides the rows into agents."""
+    lines = (line.split(",") for line in two_agents((7, 9), 0.0).splitlines())
+    path = tmp_path / "table.csv"
+    path.write_text("t,x,y\n" + "\n".join(f"{t},{x},{y},{who}" for t, who, x, y in lines))
+    found = read_trajectories(path)
+    assert [track.agent for track in found.tracks] == ["7", "9"]
+    assert found.assumed[0] == "the column 4 is taken as the agent"
+
+
+@pytest.mark.parametrize("text", ["9" * 400, "-1" + "0" * 5000])
+def test_an_integer_beyond_all_numbers_is_no_place(tmp_path, text):
+    path = tmp_path / "table.csv"
+    path.write_text(f"t,x,y\n0,1,1\n1,{text},1\n2,3,1\n")
+    found = read_trajectories(path)
+    assert found.n_bad == 1
+    assert found.tracks[0].position_m.tolist() == [[1.0, 1.0], [3.0, 1.0]]
+
+
+def test_the_unit_does_not_depend_on_a_step_shorter_than_a_nanosecond(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("t,x,y\n0,1,1\n3e-308,2,1\n1,3,1\n")
+    (track,) = read_trajectories(path).tracks
+    assert track.position_m.tolist() == [[1.0, 1.0], [2.0, 1.0], [3.0, 1.0]]
+
+
 def test_durations_and_a_repeated_index_of_parquet_are_read(tmp_path):
     path = tmp_path / "table.parquet"
     frame = pd.DataFrame({"t": pd.to_timedelta([0.0, 0.5], "s"), "x": [1.0, 2.0], "y": [0.0, 0.0]})
