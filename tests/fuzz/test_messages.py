@@ -123,6 +123,7 @@ class Session:
                     continue
                 for message in self.messages(subscription):
                     self.send(subscription, message)
+            self.running.wait(TICK_S)
             self.running.call_timers()
         return set(self.running.published - before)
 

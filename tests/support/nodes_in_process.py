@@ -1,7 +1,8 @@
 """Nodes that are constructed in the test's process, without an executor.
 
 Callbacks of subscriptions and timers are called by hand, so that a test of thousands of messages
-waits for nothing.
+waits for nothing. The node's wall clock stands except for `wait`, so that a machine that is late
+changes nothing.
 """
 
 import time
@@ -47,6 +48,9 @@ class NodeInProcess:
 
     def __init__(self, node: SerdNode[Any]) -> None:
         self.node = node
+        now_s = node.wall_s()
+        self._waited_s = 0.0
+        setattr(node, "wall_s", lambda: now_s + self._waited_s)  # noqa: B010
         self.published: Counter[str] = Counter()
         self.sent: dict[str, Any] = {}
         for publisher in node.publishers:
@@ -61,6 +65,10 @@ class NodeInProcess:
             self.sent[topic] = message
 
         publisher.publish = counted
+
+    def wait(self, duration_s: float) -> None:
+        """Advance the node's wall clock."""
+        self._waited_s += duration_s
 
     def receive(self, topic: str, message: Any) -> None:
         """Call every subscription of the topic with the message."""

@@ -84,12 +84,11 @@ def test_people_in_scans_are_tracked_anew_in_a_new_session():
             assert tracker._time_s == time_s
 
 
-def test_the_planner_stands_while_the_clock_does_and_goes_on_with_it(monkeypatch):
+def test_the_planner_stands_while_the_clock_does_and_goes_on_with_it():
     with node_in_process("local_planner", lockstep=False) as running:
         feed(running, START, "waypoint")
         assert speed(running) > 0.0
-        now_s = running.node.wall_s()
-        monkeypatch.setattr(running.node, "wall_s", lambda: now_s + 10.0)
+        running.wait(10.0)
         assert speed(running) == 0.0
         feed(running, START + 0.05)
         assert speed(running) > 0.0
@@ -163,15 +162,12 @@ def test_a_strategy_without_resets_waits_for_a_goal_in_a_new_session(save_model_
         running.assert_alive()
 
 
-def test_a_drive_begins_with_a_new_observation_where_the_last_one_is_old(
-    save_model_of, monkeypatch
-):
+def test_a_drive_begins_with_a_new_observation_where_the_last_one_is_old(save_model_of):
     with node_in_process("strategy", model=str(save_model_of()), reset=False) as running:
         running.call_timers()
         running.node._starter._look.cancel()  # its graph is there
         feed(running, START)
-        now_s = running.node.wall_s()
-        monkeypatch.setattr(running.node, "wall_s", lambda: now_s + 0.6)
+        running.wait(0.6)
         running.receive("goal_pose", valid_message("goal_pose", START))
         assert running.node.driving
         assert running.published["waypoint"] == 0
@@ -218,11 +214,11 @@ def test_a_front_end_stops_after_a_jump_forward_and_keeps_its_episode(kind):
 
 @pytest.mark.parametrize("kind", ["teleop_page", "teleop_keyboard"])
 @pytest.mark.parametrize("silent", ["mux", "world"])
-def test_a_held_key_counts_anew_after_mux_or_world_were_silent(kind, silent, monkeypatch):
+def test_a_held_key_counts_anew_after_mux_or_world_were_silent(kind, silent):
     with hand_driver(kind) as running:
-        node, now_s = running.node, running.node.wall_s()
+        node = running.node
         for tick in range(1, 41):
-            monkeypatch.setattr(node, "wall_s", lambda tick=tick: now_s + 0.05 * tick)
+            running.wait(0.05)
             if silent == "world" or tick in (1, 40):
                 running.receive("diagnostics", mux_state(active="planner"))
             if silent == "mux" or tick in (1, 40):
@@ -274,11 +270,11 @@ def test_a_held_key_moves_on_only_after_a_pause_of_the_page_in_which_the_mux_did
     """The mux stops the robot after 0.5 s; the page's next request may be taken at once after."""
     requests = []
     with node_in_process("teleop_page", port=0) as running:
-        node, now_s = running.node, running.node.wall_s()
+        node = running.node
         monkeypatch.setattr(node._server, "take", lambda: [requests.pop(0)] if requests else [])
 
-        def beat(since_s, *linear):
-            monkeypatch.setattr(node, "wall_s", lambda: now_s + since_s)
+        def beat(after_s, *linear):
+            running.wait(after_s)
             requests.extend(Move(type="move", linear=each, angular=0.0) for each in linear)
             running.call_timers()
 
@@ -286,14 +282,14 @@ def test_a_held_key_moves_on_only_after_a_pause_of_the_page_in_which_the_mux_did
         beat(0.0, 0.0)
         beat(0.1, 1.0)
         assert running.sent["cmd_vel_teleop"].linear.x > 0.0
-        beat(0.3)
+        beat(0.2)
         driven = running.published["cmd_vel_teleop"]
-        beat(0.1 + silent_s, 1.0)
+        beat(silent_s - 0.2, 1.0)
         drives_on = running.published["cmd_vel_teleop"] > driven
         drives_on &= running.sent["cmd_vel_teleop"].linear.x > 0.0
         assert drives_on == (silent_s < 0.5)
-        beat(0.7, 0.0)
-        beat(0.8, 1.0)
+        beat(0.1, 0.0)
+        beat(0.1, 1.0)
         assert running.sent["cmd_vel_teleop"].linear.x > 0.0
         running.assert_alive()
 

@@ -34,11 +34,11 @@ def take_pose(running, time_s):
 
 @pytest.mark.parametrize("received", ["nothing", "poses", "an episode without its last pose"])
 def test_a_learner_of_a_replay_without_a_whole_episode_ends_with_the_reason(
-    received, tmp_path, monkeypatch, capsys
+    received, tmp_path, capsys
 ):
     output = str(tmp_path / "m.yaml")
     with node_in_process("learner", exit_with_publishers=True, output=output) as running:
-        node, now_s = running.node, running.node.wall_s()
+        node = running.node
         if received != "nothing":
             take_pose(running, 1.0)
         if received.startswith("an episode"):
@@ -46,22 +46,22 @@ def test_a_learner_of_a_replay_without_a_whole_episode_ends_with_the_reason(
             running.receive("episode", serialize_message(to_episode_message(mark)))
         running.receive("diagnostics", to_diagnostics("bag_replay", 9.0, {}, message="finished"))
         assert not node.finished.done()
-        for later_s in (1.0, 2.0, 3.0):
-            monkeypatch.setattr(node, "wall_s", lambda later_s=later_s: now_s + later_s)
+        for _ in range(3):
+            running.wait(1.0)
             running.call_timers()
         assert node.finished.result() == 2
     assert "no model was learned" in capsys.readouterr().err
 
 
-def test_a_learner_waits_for_a_replay_that_pauses(tmp_path, monkeypatch):
+def test_a_learner_waits_for_a_replay_that_pauses(tmp_path):
     output = str(tmp_path / "m.yaml")
     with node_in_process("learner", exit_with_publishers=True, output=output) as running:
-        node, now_s = running.node, running.node.wall_s()
+        node = running.node
         node.create_publisher(PoseStamped, "robot_pose", 1)
         wait_until(lambda: node.count_publishers("robot_pose"))
         running.receive("diagnostics", to_diagnostics("bag_replay", 9.0, {}, message="paused"))
         take_pose(running, 1.0)
-        for later_s in (10.0, 20.0):
-            monkeypatch.setattr(node, "wall_s", lambda later_s=later_s: now_s + later_s)
+        for _ in range(2):
+            running.wait(10.0)
             running.call_timers()
         assert not node.finished.done()

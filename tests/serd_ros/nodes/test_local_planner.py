@@ -8,11 +8,8 @@ from support.valid_messages import valid_message
 
 
 @pytest.fixture
-def planner(monkeypatch):
+def planner():
     with node_in_process("local_planner", lockstep=False) as running:
-        now_s = [running.node.wall_s()]
-        monkeypatch.setattr(running.node, "wall_s", lambda: now_s[0])
-        running.wait = lambda seconds: now_s.__setitem__(0, now_s[0] + seconds)
         yield running
 
 
