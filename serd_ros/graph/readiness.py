@@ -2,13 +2,13 @@
 
 The graph description has how many of the required nodes subscribe to each topic; what DDS has
 matched so far is counted against that. A node may be configured to subscribe to less than that, so
-after a while it is enough that all known subscriptions are matched.
+after a while in which no node and no subscription has appeared it is enough that all known ones are
+matched. A node is present before it subscribes, on a busy machine many seconds.
 """
 
 from collections.abc import Sequence
 
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 
 from serd_ros.graph.graph import load_graph
 
@@ -22,26 +22,29 @@ class Readiness:
         # A ROS parameter cannot be an empty list, so none is written [""].
         self._required = tuple(name for name in required_nodes if name)
         self._node, self._since_s = node, now_s
+        self._seen: tuple[int, ...] = ()
 
     def missing(self, now_s: float) -> str:
         """What is missing, as words; empty when ready. now_s: steady wall time."""
         here = self._node.get_namespace()
         present = self._node.get_node_names_and_namespaces()
         absent = [name for name in self._required if (name, here) not in present]
+        publishers = list(self._node.publishers)
+        known = [int(self._node.count_subscribers(each.topic_name)) for each in publishers]
+        seen = len(absent), *known
+        if seen != self._seen:
+            self._seen, self._since_s = seen, now_s
         if absent:
             return f"node {', '.join(absent)}"
-        patient = now_s - self._since_s < PATIENCE_S
+        if now_s - self._since_s < PATIENCE_S:
+            described = [self._described(each.topic_name) for each in publishers]
+            known = list(map(max, known, described))
         short = [
             publisher.topic_name
-            for publisher in self._node.publishers
-            if publisher.get_subscription_count() < self._needed(publisher, patient)
+            for publisher, needed in zip(publishers, known, strict=True)
+            if publisher.get_subscription_count() < needed
         ]
         return f"subscribers of {', '.join(short)}" if short else ""
-
-    def _needed(self, publisher: Publisher, patient: bool) -> int:
-        """How many subscriptions a publisher must have matched."""
-        known = int(self._node.count_subscribers(publisher.topic_name))
-        return max(known, self._described(publisher.topic_name)) if patient else known
 
     def _described(self, topic_name: str) -> int:
         nodes = load_graph().nodes
