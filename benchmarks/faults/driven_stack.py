@@ -37,9 +37,9 @@ from serd_ros.graph.graph import find_stack
 #: The source of intents of the stack live, which this process is.
 SOURCE = "source of intents"
 _STANDS_MPS = 1e-3
-_PATIENCE_S = 120.0
+_PATIENCE_S = 300.0
 _WATCHED_S = 10.0
-_TRIES = 8
+_TRIES = 20
 _SILENCE_S = 2.0
 _INTENT_PERIOD_S = 0.5
 _N_NEUTRAL = 3

@@ -91,7 +91,7 @@ class LaunchedStack:
         """SIGSTOP a node until it is named, then continue it; all must still run."""
         since_s, pid = time.monotonic(), self.nodes()[node]
         os.kill(pid, signal.SIGSTOP)
-        named = self._until(lambda: f"{node} was stopped by a signal" in self.output(), 10.0)
+        named = self._until(lambda: f"{node} was stopped by a signal" in self.output(), _PATIENCE_S)
         after_s = time.monotonic() - since_s
         os.kill(pid, signal.SIGCONT)
         return Ending(after_s, named, len(self.nodes()))

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 Found = TypeVar("Found")
 #: Guard against a test that hangs, s. It is no measurement: a condition normally holds in seconds.
-PATIENCE_S = 300.0
+PATIENCE_S = 600.0
 
 
 def wait_until(

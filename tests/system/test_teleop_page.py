@@ -15,7 +15,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Vector3Stamped
 from nav_msgs.msg import Odometry
 from rosbags.highlevel import AnyReader
-from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -33,11 +32,10 @@ from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
+from support.browser import needs_chromium, start_chromium
 from support.waiting import PATIENCE_S, ProcessorWait, descendants_of, wait_until
 
 SERD = str(Path(sys.executable).with_name("serd"))
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-CHROMEDRIVER = shutil.which("chromedriver")
 STOPPED_MPS = 1e-6
 STOPPED_RADPS = 1e-6
 SCENARIO = """
@@ -60,31 +58,14 @@ window.fake = { id: "test pad", connected: true, axes: [0, -1, 0, 0],
 navigator.getGamepads = () => (window.fake ? [window.fake] : []);
 """
 
-pytestmark = [
-    pytest.mark.ros,
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        not (CHROMIUM and CHROMEDRIVER),
-        reason="no Chromium on this machine: apt-get install chromium chromium-driver",
-    ),
-]
+pytestmark = [pytest.mark.ros, pytest.mark.slow, needs_chromium]
 
 
 class Page:
     """The page in a separate browser."""
 
     def __init__(self, folder):
-        options = webdriver.ChromeOptions()
-        options.binary_location = CHROMIUM
-        for argument in (
-            "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
-            "--window-size=1280,860", f"--user-data-dir={folder / 'chromium'}",
-        ):  # fmt: skip
-            options.add_argument(argument)
-        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-        self._service = webdriver.ChromeService(CHROMEDRIVER)
-        self.browser = webdriver.Chrome(options, self._service)
-        self.browser.command_executor.client_config.timeout = PATIENCE_S
+        self.browser = start_chromium(folder)
 
     def open(self, url):
         self.browser.get(url)
@@ -113,7 +94,7 @@ class Page:
         """Its processes are stopped, as a page stops whose script hangs."""
         stopped = [
             pid
-            for pid in descendants_of(self._service.process.pid)
+            for pid in descendants_of(self.browser.service.process.pid)
             if "--type=renderer" in Path(f"/proc/{pid}/cmdline").read_text()
         ]
         assert stopped

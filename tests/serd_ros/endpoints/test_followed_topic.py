@@ -11,7 +11,7 @@ from serd_ros.endpoints.followed_topic import FollowedTopic
 from serd_ros.endpoints.qos import common_qos, requests_too_much
 from serd_ros.endpoints.topic_types import TopicType
 from support.nodes_in_process import node_in_process
-from support.waiting import wait_until
+from support.waiting import PATIENCE_S, wait_until
 
 OFFERS = [
     QoSProfile(depth=5, reliability=reliability, durability=durability)
@@ -57,7 +57,7 @@ def durabilities(node):
 def publish(publisher, *numbers):
     for number in numbers:
         publisher.publish(Int32(data=number))
-    assert publisher.wait_for_all_acked(Duration(seconds=60))
+    assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE_S))
 
 
 def test_messages_that_wait_are_taken_before_a_subscription_requests_less(running):

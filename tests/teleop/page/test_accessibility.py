@@ -4,18 +4,17 @@ Rules are those of axe-core (tests/reference/axe, Mozilla Public License 2.0).
 """
 
 import os
-import shutil
 import threading
 from contextlib import contextmanager
 
 import pytest
-from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
+from support.browser import needs_chromium, start_chromium
 from support.observations import observation_at
 from support.waiting import wait_until
 from teleop.page.access import PageAccess
@@ -23,8 +22,6 @@ from teleop.page.requests import EmergencyStop, Episode, Hold, Replay
 from teleop.page.server import PageServer
 from teleop.page.view import scene_of, watched_scene_of, world_state
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-CHROMEDRIVER = shutil.which("chromedriver")
 HALLWAY = load_scenario("hallway")
 PEOPLE = ((1.0, 5.0), (4.4, 9.0))
 STATE = {
@@ -55,13 +52,7 @@ STATE = {
 }
 DISCARD = Episode(type="episode", do="discard")
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        not (CHROMIUM and CHROMEDRIVER),
-        reason="no Chromium on this machine: apt-get install chromium chromium-driver",
-    ),
-]
+pytestmark = [pytest.mark.slow, needs_chromium]
 
 
 class ShownPage:
@@ -133,12 +124,7 @@ def replayed(tmp_path):
 def opened(tmp_path, scene, state):
     """A page of the scene that shows a state."""
     server = PageServer(scene, PageAccess("127.0.0.1", ""), 0)
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"):
-        options.add_argument(argument)
-    options.add_argument(f"--user-data-dir={tmp_path / 'chromium'}")
-    browser = webdriver.Chrome(options, webdriver.ChromeService(CHROMEDRIVER))
+    browser = start_chromium(tmp_path)
     page = ShownPage(server, browser)
     page.state = state
     try:
