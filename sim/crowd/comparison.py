@@ -17,11 +17,11 @@ _UNKNOWN = float("nan")
 
 @dataclass(frozen=True)
 class Walking:
-    """Means over people and moments; NaN where unknown.
+    """Means over moments; NaN where unknown.
 
-    speed_deviation_mps: standard deviation of speeds. nearest_m: distance of centres that 5 % of
-    the nearest neighbours fall below. passing_m: median over moments of the smallest distance of
-    two who walk opposite ways.
+    speed_deviation_mps: standard deviation of persons' speeds. nearest_m: distance of centres that
+    5 % of the nearest neighbours fall below. passing_m: median over moments of the smallest
+    distance of two who walk opposite ways.
     """
 
     speed_mps: float
@@ -72,7 +72,7 @@ def compare_with_recording(
     """A ring corridor as wide as the recorded one, at the densities that the recording holds."""
     for density in densities or DENSITIES:
         real = recorded.near_density(density)
-        if len(real.speed_mps) < _LEAST_RECORDED:
+        if len(real.person_speed_mps) < _LEAST_RECORDED:
             continue
         walked = measure_simulation(
             density,
@@ -88,7 +88,7 @@ def compare_with_recording(
 def _walking(measures: CorridorMeasures) -> Walking:
     return Walking(
         float(measures.speed_mps.mean()),
-        float(measures.speed_mps.std()),
+        float(measures.person_speed_mps.std()),
         float(np.quantile(measures.nearest_m, 0.05)),
         _median(measures.passing_distance_m),
     )

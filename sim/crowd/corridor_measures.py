@@ -1,11 +1,12 @@
 """Speeds and distances of people in a corridor, by density: recorded people and simulated ones.
 
-The measures are taken in the middle of the corridor. At each moment with two people or more there,
-density = people / area; each of them counts with its speed and the distance to the nearest other.
+PedPy measures both alike, in the middle of the corridor: at each moment Voronoi density and speed
+there, and for each person there the speed and the distance to the nearest other.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,11 +15,17 @@ from sim.crowd.ring_corridor import ring_corridor_crowd
 from sim.errors import SimError
 from storage.trajectories.read import Track
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 #: Time on either side over which a velocity is a central difference.
 _HALF_WINDOW_S = 0.2
+#: Moments that are measured.
+_MOMENT_S = 0.2
 #: People's centres keep about this distance to walls.
 _CLEAR_OF_WALL_M = 0.2
 _PEOPLE_IN_RING = 100
+_STEP_S, _STEPS_PER_FRAME = 0.05, 2
 
 
 @dataclass(frozen=True)
@@ -39,24 +46,30 @@ class Corridor:
 
 @dataclass(frozen=True, eq=False)
 class CorridorMeasures:
-    """(P,) per person and moment; (M,) per moment, NaN without people who walk against others."""
+    """Of M moments and of P persons at them; passing_distance_m is NaN where none walk opposed.
+
+    density_pm2, speed_mps, passing_distance_m: (M,); person_density_pm2: (P,) at their moments;
+    person_speed_mps, nearest_m: (P,).
+    """
 
     density_pm2: FloatArray
     speed_mps: FloatArray
-    nearest_m: FloatArray
-    moment_density_pm2: FloatArray
     passing_distance_m: FloatArray
+    person_density_pm2: FloatArray
+    person_speed_mps: FloatArray
+    nearest_m: FloatArray
 
     def near_density(self, density_pm2: float, tolerance_pm2: float = 0.13) -> "CorridorMeasures":
         """The moments of about that density."""
-        near = np.abs(self.density_pm2 - density_pm2) < tolerance_pm2
-        moments = np.abs(self.moment_density_pm2 - density_pm2) < tolerance_pm2
+        moments = np.abs(self.density_pm2 - density_pm2) < tolerance_pm2
+        near = np.abs(self.person_density_pm2 - density_pm2) < tolerance_pm2
         return CorridorMeasures(
-            self.density_pm2[near],
-            self.speed_mps[near],
-            self.nearest_m[near],
-            self.moment_density_pm2[moments],
+            self.density_pm2[moments],
+            self.speed_mps[moments],
             self.passing_distance_m[moments],
+            self.person_density_pm2[near],
+            self.person_speed_mps[near],
+            self.nearest_m[near],
         )
 
 
@@ -87,24 +100,44 @@ def corridor_of(tracks: Sequence[Track], width_m: float | None = None) -> Corrid
 
 
 def measure_recording(
-    tracks: Sequence[Track], corridor: Corridor | None = None, *, every: int = 5
+    tracks: Sequence[Track], corridor: Corridor | None = None
 ) -> CorridorMeasures:
-    """Measures of every so-many-th frame in the middle of the corridor, found where not given."""
+    """Measures in the middle of the corridor, found where not given, five times a second."""
     corridor = corridor or corridor_of(tracks)
+    pedpy = _pedpy()
     period_s = float(np.median(np.concatenate([np.diff(each.time_s) for each in tracks])))
-    frame = np.concatenate([np.rint(each.time_s / period_s) for each in tracks])
-    place = np.concatenate([each.position_m for each in tracks]) - corridor.middle_m
-    rows = max(1, round(_HALF_WINDOW_S / period_s))
-    velocity = np.concatenate([_velocities(each, rows) for each in tracks])
-    if corridor.axis == 1:
-        place, velocity = place[:, ::-1], velocity[:, ::-1]
-    usable = (np.abs(place[:, 0]) < corridor.half_length_m) & np.isfinite(velocity[:, 0])
-    frame, place, velocity = frame[usable], place[usable], velocity[usable]
-    order = np.argsort(frame, kind="stable")
-    starts = np.flatnonzero(np.diff(frame[order], prepend=-np.inf))
-    groups = np.split(order, starts[1:])[::every] if len(order) else []
-    moments = [(place[here], velocity[here]) for here in groups if len(here) >= 2]
-    return _measures(moments, 2.0 * corridor.half_length_m * corridor.width_m)
+    every = max(1, round(_MOMENT_S / period_s))
+    table = _table(tracks, corridor, period_s)
+    half_way_m, across_m = float(np.abs(table["x"]).max()) + 0.1, 0.5 * corridor.width_m
+    table = table[np.abs(table["y"]) < across_m]
+    people = pedpy.TrajectoryData(table, frame_rate=1.0 / period_s)
+    speed = pedpy.compute_individual_speed(
+        traj_data=people, frame_step=max(1, round(_HALF_WINDOW_S / period_s)), compute_velocity=True
+    )
+    moving = people.data.merge(speed, on=["id", "frame"])
+    seen = pedpy.TrajectoryData(
+        moving[moving["frame"] % every == 0].drop(columns="point"), frame_rate=1.0 / period_s
+    )
+    cells = pedpy.compute_individual_voronoi_polygons(
+        traj_data=seen, walkable_area=pedpy.WalkableArea(_rectangle(half_way_m, across_m))
+    )
+    area = pedpy.MeasurementArea(_rectangle(corridor.half_length_m, across_m))
+    density, parts = pedpy.compute_voronoi_density(
+        individual_voronoi_data=cells, measurement_area=area
+    )
+    mean_speed = pedpy.compute_voronoi_speed(
+        traj_data=seen,
+        individual_speed=speed,
+        individual_voronoi_intersection=parts,
+        measurement_area=area,
+    )
+    return _measures(
+        density.merge(mean_speed, on="frame").set_index("frame"),
+        seen.data[np.abs(seen.data["x"]) < corridor.half_length_m],
+        pedpy.compute_neighbor_distance(
+            traj_data=seen, neighborhood=pedpy.compute_neighbors(cells, as_list=False)
+        ),
+    )
 
 
 def measure_simulation(
@@ -119,7 +152,7 @@ def measure_simulation(
     duration_s: float = 30.0,
     seed: int = 1,
 ) -> CorridorMeasures:
-    """Measures in a ring corridor of that density, ten times a second.
+    """Measures in a ring corridor with so many people per area.
 
     The ring is as long as about 100 people fill it, between 8 and 20 m.
     """
@@ -133,54 +166,78 @@ def measure_simulation(
         model_name=model_name,
         rng=np.random.default_rng(seed),
     )
-    moments = []
-    for step in range(round((settle_s + duration_s) / 0.05)):
-        crowd.step(0.05)
-        here = crowd.x_m < 2.0 * half_length_m
-        if step * 0.05 >= settle_s and step % 2 == 0 and here.sum() >= 2:
-            place = np.stack([crowd.x_m, crowd.y_m], axis=1)
-            velocity = np.stack([crowd.velocity_x_mps, crowd.velocity_y_mps], axis=1)
-            moments.append((place[here], velocity[here]))
-    return _measures(moments, 2.0 * half_length_m * width_m)
+    places = []
+    for step in range(round((settle_s + duration_s) / _STEP_S)):
+        crowd.step(_STEP_S)
+        if step * _STEP_S >= settle_s and step % _STEPS_PER_FRAME == 0:
+            places.append(np.stack([crowd.x_m, crowd.y_m], axis=1))
+    middle_m = (0.5 * length_m, 0.5 * width_m)
+    corridor = Corridor(0, middle_m, width_m, half_length_m, share_backwards)
+    return measure_recording(_rounds(np.array(places), length_m), corridor)
 
 
-def _velocities(track: Track, rows: int) -> FloatArray:
-    """(T, 2) central differences over so many rows on either side, NaN at the ends."""
-    velocity = np.full_like(track.position_m, np.nan)
-    span = 2 * rows
-    if len(velocity) > span:
-        moved_m = track.position_m[span:] - track.position_m[:-span]
-        duration_s = track.time_s[span:] - track.time_s[:-span]
-        velocity[rows:-rows] = moved_m / duration_s[:, None]
-    return velocity
+def _rounds(place_m: FloatArray, length_m: float) -> list[Track]:
+    """Each round of each person through the ring as a track, of (T, N, 2) places."""
+    time_s: FloatArray = _STEP_S * _STEPS_PER_FRAME * np.arange(len(place_m), dtype=np.float64)
+    tracks: list[Track] = []
+    for person in range(place_m.shape[1]):
+        walked_m = place_m[:, person]
+        returns = np.flatnonzero(np.abs(np.diff(walked_m[:, 0])) > 0.5 * length_m) + 1
+        for rows in np.split(np.arange(len(time_s)), returns):
+            tracks.append(Track(str(len(tracks)), time_s[rows], walked_m[rows]))
+    return tracks
 
 
-def _measures(moments: list[tuple[FloatArray, FloatArray]], area_m2: float) -> CorridorMeasures:
-    counts = np.array([len(place) for place, _ in moments], dtype=np.int64)
-    away = [_away_m(place) for place, _ in moments]
-    speeds = [np.hypot(*velocity.T) for _, velocity in moments]
-    return CorridorMeasures(
-        density_pm2=np.repeat(counts, counts) / area_m2,
-        speed_mps=np.concatenate([np.zeros(0), *speeds]),
-        nearest_m=np.concatenate([np.zeros(0), *(each.min(axis=1) for each in away)]),
-        moment_density_pm2=counts / area_m2,
-        passing_distance_m=np.array(
-            [
-                _nearest_opposing_m(each, velocity[:, 0])
-                for each, (_, velocity) in zip(away, moments, strict=True)
-            ]
-        ),
+def _table(tracks: Sequence[Track], corridor: Corridor, period_s: float) -> "pd.DataFrame":
+    """Columns id, frame, x along the corridor and y across it, from its middle."""
+    import pandas as pd  # takes half a second
+
+    place = np.concatenate([each.position_m for each in tracks]) - corridor.middle_m
+    return pd.DataFrame(
+        {
+            "id": np.repeat(np.arange(len(tracks)), [len(each.time_s) for each in tracks]),
+            "frame": np.concatenate([np.rint(each.time_s / period_s) for each in tracks]).astype(
+                int
+            ),
+            "x": place[:, corridor.axis],
+            "y": place[:, 1 - corridor.axis],
+        }
     )
 
 
-def _away_m(place_m: FloatArray) -> FloatArray:
-    """(N, N) distances of centres, inf to oneself."""
-    away: FloatArray = np.linalg.norm(place_m[:, None] - place_m[None, :], axis=2)
-    np.fill_diagonal(away, np.inf)
-    return away
+def _measures(
+    moments: "pd.DataFrame", people: "pd.DataFrame", apart: "pd.DataFrame"
+) -> CorridorMeasures:
+    """moments: density and speed by frame; people: in the middle; apart: neighbours' distances."""
+    moments = moments.loc[np.unique(people["frame"])]
+    neighbours = people.merge(apart, on=["id", "frame"])
+    # The nearest of all, and the nearest who walk opposed, are neighbours of Voronoi cells.
+    nearest = neighbours.groupby(["frame", "id"])["distance"].min().rename("nearest")
+    people = people.merge(nearest, on=["frame", "id"])
+    others = people[["id", "frame", "v_x"]].rename(columns={"id": "neighbor_id", "v_x": "other"})
+    pairs = neighbours.merge(others, on=["neighbor_id", "frame"])
+    passing = pairs[pairs["v_x"] * pairs["other"] < 0.0].groupby("frame")["distance"].min()
+    return CorridorMeasures(
+        density_pm2=moments["density"].to_numpy(),
+        speed_mps=moments["speed"].to_numpy(),
+        passing_distance_m=passing.reindex(moments.index).to_numpy(dtype=np.float64),
+        person_density_pm2=moments["density"].loc[people["frame"]].to_numpy(),
+        person_speed_mps=people["speed"].to_numpy(),
+        nearest_m=people["nearest"].to_numpy(),
+    )
 
 
-def _nearest_opposing_m(away_m: FloatArray, along_mps: FloatArray) -> float:
-    """Smallest distance between two whose walkers go opposite ways; NaN where there are none."""
-    opposing = along_mps[:, None] * along_mps[None, :] < 0
-    return float(away_m[opposing].min()) if opposing.any() else float("nan")
+def _rectangle(half_length_m: float, half_width_m: float) -> list[tuple[float, float]]:
+    x_m, y_m = half_length_m, half_width_m
+    return [(-x_m, -y_m), (x_m, -y_m), (x_m, y_m), (-x_m, y_m)]
+
+
+def _pedpy() -> Any:
+    try:
+        import pedpy
+    except ImportError:
+        raise SimError(
+            "crowds are measured by the package pedpy, which is not installed; "
+            "run: pip install 'serd[crowd]' (Python 3.11 or later)"
+        ) from None
+    return pedpy

@@ -159,9 +159,10 @@ class CollisionPrediction:
 
     After Zanlungo, Ikeda & Kanda (Europhysics Letters 93, 2011): f_ij = A exp((r_i + r_j - d') / B)
     n' w, with d' and n' at the time of closest approach, at most `foresight_s` ahead, and w as in
-    `CircularAnisotropic`; beside it C exp((2 c - d) / D) n, which keeps bodies apart. The radius of
-    the repulsion is smaller than that of a body, for people turn their shoulders. Calibrated on
-    recorded corridors (docs/crowd.md).
+    `CircularAnisotropic`; beside it C exp((2 c - d) / D) n, which keeps bodies apart. The radii of
+    both among people are smaller than a body, for people turn their shoulders. Past a robot, which
+    does not, r_i + r_j is the sum of the radii of the bodies and a clearance, and 2 c that sum.
+    Calibrated on recorded corridors (docs/crowd.md).
     """
 
     relaxation_time_s: float = 0.5
@@ -175,6 +176,7 @@ class CollisionPrediction:
     core_strength_mps2: float = 10.0
     core_decay_m: float = 0.06
     core_radius_m: float = 0.18
+    robot_clearance_m: float = 0.1
     wall_strength_mps2: float = 4.0
     wall_decay_m: float = 0.2
 
@@ -183,17 +185,24 @@ class CollisionPrediction:
         n_people = len(pairs.dx_m)
         away_x, away_y = self._at_closest_approach(pairs, bodies)
         distance = np.maximum(np.sqrt(away_x**2 + away_y**2), _COINCIDENT_M)
-        radius = np.append(np.full(n_people, self.radius_m), bodies.radius_m[n_people:])
-        reach = self.radius_m + radius - distance
+        reach = self._reach_m(self.radius_m, bodies, n_people, self.robot_clearance_m) - distance
         push = self.strength_mps2 * np.exp(np.minimum(reach / self.decay_m, 3.0))
         push *= _weight_by_direction(pairs, bodies, self.anisotropy)
         push *= np.isfinite(pairs.distance_m) / distance
-        overlap = (2.0 * self.core_radius_m - pairs.distance_m) / self.core_decay_m
-        core = self.core_strength_mps2 * np.exp(np.minimum(overlap, 3.0)) / pairs.distance_m
+        overlap = self._reach_m(self.core_radius_m, bodies, n_people) - pairs.distance_m
+        core = np.exp(np.minimum(overlap / self.core_decay_m, 3.0)) / pairs.distance_m
+        core *= self.core_strength_mps2
         return (
             np.einsum("ij,ij->i", push, away_x) + np.einsum("ij,ij->i", core, pairs.dx_m),
             np.einsum("ij,ij->i", push, away_y) + np.einsum("ij,ij->i", core, pairs.dy_m),
         )
+
+    def _reach_m(
+        self, radius_m: float, bodies: Bodies, n_people: int, clearance_m: float = 0.0
+    ) -> FloatArray:
+        """(n_bodies,) sums of radii, of that radius for people; clearance_m: to the robot."""
+        robot_m = self.body_radius_m + bodies.radius_m[n_people:] + clearance_m
+        return np.append(np.full(n_people, 2.0 * radius_m), robot_m)
 
     def _at_closest_approach(self, pairs: PairGeometry, bodies: Bodies) -> Force:
         """(n_people, n_bodies) vectors from the others when they are nearest, soon or now."""

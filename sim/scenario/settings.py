@@ -150,7 +150,11 @@ class OdometrySettings(StrictModel):
 
 
 class ImuSettings(StrictModel):
-    """An inertial measurement unit; the defaults are those of an ADIS16448."""
+    """An inertial measurement unit.
+
+    The defaults are those of the ADIS16448 in the sensor files of EuRoC's recordings (Burri et al.,
+    The International Journal of Robotics Research, 2016).
+    """
 
     gyroscope_noise_density: float = setting(
         1.7e-4, "noise of the angular velocity", unit="rad/s/√Hz", ge=0

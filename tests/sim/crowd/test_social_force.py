@@ -93,6 +93,32 @@ def test_people_push_less_from_behind_than_from_the_front():
     assert sped == pytest.approx(-0.45 * slowed, rel=1e-4)
 
 
+@pytest.mark.parametrize("robot_radius_m", [0.25, 0.4])
+def test_people_keep_their_whole_body_and_a_clearance_off_a_robot(robot_radius_m):
+    """A robot one metre ahead at the same velocity comes no nearer: both repulsions as they are."""
+    model = model_named("collision_prediction")
+    crowd = crowd_at("collision_prediction", [[0.0, 0.0]], [[50.0, 0.0]])
+    crowd.step(1e-6, RobotBody(1.0, 0.0, 1.34, 0.0, robot_radius_m))
+    touch_m = model.body_radius_m + robot_radius_m
+    expected = model.strength_mps2 * np.exp((touch_m + 0.1 - 1.0) / model.decay_m)
+    expected += model.core_strength_mps2 * np.exp((touch_m - 1.0) / model.core_decay_m)
+    assert (1.34 - crowd.velocity_x_mps[0]) / 1e-6 == pytest.approx(expected, rel=1e-4)
+
+
+def test_who_meets_a_robot_head_on_walks_round_it_without_touching():
+    """0.1 m beside its line, at 1.34 against 0.6 m/s; the default model is pushed to its edge."""
+    gaps_m = {}
+    for model in ("circular_anisotropic", "collision_prediction"):
+        crowd = crowd_at(model, [[0.0, 0.1]], [[50.0, 0.1]])
+        robots_m = 5.0 - 0.6 * 0.05 * np.arange(100)
+        gaps_m[model] = min(
+            np.hypot(*(walk(crowd, 1, RobotBody(x_m, 0.0, -0.6, 0.0, 0.25))[0] - (x_m, 0.0))) - 0.5
+            for x_m in robots_m
+        )
+        assert crowd.x_m[0] > robots_m[-1]
+    assert gaps_m["collision_prediction"] > max(0.1, gaps_m["circular_anisotropic"])
+
+
 def test_the_published_model_pushes_along_the_gradient_of_its_elliptic_potential():
     """f = -grad V0 exp(-b / sigma) by finite differences of b (Helbing & Molnar 1995, Eq. 3-4)."""
     model = model_named("helbing_molnar_1995")
