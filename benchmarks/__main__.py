@@ -10,7 +10,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # The libraries read the variable when they load.
 from benchmarks import bags_throughput, compliance, receipt_times, speed_figure, start_up
-from benchmarks.driving import closed_loop, crowd_peers, drives, lockstep, planners
+from benchmarks.driving import closed_loop, crowd_peers, drives, latency, lockstep, planners
 from benchmarks.faults import kill_matrix
 from benchmarks.learning import (
     belief_choice,
@@ -35,6 +35,7 @@ BENCHMARKS = {
     "gradient": gradient.run,
     "growth": growth.run,
     "kill_matrix": kill_matrix.run,
+    "latency": latency.run,
     "learning_peers": peers.run,
     "lockstep": lockstep.run,
     "planners": planners.run,

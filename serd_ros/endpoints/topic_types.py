@@ -93,6 +93,11 @@ _TYPES = {
 }
 
 
+def known_topics() -> list[str]:
+    """Names of the topics of this stack."""
+    return list(_TYPES)
+
+
 def topic_type(topic: str, *, stamped_cmd_vel: bool) -> TopicType:
     """What travels on a topic of ours; NodeError with the nearest name for any other."""
     if topic in (topics.CMD_VEL, topics.CMD_VEL_RAW) and stamped_cmd_vel:

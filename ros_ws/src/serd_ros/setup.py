@@ -12,6 +12,7 @@ PACKAGE = "serd_ros"
 NODES = (
     "bag_replay",
     "demo_recorder",
+    "foxglove_server",
     "guard",
     "hallway_sim",
     "learner",
