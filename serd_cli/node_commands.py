@@ -1,12 +1,13 @@
 """The command lines of a stack's nodes, from the graph description."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from serd_cli.errors import UsageError
 from serd_cli.executables import find_command
 from serd_cli.supervisor import Process
-from serd_ros.graph.graph import PACKAGE, Stack, load_graph, stack_parameters
+from serd_ros.graph.graph import PACKAGE, Stack
+from serd_ros.graph.placement import PlacedNode, placed_nodes
 from storage.errors import shortened
 from storage.yaml_text import read_yaml
 
@@ -30,19 +31,22 @@ def stack_processes(
     given: Mapping[str, Any],
     environment: Mapping[str, str],
     namespace: str = "",
+    robots: Sequence[str] = (),
 ) -> list[Process]:
-    """One process per node of the stack, with its parameters; namespace: in full."""
-    layers = stack_parameters(stack, given)
-    shared = load_graph().namespace_remappings(stack, namespace)
-    if namespace:
-        shared["__ns"] = namespace
+    """The processes of a stack, with their parameters; namespace: in full."""
     return [
         Process(
-            node,
-            node_command(node, parameters, shared | stack.remappings.get(node, {}), environment),
+            f"{each.robot}/{each.node}" if each.robot else each.node,
+            node_command(each.node, each.parameters, _remappings(each), environment),
+            each.robot,
         )
-        for node, parameters in layers.items()
+        for each in placed_nodes(stack, given, namespace, robots)
     ]
+
+
+def _remappings(placed: PlacedNode) -> dict[str, str]:
+    own = {"__ns": placed.namespace} if placed.namespace else {}
+    return {**placed.remappings, **own}
 
 
 def node_command(

@@ -27,10 +27,11 @@ _LOOK_PERIOD_S = 0.5
 
 @dataclass(frozen=True)
 class Process:
-    """One process of a stack."""
+    """One process of a stack. robot: the one of several that it works for."""
 
     name: str
     command: Sequence[str]
+    robot: str = ""
 
 
 class _Tap:
@@ -80,6 +81,11 @@ class _Manager(Manager):
     _looked_s = 0.0
     _ending_since_s: float | None = None
 
+    def __init__(self, printer: _Tap, robots: Mapping[str, str]) -> None:
+        """robots: the one that each process works for."""
+        super().__init__(printer)
+        self._robots = robots
+
     def terminate(self) -> None:
         """End all processes; once they have all been started."""
         if super()._all_started():
@@ -94,6 +100,14 @@ class _Manager(Manager):
             self._ending_since_s = now_s
         if now_s - self._ending_since_s > _ENDING_S:
             super().kill()
+
+    def _any_stopped(self) -> bool:
+        """Whether all are to end: one failed, or the drive of each robot has ended."""
+        codes = self.exit_codes()
+        done = {self._robots[name] for name in codes}
+        if not codes or any(codes.values()) or "" in done:
+            return bool(codes)
+        return done >= set(self._robots.values()) - {""}
 
     def _all_started(self) -> bool:
         started = bool(super()._all_started())
@@ -131,11 +145,12 @@ def run_together(
 ) -> None:
     """Run until one ends, then end the others; return when all have ended.
 
+    With several robots, until one of each has ended, or one fails.
     on_line: called with (process name, line) for everything they print. Raises KeyboardInterrupt
     when interrupted, RunError with the last lines of a process that failed of itself.
     """
     tap = _Tap(on_line)
-    manager = _Manager(tap)
+    manager = _Manager(tap, {each.name: each.robot for each in processes})
     environment = {**environment, VARIABLE: str(os.getpid())}
     for process in processes:
         command = "exec " + shlex.join(process.command)

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from serd_cli.errors import UsageError
 from serd_cli.node_commands import parse_assignment, stack_processes
 from serd_cli.options import AsJson
 from serd_cli.output.terminal import console, print_json
@@ -24,7 +25,10 @@ def launch(
     stack: Annotated[str, typer.Argument(help="stack to start; --list shows them")] = "",
     assignments: Annotated[
         list[str] | None,
-        typer.Argument(help="name:=value, node.name:=value or namespace:=name"),
+        typer.Argument(
+            help="name:=value, node.name:=value, namespace:=name, or robots:=[names] in one world"
+            " with robot.name:=value"
+        ),
     ] = None,
     show: Annotated[bool, typer.Option("--list", help="list the stacks and their nodes")] = False,
     as_json: AsJson = False,
@@ -32,6 +36,7 @@ def launch(
     """Start a stack of nodes.
 
     serd launch live seed:=3 local_planner.planner:=dwa
+    serd launch goto robots:=[robot1,robot2] robot2.goal:=12,18 model:=model.yaml
 
     When one of its nodes ends, all end. Ctrl-C ends all.
     """
@@ -41,9 +46,18 @@ def launch(
     environment = ros_environment(os.environ)
     given = dict(parse_assignment(text) for text in assignments or ())
     namespace = full_namespace(str(given.pop("namespace", "")))
-    processes = stack_processes(find_stack(stack), given, environment, namespace)
-    require_free_domain(find_stack(stack), environment, namespace)
+    robots = _names(given.pop("robots", []))
+    processes = stack_processes(find_stack(stack), given, environment, namespace, robots)
+    require_free_domain(find_stack(stack), environment, namespace, robots)
     run_together(processes, environment, _print_line)
+
+
+def _names(value: object) -> list[str]:
+    """Names of robots, of a list or of one."""
+    names = [str(each) for each in (value if isinstance(value, list) else [value])]
+    if len({full_namespace(name) for name in names}) < len(names):
+        raise UsageError(f"robots must be different names, got {', '.join(names)}; rename one")
+    return names
 
 
 def _list_stacks(*, as_json: bool) -> None:

@@ -1,12 +1,15 @@
 """What advances the world: lock-step on stamped commands, or a timer in real time.
 
-In lock-step the world waits for the TwistStamped whose stamp is that of its last tick, so a seed
-gives one trajectory whatever the speed of the machine. Messages can be lost while endpoints are
-still being matched, so a tick that stays unanswered is sent again; receivers answer a
-known stamp with the same message. An episode that has reached the goal does not advance until the
-next reset.
+In lock-step the world waits for the TwistStamped of each robot whose stamp is that of its last
+tick, so a seed gives one trajectory whatever the speed of the machine. Messages can be lost while
+endpoints are still being matched, so a tick that stays unanswered is sent again; receivers answer a
+known stamp with the same message. A robot in its goal stands and is not waited for; with other
+robots in the world, one stands from a decision on that its driver does not take, since it has asked
+for the next episode or has ended.
 """
 
+from collections.abc import Sequence
+from functools import partial
 from typing import Protocol
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -14,11 +17,13 @@ from geometry_msgs.msg import Twist, TwistStamped
 from serd_ros.convert.command import from_twist, from_twist_stamped
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.world_publisher import WorldPublisher
+from serd_ros.endpoints.simulated_robot import SimulatedRobot
+from serd_ros.endpoints.world_publisher import ClockPublisher
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.process.serd_node import SerdNode
-from sim.world.command import Command, CommandGuard
-from sim.world.world import HallwayWorld
+from sim.world.command import STOP, Command, CommandGuard
+from sim.world.shared_world import SharedWorld
+from sim.world.waypoint import is_decision_tick
 
 _RESEND_AFTER_S = 0.5
 
@@ -32,49 +37,104 @@ class WorldLoop(Protocol):
         """A new episode has just been reset."""
         ...
 
-    def goal_moved(self) -> None:
-        """The world has another goal area now."""
+    def look(self) -> None:
+        """A robot has another goal area now, or its driver has asked for the next episode."""
         ...
 
 
-class LockstepLoop:
-    """One step per stamped command."""
+class _Published:
+    """Publishes a tick: the clock, then what each robot observes."""
 
     def __init__(
-        self, node: SerdNode[HallwaySimConfig], world: HallwayWorld, publisher: WorldPublisher
+        self, clock: ClockPublisher, world: SharedWorld, robots: Sequence[SimulatedRobot]
     ) -> None:
         self.paused = False
-        self._node, self._world, self._publisher = node, world, publisher
+        self.world, self.robots, self._clock = world, tuple(robots), clock
+
+    def publish(self) -> None:
+        """Send the present tick."""
+        self._clock.publish(self.world.time_s)
+        for robot in self.robots:
+            robot.publisher.publish()
+
+
+class LockstepLoop(_Published):
+    """One step per stamped command of each robot."""
+
+    def __init__(
+        self,
+        node: SerdNode[HallwaySimConfig],
+        clock: ClockPublisher,
+        world: SharedWorld,
+        robots: Sequence[SimulatedRobot],
+    ) -> None:
+        super().__init__(clock, world, robots)
+        self._node, self._begun = node, False
         self._awaited_ns: int | None = None
-        self._stands_in_goal = False
+        #: Those that move in this control period, with their commands so far.
+        self._commands: dict[SimulatedRobot, Command | None] = {}
+        self._standing: set[SimulatedRobot] = set()
         self._sent_wall_s = self._answered_wall_s = node.wall_s()
-        node.create_subscription(TwistStamped, topics.CMD_VEL, self._on_command, qos.COMMAND)
+        for robot in robots:
+            robot.node.create_subscription(
+                TwistStamped, topics.CMD_VEL, partial(self._on_command, robot), qos.COMMAND
+            )
         node.create_timer(_RESEND_AFTER_S / 2, self._watch, clock=node.wall_clock)
 
     def begin(self) -> None:
-        """Publish the first observation of the episode and wait for its command."""
-        self._answered_wall_s = self._node.wall_s()
-        self._publish()
+        """Publish the first observation of the episode and wait for its commands."""
+        self._begun, self._answered_wall_s = True, self._node.wall_s()
+        self._standing.clear()
+        self._begin_tick()
 
-    def goal_moved(self) -> None:
-        """Go on from a goal that is none any more."""
-        if self._stands_in_goal and not self._world.in_goal:
-            self._publish()
+    def look(self) -> None:
+        """Go on from a goal that is none any more, or without a robot that drives no more."""
+        if self._awaited_ns is not None:
+            self._step_when_answered()
+        elif self._begun and self._moving():
+            self._begin_tick()
 
-    def _on_command(self, message: TwistStamped) -> None:
+    def _on_command(self, robot: SimulatedRobot, message: TwistStamped) -> None:
         time_ns, command = from_twist_stamped(message)
-        if self.paused or time_ns != self._awaited_ns:
+        if self.paused or time_ns != self._awaited_ns or robot not in self._commands:
             return
         self._answered_wall_s = self._node.wall_s()
-        self._world.step(command)
-        self._publish()
+        self._commands[robot] = self._commands[robot] or command
+        self._step_when_answered()
 
-    def _publish(self) -> None:
-        over = self._world.in_goal
-        self._stands_in_goal = over
-        self._awaited_ns = None if over else stamp_ns(to_stamp(self._world.time_s))
+    def _moving(self) -> list[SimulatedRobot]:
+        return [
+            each for each in self.robots if each not in self._standing and not each.world.in_goal
+        ]
+
+    def _step_when_answered(self) -> None:
+        """Make the step once each moving robot has its command, or will get none."""
+        self._leave_out_undriven()
+        if self.paused or not all(self._commands.values()):
+            return
+        if self._commands:
+            self.world.step([self._commands.get(each) or STOP for each in self.robots])
+        self._begin_tick()
+
+    def _leave_out_undriven(self) -> None:
+        """At a decision, robots without one whose drivers take no more stand from now on."""
+        world = self.robots[0].world
+        if len(self.robots) == 1 or not is_decision_tick(world.observation, world.scenario):
+            return
+        for robot in [each for each, command in self._commands.items() if command is None]:
+            if robot.asked or not robot.has_driver:
+                self._standing.add(robot)
+                del self._commands[robot]
+
+    def _begin_tick(self) -> None:
+        self._commands = dict.fromkeys(self._moving())
+        stamp = stamp_ns(to_stamp(self.world.time_s))
+        self._awaited_ns = stamp if self._commands else None
+        self._send()
+
+    def _send(self) -> None:
         self._sent_wall_s = self._node.wall_s()
-        self._publisher.publish()
+        self.publish()
 
     def _watch(self) -> None:
         """Send an unanswered tick again; give up after a long time without an answer."""
@@ -83,51 +143,61 @@ class LockstepLoop:
             return
         if now_s - self._answered_wall_s > self._node.config.lockstep_timeout_s:
             self._node.fail(
-                f"no command for the tick at {self._world.time_s:.2f} s arrived within "
+                f"no command for the tick at {self.world.time_s:.2f} s arrived within "
                 f"lockstep_timeout_s = {self._node.config.lockstep_timeout_s:g} s; start "
                 "local_planner and a driver with lockstep:=true, or run with lockstep:=false"
             )
         elif now_s - self._sent_wall_s > _RESEND_AFTER_S:
-            self._publish()
+            self._send()
+            self._step_when_answered()
 
 
-class LiveLoop:
+class LiveLoop(_Published):
     """One step per control period of (scaled) real time, with a dead-man's switch."""
 
     def __init__(
-        self, node: SerdNode[HallwaySimConfig], world: HallwayWorld, publisher: WorldPublisher
+        self,
+        node: SerdNode[HallwaySimConfig],
+        clock: ClockPublisher,
+        world: SharedWorld,
+        robots: Sequence[SimulatedRobot],
     ) -> None:
-        self.paused = False
-        self._node, self._world, self._publisher = node, world, publisher
-        self._guard = CommandGuard(node.config.command_timeout_s)
+        super().__init__(clock, world, robots)
+        self._guards = [CommandGuard(each.node.config.command_timeout_s) for each in robots]
         self._running = False
-        if node.config.stamped_cmd_vel:
-            node.create_subscription(
-                TwistStamped,
-                topics.CMD_VEL,
-                lambda m: self._take(from_twist_stamped(m)[1]),
-                qos.COMMAND,
-            )
-        else:
-            node.create_subscription(
-                Twist, topics.CMD_VEL, lambda m: self._take(from_twist(m)), qos.COMMAND
-            )
-        period_s = world.scenario.control_period_s / node.config.real_time_factor
+        for robot, guard in zip(robots, self._guards, strict=True):
+            self._follow(robot, guard)
+        period_s = robots[0].world.scenario.control_period_s / node.config.real_time_factor
         node.create_timer(period_s, self._step, clock=node.wall_clock)
 
     def begin(self) -> None:
         """Publish the first observation; the timer continues from here."""
         self._running = True
-        self._publisher.publish()
+        self.publish()
 
-    def goal_moved(self) -> None:
-        """Nothing to do: a live world does not stop at the goal."""
+    def look(self) -> None:
+        """Nothing to do: a live world waits for no robot."""
 
-    def _take(self, command: Command) -> None:
-        self._guard.receive(command, self._world.time_s)
+    def _follow(self, robot: SimulatedRobot, guard: CommandGuard) -> None:
+        """Let the commands of a robot reach its guard."""
+
+        def take(command: Command) -> None:
+            guard.receive(command, self.world.time_s)
+
+        if robot.node.config.stamped_cmd_vel:
+            robot.node.create_subscription(
+                TwistStamped,
+                topics.CMD_VEL,
+                lambda m: take(from_twist_stamped(m)[1]),
+                qos.COMMAND,
+            )
+        else:
+            robot.node.create_subscription(
+                Twist, topics.CMD_VEL, lambda m: take(from_twist(m)), qos.COMMAND
+            )
 
     def _step(self) -> None:
         if self.paused or not self._running:
             return
-        self._world.step(self._guard.current(self._world.time_s))
-        self._publisher.publish()
+        self.world.step([guard.current(self.world.time_s) for guard in self._guards])
+        self.publish()

@@ -1,4 +1,4 @@
-"""The topics of the simulated world: clock, observation, scan, map, markers, diagnostics."""
+"""The topics of a simulated robot: observation, scan, map, markers, diagnostics; the clock."""
 
 from nav_msgs.msg import OccupancyGrid
 from rclpy.publisher import Publisher
@@ -25,16 +25,27 @@ from sim.world.waypoint import is_decision_tick
 from sim.world.world import HallwayWorld
 
 
+class ClockPublisher:
+    """Publishes the time of the world. n_sent: messages so far."""
+
+    def __init__(self, node: SerdNode[HallwaySimConfig]) -> None:
+        self.n_sent = 0
+        self._clock = node.create_publisher(Clock, topics.CLOCK, qos.CLOCK)
+
+    def publish(self, time_s: float) -> None:
+        """Send a time."""
+        self.n_sent += 1
+        self._clock.publish(Clock(clock=to_stamp(time_s)))
+
+
 class WorldPublisher:
-    """Publishes the world's present state.
+    """Publishes the present state of the world as a robot observes it.
 
     Scan, IMU and markers only while there are subscribers; the bumper only while it is touched.
-    n_clocks: messages of the clock so far.
     """
 
     def __init__(self, node: SerdNode[HallwaySimConfig], world: HallwayWorld) -> None:
-        self._node, self._world, self.n_clocks = node, world, 0
-        self._clock = node.create_publisher(Clock, topics.CLOCK, qos.CLOCK)
+        self._node, self._world = node, world
         self._observation = ObservationPublisher(node)
         self._scan: Publisher = node.create_publisher(LaserScan, topics.SCAN, qos.STATE)
         self._imu: Publisher = node.create_publisher(Imu, topics.IMU, qos.STATE)
@@ -54,8 +65,6 @@ class WorldPublisher:
     def publish(self) -> None:
         """Send the world as it is now."""
         observation = self._world.observation
-        self.n_clocks += 1
-        self._clock.publish(Clock(clock=to_stamp(observation.time_s)))
         if self._world.is_scan_tick:
             self._publish_rarely(observation)
         if is_decision_tick(observation, self._world.scenario) or self._world.in_goal:
@@ -91,7 +100,7 @@ class WorldPublisher:
 
     def report(self) -> None:
         """Send contacts and distances of the running episode on `diagnostics`."""
-        contacts = self._world.contacts
+        contacts, others = self._world.contacts, self._world.others
         self._node.report(
             self._world.time_s,
             {
@@ -100,5 +109,7 @@ class WorldPublisher:
                 "robot_on_wall": contacts.robot_on_wall,
                 "minimum_person_distance_m": float(self._world.minimum_person_distance_m),
                 "rejected_commands": self._world.n_rejected_commands,
+                "robot_on_robot": others.n_contacts,
+                "minimum_robot_distance_m": others.minimum_distance_m,
             },
         )

@@ -1,82 +1,120 @@
-"""hallway_sim: the PyBullet hallway with its people and the robot, as a ROS 2 node."""
+"""hallway_sim: the PyBullet hallway with its people and robots, as a ROS 2 node.
+
+Several robots have a node each in this process, with the same name in the robot's namespace; the
+clock and `pause` are those of the world.
+"""
 
 import sys
 
-from geometry_msgs.msg import PolygonStamped
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
-from serd_ros.convert.pose import from_goal_area_message
-from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints import topics
+from serd_ros.endpoints.simulated_robot import SimulatedRobot
 from serd_ros.endpoints.world_loop import LiveLoop, LockstepLoop, WorldLoop
-from serd_ros.endpoints.world_publisher import WorldPublisher
+from serd_ros.endpoints.world_publisher import ClockPublisher
 from serd_ros.endpoints.worlds import OtherClocks
+from serd_ros.errors import NodeError
 from serd_ros.graph.configs import HallwaySimConfig
+from serd_ros.graph.graph import full_namespace
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from sim.episodes.result import EpisodeStart
 from sim.scenario.goal import with_goal
 from sim.scenario.scenario import load_scenario
-from sim.world.world import HallwayWorld
+from sim.world.shared_world import SharedWorld
 
 
 class HallwaySim(SerdNode[HallwaySimConfig]):
-    """Holds the world; `reset` begins its next episode, `pause` stops its time."""
+    """Holds the world; `reset` begins its next episode, `pause` stops its time.
+
+    With several robots an episode begins when the driver of each has asked for it.
+    """
 
     def __init__(self) -> None:
         super().__init__("hallway_sim", HallwaySimConfig)
+        names = [full_namespace(name) for name in self.config.robots if name]
+        self._require_distinct(names)
         scenario = load_scenario(self.config.scenario)
         if self.config.people >= 0:
             scenario = scenario.with_pedestrian_count(self.config.people)
         scenario = with_goal(scenario, self.config.goal)
-        self._world = HallwayWorld(scenario, seed=self.config.seed, gui=self.config.gui)
-        self._publisher = WorldPublisher(self, self._world)
+        n_robots = max(1, len(names))
+        self._world = SharedWorld(
+            scenario, seed=self.config.seed, robots=n_robots, gui=self.config.gui
+        )
         self._next_episode = 0
-        self._readiness = Readiness(self, self.config.required_nodes, self.wall_s())
+        self._clock = ClockPublisher(self)
+        self._clock_readiness = Readiness(self, (), self.wall_s())
+        nodes = [self._node_in(name) for name in names] or [self]
+        self._robots = [
+            SimulatedRobot(node, world, on_ask=self._begin_when_all_asked, on_goal=self._look)
+            for node, world in zip(nodes, self._world.worlds, strict=True)
+        ]
         loop = LockstepLoop if self.config.lockstep else LiveLoop
-        self._loop: WorldLoop = loop(self, self._world, self._publisher)
-        self.create_service(Trigger, topics.RESET, self._on_reset)
+        self._loop: WorldLoop = loop(self, self._clock, self._world, self._robots)
         self.create_service(SetBool, topics.PAUSE, self._on_pause)
-        self.create_subscription(PolygonStamped, topics.GOAL_AREA, self._on_goal, qos.LATCHED)
-        OtherClocks(self, lambda: self._publisher.n_clocks, self._begin_live)
+        OtherClocks(self, lambda: self._clock.n_sent, self._begin_live)
+
+    def _require_distinct(self, names: list[str]) -> None:
+        if len(set(names)) < len(names):
+            raise NodeError(f"robots must be different names, got {', '.join(names)}; rename one")
+        if names and self.frames.prefix:
+            raise NodeError(
+                "frame_prefix must be empty where robots are given, each of which has its own, got"
+                f" {self.frames.prefix!r}; leave it out"
+            )
+
+    def _node_in(self, namespace: str) -> SerdNode[HallwaySimConfig]:
+        """The node of a robot."""
+        given = {"frame_prefix": f"{namespace.strip('/')}/"}
+        node = SerdNode("hallway_sim", HallwaySimConfig, namespace, given)
+        self.add_companion(node)
+        return node
 
     def _begin_live(self) -> None:
         """Begin the first episode, which no driver asks for."""
         if self.config.lockstep or self._next_episode:
             return
         self._begin_episode()
-        scenario = self._world.scenario
+        scenario = self._world.worlds[0].scenario
+        names = ", ".join(f"{each.name.rstrip('/')}/{topics.CMD_VEL}" for each in self._robots)
         self.get_logger().info(
             f"{scenario.name} with {scenario.pedestrians.count} people, seed {self.config.seed};"
-            f" the robot follows {topics.CMD_VEL}"
+            f" robots follow {names}"
         )
 
     def close(self) -> None:
         """Close PyBullet's world."""
         self._world.close()
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        missing = self._readiness.missing(self.wall_s())
-        response.success = not missing
-        response.message = missing or self._begin_episode().model_dump_json()
-        return response
+    def _begin_when_all_asked(self) -> str:
+        """What an episode waits for; empty where it has begun."""
+        missing = self._clock_readiness.missing(self.wall_s())
+        others = [each for each in self._robots if not each.asked and each.has_driver]
+        if others:
+            self._look()
+            return f"the driver of {', '.join(each.name for each in others)}"
+        if not missing:
+            self._begin_episode()
+        return missing
 
-    def _begin_episode(self) -> EpisodeStart:
+    def _begin_episode(self) -> None:
         episode = self._next_episode
-        start = self._world.reset(episode, self.config.start_area)
         self._next_episode += 1
-        self._loop.begin()
-        return EpisodeStart(
+        self._world.reset(episode, self.config.start_area)
+        start = EpisodeStart(
             episode=episode,
             seed=self.config.seed,
             start_area=self.config.start_area,
-            start_s=start.time_s,
+            start_s=self._world.time_s,
         )
+        for robot in self._robots:
+            robot.begin(start)
+        self._loop.begin()
 
-    def _on_goal(self, message: PolygonStamped) -> None:
-        """Set the goal of the driver: where an episode ends and a world in lock-step stops."""
-        self._world.set_goal(from_goal_area_message(message, self._world.scenario.goal_area_m))
-        self._loop.goal_moved()
+    def _look(self) -> None:
+        self._loop.look()
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._loop.paused = bool(request.data)

@@ -53,14 +53,15 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
         try:
             if node is not None:
                 node.close()
-                node.destroy_node()
+                for each in (*node.companions, node):
+                    each.destroy_node()
         finally:
             rclpy.try_shutdown()
 
 
 def _internal_errors(node: SerdNode[Any]) -> int:
     """Exit code 1 after internal errors, which were logged when they occurred."""
-    n_errors = node.callbacks.n_internal_errors
+    n_errors = sum(each.callbacks.n_internal_errors for each in (node, *node.companions))
     if not n_errors:
         return 0
     print(f"{node.get_name()}: {n_errors} internal errors, logged above", file=sys.stderr)
@@ -103,7 +104,9 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
     Its `spin` keeps a core busy in these wheels; waiting for a future, turn by turn, does not.
     """
     executor = EventsExecutor()
-    executor.add_node(node)
+    nodes = (node, *node.companions)
+    for each in nodes:
+        executor.add_node(each)
     parent = ParentProcess()
 
     def end_if_due(after_s: float) -> None:
@@ -112,7 +115,8 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
         elif stop.received_s == math.inf and parent.has_ended:
             node.fail("the command that started it was killed; start it again")
 
-    node.callbacks.after_each = lambda: end_if_due(_BACKLOG_S)
+    for each in nodes:
+        each.callbacks.after_each = lambda: end_if_due(_BACKLOG_S)
     end_if_due(0.0)
     try:
         while rclpy.ok() and not node.finished.done():
@@ -121,6 +125,7 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
             end_if_due(_TURN_S)
     finally:
         parent.close()
-        executor.remove_node(node)
+        for each in nodes:
+            executor.remove_node(each)
         executor.shutdown()
     return int(node.finished.result()) if node.finished.done() else 0

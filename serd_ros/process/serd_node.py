@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Mapping
 from functools import partial, wraps
+from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -33,21 +34,38 @@ BAD_INPUT = 2
 _INPUT_REPORT_PERIOD_S = 1.0
 _NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 _FOLLOW_PERIOD_S = 1.0
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class SerdNode(Node, Generic[Config]):
-    """A node with a frozen config; `finish` ends its process from inside a callback."""
+    """A node with a frozen config; `finish` ends its process from inside a callback.
 
-    def __init__(self, kind: str, config_class: type[Config]) -> None:
+    namespace: where the command line gives none. given: parameters, which override its.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        config_class: type[Config],
+        namespace: str = "",
+        given: Mapping[str, Any] = NOTHING,
+    ) -> None:
         # Before rclpy makes its own endpoints, which are guarded too.
         self.callbacks, self.frames = CallbackGuard(self, self.fail), Frames()
         self._reports_as = kind
         self._reported_counts = (0, 0)
         self._subscribed: dict[Subscription, Callable[[QoSProfile], Subscription]] = {}
-        super().__init__(kind, automatically_declare_parameters_from_overrides=True)
+        super().__init__(
+            kind,
+            namespace=namespace,
+            parameter_overrides=[Parameter(name, value=value) for name, value in given.items()],
+            automatically_declare_parameters_from_overrides=True,
+        )
         self.config: Config = read_config(self, kind, config_class)
         self.frames = Frames(getattr(self.config, "frame_prefix", ""))
         self.finished = Future()
+        #: Other nodes of this process, which end with it.
+        self.companions: list[SerdNode[Any]] = []
         self.wall_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, qos.STATE)
         self.create_timer(_INPUT_REPORT_PERIOD_S, self._report_input, clock=self.wall_clock)
@@ -148,6 +166,11 @@ class SerdNode(Node, Generic[Config]):
         if not self.finished.done():
             print(f"{self.get_name()}: {sentence}", file=sys.stderr, flush=True)
             self.finish(BAD_INPUT)
+
+    def add_companion(self, node: "SerdNode[Any]") -> None:
+        """Have another node in this process; what ends one of them ends both."""
+        node.finished = self.finished
+        self.companions.append(node)
 
     def close(self) -> None:
         """Release what the node holds; called once before it is destroyed."""

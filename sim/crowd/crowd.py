@@ -1,9 +1,10 @@
-"""A crowd that walks its loops under social forces, with the robot as one more body.
+"""A crowd that walks its loops under social forces, with each robot as one more body.
 
 One step of length dt is semi-implicit Euler: v += a dt, limited to the maximum speed; x += v dt;
 then people who are too close to a wall are put back, so that no one passes it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,8 +34,8 @@ class RobotBody:
     radius_m: float
 
 
-#: Stands in for a robot that people do not see.
-_NO_ROBOT = RobotBody(1e6, 1e6, 0.0, 0.0, 0.0)
+#: Stands in for robots where people see none.
+_NO_ROBOTS = (RobotBody(1e6, 1e6, 0.0, 0.0, 0.0),)
 
 
 class Crowd:
@@ -69,11 +70,11 @@ class Crowd:
     def __len__(self) -> int:
         return len(self.x_m)
 
-    def step(self, step_s: float, robot: RobotBody | None = None) -> None:
-        """Move all people by one step. robot: None when they do not see it."""
+    def step(self, step_s: float, *robots: RobotBody) -> None:
+        """Move all people by one step. robots: those that they see."""
         if not len(self):
             return
-        force_x, force_y = self._forces(robot)
+        force_x, force_y = self._forces(robots or _NO_ROBOTS)
         self.velocity_x_mps += step_s * force_x
         self.velocity_y_mps += step_s * force_y
         self._limit_speed()
@@ -110,13 +111,17 @@ class Crowd:
         self._walls.update(self.x_m, self.y_m)
         self._leave_walls()
 
-    def _forces(self, robot: RobotBody | None) -> tuple[FloatArray, FloatArray]:
+    def _forces(self, robots: Sequence[RobotBody]) -> tuple[FloatArray, FloatArray]:
         """(N,) x and y of dv/dt: relaxation, people, walls, fluctuation."""
         (heading_x, heading_y), (wanted_x, wanted_y) = self._wanted()
-        other = _NO_ROBOT if robot is None else robot
-        self._pairs.update(np.append(self.x_m, other.x_m), np.append(self.y_m, other.y_m))
+        if len(robots) != self._pairs.dx_m.shape[1] - len(self):
+            self._pairs = PairGeometry(len(self), len(self) + len(robots), self._period_m)
+        self._pairs.update(
+            np.append(self.x_m, [each.x_m for each in robots]),
+            np.append(self.y_m, [each.y_m for each in robots]),
+        )
         self._walls.update(self.x_m, self.y_m)
-        bodies = self._bodies(heading_x, heading_y, other)
+        bodies = self._bodies(heading_x, heading_y, robots)
         people_x, people_y = self._model.people_force(self._pairs, bodies)
         wall_x, wall_y = self._model.wall_force(self._walls)
         noise = self._fluctuation_mps2 * self._rng.standard_normal((2, len(self)))
@@ -138,16 +143,21 @@ class Crowd:
         wanted_y = self.desired_speed_mps * heading_y
         return (heading_x, heading_y), (wanted_x, wanted_y)
 
-    def _bodies(self, heading_x: FloatArray, heading_y: FloatArray, robot: RobotBody) -> Bodies:
-        """The people and, last, the robot; a robot at rest has no heading."""
-        robot_mps = float(np.hypot(robot.velocity_x_mps, robot.velocity_y_mps))
-        moves = robot_mps > 1e-6
+    def _bodies(
+        self, heading_x: FloatArray, heading_y: FloatArray, robots: Sequence[RobotBody]
+    ) -> Bodies:
+        """The people and, last, the robots; a robot at rest has no heading."""
+        velocity = np.array([(each.velocity_x_mps, each.velocity_y_mps) for each in robots])
+        speed = np.hypot(velocity[:, 0], velocity[:, 1])
+        moving = (speed > 1e-6)[:, None]
+        heading = np.where(moving, velocity / np.where(moving, speed[:, None], 1.0), 0.0)
+        radius = [each.radius_m for each in robots]
         return Bodies(
-            heading_x=np.append(heading_x, robot.velocity_x_mps / robot_mps if moves else 0.0),
-            heading_y=np.append(heading_y, robot.velocity_y_mps / robot_mps if moves else 0.0),
-            velocity_x_mps=np.append(self.velocity_x_mps, robot.velocity_x_mps),
-            velocity_y_mps=np.append(self.velocity_y_mps, robot.velocity_y_mps),
-            radius_m=np.append(np.full(len(self), self.body_radius_m), robot.radius_m),
+            heading_x=np.append(heading_x, heading[:, 0]),
+            heading_y=np.append(heading_y, heading[:, 1]),
+            velocity_x_mps=np.append(self.velocity_x_mps, velocity[:, 0]),
+            velocity_y_mps=np.append(self.velocity_y_mps, velocity[:, 1]),
+            radius_m=np.append(np.full(len(self), self.body_radius_m), radius),
         )
 
     def _limit_speed(self) -> None:

@@ -1,14 +1,17 @@
-"""A 2-D lidar: rays all around the robot against walls, obstacles and people, in the plane.
+"""A 2-D lidar: rays all around the robot against walls, obstacles, people and other robots.
 
-A ray meets a wall segment where both parameters of the crossing are in range, and a person's circle
+A ray meets a wall segment where both parameters of the crossing are in range, and a body's circle
 at along - sqrt(r^2 - across^2). Tests compare it with the ray tests of the physics world, which
 agree to millimetres.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
+from sim.crowd.crowd import RobotBody
 from sim.scenario.settings import LidarSettings
 
 Pose = tuple[float, float, float]
@@ -35,11 +38,12 @@ class Lidar:
         people_y_m: FloatArray,
         rng: np.random.Generator | None = None,
         obstacles_m: FloatArray | None = None,
+        robots: Sequence[RobotBody] = (),
     ) -> NDArray[np.float32]:
         """(n_rays,) distance along each ray from the robot's centre; inf where nothing is hit.
 
-        obstacles_m: (S, 2, 2) edges of movable obstacles. With an rng, every range that hits
-        something carries the sensor's noise.
+        obstacles_m: (S, 2, 2) edges of movable obstacles. robots: other ones. With an rng, every
+        range that hits something carries the sensor's noise.
         """
         settings = self._settings
         angle = self.angles_rad + pose[2]
@@ -49,27 +53,32 @@ class Lidar:
             start, along = obstacles_m[:, 0], obstacles_m[:, 1] - obstacles_m[:, 0]
             ranges = np.minimum(ranges, _to_segments(start, along, pose, ray_x, ray_y))
         if len(people_x_m):
-            self._shorten_by_people(ranges, pose, (ray_x, ray_y), people_x_m, people_y_m)
+            people = people_x_m, people_y_m, self._person_radius_m
+            self._shorten_by_circles(ranges, pose, (ray_x, ray_y), *people)
+        for each in robots:
+            circle = np.array([each.x_m]), np.array([each.y_m]), each.radius_m
+            self._shorten_by_circles(ranges, pose, (ray_x, ray_y), *circle)
         if rng is not None and settings.noise_deviation_m > 0:
             ranges = ranges + settings.noise_deviation_m * rng.standard_normal(len(ranges))
         seen = (ranges >= settings.range_min_m) & (ranges <= settings.range_max_m)
         return np.where(seen, ranges, np.inf).astype(np.float32)
 
-    def _shorten_by_people(
+    def _shorten_by_circles(
         self,
         ranges: FloatArray,
         pose: Pose,
         rays: tuple[FloatArray, FloatArray],
-        people_x_m: FloatArray,
-        people_y_m: FloatArray,
+        x_m: FloatArray,
+        y_m: FloatArray,
+        radius_m: float,
     ) -> None:
-        """Lower the ranges of rays that hit a person first."""
-        to_x, to_y = people_x_m - pose[0], people_y_m - pose[1]
+        """Lower the ranges of rays that hit a circle first."""
+        to_x, to_y = x_m - pose[0], y_m - pose[1]
         squared = to_x * to_x + to_y * to_y
-        near = squared < (self._settings.range_max_m + self._person_radius_m) ** 2
+        near = squared < (self._settings.range_max_m + radius_m) ** 2
         to_x, to_y, squared = to_x[near], to_y[near], squared[near]
         along = rays[0][:, None] * to_x + rays[1][:, None] * to_y
-        inside = self._person_radius_m**2 - (squared - along * along)
+        inside = radius_m**2 - (squared - along * along)
         hit = (inside > 0.0) & (along > 0.0)
         distance = np.where(hit, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
         np.minimum(ranges, distance.min(axis=1, initial=np.inf), out=ranges)

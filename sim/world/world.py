@@ -6,15 +6,16 @@ by which observations of it are distinguished from those of the last.
 """
 
 import math
+from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Grid
-from sim.crowd.crowd import Crowd, start_crowd
+from sim.crowd.crowd import Crowd, RobotBody, start_crowd
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
 from sim.pictures.camera import Camera, overview_camera
@@ -34,7 +35,12 @@ from sim.scenario.rules import START_SPREAD
 from sim.scenario.scenario import Scenario, scenario_digest
 from sim.world.command import STOP, Command
 from sim.world.observation import Observation, make_observation
+from sim.world.other_robots import OtherRobots
 from sim.world.seeds import CROWD, IMU, LIDAR, ODOMETRY, START, episode_rng
+
+#: Robots that share a world start at least so far apart, measured between their hulls (m).
+_START_GAP_M = 0.5
+_START_DRAWS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +64,10 @@ class WorldState:
 class HallwayWorld:
     """One world; call `reset`, then `step` with a command every control period."""
 
-    def __init__(self, scenario: Scenario, *, seed: int, gui: bool = False) -> None:
+    def __init__(
+        self, scenario: Scenario, *, seed: int, gui: bool = False, number: int = 0
+    ) -> None:
+        """number: that of the robot in a `SharedWorld`, by which its random numbers differ."""
         person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         self.scenario = scenario
         self.seed = seed
@@ -78,51 +87,101 @@ class HallwayWorld:
             self._robot.close()
             raise
         self._pictures: Scene | None = None
+        self._number = number
+        self.others = OtherRobots(lambda: ())
         self._episode = self._first_tick = 0
         self._contacts = ContactCounter(0)
-        self._odometry = Odometry(
-            scenario.odometry, self._robot.state.pose, episode_rng(seed, 0, ODOMETRY)
-        )
-        self._imu = self._new_imu(0)
+        self._odometry = Odometry(scenario.odometry, self._robot.state.pose, self._rng(ODOMETRY))
+        self._imu = self._new_imu()
         self._crowd: Crowd | None = None
         self._observation: Observation | None = None
         self._scanned: tuple[Observation, NDArray[np.float32]] | None = None
 
     def reset(self, episode: int, start_area: str = "train") -> Observation:
         """Begin an episode: new people, warmed up, and the robot standing at a random start."""
-        if self._crowd is not None:
-            per_decision = self.scenario.ticks_per_decision
-            self.tick = (self.tick // per_decision + 2) * per_decision
-        pose = self._draw_start(episode_rng(self.seed, episode, START), start_area)
-        self._begin(episode, standing_at(pose))
-        self._warm_up()
-        self._observation = self._observe()
-        return self._observation
+        self.place_robot(episode, start_area)
+        self.warm_up_people([self.body])
+        return self.observe()
 
     def step(self, command: Command) -> Observation:
         """Advance by one control period; a command that is not finite stops the robot."""
+        self.move_people([self.body])
+        self.drive(command)
+        self.keep_people_out_of([self.body])
+        self.tick += 1
+        return self.observe()
+
+    # The steps of which `reset` and `step` consist; `SharedWorld` calls them for several robots.
+
+    def place_robot(
+        self,
+        episode: int,
+        start_area: str,
+        people: Crowd | None = None,
+        keep_clear_of: Sequence[RobotBody] = (),
+    ) -> Crowd:
+        """Begin an episode after a gap in time, the robot standing at a random start.
+
+        people: those of the episode, new ones when None. Returns them.
+        """
+        if self._crowd is not None:
+            per_decision = self.scenario.ticks_per_decision
+            self.tick = (self.tick // per_decision + 2) * per_decision
+        self._episode, self._first_tick = episode, self.tick
+        pose = self._draw_start(self._rng(START), start_area, keep_clear_of)
+        self._begin(standing_at(pose), people)
+        return self._running()
+
+    def warm_up_people(self, robots: Sequence[RobotBody]) -> None:
+        """Let the people walk among robots that stand."""
+        step_s = self.scenario.control_period_s
+        for _ in range(round(self.scenario.pedestrians.warm_up_s / step_s)):
+            self.move_people(robots)
+            for robot in robots:
+                self._running().push_out_of(robot)
+
+    def move_people(self, robots: Sequence[RobotBody]) -> None:
+        """One control period of the people."""
+        seen = robots if self.scenario.pedestrians.robot_visible else ()
+        self._running().step(self.scenario.control_period_s, *seen)
+
+    def drive(self, command: Command) -> None:
+        """One control period of the robot, after that of the people."""
         crowd = self._running()
         if not command.is_finite:
             self.n_rejected_commands += 1
             command = STOP
-        seen = self._robot.body if self.scenario.pedestrians.robot_visible else None
-        crowd.step(self.scenario.control_period_s, seen)
+        before, body_before = self._robot.state, self.body
         touches = self._robot.drive(command, crowd)
+        if self.others.block(body_before, self.body):
+            here = replace(self._robot.state, x_m=before.x_m, y_m=before.y_m, speed_mps=0.0)
+            self._robot.place(here)
         if self._robot.wheel_motion is None:
             self._odometry.follow(self._robot.state.pose)
         else:
             self._odometry.add(*self._robot.wheel_motion)
         self._imu.follow(self._robot.inertial)
-        self._contacts.update(crowd, self._robot.body, self._robot.wall_distance_m, touches)
-        if touches is None:
-            crowd.push_out_of(self._robot.body)
+        self._contacts.update(crowd, self.body, self._robot.wall_distance_m, touches)
         if self._robot.obstacle_poses:
             crowd.set_walls(self._walls_of_people_m())
-        self.tick += 1
+
+    def keep_people_out_of(self, robots: Sequence[RobotBody]) -> None:
+        """Put people who overlap a robot beside it; the physical drive does this itself."""
+        if self._contacts.touches is None:
+            for robot in robots:
+                self._running().push_out_of(robot)
+
+    def observe(self) -> Observation:
+        """Make the observation of the present tick, and show it in the window."""
         if self._window is not None:
             self._show_in(self._window)
         self._observation = self._observe()
         return self._observation
+
+    @property
+    def body(self) -> RobotBody:
+        """The robot as people and other robots meet it."""
+        return self._robot.body
 
     def set_goal(self, goal_area_m: Area) -> None:
         """Set another area as the goal from now on."""
@@ -206,10 +265,10 @@ class HallwayWorld:
             return self._scanned[1]
         rng = None
         if self.scenario.lidar.noise_deviation_m > 0:
-            rng = episode_rng(self.seed, self._episode, LIDAR, self.tick - self._first_tick)
-        ranges_m = self._lidar.scan(
-            seen.pose, crowd.x_m, crowd.y_m, rng, self._robot.obstacle_segments_m
-        )
+            rng = self._rng(LIDAR, self.tick - self._first_tick)
+        people = crowd.x_m, crowd.y_m
+        obstacles_m, robots = self._robot.obstacle_segments_m, self.others.bodies
+        ranges_m = self._lidar.scan(seen.pose, *people, rng, obstacles_m, robots)
         self._scanned = seen, ranges_m
         return ranges_m
 
@@ -296,49 +355,61 @@ class HallwayWorld:
         free = [edges_of(outline_m) for each, outline_m in pairs if each.hinge_m is None]
         return np.concatenate([self.scenario.wall_segments_m, *free])
 
-    def _begin(self, episode: int, robot: RobotState) -> None:
-        """New people on their loops, not yet warmed up, and the robot in the given state."""
-        self._episode = episode
-        self._first_tick = self.tick
+    def _begin(self, robot: RobotState, people: Crowd | None) -> None:
+        """The robot in the given state; new people on their loops, not yet warmed up, if none."""
         self._robot.place(robot)
-        self._odometry = Odometry(
-            self.scenario.odometry, robot.pose, episode_rng(self.seed, episode, ODOMETRY)
-        )
-        self._imu = self._new_imu(episode)
-        self._crowd = start_crowd(
+        self._odometry = Odometry(self.scenario.odometry, robot.pose, self._rng(ODOMETRY))
+        self._imu = self._new_imu()
+        self._crowd = self._new_people() if people is None else people
+        self._contacts = ContactCounter(len(self._crowd))
+        self.others.begin()
+
+    def _rng(self, purpose: int, *more: int) -> np.random.Generator:
+        """Random numbers of this robot and episode; those of a robot alone have no number."""
+        numbers = (*more, self._number) if self._number else more
+        return episode_rng(self.seed, self._episode, purpose, *numbers)
+
+    def _new_people(self) -> Crowd:
+        return start_crowd(
             self.scenario.pedestrians,
             self.scenario.directed_loops,
             self._walls_of_people_m(),
-            episode_rng(self.seed, episode, CROWD),
+            self._rng(CROWD),
         )
-        self._contacts = ContactCounter(len(self._crowd))
 
-    def _new_imu(self, episode: int) -> Imu:
-        rng = episode_rng(self.seed, episode, IMU)
-        return Imu(self.scenario.imu, self.scenario.control_period_s, self._robot.inertial, rng)
+    def _new_imu(self) -> Imu:
+        period_s, inertial = self.scenario.control_period_s, self._robot.inertial
+        return Imu(self.scenario.imu, period_s, inertial, self._rng(IMU))
 
-    def _draw_start(self, rng: np.random.Generator, area: str) -> tuple[float, float, float]:
-        state = rng.choice(start_states_of(self.scenario, self.grid, area))
+    def _draw_start(
+        self, rng: np.random.Generator, area: str, keep_clear_of: Sequence[RobotBody]
+    ) -> tuple[float, float, float]:
+        states = start_states_of(self.scenario, self.grid, area)
         spread = START_SPREAD * self.grid.cell_size_m
-        x_m, y_m = self.grid.centers_m[state] + rng.uniform(-spread, spread, 2)
-        return float(x_m), float(y_m), float(rng.uniform(-math.pi, math.pi))
-
-    def _warm_up(self) -> None:
-        crowd, step_s = self._running(), self.scenario.control_period_s
-        seen = self._robot.body if self.scenario.pedestrians.robot_visible else None
-        for _ in range(round(self.scenario.pedestrians.warm_up_s / step_s)):
-            crowd.step(step_s, seen)
-            crowd.push_out_of(self._robot.body)
+        apart_m = 2 * self.scenario.robot.radius_m + _START_GAP_M
+        for _ in range(_START_DRAWS):
+            x_m, y_m = self.grid.centers_m[rng.choice(states)] + rng.uniform(-spread, spread, 2)
+            yaw_rad = rng.uniform(-math.pi, math.pi)
+            if all(math.dist((x_m, y_m), (o.x_m, o.y_m)) >= apart_m for o in keep_clear_of):
+                return float(x_m), float(y_m), float(yaw_rad)
+        raise SimError(
+            f"start area {area!r} must have room for {len(keep_clear_of) + 1} robots"
+            f" {apart_m:g} m apart, got none in {_START_DRAWS} draws; start fewer robots"
+        )
 
     def _observe(self) -> Observation:
         crowd, robot = self._running(), self._robot.state
+        places, velocities, identity = self.others.appended_to(
+            np.stack([crowd.x_m, crowd.y_m], axis=1),
+            np.stack([crowd.velocity_x_mps, crowd.velocity_y_mps], axis=1),
+        )
         return make_observation(
             time_s=self.time_s,
             tick=self.tick,
             pose=robot.pose,
             speed_mps=robot.speed_mps,
             yaw_rate_radps=robot.yaw_rate_radps,
-            people_position_m=np.stack([crowd.x_m, crowd.y_m], axis=1),
-            people_velocity_mps=np.stack([crowd.velocity_x_mps, crowd.velocity_y_mps], axis=1),
-            people_id=np.arange(len(crowd)),
+            people_position_m=places,
+            people_velocity_mps=velocities,
+            people_id=identity,
         )

@@ -24,8 +24,8 @@ from serd_ros.graph.graph import (
     find_stack,
     full_namespace,
     load_graph,
-    stack_parameters,
 )
+from serd_ros.graph.placement import placed_nodes
 from storage.settings import settings_of
 
 OWN = {
@@ -77,19 +77,18 @@ def nodes_of_stack(context):
     given = given_parameters(context)
     layers = layers_of(context, stack, given)
     namespace = full_namespace(LaunchConfiguration("namespace").perform(context))
-    shared = load_graph().namespace_remappings(stack, namespace)
     return [
         Node(
             package=PACKAGE,
-            executable=node,
-            name=node,
+            executable=each.node,
+            name=each.node,
             namespace=LaunchConfiguration("namespace"),
-            parameters=layers(node, parameters),
-            remappings=list((shared | stack.remappings.get(node, {})).items()),
+            parameters=layers(each.node, each.parameters),
+            remappings=list(each.remappings.items()),
             output="screen",
-            on_exit=EmitEvent(event=Shutdown(reason=f"{node} ended")),
+            on_exit=EmitEvent(event=Shutdown(reason=f"{each.node} ended")),
         )
-        for node, parameters in stack_parameters(stack, given).items()
+        for each in placed_nodes(stack, given, namespace)
     ]
 
 

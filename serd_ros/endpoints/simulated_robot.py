@@ -1,0 +1,74 @@
+"""One robot of a simulated world: what it observes, its commands, its goal, its episodes."""
+
+from collections.abc import Callable
+
+from geometry_msgs.msg import PolygonStamped
+from std_srvs.srv import Trigger
+
+from serd_ros.convert.pose import from_goal_area_message
+from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.world_publisher import WorldPublisher
+from serd_ros.graph.configs import HallwaySimConfig
+from serd_ros.graph.readiness import Readiness
+from serd_ros.process.serd_node import SerdNode
+from sim.episodes.result import EpisodeStart
+from sim.world.world import HallwayWorld
+
+
+class SimulatedRobot:
+    """node: has its topics and services; world: as this robot observes it.
+
+    asked: its driver has asked for the next episode. begun: an episode that began since, of which
+    the driver has not been informed. on_ask: called with a request that waits for others; returns
+    what it waits for.
+    """
+
+    def __init__(
+        self,
+        node: SerdNode[HallwaySimConfig],
+        world: HallwayWorld,
+        *,
+        on_ask: Callable[[], str],
+        on_goal: Callable[[], None],
+    ) -> None:
+        self.node, self.world = node, world
+        self.asked, self.begun = False, None
+        self.publisher = WorldPublisher(node, world)
+        self._readiness = Readiness(node, node.config.required_nodes, node.wall_s())
+        self._on_ask, self._on_goal_moved = on_ask, on_goal
+        node.create_service(Trigger, topics.RESET, self._on_reset)
+        node.create_subscription(PolygonStamped, topics.GOAL_AREA, self._on_goal, qos.LATCHED)
+
+    asked: bool
+    begun: EpisodeStart | None
+
+    @property
+    def has_driver(self) -> bool:
+        """Whether a node drives its episodes."""
+        return self.node.count_publishers(topics.EPISODE) > 0
+
+    @property
+    def name(self) -> str:
+        """Its namespace."""
+        return str(self.node.get_namespace())
+
+    def begin(self, episode: EpisodeStart) -> None:
+        """An episode has begun."""
+        self.begun = episode if self.asked else None
+        self.asked = False
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        missing = self._readiness.missing(self.node.wall_s())
+        if not missing and self.begun is None:
+            self.asked = True
+            missing = self._on_ask()
+        response.success = not missing
+        response.message = missing
+        if not missing and self.begun is not None:
+            response.message, self.begun = self.begun.model_dump_json(), None
+        return response
+
+    def _on_goal(self, message: PolygonStamped) -> None:
+        """Set the goal of the driver: where its episode ends and it is no longer waited for."""
+        self.world.set_goal(from_goal_area_message(message, self.world.scenario.goal_area_m))
+        self._on_goal_moved()
