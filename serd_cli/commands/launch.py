@@ -54,8 +54,9 @@ def launch(
 
 def _names(value: object) -> list[str]:
     """Names of robots, of a list or of one."""
-    names = [str(each) for each in (value if isinstance(value, list) else [value])]
-    if len({full_namespace(name) for name in names}) < len(names):
+    written = map(str, value if isinstance(value, list) else [value])
+    names = [name for each in written if (name := full_namespace(each).strip("/"))]
+    if len(set(names)) < len(names):
         raise UsageError(f"robots must be different names, got {', '.join(names)}; rename one")
     return names
 

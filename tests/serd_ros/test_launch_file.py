@@ -11,7 +11,16 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from serd_ros.errors import NodeError
+from serd_ros.graph.configs import CONFIGS
 from serd_ros.graph.graph import find_stack, stack_parameters
+
+LAUNCH = "ros_ws/src/serd_ros/launch"
+#: The stack of each file.
+FILES = {
+    "simulation": "live",
+    **{each: each for each in ("demonstrate", "learn", "navigate", "teleop", "robot", "nav2")},
+    "robot_nav2": "robot_nav2",
+}
 
 
 class Kept:
@@ -50,7 +59,7 @@ def launch_file(root, monkeypatch):
         module = ModuleType(name)
         module.__dict__.update(content)
         monkeypatch.setitem(sys.modules, name, module)
-    return runpy.run_path(str(root / "ros_ws/src/serd_ros/launch/serd.launch.py"))
+    return runpy.run_path(str(root / LAUNCH / "serd.launch.py"))
 
 
 def test_every_parameter_is_a_launch_argument(launch_file):
@@ -132,3 +141,57 @@ def test_arguments_of_a_file_that_includes_this_one_are_left(launch_file, monkey
     context = context_of(launch_file, stack="live", world="depot", guard="true", seed="3")
     nodes = launch_file["nodes_of_stack"](context)
     assert nodes[0].named["parameters"][0]["seed"] == 3
+
+
+def description_of(root, name):
+    """The arguments by name, and what makes the nodes, of a file."""
+    file = runpy.run_path(str(root / LAUNCH / f"{name}.launch.py"))
+    (entities,) = file["generate_launch_description"]().words
+    arguments = {each.words[0]: each.named for each in entities if each.words}
+    (nodes_of,) = [each.named["function"] for each in entities if not each.words]
+    return arguments, nodes_of
+
+
+def test_each_file_of_the_folder_starts_a_stack(root):
+    found = {each.name.partition(".")[0] for each in (root / LAUNCH).glob("*.launch.py")}
+    assert found == {"serd", *FILES}
+
+
+@pytest.mark.parametrize("name", FILES)
+@pytest.mark.usefixtures("launch_file")
+def test_a_file_of_a_stack_has_its_arguments_and_starts_its_nodes(root, name):
+    arguments, nodes_of = description_of(root, name)
+    stack = find_stack(FILES[name])
+    known = {each for node in stack.nodes for each in CONFIGS[node].model_fields}
+    assert set(arguments) == known | {"namespace", "use_sim_time", "params_file"}
+    assert all(each["description"] for each in arguments.values())
+    given = dict.fromkeys(arguments, "") | {"namespace": "robot1"}
+    nodes = nodes_of(SimpleNamespace(launch_configurations=given))
+    assert [each.named["executable"] for each in nodes] == list(stack.nodes)
+
+
+@pytest.mark.parametrize(
+    ("argument", "sentence"),
+    [
+        ("modle", "no node of this stack has a parameter 'modle'; did you mean 'model'?"),
+        ("strategy.modle", "strategy has no parameter 'modle'; did you mean 'model'?"),
+        ("learner.bag", "'learner.bag' names no node of this stack"),
+        ("stack", "no node of this stack has a parameter 'stack'"),
+        ("robots", "several robots in one world are started by serd launch"),
+    ],
+)
+@pytest.mark.usefixtures("launch_file")
+def test_a_file_of_a_stack_refuses_other_arguments(root, monkeypatch, argument, sentence):
+    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "serd_ros", "navigate.launch.py"])
+    arguments, nodes_of = description_of(root, "navigate")
+    given = dict.fromkeys(arguments, "") | {argument: "x"}
+    with pytest.raises(NodeError, match=re.escape(sentence)):
+        nodes_of(SimpleNamespace(launch_configurations=given))
+
+
+@pytest.mark.usefixtures("launch_file")
+def test_a_file_of_that_name_in_another_package_keeps_its_arguments(root, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["ros2", "launch", "of_a_robot", "navigate.launch.py"])
+    arguments, nodes_of = description_of(root, "navigate")
+    given = dict.fromkeys(arguments, "") | {"world": "depot"}
+    assert len(nodes_of(SimpleNamespace(launch_configurations=given))) == 4

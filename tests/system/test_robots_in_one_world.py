@@ -7,9 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from rosbags.highlevel import AnyReader
 
 from serd_app.navigation.arrival_log import load_arrivals
+from serd_ros.convert.diagnostics import values_of
+from serd_ros.endpoints import qos
 from sim.drivers.expert import ScriptedExpert
 from sim.planning.catalogue import make_planner
 from sim.safety.world_guard import WorldGuard
@@ -109,15 +112,25 @@ def test_two_robots_in_one_world_drive_to_the_bit_as_in_process(ros_env, tmp_pat
         assert {each.width for each in people} == {load_scenario("hallway").pedestrians.count + 1}
 
 
-def test_two_robots_reach_goals_of_their_own_without_contact(ros_env, tmp_path, save_model_of):
-    goals = {"robot1": (12.0, 18.0), "robot2": (1.5, 10.5)}
+def test_two_robots_reach_goals_of_their_own_without_contact(
+    ros_env, probe, tmp_path, save_model_of
+):
+    goals, reports = {"robot1": (12.5, 18.5), "robot2": (1.5, 10.5)}, {}
+    for robot in goals:
+
+        def take(message, robot=robot):
+            reports[robot] = values_of(message, "hallway_sim") or reports.get(robot)
+
+        topic = f"/{robot}/diagnostics"
+        probe.node.create_subscription(DiagnosticArray, topic, take, qos.STATE)
     words = [f"{robot}.goal:={x_m}, {y_m}" for robot, (x_m, y_m) in goals.items()]
     process = launch(
         ros_env, tmp_path, "navigate", *words, f"model:={save_model_of()}", "episodes:=1",
         "people:=6", "output:=drives",
     )  # fmt: skip
     try:
-        assert process.wait(PATIENCE_S) == 0, (tmp_path / "launch.log").read_text()
+        probe.spin_until(lambda: process.poll() is not None)
+        assert process.poll() == 0, (tmp_path / "launch.log").read_text()
     finally:
         end(process)
     for robot, goal in goals.items():
@@ -126,4 +139,5 @@ def test_two_robots_reach_goals_of_their_own_without_contact(ros_env, tmp_path, 
         assert row.outcome == "arrived"
         (drive,) = load_episodes(tmp_path / robot / "drives" / "episodes.csv")
         assert drive.robot_on_person == drive.robot_on_wall == 0
-        assert drive.minimum_person_distance_m > 0.0
+        assert reports[robot]["robot_on_robot"] == "0"
+        assert 0.0 < float(reports[robot]["minimum_robot_distance_m"]) < 5.0

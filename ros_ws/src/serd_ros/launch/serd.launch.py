@@ -1,6 +1,7 @@
 """ros2 launch serd_ros serd.launch.py stack:=live seed:=3
 
-Starts a stack of serd_ros/graph/graph.yaml, the description that `serd launch` uses too. Every
+Starts a stack of serd_ros/graph/graph.yaml, the description that `serd launch` uses too. The other
+files of this folder start one stack each, with the arguments of its nodes alone. Every
 parameter that a node of the stack has is a launch argument; `node.parameter:=value` is that of one
 node. Empty means the stack's own value. Values of `params_file` override those of the stack, and
 arguments override both. Any other argument is refused, unless another file includes this one, whose
@@ -8,6 +9,8 @@ arguments are visible here.
 """
 
 import sys
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import yaml
@@ -17,6 +20,7 @@ from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from serd_ros.errors import NodeError
 from serd_ros.graph.configs import CONFIGS
 from serd_ros.graph.graph import (
     PACKAGE,
@@ -35,23 +39,29 @@ OWN = {
 }
 
 
-def descriptions():
-    """What each parameter sets, by its name."""
-    return {each.name: each.description for kind in CONFIGS.values() for each in settings_of(kind)}
+def descriptions(nodes=tuple(CONFIGS)):
+    """What each parameter of the nodes sets, by its name."""
+    return {each.name: each.description for node in nodes for each in settings_of(CONFIGS[node])}
 
 
 def is_included():
-    return not any(Path(each).name == "serd.launch.py" for each in sys.argv)
+    """Whether `ros2 launch` was called with a file of another package."""
+    here = Path(__file__).parent
+    ours = {each.name for each in here.glob("*.launch.py")}
+    return not any(
+        Path(file).name in ours and (package == PACKAGE or Path(file).resolve().parent == here)
+        for package, file in pairwise(sys.argv)
+    )
 
 
-def given_parameters(context):
+def given_parameters(context, own):
     """All arguments but empty ones and those of this file; those of an including file are left."""
     known, nodes = descriptions(), load_graph().nodes
     given = {}
     for name, text in context.launch_configurations.items():
         node, dot, _ = name.partition(".")
         ours = name in known or (dot and node in nodes)
-        if text and name not in ("stack", *OWN) and (ours or not is_included()):
+        if text and name not in own and (ours or not is_included()):
             given[name] = yaml.safe_load(text)
     return given
 
@@ -72,9 +82,13 @@ def layers_of(context, stack, given):
     return layers
 
 
-def nodes_of_stack(context):
-    stack = find_stack(LaunchConfiguration("stack").perform(context))
-    given = given_parameters(context)
+def nodes_of_stack(context, name=""):
+    """name: of the stack; empty where an argument has it."""
+    own = OWN if name else ("stack", *OWN)
+    stack = find_stack(name or LaunchConfiguration("stack").perform(context))
+    given = given_parameters(context, own)
+    if "robots" in given:
+        raise NodeError("several robots in one world are started by serd launch; leave robots out")
     layers = layers_of(context, stack, given)
     namespace = full_namespace(LaunchConfiguration("namespace").perform(context))
     return [
@@ -92,16 +106,26 @@ def nodes_of_stack(context):
     ]
 
 
+def declared(texts):
+    """Arguments that are empty by default."""
+    return [
+        DeclareLaunchArgument(name, default_value="", description=text)
+        for name, text in (*OWN.items(), *sorted(texts.items()))
+    ]
+
+
+def description_of(name):
+    """The launch file of one stack."""
+    arguments = declared(descriptions(find_stack(name).nodes))
+    return LaunchDescription(
+        [*arguments, OpaqueFunction(function=partial(nodes_of_stack, name=name))]
+    )
+
+
 def generate_launch_description():
     stacks = load_graph().stacks
     about = "; ".join(f"{name}: {stack.about}" for name, stack in stacks.items())
+    chosen = DeclareLaunchArgument("stack", default_value="live", description=about)
     return LaunchDescription(
-        [
-            DeclareLaunchArgument("stack", default_value="live", description=about),
-            *(
-                DeclareLaunchArgument(name, default_value="", description=text)
-                for name, text in (*OWN.items(), *sorted(descriptions().items()))
-            ),
-            OpaqueFunction(function=nodes_of_stack),
-        ]
+        [chosen, *declared(descriptions()), OpaqueFunction(function=nodes_of_stack)]
     )
