@@ -207,13 +207,13 @@ def inverse_root(
     factor = np.linalg.cholesky(of_prior * size[:, None] * size) / size[:, None]
     wide = scipy.linalg.solve_triangular(factor, np.eye(len(size)), lower=True).T
     values, vectors = np.linalg.eigh(wide.T @ information @ wide)
-    root = wide @ vectors
     if not values[0] > 0:
         raise SerdError(
             "the log posterior must bend down in every direction at a maximum, but its information"
-            f" is {values[0]:.3g} of the prior's along {describe(root[:, 0])}; continue the"
-            " fit from a point moved along it, or give these numbers a stronger prior"
+            f" is {values[0]:.3g} of the prior's along {describe(wide @ vectors[:, 0])};"
+            " continue the fit from a point moved along it, or give these numbers a stronger prior"
         )
     bounded = np.maximum(values, 1.0)
     log_det = 2.0 * float(np.sum(np.log(np.diag(factor)))) + float(np.sum(np.log(bounded)))
-    return root / np.sqrt(bounded), log_det
+    # The symmetric root is unique, eigenvectors are not: draws are the same on every machine.
+    return wide @ (vectors / np.sqrt(bounded)) @ vectors.T, log_det
