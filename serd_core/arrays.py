@@ -1,10 +1,11 @@
 """Array types and the checks every frozen record of the package makes on its arrays.
 
-Arrays kept in records are private read-only copies, so a record cannot change after its checks.
+Arrays kept in records are private read-only copies, so a record cannot change after its checks. An
+axis along which a given array repeats (`numpy.broadcast_to`) stays one: the copy has no repeats.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+Number = TypeVar("Number", bound=np.generic)
 Shape = Sequence[int | None]
 
 #: Probabilities below this count as this in logarithms.
@@ -23,31 +25,35 @@ SMALLEST_PROBABILITY = 1e-300
 
 def float_array(name: str, values: Any, shape: Shape | None = None) -> FloatArray:
     """Read-only float copy of `values`; SerdError where it is not finite or misshapen."""
-    array = _converted(name, values, np.float64)
-    _require_shape(name, array, shape)
+    array, full = _converted(name, values, np.float64)
+    _require_shape(name, full, shape)
     require_finite(name, array)
-    return _frozen(array)
+    return _frozen(array, full)
 
 
-def int_array(name: str, values: Any, shape: Shape | None = None) -> IntArray:
-    """Read-only integer copy of `values`; SerdError where a value is no whole number."""
-    given = _converted(name, values, None)
+def int_array(
+    name: str, values: Any, shape: Shape | None = None, dtype: Any = np.int64
+) -> IntArray:
+    """Read-only integer copy of `values`; SerdError where a value is no whole number.
+
+    dtype: None to keep that of integers.
+    """
+    given, full = _converted(name, values, None)
     if given.size and not np.issubdtype(given.dtype, np.integer):
         require_finite(name, np.asarray(given, dtype=np.float64))
         _require_whole(name, np.asarray(given, dtype=np.float64))
-    array = given.astype(np.int64)
-    _require_shape(name, array, shape)
-    return _frozen(array)
+        given = given.astype(np.int64)
+    _require_shape(name, full, shape)
+    return _frozen(given.astype(dtype or given.dtype, copy=False), full)
 
 
 def bool_array(name: str, values: Any, shape: Shape | None = None) -> BoolArray:
     """Read-only boolean copy of `values` (zeros and ones are taken as booleans)."""
-    given = _converted(name, values, None)
+    given, full = _converted(name, values, None)
     if not np.all((given == 0) | (given == 1)):
         raise SerdError(f"{name} must hold booleans, got values of type {given.dtype}; use a mask")
-    array = given.astype(np.bool_)
-    _require_shape(name, array, shape)
-    return _frozen(array)
+    _require_shape(name, full, shape)
+    return _frozen(given.astype(np.bool_, copy=False), full)
 
 
 def require_finite(name: str, array: FloatArray) -> None:
@@ -59,9 +65,18 @@ def require_finite(name: str, array: FloatArray) -> None:
         )
 
 
-def require_index(name: str, array: IntArray, size: int, what: str) -> None:
-    """SerdError naming the first entry of `array` that is no index into `size` things."""
-    bad = first_index((array < 0) | (array >= size))
+def require_index(
+    name: str, array: IntArray, size: int, what: str, where: BoolArray | None = None
+) -> None:
+    """SerdError naming the first entry of `array` that is no index into `size` things.
+
+    where: mask of the entries that count, of a shape that broadcasts; None for all.
+    """
+    once = unrepeated(array)
+    if once.size and once.min() >= 0 and once.max() < size:
+        return
+    wrong = (array < 0) | (array >= size)
+    bad = first_index(wrong if where is None else wrong & where)
     if bad is not None:
         raise SerdError(
             f"{name}{list(bad)} must be {what} from 0 to {size - 1}, got {array[bad]}"
@@ -84,6 +99,23 @@ def require_generator(rng: object) -> None:
         raise SerdError(
             f"rng must be a numpy.random.Generator, got {rng!r}; use numpy.random.default_rng(0)"
         )
+
+
+def unrepeated(array: NDArray[Number]) -> NDArray[Number]:
+    """The array with one element along each axis on which it repeats (a stride of 0)."""
+    repeats = zip(array.strides, array.shape, strict=True)
+    return array[tuple(slice(0, 1) if not step and n > 1 else slice(None) for step, n in repeats)]
+
+
+def once_per_state(table: NDArray[Number]) -> NDArray[Number]:
+    """(S, 1, ...) part of an (S, A, ...) table that repeats along the actions, else the table."""
+    return table[:, :1] if not table.strides[1] else table
+
+
+def index_type(size: int) -> Any:
+    """The smallest type for indices into `size` things that compiled sums add to others exactly."""
+    small = np.min_scalar_type(max(size - 1, 0))
+    return small if small.itemsize < 4 else np.int32 if size <= 2**31 else np.int64
 
 
 def floored(probabilities: FloatArray) -> FloatArray:
@@ -116,9 +148,11 @@ def first_index(mask: BoolArray | np.bool_) -> tuple[int, ...] | None:
     return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), mask.shape))
 
 
-def _converted(name: str, values: Any, dtype: Any) -> NDArray[Any]:
+def _converted(name: str, values: Any, dtype: Any) -> tuple[NDArray[Any], tuple[int, ...]]:
+    """A copy without repeats, and the whole shape."""
     try:
-        return np.array(values, dtype=dtype)
+        given = np.asarray(values)
+        return np.array(unrepeated(given), dtype=dtype), given.shape
     except (TypeError, ValueError) as error:
         raise SerdError(f"{name} must be an array of numbers: {error}") from error
 
@@ -129,17 +163,17 @@ def _require_whole(name: str, array: FloatArray) -> None:
         raise SerdError(f"{name}{list(bad)} must be a whole number, got {array[bad]}; round it")
 
 
-def _require_shape(name: str, array: NDArray[Any], shape: Shape | None) -> None:
+def _require_shape(name: str, given: tuple[int, ...], shape: Shape | None) -> None:
     if shape is None:
         return
-    fits = array.ndim == len(shape) and all(
-        wanted is None or wanted == size for wanted, size in zip(shape, array.shape, strict=True)
+    fits = len(given) == len(shape) and all(
+        wanted is None or wanted == size for wanted, size in zip(shape, given, strict=True)
     )
     if not fits:
         wanted_text = ", ".join("any" if size is None else str(size) for size in shape)
-        raise SerdError(f"{name} must have shape ({wanted_text}), got {array.shape}; reshape it")
+        raise SerdError(f"{name} must have shape ({wanted_text}), got {given}; reshape it")
 
 
-def _frozen(array: NDArray[Any]) -> NDArray[Any]:
+def _frozen(array: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
     array.flags.writeable = False
-    return array
+    return array if array.shape == shape else np.broadcast_to(array, shape)

@@ -10,10 +10,19 @@ import sys
 if sys.platform != "win32":
     import resource
 
+from serd_core.compiled import is_compiled
 from serd_core.errors import SerdError
 
 #: Bytes per entry of P at the peak of a gradient: indices and numbers of P and of I - gamma P_pi.
 BYTES_PER_ENTRY = 100
+#: The same where compiled code sums over the entries, which it does not list.
+COMPILED_BYTES_PER_ENTRY = 15
+
+
+def bytes_of_transitions(n_states: int, n_entries: int) -> float:
+    """Bytes that transitions need at the peak of a gradient."""
+    each = COMPILED_BYTES_PER_ENTRY if is_compiled(n_states) else BYTES_PER_ENTRY
+    return each * float(n_entries)
 
 
 def memory_limit() -> int:

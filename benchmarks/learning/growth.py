@@ -37,6 +37,7 @@ from report.style import BLUE, MUTED, RED, new_figure, png_bytes, report_style
 from serd_core.bellman.backup import BellmanProblem, backup
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.start import starting_parameters
+from serd_core.mdp.problem import rewards
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
 from storage.files import atomic_write_bytes
@@ -109,7 +110,7 @@ def measure(side: int) -> dict[str, Any]:
     before = posterior.evaluate(near).solution.value
     warm_s, _ = best_of(lambda: posterior.evaluate(parameters, before))
     mdp = posterior.problem.mdp
-    moved_bytes = 12 * len(mdp.transitions.successor) + 8 * mdp.n_states * (3 * mdp.n_actions + 2)
+    moved_bytes = 12 * mdp.transitions.n_entries + 8 * mdp.n_states * (3 * mdp.n_actions + 2)
     sweep_s = _sweep_seconds(posterior, found.solution.value)
     peak_mb = peak_memory_mb()
     return {
@@ -148,7 +149,7 @@ def _sweep_seconds(posterior: Posterior, value: np.ndarray) -> float:
     mdp = posterior.problem.mdp
     problem = BellmanProblem(
         posterior.policy_model.equation,
-        posterior.problem.features @ WEIGHTS,
+        rewards(posterior.problem, WEIGHTS),
         transitions_of(mdp.transitions, DYNAMICS),
         mdp,
     )

@@ -41,9 +41,10 @@ def gridworld(landscape: Landscape, discount: float, *, goal_at_left: bool) -> G
     starts = np.zeros(grid.n_states)
     southern = grid.state_of_cell[0, columns // 2 :] if goal_at_left else grid.state_of_cell[0]
     starts[southern] = 1.0 / len(southern)
-    features = np.zeros((grid.n_states, len(Action), 2))
-    features[:, :, 0] = landscape.brightness.ravel()[:, None]
-    features[goal, :, 1] = 1.0
+    of_state = np.zeros((grid.n_states, 1, 2))
+    of_state[:, 0, 0] = landscape.brightness.ravel()
+    of_state[goal, 0, 1] = 1.0
+    features = np.broadcast_to(of_state, (grid.n_states, len(Action), 2))
     models = _outcome_models(grid, landscape)
     problem = TabularProblem(Mdp(models, discount), features, ("brightness", "goal"))
     return Gridworld(problem, starts, landscape.forest.ravel(), goal)
@@ -65,8 +66,8 @@ def _outcome_models(grid: Grid, landscape: Landscape) -> OutcomeModels:
     actions = np.arange(len(Action))
     forest = landscape.forest.ravel()[:, None] & (actions != Action.WAIT)
     return OutcomeModels(
-        successors=np.repeat(grid.neighbours[:, None, :], len(Action), axis=1),
+        successors=np.broadcast_to(grid.neighbours[:, None, :], (*forest.shape, N_OUTCOMES)),
         model_of=actions[None, :] + 4 * forest,
-        available=np.ones((grid.n_states, len(Action)), np.bool_),
+        available=np.broadcast_to(np.True_, forest.shape),
         n_models=N_MODELS,
     )

@@ -123,8 +123,7 @@ def _counted(
     count = _pseudo_count(posterior.prior)
     estimate = most_likely_dynamics(models, posterior.observations, count)
     energies = models.parameters_of(estimate.probabilities)
-    counts = np.zeros(len(models.groups))
-    counts[posterior.observations.group] = posterior.observations.group_count
+    counts = posterior.observations.counts(models)
     bend = models.beta * count * models.n_outcomes * models.local_jacobian(energies)
     bend -= log_transition_hessian(models, energies, counts)
     shape = (models.n_models, models.n_outcomes) * 2
@@ -147,8 +146,8 @@ def _pseudo_count(prior: Prior) -> float:
 def _observations(posterior: Posterior, models: OutcomeModels) -> FloatArray:
     """(M,) transitions that were observed of each outcome model."""
     seen = posterior.observations
-    row = models.groups.row[seen.group]
-    return weighted_counts(models.model_of.ravel()[row], seen.group_count, models.n_models)
+    state, action = np.divmod(seen.row(models), models.n_actions)
+    return weighted_counts(models.model_of[state, action], seen.group_count, models.n_models)
 
 
 def _joint_covariance(found: Laplace, models: OutcomeModels) -> FloatArray:

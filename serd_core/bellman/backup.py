@@ -27,7 +27,11 @@ class BellmanProblem:
 
     def __post_init__(self) -> None:
         available = self.mdp.available
-        allowed = np.where(available, self.rewards, 0.0)
+        if available.all():
+            allowed = rewards = self.rewards
+        else:
+            allowed = np.where(available, self.rewards, 0.0)
+            rewards = np.where(available, self.rewards, -np.inf)
         largest = LARGEST_VALUE * (1.0 - self.discount)
         if not max(float(allowed.max()), -float(allowed.min())) <= largest:
             state, action = np.argwhere(~(np.abs(allowed) <= largest))[0]
@@ -36,7 +40,7 @@ class BellmanProblem:
                 f" {allowed[state, action]}; use smaller weights or features, and mark forbidden"
                 " actions unavailable"
             )
-        object.__setattr__(self, "rewards", np.where(available, self.rewards, -np.inf))
+        object.__setattr__(self, "rewards", rewards)
 
     @property
     def discount(self) -> float:
@@ -47,15 +51,34 @@ class BellmanProblem:
         """(S, A) R + gamma P V, -inf where an action is unavailable."""
         return self.transitions.backed_up(self.rewards, self.discount, value)
 
+    @property
+    def is_fused(self) -> bool:
+        """Whether T V is computed without a table of Q."""
+        return self.equation.curved and self.transitions.model.compiled_rows is not None
+
 
 @dataclass(frozen=True, eq=False)
 class Backup:
-    """T V at one V: (S, A) q, (S,) target = T V, gap = T V - V, and the largest |gap|."""
+    """T V at one V: (S,) value = V, target = T V, and residual, the largest |T V - V|.
 
-    q: FloatArray
+    kept_q: Q, or None where it is computed when it is asked for.
+    """
+
+    problem: BellmanProblem
+    value: FloatArray
     target: FloatArray
-    gap: FloatArray
     residual: float
+    kept_q: FloatArray | None
+
+    @property
+    def q(self) -> FloatArray:
+        """(S, A) Q-function of V."""
+        return self.problem.q(self.value) if self.kept_q is None else self.kept_q
+
+    @cached_property
+    def gap(self) -> FloatArray:
+        """(S,) T V - V."""
+        return self.target - self.value
 
     @cached_property
     def scale(self) -> float:
@@ -65,10 +88,14 @@ class Backup:
 
 def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
     """Apply the Bellman operator once."""
-    q = problem.q(value)
-    target = problem.equation.maximum(q)
+    q = None if problem.is_fused else problem.q(value)
+    if q is None:
+        target = problem.transitions.soft_maximum(problem.rewards, problem.discount, value)
+    else:
+        target = problem.equation.maximum(q)
     gap = target - value
-    return Backup(q=q, target=target, gap=gap, residual=max(float(gap.max()), -float(gap.min())))
+    residual = max(float(gap.max()), -float(gap.min()))
+    return Backup(problem=problem, value=value, target=target, residual=residual, kept_q=q)
 
 
 def backup_rounding(problem: BellmanProblem, last: Backup) -> float:

@@ -86,11 +86,12 @@ def solution_from(
     problem: BellmanProblem, last: Backup, *, steps: int, linear_solves: int, converged: bool
 ) -> BellmanSolution:
     """Record of a finished iteration; the value is T V, no further from V* than V was."""
+    q = last.q
     certified = last.residual + backup_rounding(problem, last)
     return BellmanSolution(
         value=last.target,
-        q=last.q,
-        policy=problem.equation.policy(last.q),
+        q=q,
+        policy=problem.equation.policy(q),
         steps=steps,
         linear_solves=linear_solves,
         residual=last.residual,

@@ -66,7 +66,7 @@ class Newton(BellmanSolver):
             linear_solves += 1
             system = system or _prepared(self.linear_solver, problem, latest)
             correction = system.solve(latest.gap, relative_residual=FORCING)
-            proposed = backup(problem, latest.target - latest.gap + correction)
+            proposed = backup(problem, latest.value + correction)
             good = proposed.residual <= KEEP * latest.residual
             system = system if good else None
             if good or _acceptable(proposed, latest):

@@ -10,7 +10,7 @@ import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
 from serd_core.demonstrations.decisions import Decisions, state_action_counts, state_counts
-from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.dynamics.transition_model import TransitionModel, places_of
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
@@ -20,7 +20,7 @@ class HiddenMoves:
     """Observed (s, s') whose action is hidden, and the transitions (s, a, s') that explain each.
 
     count: (T,) how often each distinct (s, s') was observed.
-    place, move: (H,) of each explaining transition its place in `Observations.group`, and which of
+    place, move: (H,) of each explaining transition its place in `Observations.key`, and which of
     the T it explains.
     """
 
@@ -37,16 +37,17 @@ class Observations:
     """Sufficient statistics of demonstrations in one MDP.
 
     state_action: (S, A) counts n(s, a) of decisions with their action.
-    group: distinct transitions as indices into `mdp.transitions.groups`, those observed and those
+    key: (G,) sorted numbers (s * A + a) * S + s' of distinct transitions, those observed and those
     that explain a hidden action; group_count: how often each was observed.
-    entry: entries of P that belong to one of these; entry_group: place of each in `group`.
+    local_index: of the entries of P that belong to one of these, places in the flattened local
+    probabilities; entry_group: place of each in `key`.
     hidden: moves whose action is hidden.
     """
 
     state_action: FloatArray
-    group: IntArray
+    key: IntArray
     group_count: FloatArray
-    entry: IntArray
+    local_index: IntArray
     entry_group: IntArray
     hidden: HiddenMoves
 
@@ -55,10 +56,20 @@ class Observations:
         """Number of decisions, with and without their action."""
         return int(self.state_action.sum() + self.hidden.count.sum())
 
-    def probabilities(self, model: TransitionModel, local_probabilities: FloatArray) -> FloatArray:
-        """(G,) probability of each transition in `group`."""
-        seen = np.ravel(local_probabilities)[model.local_index[self.entry]]
-        return weighted_counts(self.entry_group, seen, len(self.group))
+    def row(self, model: TransitionModel) -> IntArray:
+        """(G,) row s * A + a of each transition."""
+        return self.key // model.n_states
+
+    def counts(self, model: TransitionModel) -> FloatArray:
+        """How often each of the model's distinct transitions (`groups`) was observed."""
+        counts = np.zeros(len(model.groups))
+        counts[model.groups.places(self.key)] = self.group_count
+        return counts
+
+    def probabilities(self, local_probabilities: FloatArray) -> FloatArray:
+        """(G,) probability of each transition."""
+        seen = np.ravel(local_probabilities)[self.local_index]
+        return weighted_counts(self.entry_group, seen, len(self.key))
 
 
 def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observations:
@@ -78,18 +89,18 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
     _, first, moves = np.unique(pairs, axis=0, return_index=True, return_counts=True)
     candidates = explaining_transitions(mdp, hidden.select(first))
     move, column = np.nonzero(candidates >= 0)
-    group = np.unique(np.concatenate([observed, candidates[move, column]]))
-    place = np.full(len(mdp.transitions.groups), -1, dtype=np.int64)
-    place[group] = np.arange(len(group))
-    place_of_entry = place[mdp.transitions.groups.group_of_entry]
-    entry = np.flatnonzero(place_of_entry >= 0)
+    keys = np.unique(np.concatenate([observed, candidates[move, column]]))
+    entries = mdp.transitions.row_entries(np.unique(keys // mdp.n_states))
+    entry_group = places_of(entries.row * mdp.n_states + entries.successor, keys)
+    kept = entry_group >= 0
+    place = places_of(candidates[move, column], keys)
     return Observations(
         state_action=counts,
-        group=group,
-        group_count=np.bincount(place[observed], minlength=len(group)).astype(np.float64),
-        entry=entry,
-        entry_group=place_of_entry[entry],
-        hidden=HiddenMoves(moves.astype(np.float64), place[candidates[move, column]], move),
+        key=keys,
+        group_count=np.bincount(places_of(observed, keys), minlength=len(keys)).astype(np.float64),
+        local_index=entries.local_index[kept],
+        entry_group=entry_group[kept],
+        hidden=HiddenMoves(moves.astype(np.float64), place, move),
     )
 
 
@@ -118,26 +129,30 @@ def _require_distinct_times(decisions: Decisions, name: str) -> None:
 
 
 def explaining_transitions(mdp: Mdp, decisions: Decisions) -> IntArray:
-    """(N, A) the transition (s, a, s') of each action that a decision may have taken, else -1."""
+    """(N, A) key of the transition (s, a, s') of each action it may have been, else -1."""
     actions = np.arange(mdp.n_actions)
     found = _found(mdp, decisions.state[:, None], actions, decisions.next_state[:, None])
     return np.where(decisions.hidden[:, None] | (decisions.action[:, None] == actions), found, -1)
 
 
 def taken_transitions(mdp: Mdp, decisions: Decisions) -> IntArray:
-    """(N,) the transition (s, a, s') of each decision; -1 where there is none or a is hidden."""
+    """(N,) key of the transition (s, a, s') of each decision; -1 for none or a hidden action."""
     found = _found(mdp, decisions.state, decisions.action, decisions.next_state)
     inside = (decisions.action >= 0) & (decisions.action < mdp.n_actions)
     return np.where(inside, found, -1)
 
 
 def _found(mdp: Mdp, state: IntArray, action: IntArray, following: IntArray) -> IntArray:
-    """Transition of each triple, whose shapes are broadcast; -1 where there is none."""
+    """Key of the transition of each triple, with broadcast shapes; -1 where there is none."""
     inside = (state < mdp.n_states) & (following < mdp.n_states)
     row, successor = np.broadcast_arrays(
-        np.where(inside, state, 0) * mdp.n_actions + action, np.where(inside, following, 0)
+        np.where(inside, state, 0) * mdp.n_actions + np.clip(action, 0, mdp.n_actions - 1),
+        np.where(inside, following, 0),
     )
-    return np.where(inside, mdp.transitions.groups.find(row, successor), -1)
+    entries = mdp.transitions.row_entries(np.unique(row))
+    present = np.unique(entries.row * mdp.n_states + entries.successor)
+    key = row * mdp.n_states + successor
+    return np.where(inside & (places_of(key, present) >= 0), key, -1)
 
 
 def _require_available(mdp: Mdp, decisions: Decisions, name: str) -> None:

@@ -38,7 +38,9 @@ def sample_decisions(
         start_distribution = np.where(mdp.final, 0.0, 1.0 / max(1, int(np.sum(~mdp.final))))
     starts = checked_distribution("start_distribution", start_distribution, mdp.n_states)
     transitions = transitions_of(mdp.transitions, outcome_probabilities)
-    state = _draw(np.broadcast_to(starts, (n_episodes, mdp.n_states)), rng)
+    cumulative = np.cumsum(starts)
+    level = rng.random(n_episodes) * cumulative[-1]
+    state = np.searchsorted(cumulative, level, side="right")
     moving = np.flatnonzero(~mdp.final[state])
     rows: list[tuple[IntArray, ...]] = []
     for step in range(n_steps):
@@ -61,13 +63,15 @@ def _draw(probabilities: FloatArray, rng: np.random.Generator) -> IntArray:
 
 
 def _successors(transitions: Transitions, row: IntArray, rng: np.random.Generator) -> IntArray:
-    start = transitions.model.row_start
-    cumulative = np.concatenate([[0.0], np.cumsum(transitions.entries)])
-    first, last = cumulative[start[row]], cumulative[start[row + 1]]
-    level = first + rng.random(len(row)) * (last - first)
+    model = transitions.model
+    entries, pair = model.row_entries(row), np.divmod(row, model.n_actions)
+    last = np.cumsum(model.blocks.length[pair], dtype=np.int64)
+    first = np.concatenate([[0], last[:-1]])
+    probabilities = np.ravel(transitions.local_probabilities)[entries.local_index]
+    cumulative = np.concatenate([[0.0], np.cumsum(probabilities)])
+    level = cumulative[first] + rng.random(len(row)) * (cumulative[last] - cumulative[first])
     entry = np.searchsorted(cumulative, level, side="right") - 1
-    entry = np.clip(entry, start[row], start[row + 1] - 1)
-    return np.asarray(transitions.model.successor[entry])
+    return np.asarray(entries.successor[np.clip(entry, first, last - 1)])
 
 
 def _decisions(rows: Sequence[tuple[IntArray, ...]], source: str) -> Decisions:

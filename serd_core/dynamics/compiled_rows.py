@@ -1,15 +1,18 @@
-"""Sums over the entries of P, compiled by numba, without P as a matrix.
+"""Sums over the entries of P, compiled by numba, without P as a matrix or a list of entries.
 
-Entry e of row r = (s, a) has the probability p[local_index[e]] and the successor s'[e]. No array of
-entries is built, indices are the smallest that fit, and each sum reads them once.
+Entry k of row (s, a) is found by `RowBlocks`: its successor in a table that actions may share, its
+probability in a list that states may share. The arrays have the smallest indices that fit.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numba
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray, index_type
+from serd_core.bellman.linear.policy_pattern import PolicyPattern
+from serd_core.dynamics.transition_model import RowBlocks
 
 _compiled: Any = numba.njit(cache=True, nogil=True, fastmath={"contract"})
 
@@ -17,43 +20,74 @@ _compiled: Any = numba.njit(cache=True, nogil=True, fastmath={"contract"})
 class CompiledRows:
     """The entries of a transition model, row by row."""
 
-    def __init__(self, row_start: IntArray, successor: IntArray, local_index: IntArray) -> None:
-        largest = int(local_index.max(initial=0))
-        self._rows = (
-            row_start,
-            successor.astype(np.int32),
-            local_index.astype(np.min_scalar_type(largest)),
-        )
+    def __init__(self, blocks: RowBlocks) -> None:
+        self._rows = (blocks.successor, blocks.first, blocks.place, blocks.length)
 
     def backed_up(
         self, probabilities: FloatArray, rewards: FloatArray, discount: float, values: FloatArray
     ) -> FloatArray:
         """(S, A) R + discount * P V."""
-        q = np.empty_like(rewards)
-        _back_up(*self._rows, probabilities, rewards.ravel(), discount, values, q.ravel())
+        q = np.empty(rewards.shape)
+        _back_up(*self._rows, probabilities, rewards, discount, values, q)
         return q
+
+    def soft_maximum(
+        self, probabilities: FloatArray, rewards: FloatArray, discount: float, values: FloatArray
+    ) -> FloatArray:
+        """(S,) log sum_a exp(R + discount * P V), without a table of the summands."""
+        target = np.empty(len(rewards))
+        _back_up_softly(*self._rows, probabilities, rewards, discount, values, target)
+        return target
 
     def flow(self, probabilities: FloatArray, weights: FloatArray, n_states: int) -> FloatArray:
         """(S,) sum_{s,a} P(s' | s, a) weights(s, a)."""
-        row_start, successor, local_index = self._rows
         flow = np.zeros(n_states)
-        _sum_by_position(row_start, successor, local_index, probabilities, weights.ravel(), flow)
+        _add_flow(*self._rows, probabilities, weights, flow)
         return flow
-
-    def system_data(
-        self, probabilities: FloatArray, policy: FloatArray, position: IntArray, size: int
-    ) -> FloatArray:
-        """(size,) sum of policy(s, a) P(s' | s, a) over the entries that share a position."""
-        data = np.zeros(size)
-        row_start, _, local_index = self._rows
-        _sum_by_position(row_start, position, local_index, probabilities, policy.ravel(), data)
-        return data
 
     def local_gradient(self, size: int, weights: FloatArray, values: FloatArray) -> FloatArray:
         """(size,) sum of weights(s, a) values(s') over the entries that share a probability."""
         sums = np.zeros(size)
-        _sum_by_probability(*self._rows, weights.ravel(), values, sums)
+        _sum_by_probability(*self._rows, weights, values, sums)
         return sums
+
+    def policy_pattern(self) -> "SlottedPattern":
+        """Structure of I - gamma P_pi."""
+        n_states = len(self._rows[1])
+        row_start = np.zeros(n_states + 1, dtype=np.int64)
+        successor, first, _, length = self._rows
+        _count_successors(
+            successor, first, length, np.full(n_states, -1, dtype=np.int32), row_start
+        )
+        longest = int(row_start.max())
+        row_start = np.cumsum(row_start)
+        row_start = row_start.astype(np.int32 if row_start[-1] < 2**31 else np.int64)
+        column: Any = np.empty(int(row_start[-1]), dtype=np.int32)
+        slot = np.empty(len(self._rows[0]), dtype=index_type(longest))
+        diagonal = np.empty(n_states, dtype=row_start.dtype)
+        place = np.full(n_states, -1, dtype=np.int32)
+        _find_places(successor, first, length, row_start, place, column, slot, diagonal)
+        return SlottedPattern(diagonal, row_start, column, slot, self._rows[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class SlottedPattern(PolicyPattern):
+    """The pattern with the place of each successor of `RowBlocks` in its row of the matrix.
+
+    rows: first, place and length of `RowBlocks`.
+    """
+
+    slot: IntArray
+    rows: tuple[IntArray, IntArray, IntArray]
+
+    def system_data(
+        self, policy: FloatArray, probabilities: FloatArray, discount: float
+    ) -> FloatArray:
+        """(nnz,) numbers of I - gamma P_pi for an (S, A) policy and the flat probabilities."""
+        data = np.zeros(len(self.column))
+        structure = self.row_start, self.diagonal
+        _fill_system(self.slot, *self.rows, probabilities, policy, discount, *structure, data)
+        return data
 
 
 def largest_and_sums(q: FloatArray, temperature: float) -> tuple[FloatArray, FloatArray]:
@@ -71,26 +105,102 @@ def boltzmann_rows(q: FloatArray, temperature: float) -> FloatArray:
 
 
 @_compiled
-def _back_up(row_start, successor, local_index, p, rewards, discount, values, q):  # type: ignore[no-untyped-def]
-    for row in range(len(q)):
-        expected = 0.0
-        for entry in range(row_start[row], row_start[row + 1]):
-            expected += p[local_index[entry]] * values[successor[entry]]
-        q[row] = rewards[row] + discount * expected
+def _expected(successor, first, p, place, length, values):  # type: ignore[no-untyped-def]
+    expected = 0.0
+    for k in range(length):
+        expected += p[place + k] * values[successor[first + k]]
+    return expected
 
 
 @_compiled
-def _sum_by_position(row_start, position, local_index, p, policy, sums):  # type: ignore[no-untyped-def]
-    for row in range(len(policy)):
-        for entry in range(row_start[row], row_start[row + 1]):
-            sums[position[entry]] += policy[row] * p[local_index[entry]]
+def _back_up(successor, first, place, length, p, rewards, discount, values, q):  # type: ignore[no-untyped-def]
+    for s in range(q.shape[0]):
+        for a in range(q.shape[1]):
+            ahead = _expected(successor, first[s, a], p, place[s, a], length[s, a], values)
+            q[s, a] = rewards[s, a] + discount * ahead
 
 
 @_compiled
-def _sum_by_probability(row_start, successor, local_index, weights, values, sums):  # type: ignore[no-untyped-def]
-    for row in range(len(weights)):
-        for entry in range(row_start[row], row_start[row + 1]):
-            sums[local_index[entry]] += weights[row] * values[successor[entry]]
+def _back_up_softly(successor, first, place, length, p, rewards, discount, values, target):  # type: ignore[no-untyped-def]
+    n_actions = rewards.shape[1]
+    q = np.empty(n_actions)
+    for s in range(len(target)):
+        highest = -np.inf
+        for a in range(n_actions):
+            ahead = _expected(successor, first[s, a], p, place[s, a], length[s, a], values)
+            q[a] = rewards[s, a] + discount * ahead
+            highest = max(highest, q[a])
+        total = 0.0
+        for a in range(n_actions):
+            total += np.exp(q[a] - highest)
+        target[s] = highest + np.log(total)
+
+
+@_compiled
+def _add_flow(successor, first, place, length, p, weights, flow):  # type: ignore[no-untyped-def]
+    for s in range(weights.shape[0]):
+        for a in range(weights.shape[1]):
+            for k in range(length[s, a]):
+                flow[successor[first[s, a] + k]] += weights[s, a] * p[place[s, a] + k]
+
+
+@_compiled
+def _sum_by_probability(successor, first, place, length, weights, values, sums):  # type: ignore[no-untyped-def]
+    for s in range(weights.shape[0]):
+        for a in range(weights.shape[1]):
+            for k in range(length[s, a]):
+                sums[place[s, a] + k] += weights[s, a] * values[successor[first[s, a] + k]]
+
+
+@_compiled
+def _fill_system(slot, first, place, length, p, policy, discount, row_start, diagonal, data):  # type: ignore[no-untyped-def]
+    for s in range(policy.shape[0]):
+        start = row_start[s]
+        for a in range(policy.shape[1]):
+            weight = -discount * policy[s, a]
+            for k in range(length[s, a]):
+                data[start + slot[first[s, a] + k]] += weight * p[place[s, a] + k]
+        data[diagonal[s]] += 1.0
+
+
+@_compiled
+def _count_successors(successor, first, length, seen_by, count):  # type: ignore[no-untyped-def]
+    """count[s + 1] <- number of distinct states among s and its successors."""
+    for s in range(first.shape[0]):
+        seen_by[s] = s
+        count[s + 1] = 1
+        for a in range(first.shape[1]):
+            for k in range(length[s, a]):
+                following = successor[first[s, a] + k]
+                if seen_by[following] != s:
+                    seen_by[following] = s
+                    count[s + 1] += 1
+
+
+@_compiled
+def _find_places(successor, first, length, row_start, place_of, column, slot, diagonal):  # type: ignore[no-untyped-def]
+    """Sorted successors of each state, and the place of each in its row."""
+    for s in range(first.shape[0]):
+        start, end = row_start[s], row_start[s]
+        column[end] = s
+        place_of[s] = 0
+        end += 1
+        for a in range(first.shape[1]):
+            for k in range(length[s, a]):
+                following = successor[first[s, a] + k]
+                if place_of[following] < 0:
+                    place_of[following] = 0
+                    column[end] = following
+                    end += 1
+        column[start:end].sort()
+        for j in range(start, end):
+            place_of[column[j]] = j - start
+        diagonal[s] = start + place_of[s]
+        for a in range(first.shape[1]):
+            for k in range(length[s, a]):
+                slot[first[s, a] + k] = place_of[successor[first[s, a] + k]]
+        for j in range(start, end):
+            place_of[column[j]] = -1
 
 
 @_compiled

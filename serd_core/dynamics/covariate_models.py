@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import minimize
 
-from serd_core.arrays import FloatArray, float_array
+from serd_core.arrays import FloatArray, float_array, weighted_counts
 from serd_core.demonstrations.observations import Observations
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
@@ -145,12 +145,11 @@ def most_likely_coefficients(
 
     def loss(parameters: FloatArray) -> tuple[float, FloatArray]:
         table = model.local_probabilities(parameters)
-        entries = model.entries(table)[seen.entry]
-        by_group = np.bincount(seen.entry_group, entries, minlength=len(seen.group))
-        by_entry = np.zeros(model.n_entries)
-        by_entry[seen.entry] = (seen.group_count / by_group)[seen.entry_group]
+        by_group = seen.probabilities(table)
+        ratio = (seen.group_count / by_group)[seen.entry_group]
+        by_table = weighted_counts(seen.local_index, ratio, table.size).reshape(table.shape)
         value = float(seen.group_count @ np.log(by_group))
-        slope = model.pull_back(parameters, model.gather(by_entry))
+        slope = model.pull_back(parameters, by_table)
         shares = prior.local_probabilities(parameters)
         value += pseudo_count * float(np.sum(np.log(shares)))
         slope = slope + (model.beta * pseudo_count * (1.0 - model.n_outcomes * shares)).ravel()

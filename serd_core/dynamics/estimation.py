@@ -195,8 +195,8 @@ class OutcomeSets:
 
 def outcome_sets(model: OutcomeModels, observations: Observations) -> OutcomeSets:
     """Observations by model and set of outcomes, wherever they were made."""
-    of_model, outcome = np.divmod(model.local_index[observations.entry], model.n_outcomes)
-    table = np.zeros((len(observations.group), 1 + model.n_outcomes), dtype=np.int64)
+    of_model, outcome = np.divmod(observations.local_index, model.n_outcomes)
+    table = np.zeros((len(observations.key), 1 + model.n_outcomes), dtype=np.int64)
     table[observations.entry_group, 0] = of_model
     table[observations.entry_group, 1 + outcome] = 1
     distinct, place = np.unique(table, axis=0, return_inverse=True)

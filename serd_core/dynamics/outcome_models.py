@@ -18,11 +18,15 @@ from serd_core.arrays import (
     IntArray,
     bool_array,
     first_index,
+    index_type,
     int_array,
+    once_per_state,
     require_index,
+    unrepeated,
     weighted_counts,
 )
-from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.compiled import SMALLEST_COMPILED
+from serd_core.dynamics.transition_model import RowBlocks, TransitionModel
 from serd_core.errors import SerdError
 
 #: How far the sum of a row may be from 1: rounding, no more.
@@ -52,10 +56,10 @@ class OutcomeModels(TransitionModel):
     intended: IntArray | None = None
 
     def __post_init__(self) -> None:
-        successors = int_array("successors", self.successors, (None, None, None))
+        successors = int_array("successors", self.successors, (None, None, None), dtype=None)
         pairs = successors.shape[:2]
         available = bool_array("available", self.available, pairs)
-        model_of = int_array("model_of", self.model_of, pairs)
+        model_of = int_array("model_of", self.model_of, pairs, dtype=None)
         if not (np.isfinite(self.beta) and self.beta > 0):
             raise SerdError(f"beta must be finite and above 0, got {self.beta}; use 1.0")
         if not successors.size:
@@ -68,16 +72,14 @@ class OutcomeModels(TransitionModel):
                 f"n_models must be a whole number of at least 1, got {self.n_models};"
                 " count the rows of the outcome table"
             )
-        require_index(
-            "successors", np.where(available[:, :, None], successors, 0), pairs[0], "a state"
-        )
-        require_index("model_of", np.where(available, model_of, 0), self.n_models, "a model")
+        require_index("successors", successors, pairs[0], "a state", available[:, :, None])
+        require_index("model_of", model_of, self.n_models, "a model", available)
         if self.intended is not None:
             intended = int_array("intended", self.intended, (self.n_models,))
             require_index("intended", intended, successors.shape[2], "an outcome")
             object.__setattr__(self, "intended", intended)
-        object.__setattr__(self, "successors", successors)
-        object.__setattr__(self, "model_of", model_of)
+        object.__setattr__(self, "successors", _stored(successors))
+        object.__setattr__(self, "model_of", _stored(model_of))
         object.__setattr__(self, "available", available)
 
     @property
@@ -91,10 +93,37 @@ class OutcomeModels(TransitionModel):
         return self.n_models * self.n_outcomes
 
     @cached_property
-    def row_start(self) -> IntArray:
-        """(S*A + 1,) K entries per available row."""
-        lengths = self.available.ravel() * self.n_outcomes
-        return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+    def blocks(self) -> RowBlocks:
+        """K outcomes per available row, of a model and of a pair, or of a state for all actions."""
+        table, size = once_per_state(self.successors), self.n_outcomes
+        first = np.arange(0, table.size, size, dtype=index_type(table.size))
+        length = unrepeated(self.available).astype(index_type(size + 1))
+        place = unrepeated(self.model_of).astype(index_type(self.n_models * size))
+        shape = self.available.shape
+        return RowBlocks(
+            successor=table.reshape(-1),
+            first=np.broadcast_to(first.reshape(table.shape[:2]), shape),
+            place=np.broadcast_to(place * place.dtype.type(size), shape),
+            length=np.broadcast_to(length * length.dtype.type(size), shape),
+        )
+
+    def flat(self, local_probabilities: FloatArray) -> FloatArray:
+        """(M*K,) table, row by row."""
+        return np.ravel(local_probabilities)
+
+    def of_flat(self, flat_gradient: FloatArray) -> FloatArray:
+        """(M, K) gradient."""
+        return flat_gradient.reshape(self.n_models, self.n_outcomes)
+
+    @cached_property
+    def absorbing(self) -> BoolArray:
+        """(S,) states that no available action can leave, for any parameters."""
+        own, leaves = np.arange(self.n_states), np.zeros(self.n_states, dtype=np.bool_)
+        for action in range(self.n_actions):
+            for outcome in range(self.n_outcomes):
+                moves = self.successors[:, action, outcome] != own
+                leaves |= moves & self.available[:, action]
+        return ~leaves
 
     @property
     def n_entries(self) -> int:
@@ -104,11 +133,11 @@ class OutcomeModels(TransitionModel):
     @cached_property
     def successor(self) -> IntArray:
         """(E,) next state of each entry."""
-        return self.successors[self.available].ravel()
+        return self.successors[self.available].ravel().astype(np.int64, copy=False)
 
     @cached_property
     def _model_of_pair(self) -> IntArray:
-        return self.model_of[self.available]
+        return self.model_of[self.available].astype(np.int64, copy=False)
 
     @cached_property
     def local_index(self) -> IntArray:
@@ -214,6 +243,13 @@ class OutcomeModels(TransitionModel):
         self.require_distributions(table)
         return table
 
+    def require_transitions(self, local_probabilities: FloatArray) -> None:
+        """SerdError naming the first (s, a) whose probabilities are no distribution."""
+        self._require_table(local_probabilities)
+        sums = np.sum(local_probabilities, axis=1)
+        if not (np.all(local_probabilities >= 0) and np.all(np.abs(sums - 1.0) <= SUM_TOLERANCE)):
+            super().require_transitions(local_probabilities)
+
     def require_distributions(self, table: FloatArray) -> None:
         """SerdError naming the first local model whose row of an (M, K) table is no distribution.
 
@@ -241,3 +277,9 @@ class OutcomeModels(TransitionModel):
                 f"outcome probabilities must have shape {expected} (models, outcomes),"
                 f" got {np.shape(table)}; pass one row per local model"
             )
+
+
+def _stored(indices: IntArray) -> IntArray:
+    """Indices of four bytes for many states: half the memory."""
+    kind = np.int32 if SMALLEST_COMPILED <= len(indices) <= 2**31 else np.int64
+    return np.broadcast_to(unrepeated(indices).astype(kind, copy=False), indices.shape)

@@ -6,13 +6,13 @@ parameters.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array, int_array, require_index
-from serd_core.dynamics.transition_model import TransitionModel
+from serd_core.dynamics.transition_model import RowBlocks, RowEntries, TransitionModel
 from serd_core.errors import SerdError
 
 
@@ -68,11 +68,25 @@ class SparseModel(TransitionModel):
         return np.argsort(self.state * self.n_pairs[1] + self.action, kind="stable")
 
     @cached_property
-    def row_start(self) -> IntArray:
-        """(S*A + 1,) first entry of each row."""
+    def blocks(self) -> RowBlocks:
+        """Entries row by row."""
         row = self.state * self.n_pairs[1] + self.action
-        lengths = np.bincount(row, minlength=self.n_pairs[0] * self.n_pairs[1])
-        return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+        length = np.bincount(row, minlength=self.n_pairs[0] * self.n_pairs[1])
+        first = (np.cumsum(length) - length).reshape(self.n_pairs)
+        return RowBlocks(self.successor, first, first, length.reshape(self.n_pairs))
+
+    def row_entries(self, row: IntArray) -> RowEntries:
+        """Entries of the given rows, one after the other."""
+        found = self.blocks.entries(row)
+        return replace(found, local_index=self._order[found.local_index])
+
+    def flat(self, local_probabilities: FloatArray) -> FloatArray:
+        """(E,) entries row by row."""
+        return self.entries(local_probabilities)
+
+    def of_flat(self, flat_gradient: FloatArray) -> FloatArray:
+        """(E,) gradient in the user's order."""
+        return self.gather(flat_gradient)
 
     @cached_property
     def successor(self) -> IntArray:

@@ -47,12 +47,50 @@ class TransitionGroups:
         """(G,) probability of each distinct transition."""
         return weighted_counts(self.group_of_entry, entries, len(self))
 
-    def find(self, row: IntArray, successor: IntArray) -> IntArray:
-        """(N,) group of each transition asked for, -1 where the structure has none."""
-        keys = self.row * self.n_states + self.successor
-        wanted = np.asarray(row) * self.n_states + np.asarray(successor)
-        place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        return np.where(keys[place] == wanted, place, -1)
+    def places(self, key: IntArray) -> IntArray:
+        """(N,) group of each transition with the given key, -1 where the structure has none."""
+        return places_of(key, self.row * self.n_states + self.successor)
+
+
+def places_of(wanted: IntArray, keys: IntArray) -> IntArray:
+    """Place of each wanted key among sorted ones, -1 where it is none of them."""
+    if not len(keys):
+        return np.full(np.shape(wanted), -1, dtype=np.int64)
+    place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return np.where(keys[place] == wanted, place, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class RowEntries:
+    """Entries of some rows: (n,) row and successor, and place in the flat local probabilities."""
+
+    row: IntArray
+    successor: IntArray
+    local_index: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class RowBlocks:
+    """Where the entries of each row are: entry k < length[s, a] of row (s, a) has the successor
+    successor[first[s, a] + k] and the probability number place[s, a] + k of a flat list.
+
+    successor: states have places of their own in it; first, place, length: (S, A). Rows of a state
+    may share successors, and arrays repeat along axes on which they do not depend.
+    """
+
+    successor: IntArray
+    first: IntArray
+    place: IntArray
+    length: IntArray
+
+    def entries(self, row: IntArray) -> RowEntries:
+        """Entries of the given rows, `local_index` in the flat list."""
+        state, action = np.divmod(np.asarray(row, dtype=np.int64), self.first.shape[1])
+        length = self.length[state, action].astype(np.int64)
+        owner = np.repeat(np.arange(len(length)), length)
+        k = np.arange(len(owner)) - np.repeat(np.cumsum(length) - length, length)
+        first, place = (each[state, action][owner] + k for each in (self.first, self.place))
+        return RowEntries(row[owner], self.successor[first].astype(np.int64), place)
 
 
 def group_entries(row: IntArray, successor: IntArray, n_states: int) -> TransitionGroups:
@@ -76,8 +114,25 @@ class TransitionModel(ABC):
 
     @property
     @abstractmethod
+    def blocks(self) -> RowBlocks:
+        """Where the entries of each row are."""
+
+    @cached_property
     def row_start(self) -> IntArray:
         """(S*A + 1,) first entry of each row."""
+        return np.concatenate([[0], np.cumsum(self.blocks.length, dtype=np.int64)])
+
+    def row_entries(self, row: IntArray) -> RowEntries:
+        """Entries of the given rows, one after the other."""
+        return self.blocks.entries(row)
+
+    @abstractmethod
+    def flat(self, local_probabilities: FloatArray) -> FloatArray:
+        """The list of probabilities that `blocks` refers to."""
+
+    @abstractmethod
+    def of_flat(self, flat_gradient: FloatArray) -> FloatArray:
+        """Gradient by the local probabilities for one by that list."""
 
     @property
     @abstractmethod
@@ -174,7 +229,7 @@ class TransitionModel(ABC):
     @cached_property
     def longest_row(self) -> int:
         """Most entries of a row."""
-        return int(np.diff(self.row_start).max())
+        return int(self.blocks.length.max())
 
     @cached_property
     def groups(self) -> TransitionGroups:
@@ -196,7 +251,7 @@ class TransitionModel(ABC):
             return None
         from serd_core.dynamics.compiled_rows import CompiledRows
 
-        return CompiledRows(self.row_start, self.successor, self.local_index)
+        return CompiledRows(self.blocks)
 
     @cached_property
     def _structure(self) -> scipy.sparse.csr_array:
@@ -208,8 +263,12 @@ class TransitionModel(ABC):
         """(S*A, S) sparse matrix of P(s' | s, a); duplicates of a successor add up."""
         return with_numbers(self._structure, entries)
 
-    def require_stochastic(self, entries: FloatArray, tolerance: float = 1e-9) -> None:
+    def require_transitions(self, local_probabilities: FloatArray) -> None:
         """SerdError naming the first (s, a) whose probabilities are no distribution."""
+        self.require_stochastic(self.entries(local_probabilities))
+
+    def require_stochastic(self, entries: FloatArray, tolerance: float = 1e-9) -> None:
+        """The same for (E,) entries."""
         bad = np.flatnonzero(~(np.isfinite(entries) & (entries >= -tolerance)))
         if bad.size:
             self._reject(int(self.row[bad[0]]), f"has an entry of {entries[bad[0]]}")
@@ -260,17 +319,18 @@ class Transitions:
             return rewards + discount * self.expected(values)
         return rows.backed_up(self._flat, rewards, discount, values)
 
+    def soft_maximum(self, rewards: FloatArray, discount: float, values: FloatArray) -> FloatArray:
+        """(S,) log sum_a exp(R + discount * P V), by compiled code."""
+        rows = self.model.compiled_rows
+        assert rows is not None
+        return rows.soft_maximum(self._flat, rewards, discount, values)
+
     def system_data(
         self, pattern: PolicyPattern, policy: FloatArray, discount: float
     ) -> FloatArray:
         """(nnz,) numbers of I - discount * P_pi for an (S, A) policy."""
-        rows = self.model.compiled_rows
-        if rows is None:
-            return pattern.system_data(policy, self.entries, discount)
-        size = len(pattern.row_index)
-        return pattern.less_than_one(
-            rows.system_data(self._flat, policy, pattern.position, size), discount
-        )
+        is_plain = self.model.compiled_rows is None
+        return pattern.system_data(policy, self.entries if is_plain else self._flat, discount)
 
     def local_gradient(
         self, weights: FloatArray, values: FloatArray, discount: float
@@ -281,13 +341,12 @@ class Transitions:
             by_entry = np.take(weights.ravel(), model.row)
             by_entry *= np.take(values, model.successor)
             return model.gather(discount * by_entry)
-        shape = np.shape(self.local_probabilities)
         sums = model.compiled_rows.local_gradient(len(self._flat), weights, values)
-        return discount * sums.reshape(shape)
+        return discount * model.of_flat(sums)
 
-    @property
+    @cached_property
     def _flat(self) -> FloatArray:
-        return np.ravel(self.local_probabilities)
+        return self.model.flat(self.local_probabilities)
 
     def flow(self, weights: FloatArray) -> FloatArray:
         """(S,) transposed product sum_{s,a} P(s'|s,a) weights(s,a)."""
@@ -316,5 +375,5 @@ def transitions_of(model: TransitionModel, local_probabilities: FloatArray | Non
             )
         local_probabilities = model.local_probabilities(np.zeros(0))
     transitions = Transitions(model, np.asarray(local_probabilities, dtype=np.float64))
-    model.require_stochastic(transitions.entries)
+    model.require_transitions(transitions.local_probabilities)
     return transitions

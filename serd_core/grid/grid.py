@@ -98,10 +98,12 @@ class Grid:
     @cached_property
     def neighbours(self) -> IntArray:
         """(S, 5) state reached by each `Action`; the state itself for WAIT or where blocked."""
-        target = self.cells[:, None, :] + DIRECTION_VECTORS[None, :, ::-1]
-        found = self._states_of_cells(target[..., 0], target[..., 1])
-        own = np.arange(self.n_states)[:, None]
-        return _read_only(np.where(found < 0, own, found))
+        own = np.arange(self.n_states)
+        table = np.empty((self.n_states, len(DIRECTION_VECTORS)), dtype=np.int64)
+        for action, (east, north) in enumerate(DIRECTION_VECTORS):
+            found = self._states_of_cells(self.cells[:, 0] + north, self.cells[:, 1] + east)
+            table[:, action] = np.where(found < 0, own, found)
+        return _read_only(table)
 
     def states_at(self, points_m: ArrayLike) -> IntArray:
         """(N,) state under each of the (N, 2) points; -1 outside, in a wall, or not finite."""

@@ -32,7 +32,7 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.learners.known_dynamics import reward_search
 from serd_core.learners.serd import UNIFORM, fit_mdce_serd
 from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
-from serd_core.mdp.problem import Problem
+from serd_core.mdp.problem import Problem, rewards, weights_gradient
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.priors.prior import Prior, require_weight
@@ -98,7 +98,7 @@ def fit_mdce_irl_by_entropy(
     def dual(weights: FloatArray) -> tuple[float, FloatArray]:
         """J scaled by 1 - gamma, which makes feature expectations averages."""
         bellman = BellmanProblem(
-            SoftBellman(), problem.features @ weights, search.transitions, problem.mdp
+            SoftBellman(), rewards(problem, weights), search.transitions, problem.mdp
         )
         solution = Newton().solve(bellman, last[-1].value if last else None)
         last[:] = [solution]
@@ -121,7 +121,7 @@ def feature_expectation(
 ) -> FloatArray:
     """(F,) expected discounted features phi(pi) from the (S,) start distribution."""
     visits = state_action_occupancy(problem.mdp, transitions, policy, starts)
-    return np.asarray(np.tensordot(visits, problem.features, axes=2))
+    return weights_gradient(problem.features, visits)
 
 
 def state_action_occupancy(

@@ -24,7 +24,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.known_dynamics import reward_search
-from serd_core.mdp.problem import Problem
+from serd_core.mdp.problem import Problem, rewards, weights_gradient
 from serd_core.policies.policy_model import PolicyMatchingPolicy
 from serd_core.posterior.derivatives.adjoint import adjoint
 
@@ -73,13 +73,13 @@ def fit_policy_matching(
     last: list[BellmanSolution] = []
 
     def matching(weights: FloatArray) -> tuple[float, FloatArray]:
-        bellman = BellmanProblem(HardBellman(), problem.features @ weights, transitions, mdp)
+        bellman = BellmanProblem(HardBellman(), rewards(problem, weights), transitions, mdp)
         solution = Newton().solve(bellman, last[-1].value if last else None)
         last[:] = [solution]
         policy = boltzmann(solution.q, 1.0 / inverse_temperature)
         value, by_scaled_q = squared_loss(policy, counts)
         by_q = inverse_temperature * by_scaled_q
         found = adjoint(mdp, transitions, solution, by_q, Automatic())
-        return value, np.tensordot(found.reward_gradient, problem.features, axes=2)
+        return value, weights_gradient(problem.features, found.reward_gradient)
 
     return search.maximise(matching, ascent, on_step)

@@ -216,5 +216,5 @@ def _checked_probabilities(problem: Problem, theta: FloatArray) -> FloatArray:
     """Local probabilities; a SparseModel's map may have left the distributions on the way."""
     model = problem.mdp.transitions
     probabilities = model.local_probabilities(theta)
-    model.require_stochastic(model.entries(probabilities))
+    model.require_transitions(probabilities)
     return probabilities

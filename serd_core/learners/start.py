@@ -97,7 +97,7 @@ def starting_parameters(
         theta = model.parameters_of(dynamics)
     else:
         theta = model.fixed_parameters_of(dynamics)
-    model.require_stochastic(model.entries(model.local_probabilities(theta)))
+    model.require_transitions(model.local_probabilities(theta))
     weights = float_array("initial_weights", initial_weights, (len(problem.feature_names),))
     return Parameters(
         reward=weights, belief=theta, truth=theta, policy=policy_model.initial_parameters

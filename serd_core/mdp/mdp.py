@@ -13,7 +13,7 @@ from serd_core.arrays import BoolArray, FloatArray, Shape, first_index, float_ar
 from serd_core.bellman.linear.policy_pattern import PolicyPattern, policy_pattern
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
-from serd_core.memory import BYTES_PER_ENTRY, require_memory
+from serd_core.memory import bytes_of_transitions, require_memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Mdp:
         require_discount(self.discount)
         require_memory(
             f"the transitions of {self.n_states} states and {self.n_actions} actions",
-            BYTES_PER_ENTRY * float(self.transitions.n_entries),
+            bytes_of_transitions(self.n_states, self.transitions.n_entries),
             "use fewer states, or fewer outcomes of each action",
         )
         stuck = first_index(~self.available.any(axis=1))
@@ -40,8 +40,7 @@ class Mdp:
                 f"state {stuck[0]} must have at least one available action, got none"
                 "; give an absorbing state one action that stays"
             )
-        empty = np.diff(self.transitions.row_start).reshape(self.available.shape) == 0
-        wrong = first_index(empty & self.available)
+        wrong = first_index((self.transitions.blocks.length == 0) & self.available)
         if wrong is not None:
             raise SerdError(
                 f"state {wrong[0]}, action {wrong[1]} must have a successor, got none"
@@ -80,6 +79,8 @@ class Mdp:
     def policy_pattern(self) -> PolicyPattern:
         """Symbolic structure of I - gamma P_pi, set up once for all policies and parameters."""
         model = self.transitions
+        if model.compiled_rows is not None:
+            return model.compiled_rows.policy_pattern()
         return policy_pattern(model.row, model.successor, self.n_states, self.n_actions)
 
 

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array
+from serd_core.arrays import FloatArray, float_array, once_per_state
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
@@ -33,7 +33,8 @@ class Problem(Protocol):
 class TabularProblem:
     """An MDP with (S, A, F) features and their names.
 
-    Features of unavailable actions may be anything, NaN too; they are kept as 0.
+    Features of unavailable actions may be anything, NaN too; they are kept as 0. Features that
+    repeat along the actions (`numpy.broadcast_to`) are kept once per state.
     """
 
     mdp: Mdp
@@ -43,7 +44,7 @@ class TabularProblem:
     def __post_init__(self) -> None:
         shape = (self.mdp.n_states, self.mdp.n_actions, len(self.feature_names))
         given = np.asarray(self.features)
-        if given.shape == shape:
+        if given.shape == shape and not (given.strides[1] == 0 and np.isfinite(given[:, 0]).all()):
             given = np.where(self.mdp.available[:, :, None], given, 0.0)
         object.__setattr__(self, "features", float_array("features", given, shape))
         object.__setattr__(self, "feature_names", unique_names(self.feature_names))
@@ -60,4 +61,28 @@ def unique_names(names: tuple[str, ...]) -> tuple[str, ...]:
 def rewards(problem: Problem, reward_weights: FloatArray) -> FloatArray:
     """(S, A) rewards theta_R . f(s, a) for (F,) weights."""
     weights = float_array("reward_weights", reward_weights, (len(problem.feature_names),))
-    return problem.features @ weights
+    return rewards_of(problem.features, weights)
+
+
+def rewards_of(features: FloatArray, weights: FloatArray) -> FloatArray:
+    """(S, A) rewards of (S, A, F) features."""
+    found: FloatArray = once_per_state(features) @ weights
+    return (
+        found if found.shape == features.shape[:2] else np.broadcast_to(found, features.shape[:2])
+    )
+
+
+def weights_gradient(features: FloatArray, by_reward: FloatArray) -> FloatArray:
+    """(F,) sum of (S, A) gradients by the rewards times the features."""
+    once = once_per_state(features)
+    if once.shape == features.shape:
+        return np.tensordot(by_reward, features, axes=2)
+    return np.asarray(by_reward.sum(axis=1) @ once[:, 0])
+
+
+def usable_features(problem: Problem) -> FloatArray:
+    """(N, F) features of the available pairs, once per state where actions share them."""
+    once = once_per_state(problem.features)
+    if once.shape == problem.features.shape:
+        return problem.features[problem.mdp.available]
+    return once[:, 0]

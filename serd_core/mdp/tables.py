@@ -153,14 +153,15 @@ def _problem(
     pairs = mdp.available.shape
     values = np.asarray(features, dtype=np.float64)
     if values.ndim == 2 and len(values) == pairs[0]:
-        values = np.repeat(values[:, None, :], pairs[1], axis=1)
+        values = np.broadcast_to(values[:, None, :], (*pairs, values.shape[1]))
     if values.ndim != 3 or values.shape[:2] != pairs:
         raise SerdError(
             f"features must have shape ({pairs[0]}, F) or ({pairs[0]}, {pairs[1]}, F), got"
             f" {np.shape(features)}; reshape them"
         )
-    values = values.copy()
-    values[ends] *= 1.0 - mdp.discount
+    if len(ends):
+        values = values.copy()
+        values[ends] *= 1.0 - mdp.discount
     if names is None:
         names = tuple(f"feature {i}" for i in range(values.shape[2]))
     return TabularProblem(mdp, values, names)

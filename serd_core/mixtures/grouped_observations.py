@@ -52,7 +52,7 @@ class GroupedObservations:
 
     def log_likelihoods(self, log_policy: FloatArray, true: Transitions) -> FloatArray:
         """(U,) l_u for an (S, A) log policy and P."""
-        probability = self.pooled.probabilities(true.model, true.local_probabilities)
+        probability = self.pooled.probabilities(true.local_probabilities)
         found = self.choices @ log_policy.ravel() + self.transitions @ np.log(floored(probability))
         if self.pooled.hidden:
             hidden = expected_counts(self.pooled, log_policy, true)
@@ -86,7 +86,7 @@ def group_observations(
         labels=labels.astype(np.int64),
         pooled=pooled,
         choices=table(shown, chosen, pooled.state_action.size),
-        transitions=table(shown, np.searchsorted(pooled.group, taken), len(pooled.group)),
+        transitions=table(shown, np.searchsorted(pooled.key, taken), len(pooled.key)),
         moves=table(hidden, moves, len(pooled.hidden.count)),
         n_episodes=np.bincount(owners, minlength=len(labels)).astype(np.float64),
     )

@@ -223,9 +223,7 @@ class MixtureLogPosterior(Objective):
         """(U, m) scores of the units under one type."""
         model, seen = self.problem.mdp.transitions, self.units.pooled
         q, by_q = value.solution.q, parts.sensitivities.by_q
-        of_transitions = transition_scores(
-            model, self.policy_model, parameters, seen.group, q, by_q
-        )
+        of_transitions = transition_scores(model, self.policy_model, parameters, seen.key, q, by_q)
         of_moves = move_scores(seen, value.expected.share, of_transitions)
         jacobian = self.space.belief.jacobian(parameters)
         return np.asarray(self.units.scores(of_transitions, of_moves) @ jacobian)

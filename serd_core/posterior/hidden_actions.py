@@ -43,9 +43,8 @@ def expected_counts(
     hidden = seen.hidden
     if not hidden:
         return ExpectedCounts(seen, np.zeros(0), np.zeros(0), 0.0)
-    model = true.model
-    row = model.groups.row[seen.group[hidden.place]]
-    probability = seen.probabilities(model, true.local_probabilities)
+    row = seen.row(true.model)[hidden.place]
+    probability = seen.probabilities(true.local_probabilities)
     log_joint = log_policy.ravel()[row] + np.log(floored(probability[hidden.place]))
     largest = np.full(len(hidden.count), -np.inf)
     np.maximum.at(largest, hidden.move, log_joint)
@@ -57,21 +56,21 @@ def expected_counts(
     completed = replace(
         seen,
         state_action=seen.state_action + by_pair.reshape(seen.state_action.shape),
-        group_count=seen.group_count + weighted_counts(hidden.place, expected, len(seen.group)),
+        group_count=seen.group_count + weighted_counts(hidden.place, expected, len(seen.key)),
     )
     log_moves = largest + np.log(total)
     return ExpectedCounts(completed, share, log_moves, float(hidden.count @ log_moves))
 
 
 def move_scores(seen: Observations, share: FloatArray, scores: FloatArray) -> FloatArray:
-    """(T, n) score of each hidden move, E_q of the (G, n) scores of the transitions `group`."""
+    """(T, n) score of each hidden move, E_q of the (G, n) scores of the transitions `key`."""
     hidden, shape = seen.hidden, (len(seen.hidden.count), len(scores))
     table = scipy.sparse.csr_array((share, (hidden.move, hidden.place)), shape=shape)
     return np.asarray(table @ scores)
 
 
 def covariance_of_scores(seen: Observations, share: FloatArray, scores: FloatArray) -> FloatArray:
-    """(n, n) sum m Cov_q of the (G, n) scores of the transitions `group`."""
+    """(n, n) sum m Cov_q of the (G, n) scores of the transitions `key`."""
     hidden = seen.hidden
     mean = move_scores(seen, share, scores)
     centred = scores[hidden.place] - mean[hidden.move]

@@ -23,7 +23,7 @@ from serd_core.demonstrations.observations import Observations
 from serd_core.dynamics.transition_model import TransitionModel, Transitions, transitions_at
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
-from serd_core.mdp.problem import Problem
+from serd_core.mdp.problem import Problem, rewards_of, usable_features, weights_gradient
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.derivatives.adjoint import Adjoint, adjoint
 from serd_core.posterior.hidden_actions import ExpectedCounts, expected_counts
@@ -35,31 +35,31 @@ def dynamics_log_likelihood(
     observations: Observations, transitions: Transitions
 ) -> tuple[float, FloatArray]:
     """Value and gradient by the local probabilities of P."""
-    model, local = transitions.model, transitions.local_probabilities
-    probability = floored(observations.probabilities(model, local))
+    local = transitions.local_probabilities
+    probability = floored(observations.probabilities(local))
     value = float(np.sum(observations.group_count * np.log(probability)))
     ratio = observations.group_count / probability
     of_entries = ratio[observations.entry_group]
-    place = model.local_index[observations.entry]
-    return value, weighted_counts(place, of_entries, local.size).reshape(local.shape)
+    slope = weighted_counts(observations.local_index, of_entries, local.size)
+    return value, slope.reshape(local.shape)
 
 
 def require_possible(observations: Observations, mdp: Mdp, local_probabilities: FloatArray) -> None:
     """SerdError naming the first observed transition of probability 0: nothing makes it likely."""
-    model = mdp.transitions
-    found = model.groups.probabilities(model.entries(local_probabilities))[observations.group]
+    found = observations.probabilities(local_probabilities)
     hidden = observations.hidden
     of_moves = weighted_counts(hidden.move, found[hidden.place], len(hidden.count))
     wrong = (observations.group_count > 0) & (found <= 0)
     wrong[hidden.place] |= of_moves[hidden.move] <= 0
-    impossible = observations.group[wrong]
+    impossible = observations.key[wrong]
     if impossible.size:
-        state, action = divmod(int(model.groups.row[impossible[0]]), mdp.n_actions)
+        row, following = divmod(int(impossible[0]), mdp.n_states)
+        state, action = divmod(row, mdp.n_actions)
         by = f"action {action}" if np.all(of_moves > 0) else "any action"
         raise SerdError(
             f"dynamics must explain every decision, but rule out the observed step from state"
-            f" {state} by {by} to state {model.groups.successor[impossible[0]]}; give"
-            " it a positive probability or drop such decisions"
+            f" {state} by {by} to state {following}; give it"
+            " a positive probability or drop such decisions"
         )
 
 
@@ -105,8 +105,7 @@ class Posterior:
     @cached_property
     def features(self) -> FloatArray:
         """(S, A, F) of the problem, less a large constant, which changes no policy."""
-        features = self.problem.features
-        given = features[self.problem.mdp.available]
+        features, given = self.problem.features, usable_features(self.problem)
         middle, spread = given.mean(axis=0), np.ptp(given, axis=0)
         large = (spread > 0) & (np.abs(middle) > LARGEST_OFFSET * spread)
         return np.asarray(features - np.where(large, middle, 0.0)) if large.any() else features
@@ -122,19 +121,21 @@ class Posterior:
         true = believed if tied else transitions_at(self._model, parameters.truth)
         expected = expected_counts(self.observations, log_policy, true)
         seen, counts = self.observations, expected.observations.state_action
-        gradients = self._q_gradient(parameters, believed, solution, np.exp(log_policy), counts)
+        policy_value = expected_log_policy(self.observations.state_action, log_policy)
+        policy = np.exp(log_policy, out=log_policy)
+        gradients = self._q_gradient(parameters, believed, solution, policy, counts)
         dynamics_value, by_truth = dynamics_log_likelihood(seen, true)
         if seen.hidden:
             _, by_truth = dynamics_log_likelihood(expected.observations, true)
         log_prior = self.prior.evaluate(self._model, parameters)
         gradient = Parameters(
-            reward=np.tensordot(gradients.reward_gradient, self.features, axes=2),
+            reward=weights_gradient(self.features, gradients.reward_gradient),
             belief=self._model.pull_back(parameters.belief, gradients.local_gradient),
             truth=self._model.pull_back(parameters.truth, by_truth),
             policy=self.policy_model.parameter_gradient(parameters.policy, solution.q, counts),
         )
         return PosteriorValue(
-            policy_log_likelihood=expected_log_policy(seen.state_action, log_policy),
+            policy_log_likelihood=policy_value,
             dynamics_log_likelihood=dynamics_value,
             hidden_log_likelihood=expected.log_likelihood,
             log_prior=log_prior.value,
@@ -148,7 +149,7 @@ class Posterior:
         self, parameters: Parameters, believed: Transitions, initial_value: FloatArray | None
     ) -> BellmanSolution:
         """Line 5 of Algorithm 1: the Bellman equation under the believed transitions."""
-        rewards = self.features @ parameters.reward
+        rewards = rewards_of(self.features, parameters.reward)
         bellman = BellmanProblem(self.policy_model.equation, rewards, believed, self.problem.mdp)
         return self.solver.solve(bellman, initial_value)
 

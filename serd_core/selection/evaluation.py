@@ -69,7 +69,7 @@ def move_log_likelihood(
     entries = transitions_of(mdp.transitions, table).entries
     found = explaining_transitions(mdp, decisions)
     by_group = mdp.transitions.groups.probabilities(entries)
-    moved = np.where(found >= 0, by_group[found], 0.0)
+    moved = np.where(found >= 0, by_group[mdp.transitions.groups.places(found)], 0.0)
     with np.errstate(divide="ignore"):
         joint = np.log(chosen[decisions.state]) + np.log(moved)
         return np.asarray(logsumexp(joint, axis=1))

@@ -56,7 +56,7 @@ class Information:
     n_decisions: how many; converged: whether the fit did, in what is determined.
     gauge: (g, n) directions that change nothing, such as a constant added to all energies of an
     outcome model. parameters: where they were taken; jacobian: (all blocks, n).
-    group: (G,) distinct observed transitions, as indices into those of the model.
+    key: (G,) distinct observed transitions, as in `Observations`.
     scores: (G + T, n) of these and of the T distinct moves with a hidden action.
     """
 
@@ -70,7 +70,7 @@ class Information:
     gauge: FloatArray
     parameters: Parameters
     jacobian: FloatArray
-    group: IntArray
+    key: IntArray
     scores: FloatArray
 
 
@@ -98,7 +98,7 @@ def fit_information(
     jacobian = assumed.belief.jacobian(fit.parameters)
     q, by_q = at.solution.q, parts.sensitivities.by_q
     scores = transition_scores(
-        problem.mdp.transitions, assumed.policy_model, fit.parameters, observations.group, q, by_q
+        problem.mdp.transitions, assumed.policy_model, fit.parameters, observations.key, q, by_q
     )
     scores = np.concatenate([scores, move_scores(observations, at.expected.share, scores)])
     free_scores = scores @ jacobian
@@ -115,7 +115,7 @@ def fit_information(
         gauge=free_gauge(problem, fit.parameters, jacobian),
         parameters=fit.parameters,
         jacobian=jacobian,
-        group=observations.group,
+        key=observations.key,
         scores=free_scores,
     )
 

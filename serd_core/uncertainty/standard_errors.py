@@ -24,6 +24,7 @@ import scipy  # loads special and stats at their first use
 
 from serd_core.arrays import FloatArray, IntArray, first_index, float_array, int_array
 from serd_core.demonstrations.decisions import Decisions
+from serd_core.dynamics.transition_model import places_of
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.parameters import Block
@@ -147,16 +148,14 @@ def clustered_outer_product(
             "decisions must show their actions where scores are summed by cluster, got"
             f" {int(decisions.hidden.sum())} without; use bootstrap"
         )
-    model = problem.mdp.transitions
-    row = decisions.state * model.n_actions + decisions.action
-    group = model.groups.find(row, decisions.next_state)
-    bad = first_index(~np.isin(group, information.group))
+    row = decisions.state * problem.mdp.n_actions + decisions.action
+    place = places_of(row * problem.mdp.n_states + decisions.next_state, information.key)
+    bad = first_index(place < 0)
     if bad is not None:
         raise SerdError(
             f"decisions must be those of the information, got decision {bad[0]} with a transition"
             " that those have not; pass the decisions of fit_information"
         )
-    place = np.searchsorted(information.group, group)
     sums = np.zeros((len(names), len(information.names)))
     np.add.at(sums, cluster, information.scores[place])
     return np.asarray(len(names) / (len(names) - 1.0) * (sums.T @ sums))

@@ -61,12 +61,10 @@ def two_step_standard_errors(
     parts = curvature_parts(posterior, at, found)
     hessian = posterior_hessian(posterior, at, found, parts)
     q, by_q = found.solution.q, parts.sensitivities.by_q
-    scores = transition_scores(model, assumed.policy_model, at, observations.group, q, by_q)
+    scores = transition_scores(model, assumed.policy_model, at, observations.key, q, by_q)
     reward, truth, belief = (at.place(block) for block in (Block.REWARD, Block.TRUTH, Block.BELIEF))
-    counts = np.zeros(len(model.groups))
-    counts[observations.group] = observations.group_count
     smoothing = DirichletPrior(pseudo_count).hessian(model, at)[truth, truth]
-    own = log_transition_hessian(model, at.truth, counts) + smoothing
+    own = log_transition_hessian(model, at.truth, observations.counts(model)) + smoothing
     basis = gauge_free_basis(model.gauge)
     n_dynamics, n_rewards = basis.shape[1], len(at.reward)
     slope = np.zeros((n_dynamics + n_rewards,) * 2)

@@ -1,6 +1,7 @@
 """Compiled code against its plain twins in NumPy and SciPy."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,9 +19,13 @@ from serd_core import compiled
 from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.linear.krylov import Krylov, SweptSystem
+from serd_core.bellman.linear.policy_pattern import EntryPattern, policy_pattern
 from serd_core.compiled import HAS_NUMBA
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.start import starting_parameters
+from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import TabularProblem, usable_features, weights_gradient
+from serd_core.policies.solved_policy import soft_policy
 
 pytestmark = pytest.mark.skipif(not HAS_NUMBA, reason="numba (the extra `fast`) is not installed")
 
@@ -57,9 +62,12 @@ def test_sums_over_the_entries_are_those_of_the_matrix(random_problem, seed):
         transitions.flow(weights), transitions.matrix.T @ weights.ravel(), atol=1e-13
     )
     policy, pattern = random_policy(mdp, rng), mdp.policy_pattern
+    plain = policy_pattern(model.row, model.successor, mdp.n_states, mdp.n_actions)
+    assert not isinstance(pattern, EntryPattern)
+    np.testing.assert_array_equal(pattern.column, plain.column)
     np.testing.assert_allclose(
         transitions.system_data(pattern, policy, 0.95),
-        pattern.system_data(policy, transitions.entries, 0.95),
+        plain.system_data(policy, transitions.entries, 0.95),
         atol=1e-14,
     )
     by_entry = weights.ravel()[model.row] * values[model.successor]
@@ -68,6 +76,43 @@ def test_sums_over_the_entries_are_those_of_the_matrix(random_problem, seed):
         0.95 * model.gather(by_entry),
         atol=1e-12,
     )
+
+
+@pytest.mark.usefixtures("everything_compiled")
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 10_000))
+def test_the_fused_maximum_is_that_of_the_table(random_problem, seed):
+    problem, table = random_problem(seed, 0.95)
+    mdp, rng = problem.mdp, np.random.default_rng(seed)
+    transitions = transitions_of(mdp.transitions, table)
+    rewards = np.where(mdp.available, rng.normal(size=mdp.available.shape), -np.inf)
+    values = 10.0 * rng.normal(size=mdp.n_states)
+    expected = np.logaddexp.reduce(rewards + 0.95 * transitions.expected(values), axis=1)
+    np.testing.assert_allclose(
+        transitions.soft_maximum(rewards, 0.95, values), expected, rtol=1e-13, atol=1e-13
+    )
+
+
+@pytest.mark.usefixtures("everything_compiled")
+def test_tables_that_repeat_along_the_actions_are_kept_once_and_change_nothing():
+    problem = landscape_problem(7, 0.9).problem
+    mdp, features = problem.mdp, problem.features
+    model = mdp.transitions
+    assert model.successors.strides[1] == features.strides[1] == 0
+    full = TabularProblem(
+        Mdp(replace(model, successors=model.successors.copy()), mdp.discount),
+        features.copy(),
+        problem.feature_names,
+    )
+    assert full.mdp.transitions.successors.strides[1] > 0
+    assert full.features.strides[1] > 0
+    once, each = (soft_policy(given, WEIGHTS, DYNAMICS) for given in (problem, full))
+    np.testing.assert_allclose(once.value, each.value, atol=once.error_bound + each.error_bound)
+    by_reward = np.random.default_rng(0).normal(size=mdp.available.shape)
+    np.testing.assert_allclose(
+        weights_gradient(features, by_reward), weights_gradient(full.features, by_reward)
+    )
+    np.testing.assert_array_equal(usable_features(full)[::5], usable_features(problem))
 
 
 @pytest.mark.usefixtures("everything_compiled")
@@ -90,8 +135,8 @@ def test_soft_maximum_and_policy_are_those_of_numpy(seed, size):
 def test_swept_solutions_are_those_of_the_dense_solver(random_problem, seed):
     problem, table = random_problem(seed, 0.95)
     mdp, rng = problem.mdp, np.random.default_rng(seed)
-    policy, entries = random_policy(mdp, rng), mdp.transitions.entries(table)
-    data = mdp.policy_pattern.system_data(policy, entries, 0.95)
+    policy, transitions = random_policy(mdp, rng), transitions_of(mdp.transitions, table)
+    data = transitions.system_data(mdp.policy_pattern, policy, 0.95)
     dense, right_side = mdp.policy_pattern.matrix(data).toarray(), rng.normal(size=mdp.n_states)
     system = Krylov().prepare(mdp.policy_pattern, data)
     assert isinstance(system, SweptSystem)

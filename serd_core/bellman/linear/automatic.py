@@ -87,12 +87,12 @@ def _horizon(pattern: PolicyPattern, data: FloatArray) -> float:
 
 
 def _iteration_s(pattern: PolicyPattern) -> float:
-    work_s = _PER_ENTRY_S * len(pattern.row_index) + _PER_ELEMENT_S * pattern.n_states
+    work_s = _PER_ENTRY_S * len(pattern.column) + _PER_ELEMENT_S * pattern.n_states
     return _PER_ITERATION_S + work_s
 
 
 def _lu_is_faster_than(limit_s: float, pattern: PolicyPattern) -> bool:
-    n_states, n_entries = pattern.n_states, len(pattern.row_index)
+    n_states, n_entries = pattern.n_states, len(pattern.column)
     if _PER_STATE_S * n_states + _PER_FILL_S * n_entries > limit_s:
         return False
     n_neighbours = n_entries / n_states - 1.0

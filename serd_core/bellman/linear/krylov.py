@@ -41,12 +41,12 @@ class Krylov(LinearSolver):
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Keep the matrix, and an incomplete factor of it where one is used."""
-        matrix = pattern.matrix(data)
         if self.sweeps(pattern.n_states):
             from serd_core.bellman.linear.swept_bicgstab import SweptMatrix
 
-            return SweptSystem(matrix, self, SweptMatrix(pattern, data))
-        return PlainSystem(matrix, self, self._incomplete(matrix))
+            return SweptSystem(self, SweptMatrix(pattern, data))
+        matrix = pattern.matrix(data)
+        return PlainSystem(self, matrix, self._incomplete(matrix))
 
     def sweeps(self, n_states: int) -> bool:
         """Whether systems of this size are preconditioned by compiled sweeps."""
@@ -56,15 +56,14 @@ class Krylov(LinearSolver):
         if self.fill <= 0:
             return None
         return scipy.sparse.linalg.spilu(
-            matrix, drop_tol=self.drop, fill_factor=self.fill, diag_pivot_thresh=0.0
+            matrix.tocsc(), drop_tol=self.drop, fill_factor=self.fill, diag_pivot_thresh=0.0
         )
 
 
 @dataclass(frozen=True, eq=False)
 class KrylovSystem(LinearSystem):
-    """One matrix by columns."""
+    """One matrix."""
 
-    matrix: Any
     settings: Krylov
 
     def solve(
@@ -78,7 +77,6 @@ class KrylovSystem(LinearSystem):
         return np.stack(columns, axis=1)
 
     def _solve_one(self, right_side: FloatArray, transposed: bool, target: float) -> FloatArray:
-        matrix = self.matrix.T if transposed else self.matrix
         size = float(np.linalg.norm(right_side))
         solution, left = np.zeros_like(right_side), right_side
         for _ in range(self.settings.max_runs):
@@ -87,7 +85,7 @@ class KrylovSystem(LinearSystem):
                 return solution
             gain = max(0.5 * target * size / length, GAIN_PER_RUN)
             improved = solution + self._run(left, transposed, gain)
-            remaining = right_side - matrix @ improved
+            remaining = right_side - self._product(improved, transposed)
             if not np.linalg.norm(remaining) < length:
                 break
             solution, left = improved, remaining
@@ -100,6 +98,10 @@ class KrylovSystem(LinearSystem):
         )
 
     @abstractmethod
+    def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
+        """(S,) product with the matrix or its transpose."""
+
+    @abstractmethod
     def _run(
         self, right_side: FloatArray, transposed: bool, relative_residual: float
     ) -> FloatArray:
@@ -108,19 +110,23 @@ class KrylovSystem(LinearSystem):
 
 @dataclass(frozen=True, eq=False)
 class PlainSystem(KrylovSystem):
-    """Without a preconditioner, or with an incomplete factor."""
+    """By rows, without a preconditioner or with an incomplete factor."""
 
+    matrix: Any
     incomplete: Any
 
     @cached_property
-    def _by_rows(self) -> Any:
-        return self.matrix.tocsr()
+    def _transposed(self) -> Any:
+        return self.matrix.T.tocsr()
+
+    def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
+        return np.asarray((self._transposed if transposed else self.matrix) @ vector)
 
     def _run(
         self, right_side: FloatArray, transposed: bool, relative_residual: float
     ) -> FloatArray:
         found, _ = scipy.sparse.linalg.bicgstab(
-            self.matrix.T if transposed else self._by_rows,
+            self._transposed if transposed else self.matrix,
             right_side,
             rtol=relative_residual,
             atol=0.0,
@@ -145,6 +151,10 @@ class SweptSystem(KrylovSystem):
     """Preconditioned by symmetric Gauss-Seidel sweeps."""
 
     swept: Any
+
+    def _product(self, vector: FloatArray, transposed: bool) -> FloatArray:
+        product: FloatArray = self.swept.product(vector, transposed)
+        return product
 
     def _run(
         self, right_side: FloatArray, transposed: bool, relative_residual: float

@@ -2,11 +2,12 @@
 
     P_pi[s, s'] = sum_a pi(a | s) P(s' | s, a)
 
-The matrix is stored by columns (CSC). Only its numbers change between solves, so positions are
+The matrix is stored by rows (CSR). Only its numbers change between solves, so positions are
 computed once per MDP and each matrix costs one weighted count over the entries.
 """
 
 import copy
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +17,6 @@ import scipy.sparse.csgraph
 import scipy.sparse.linalg
 
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.compiled import is_compiled
 
 #: Size of a factor, in entries of the matrix, beyond which it is not counted to the end.
 _MOST_FILL = 80
@@ -25,64 +25,56 @@ _MANY_NEIGHBOURS = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class PolicyPattern:
+class PolicyPattern(ABC):
     """Places of the non-zeros of I - gamma P_pi.
 
-    row_of_entry, position: (E,) row (s, a) and place in the data of each entry of P.
-    diagonal: (S,) places of the diagonal; column_start (S + 1,), row_index (nnz,): CSC structure.
+    diagonal: (S,) places of the diagonal; row_start (S + 1,), column (nnz,): CSR structure.
     """
 
-    row_of_entry: IntArray
-    position: IntArray
     diagonal: IntArray
-    column_start: IntArray
-    row_index: IntArray
+    row_start: IntArray
+    column: IntArray
+
+    @abstractmethod
+    def system_data(
+        self, policy: FloatArray, probabilities: FloatArray, discount: float
+    ) -> FloatArray:
+        """(nnz,) numbers of I - gamma P_pi for an (S, A) policy and the probabilities of P."""
 
     @property
     def n_states(self) -> int:
         """Number of states S."""
         return len(self.diagonal)
 
-    def system_data(self, policy: FloatArray, entries: FloatArray, discount: float) -> FloatArray:
-        """(nnz,) numbers of I - gamma P_pi for an (S, A) policy and (E,) entries."""
-        weights = np.take(policy.ravel(), self.row_of_entry)
-        weights *= entries
-        flow = np.bincount(self.position, weights=weights, minlength=len(self.row_index))
-        return self.less_than_one(np.asarray(flow, dtype=np.float64), discount)
-
-    def less_than_one(self, flow: FloatArray, discount: float) -> FloatArray:
-        """(nnz,) numbers of I - gamma P_pi for those of P_pi."""
-        data = flow * -discount
-        data[self.diagonal] += 1.0
-        return data
-
-    def matrix(self, data: FloatArray) -> scipy.sparse.csc_array:
+    def matrix(self, data: FloatArray) -> scipy.sparse.csr_array:
         """(S, S) matrix with the given numbers."""
         return with_numbers(self._structure, data)
 
     @cached_property
-    def _structure(self) -> scipy.sparse.csc_array:
-        return _square_structure(self.row_index, self.column_start)
+    def _structure(self) -> scipy.sparse.csr_array:
+        shape = (self.n_states,) * 2
+        ones = np.ones(len(self.column), dtype=np.int8)
+        return scipy.sparse.csr_array((ones, self.column, self.row_start), shape=shape)
 
     @cached_property
     def band(self) -> "Band":
         """The pattern reordered symmetrically for a narrow band, found once."""
-        matrix = self.matrix(np.ones(len(self.row_index)))
-        order = scipy.sparse.csgraph.reverse_cuthill_mckee(matrix.tocsr(), symmetric_mode=False)
+        matrix = self.matrix(np.ones(len(self.column)))
+        order = scipy.sparse.csgraph.reverse_cuthill_mckee(matrix, symmetric_mode=False)
         rank = np.argsort(order)
-        column = np.repeat(np.arange(self.n_states), np.diff(self.column_start))
-        return _band(np.asarray(order, dtype=np.int64), rank, rank[self.row_index], rank[column])
+        row = np.repeat(np.arange(self.n_states), np.diff(self.row_start))
+        return _band(np.asarray(order, dtype=np.int64), rank, rank[row], rank[self.column])
 
     @cached_property
     def elimination(self) -> "Elimination":
         """The pattern reordered symmetrically for little fill (minimum degree), found once."""
         # Off-diagonals of -1/degree make the sample matrix diagonally dominant, like every system.
-        degree = np.diff(self.column_start).max()
-        data = np.full(len(self.row_index), -1.0 / (degree + 1))
+        degree = np.diff(self.row_start).max()
+        data = np.full(len(self.column), -1.0 / (degree + 1))
         data[self.diagonal] = 1.0
         # An incomplete factor that drops everything: its order is wanted, and costs less alone.
         factor = scipy.sparse.linalg.spilu(
-            self.matrix(data),
+            self.matrix(data).tocsc(),
             drop_tol=1.0,
             fill_factor=1.0,
             permc_spec="MMD_AT_PLUS_A",
@@ -90,7 +82,7 @@ class PolicyPattern:
             options={"SymmetricMode": True},
         )
         order = np.argsort(factor.perm_c)
-        numbers: FloatArray = np.arange(1.0, len(self.row_index) + 1.0)
+        numbers: FloatArray = np.arange(1.0, len(self.column) + 1.0)
         places = self.matrix(numbers)
         permuted = places[order][:, order].tocsc()
         permuted.sort_indices()
@@ -125,6 +117,25 @@ class PolicyPattern:
 
 
 @dataclass(frozen=True, eq=False)
+class EntryPattern(PolicyPattern):
+    """The pattern with the row (s, a) and the place in the data of each entry of P, both (E,)."""
+
+    row_of_entry: IntArray
+    position: IntArray
+
+    def system_data(
+        self, policy: FloatArray, probabilities: FloatArray, discount: float
+    ) -> FloatArray:
+        """(nnz,) numbers of I - gamma P_pi for an (S, A) policy and (E,) entries."""
+        weights = np.take(policy.ravel(), self.row_of_entry)
+        weights *= probabilities
+        flow = np.bincount(self.position, weights=weights, minlength=len(self.column))
+        data = np.asarray(flow, dtype=np.float64) * -discount
+        data[self.diagonal] += 1.0
+        return data
+
+
+@dataclass(frozen=True, eq=False)
 class Elimination:
     """Reordered structure: state `order[i]` is eliminated as the i-th; `source` reorders data."""
 
@@ -139,7 +150,9 @@ class Elimination:
 
     @cached_property
     def _structure(self) -> scipy.sparse.csc_array:
-        return _square_structure(self.row_index, self.column_start)
+        shape = (len(self.order),) * 2
+        ones = np.ones(len(self.row_index))
+        return scipy.sparse.csc_array((ones, self.row_index, self.column_start), shape=shape)
 
     @cached_property
     def fill(self) -> "Fill | None":
@@ -212,12 +225,6 @@ class Band:
         return flat.reshape(len(self.order), self.n_rows).T
 
 
-def _square_structure(row_index: IntArray, column_start: IntArray) -> scipy.sparse.csc_array:
-    n_states = len(column_start) - 1
-    ones = np.ones(len(row_index))
-    return scipy.sparse.csc_array((ones, row_index, column_start), shape=(n_states, n_states))
-
-
 def _band(order: IntArray, rank: IntArray, row: IntArray, column: IntArray) -> Band:
     below, above = int(np.max(row - column)), int(np.max(column - row))
     n_rows = 2 * below + above + 1
@@ -227,21 +234,19 @@ def _band(order: IntArray, rank: IntArray, row: IntArray, column: IntArray) -> B
 
 def policy_pattern(
     row: IntArray, successor: IntArray, n_states: int, n_actions: int
-) -> PolicyPattern:
+) -> EntryPattern:
     """Pattern for entries with the given rows (s * n_actions + a) and successors."""
     own = np.arange(n_states, dtype=np.int64)
-    keys = np.concatenate([successor * n_states + row // n_actions, own * (n_states + 1)])
+    keys = np.concatenate([row // n_actions * n_states + successor, own * (n_states + 1)])
     unique, place = np.unique(keys, return_inverse=True)
-    column_start = np.searchsorted(unique, np.arange(n_states + 1, dtype=np.int64) * n_states)
+    row_start = np.searchsorted(unique, np.arange(n_states + 1, dtype=np.int64) * n_states)
     place = place.reshape(-1)
-    # Compiled code reads half the bytes; NumPy's counts would convert small integers at each call.
-    index = np.int32 if is_compiled(n_states) else np.int64
-    return PolicyPattern(
-        row_of_entry=row,
-        position=place[: len(row)].astype(index, copy=False),
+    return EntryPattern(
         diagonal=place[len(row) :],
-        column_start=column_start.astype(np.int32),
-        row_index=(unique % n_states).astype(np.int32),
+        row_start=row_start.astype(np.int32),
+        column=(unique % n_states).astype(np.int32),
+        row_of_entry=row,
+        position=place[: len(row)],
     )
 
 

@@ -37,8 +37,9 @@ def adjoint(
 ) -> Adjoint:
     """Gradient of an objective with the given (S, A) gradient by the converged Q."""
     pattern = mdp.policy_pattern
-    data = transitions.system_data(pattern, solution.policy, mdp.discount)
-    system = linear_solver.prepare(pattern, data)
+    system = linear_solver.prepare(
+        pattern, transitions.system_data(pattern, solution.policy, mdp.discount)
+    )
     state_gradient = system.solve(mdp.discount * transitions.flow(q_gradient), transposed=True)
     reward_gradient = q_gradient + solution.policy * state_gradient[:, None]
     return Adjoint(

@@ -125,16 +125,15 @@ def posterior_hessian(
     model = posterior.problem.mdp.transitions
     table = posterior.prior.hessian(model, parameters)
     truth = parameters.place(Block.TRUTH)
-    counts = np.zeros(len(model.groups))
     seen = at.expected.observations
-    counts[seen.group] = seen.group_count
+    counts = seen.counts(model)
     table[truth, truth] += log_transition_hessian(model, parameters.truth, counts)
     if parts is None:
         parts = curvature_parts(posterior, parameters, at)
     _add_policy_part(table, posterior, parameters, at, parts)
     if seen.hidden:
         q, by_q = at.solution.q, parts.sensitivities.by_q
-        scores = transition_scores(model, posterior.policy_model, parameters, seen.group, q, by_q)
+        scores = transition_scores(model, posterior.policy_model, parameters, seen.key, q, by_q)
         table += covariance_of_scores(seen, at.expected.share, scores)
     return table
 

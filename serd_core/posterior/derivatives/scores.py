@@ -13,27 +13,28 @@ def transition_scores(
     model: TransitionModel,
     policy_model: PolicyModel,
     parameters: Parameters,
-    group: IntArray,
+    key: IntArray,
     q: FloatArray,
     by_q: FloatArray,
 ) -> FloatArray:
     """(G, blocks) score of each transition, for Q and its (S, A, n) derivatives.
 
-    group: (G,) sorted indices into `model.groups`.
+    key: (G,) sorted keys of `Observations`.
     """
     policy = np.exp(policy_model.log_probabilities(parameters.policy, q))
     mean = np.einsum("sa,san->sn", policy, by_q)
-    state, action = np.divmod(model.groups.row[group], model.n_actions)
+    state, action = np.divmod(key // model.n_states, model.n_actions)
     temperature = policy_model.temperature(parameters.policy)
     scores = np.zeros((len(state), len(parameters.vector)))
     scores[:, : by_q.shape[2]] = (by_q[state, action] - mean[state]) / temperature
     by_temperature = policy_model.parameter_scores(parameters.policy, q)
     scores[:, parameters.place(Block.POLICY)] = by_temperature[state, action]
-    scores[:, parameters.place(Block.TRUTH)] += _outcome_scores(model, parameters.truth, group)
+    scores[:, parameters.place(Block.TRUTH)] += _outcome_scores(model, parameters.truth, key)
     return scores
 
 
-def _outcome_scores(model: TransitionModel, truth: FloatArray, group: IntArray) -> FloatArray:
+def _outcome_scores(model: TransitionModel, truth: FloatArray, key: IntArray) -> FloatArray:
+    group = model.groups.places(key)
     entries = model.entries(model.local_probabilities(truth))
     probability = floored(model.groups.probabilities(entries)[group])
     wanted = np.zeros(len(model.groups), dtype=np.bool_)

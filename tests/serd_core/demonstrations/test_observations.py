@@ -16,7 +16,7 @@ def test_counts_say_everything_about_the_decisions(minimum_example):
     np.testing.assert_array_equal(observed.state_action, [[2, 1, 0], [0, 0, 1]])
     assert sorted(observed.group_count) == [1, 1, 2]
     # In state 2 both outcomes stay, so two entries belong to that one transition.
-    assert len(observed.entry) == len(observed.entry_group) == 4
+    assert len(observed.local_index) == len(observed.entry_group) == 4
 
 
 def test_decisions_that_learners_would_refuse_are_found_beforehand(minimum_example):

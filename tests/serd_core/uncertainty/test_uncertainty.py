@@ -84,8 +84,8 @@ def test_scores_add_up_to_the_gradient_of_the_likelihood(gridworld, policy_model
     parameters = type(at)(at.reward, at.belief, at.truth, policy_model.initial_parameters)
     found = posterior.evaluate(parameters)
     by_q = curvature_parts(posterior, parameters, found).sensitivities.by_q
-    model, group = problem.mdp.transitions, posterior.observations.group
-    scores = transition_scores(model, policy_model, parameters, group, found.solution.q, by_q)
+    model, key = problem.mdp.transitions, posterior.observations.key
+    scores = transition_scores(model, policy_model, parameters, key, found.solution.q, by_q)
     counts = posterior.observations.group_count
     np.testing.assert_allclose(counts @ scores, found.gradient.vector, atol=1e-6)
     assert counts.sum() == len(gridworld.decisions)

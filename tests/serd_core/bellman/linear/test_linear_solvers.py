@@ -128,7 +128,7 @@ def test_beyond_the_largest_factor_the_horizon_alone_counts():
 def test_the_counted_fill_is_that_of_the_factor(graph):
     """Where every step leads back, the factors of matrix and pattern are the same."""
     pattern = pattern_of(graph, 400)
-    data = np.full(len(pattern.row_index), -0.1)
+    data = np.full(len(pattern.column), -0.1)
     data[pattern.diagonal] = 1.0
     factor = SparseLu().prepare(pattern, data).factor
     assert 2 * pattern.elimination.fill.entries == factor.nnz
@@ -147,7 +147,7 @@ def test_the_depth_is_the_length_of_the_graph(graph, depth):
 
 def test_a_narrow_band_is_factorised_as_one_and_a_wide_one_is_not(make_gridworld):
     pattern = make_gridworld(side=12, n_episodes=1, n_steps=1).problem.mdp.policy_pattern
-    data = np.zeros(len(pattern.row_index))
+    data = np.zeros(len(pattern.column))
     data[pattern.diagonal] = 1.0
     assert max(pattern.band.below, pattern.band.above) < 16
     assert isinstance(Automatic().prepare(pattern, data), BandedFactor)
@@ -157,7 +157,7 @@ def test_a_narrow_band_is_factorised_as_one_and_a_wide_one_is_not(make_gridworld
 def test_a_singular_band_is_refused(make_gridworld):
     pattern = make_gridworld(side=4, n_episodes=1, n_steps=1).problem.mdp.policy_pattern
     with pytest.raises(SerdError, match="must be invertible, but pivot 1 of its band is 0"):
-        BandedLu().prepare(pattern, np.zeros(len(pattern.row_index)))
+        BandedLu().prepare(pattern, np.zeros(len(pattern.column)))
 
 
 def test_krylov_says_when_it_did_not_get_there_and_lu_stands_by(make_gridworld):
