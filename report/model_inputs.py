@@ -3,6 +3,7 @@
 import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -18,7 +19,7 @@ from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.comparison import predicted_law
 from serd_app.navigation.familiarity import familiarity_of
-from serd_app.navigation.strategy import Strategy, load_strategy
+from serd_app.navigation.strategy import Strategy, load_strategy, start_distribution
 from serd_app.places.kept_scenario import scenario_beside
 from serd_core.arrays import FloatArray
 from serd_core.arrival.trap_states import trap_states
@@ -72,7 +73,8 @@ def inputs_of_model(
         run=_facts(file),
         knowledge=load_knowledge(files, problem.grid) if len(trace) else None,
         forecasts=tuple(Forecast(f"area {name}", law) for name, law in areas.items())
-        + forecasts_of(strategy, starts_m),
+        + forecasts_of(strategy, starts_m)
+        + _by_lookahead(strategy),
         familiarity=found,
         advice=_advice(demonstrations),
         faults=None if demonstrations is None else faults_of(demonstrations),
@@ -100,9 +102,21 @@ def forecasts_of(
     for x_m, y_m in starts_m:
         start = np.zeros(grid.n_states)
         start[goal_cell(grid, x_m, y_m, what="start")] = 1.0
-        law = strategy.law_s(strategy.predicted_arrival(start, strategy.n_periods))
-        found.append(Forecast(f"{x_m:g}, {y_m:g}", law))
+        found.append(Forecast(f"{x_m:g}, {y_m:g}", strategy.law_from(start)))
     return tuple(found)
+
+
+def _by_lookahead(strategy: Strategy) -> tuple[Forecast, ...]:
+    """From the usual start area, by the crossing times of each look-ahead above 1."""
+    start = start_distribution(strategy.scenario, "train")
+    return tuple(
+        Forecast(
+            f"area train, look-ahead {times.lookahead_cells}",
+            replace(strategy, times=times).law_from(start),
+        )
+        for times in strategy.file.crossing_times
+        if times.lookahead_cells > 1
+    )
 
 
 def _scenario_of(model: Path, file: ModelFile, given: str) -> str:

@@ -98,6 +98,26 @@ class ModelType(StrictModel):
     drawn_weights: tuple[tuple[float, ...], ...] = ()
 
 
+class CrossingTimes(StrictModel):
+    """How long a robot that drives with a look-ahead takes to leave a cell (docs/arrival.md).
+
+    coefficients: of the logarithm of the mean (s), by covariate, people_pm2 counted from
+    mean_people_pm2; dispersion: squared coefficient of variation by kind of move; pace_variance: of
+    a drive's logarithm. people_pm2: lowest and highest people per m² of the drives. left_towards:
+    by flow of an action, how often the cell was left forward, right, back and left of it.
+    """
+
+    lookahead_cells: int = Field(ge=1)
+    coefficients: dict[str, float]
+    dispersion: dict[str, Annotated[float, Field(gt=0)]]
+    pace_variance: float = Field(gt=0)
+    people_pm2: tuple[float, float]
+    mean_people_pm2: float = Field(ge=0)
+    left_towards: dict[str, tuple[int, int, int, int]]
+    n_crossings: int = Field(ge=1)
+    n_episodes: int = Field(ge=1)
+
+
 class FitRecord(StrictModel):
     """How the fit went; the fields of `FitResult`."""
 
@@ -126,6 +146,8 @@ class ModelFile(StrictModel):
     the goal area; none where that was not recorded.
     types: of experts, the most frequent first, whose weights `reward_weights` are; none where all
     demonstrations are of one type, and then not in the file.
+    crossing_times: of drives, one per look-ahead; without, and then not in the file, arrivals are
+    predicted by decision periods.
     """
 
     format: Literal["serd-model"] = "serd-model"
@@ -147,13 +169,22 @@ class ModelFile(StrictModel):
     fit: FitRecord
     draws: ModelDraws = ModelDraws()
     types: tuple[ModelType, ...] = ()
+    crossing_times: tuple[CrossingTimes, ...] = ()
 
     @model_serializer(mode="wrap")
-    def _without_empty_types(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _without_what_is_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         values: dict[str, Any] = handler(self)
-        if not self.types:
-            values.pop("types", None)
+        for name in ("types", "crossing_times"):
+            if not getattr(self, name):
+                values.pop(name, None)
         return values
+
+    @model_validator(mode="after")
+    def _one_per_lookahead(self) -> "ModelFile":
+        cells = [each.lookahead_cells for each in self.crossing_times]
+        if len(set(cells)) < len(cells):
+            raise ValueError(f"crossing_times must have each lookahead_cells once, got {cells}")
+        return self
 
     @model_validator(mode="after")
     def _types_fit(self) -> "ModelFile":
@@ -204,6 +235,11 @@ class ModelFile(StrictModel):
         chosen = self.types[number - 1]
         draws = self.draws.model_copy(update={"reward_weights": chosen.drawn_weights})
         return self.model_copy(update={"reward_weights": chosen.reward_weights, "draws": draws})
+
+    def times_of(self, lookahead_cells: int) -> CrossingTimes | None:
+        """The crossing times of a look-ahead; None where none are known."""
+        found = (each for each in self.crossing_times if each.lookahead_cells == lookahead_cells)
+        return next(found, None)
 
     def flow_on(self, path: str | Path, grid: Grid) -> IntArray | None:
         """(S,) its own flow on the grid it is for; None where that is the scenario's."""

@@ -60,8 +60,8 @@ class Comparison:
 def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResult]) -> Comparison:
     """Compare the prediction from a start area with the episodes."""
     starts = start_distribution(strategy.scenario, start_area)
+    law = strategy.law_from(starts)
     counts = strategy.predicted_arrival(starts, strategy.n_periods)
-    law = strategy.law_s(counts)
     thesis = law_in_seconds(counts, period_s=strategy.scenario.decision_period_s)
     times_s = np.array([row.time_of_arrival_s if row.arrived else math.inf for row in episodes])
     n_arrived = int(np.isfinite(times_s).sum())
@@ -71,7 +71,7 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
         n_episodes=len(episodes),
         n_arrived=n_arrived,
         outcomes=dict(Counter(_ending(row) for row in episodes)),
-        predicted_probability=float(counts.cdf[-1]),
+        predicted_probability=float(law.cdf[-1]),
         measured_probability=n_arrived / len(episodes),
         measured_interval_95=(float(low[0]), float(high[0])),
         predicted_median_s=law.quantile_s(HALF),
@@ -94,8 +94,7 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
 
 def predicted_law(strategy: Strategy, start_area: str) -> ArrivalLaw:
     """Time of arrival from anywhere in a start area, up to the time-out."""
-    starts = start_distribution(strategy.scenario, start_area)
-    return strategy.law_s(strategy.predicted_arrival(starts, strategy.n_periods))
+    return strategy.law_from(start_distribution(strategy.scenario, start_area))
 
 
 def _covered(band_s: tuple[float | None, float | None], times_s: FloatArray) -> float:

@@ -4,6 +4,8 @@ One object for the node, for `serd navigate` and for tests. Goal and model may c
 also in the middle of an episode; an unusable one raises an error and changes nothing.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from serd_app.navigation.forecast import ArrivalForecast
@@ -12,13 +14,24 @@ from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_core.arrays import FloatArray
 from serd_core.arrival.law import ArrivalLaw
-from serd_core.grid.grid import Action
+from serd_core.grid.grid import Action, action_of_direction
 from sim.drivers.policy_driver import PolicyDriver
 from sim.scenario.goal import goal_at, with_goal
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint, waypoint_of_cell, waypoint_of_intent
 from storage.model_file import ModelFile, load_model
+
+
+@dataclass(frozen=True)
+class _Way:
+    """The cell of the last decision and the direction in which it was entered, WAIT if unknown."""
+
+    state: int
+    entered: Action
+
+
+_NO_WAY = _Way(-1, Action.WAIT)
 
 
 class Navigator:
@@ -40,6 +53,7 @@ class Navigator:
             name="strategy",
         )
         self._started_s: float | None = None
+        self._way = _NO_WAY
         self.gave_up: GiveUp | None = None
         self.forecast: ArrivalForecast | None = None
 
@@ -63,6 +77,7 @@ class Navigator:
         self._driver.begin(episode)
         self._monitor.reset()
         self._started_s, self.gave_up, self.forecast = None, None, None
+        self._way = _NO_WAY
 
     def decide(self, observation: Observation) -> Action:
         """The action of the policy, WAIT off the grid; sets `forecast` and `gave_up`."""
@@ -71,14 +86,15 @@ class Navigator:
         action = self._driver.decide(observation)
         state = self._state(observation)
         elapsed_s = observation.time_s - self._started_s
-        left = self._periods_left(elapsed_s)
+        self._way = self._followed(state)
+        left = self.strategy.n_steps - round(elapsed_s / self.strategy.step_s)
         self.gave_up = self._monitor.update(self.strategy.arrival, state, left)
         self.forecast = ArrivalForecast(
             time_s=observation.time_s,
             elapsed_s=elapsed_s,
             state=state,
             action=action,
-            law=self._law(state),
+            law=self._law(state, observation),
             probability=float(self.strategy.arrival.within(left)[state]) if state >= 0 else 0.0,
             trapped=state >= 0 and state in self.strategy.traps,
             periods_without_progress=self._monitor.periods_without_progress,
@@ -129,6 +145,7 @@ class Navigator:
             timeout_s=self._settings.timeout_s,
             file=file,
             expert=self._settings.expert,
+            lookahead_cells=self._settings.lookahead_cells,
         )
 
     def _replace(self, strategy: Strategy) -> None:
@@ -136,15 +153,29 @@ class Navigator:
         self._driver.follow(strategy.policy.probabilities)
         self._monitor.reset()
 
-    def _law(self, state: int) -> ArrivalLaw:
+    def _law(self, state: int, observation: Observation) -> ArrivalLaw:
         """Remaining seconds from a state; off the grid it never arrives."""
         if state < 0:
             return ArrivalLaw(np.zeros(1), np.zeros(1), 0.0)
-        return self.strategy.law_s(self.strategy.arrival.from_state(state))
+        if self.strategy.crossings is None:
+            return self.strategy.law_s(self.strategy.arrival.from_state(state))
+        return self.strategy.crossings.from_pose(
+            state, self._way.entered, observation.x_m, observation.y_m
+        )
 
-    def _periods_left(self, elapsed_s: float) -> int:
-        period_s = self.strategy.scenario.decision_period_s
-        return self.strategy.n_periods - round(elapsed_s / period_s)
+    def _followed(self, state: int) -> "_Way":
+        """The way so far with the cell of this decision; it begins anew off the grid."""
+        before = self._way.state
+        if state < 0 or before < 0:
+            return _Way(state, Action.WAIT)
+        if state == before:
+            return self._way
+        east, north = (
+            self.strategy.problem.grid.centers_m[state]
+            - self.strategy.problem.grid.centers_m[before]
+        )
+        along = (np.sign(east), 0.0) if abs(east) > abs(north) else (0.0, np.sign(north))
+        return _Way(state, action_of_direction(*along))
 
     def _state(self, observation: Observation) -> int:
         return self.strategy.problem.grid.state_at(observation.x_m, observation.y_m)

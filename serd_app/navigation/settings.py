@@ -27,7 +27,7 @@ class NavigationSettings(EpisodeSettings):
     lookahead_cells: int = setting(
         1,
         "distance of the waypoint; above 1 the robot is faster than demonstrated, and arrivals are"
-        " predicted too late",
+        " predicted too late unless the model has times of such drives",
         unit="cells",
         ge=1,
     )

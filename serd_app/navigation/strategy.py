@@ -14,6 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from serd_app.learning.crossing_times import leaving_outcomes
+from serd_app.navigation.crossing_forecast import STEP_S, CrossingForecast
 from serd_app.navigation.predicted_density import predicted_density
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.chain import (
@@ -23,6 +25,7 @@ from serd_core.arrival.chain import (
     arrival_time_distribution,
     policy_chain,
 )
+from serd_core.arrival.crossing_chain import crossing_moves
 from serd_core.arrival.law import ArrivalLaw, law_in_seconds
 from serd_core.arrival.trap_states import Traps, find_traps
 from serd_core.bayes.draws import averaged_policy
@@ -34,7 +37,7 @@ from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
 from sim.scenario.grid import grid_of, navigation_problem_of, start_states_of
 from sim.scenario.scenario import Scenario
 from storage.errors import FileError
-from storage.model_file import ModelFile, Probabilities, load_model, require_grid
+from storage.model_file import CrossingTimes, ModelFile, Probabilities, load_model, require_grid
 
 SOLVERS = {"optimal": optimal_policy, "soft": soft_policy}
 #: A state that arrives before the time-out with less than this probability is called a trap.
@@ -48,8 +51,9 @@ class Strategy:
 
     scenario: its goal area is the one planned for. outcome_probabilities: (M, K) in the problem's
     order; outcome_draws: (n, M, K) draws of their posterior, over which predictions are averaged,
-    of one table without a posterior. entry_times_s: see `serd_core.arrival.law`. transferred:
-    whether the model was learned on another grid.
+    of one table without a posterior. entry_times_s: see `serd_core.arrival.law`. times: of drives
+    with the look-ahead of this one, None to predict by decision periods. transferred: whether the
+    model was learned on another grid.
     """
 
     scenario: Scenario
@@ -61,6 +65,7 @@ class Strategy:
     entry_times_s: tuple[float, ...]
     timeout_s: float
     transferred: bool = False
+    times: CrossingTimes | None = None
 
     @property
     def n_periods(self) -> int:
@@ -82,13 +87,45 @@ class Strategy:
         period_s = self.scenario.decision_period_s
         return law_in_seconds(arrival, period_s=period_s, entry_times_s=self.entry_times_s)
 
+    def law_from(self, start_distribution: FloatArray) -> ArrivalLaw:
+        """Time of arrival (s) of an episode from (S,) start probabilities, up to the time-out."""
+        if self.crossings is not None:
+            return self.crossings.from_start(start_distribution)
+        return self.law_s(self.predicted_arrival(start_distribution, self.n_periods))
+
+    @cached_property
+    def crossings(self) -> CrossingForecast | None:
+        """The prediction by crossing times; None where there are none."""
+        if self.times is None:
+            return None
+        table = leaving_outcomes(self.times, self.outcome_draws.mean(axis=0))
+        return CrossingForecast(
+            self.problem,
+            crossing_moves(self.problem, self.policy.probabilities, table),
+            self.times,
+            self.scenario.pedestrians.count,
+            self.timeout_s,
+        )
+
     @cached_property
     def arrival(self) -> ArrivalByState:
-        """The remaining time from every state, up to the time-out."""
+        """The remaining time from every state, up to the time-out, in steps of `step_s`."""
+        if self.crossings is not None:
+            return self.crossings.by_cell(self.policy.greedy)
         problem, policy = self.problem, self.policy.probabilities
         return ArrivalByState.average(
             arrival_by_state(problem, policy, table, self.n_periods) for table in self.outcome_draws
         )
+
+    @property
+    def step_s(self) -> float:
+        """Of `arrival`: the decision period, or that of crossing times."""
+        return self.scenario.decision_period_s if self.times is None else STEP_S
+
+    @property
+    def n_steps(self) -> int:
+        """Those steps until the time-out."""
+        return math.ceil(self.timeout_s / self.step_s - 1e-9)
 
     @cached_property
     def traps(self) -> Traps:
@@ -97,7 +134,7 @@ class Strategy:
             self.problem.grid.neighbours,
             self.policy.greedy,
             self.problem.goal_states,
-            self.arrival.within(self.n_periods),
+            self.arrival.within(self.n_steps),
             TRAP_PROBABILITY,
         )
 
@@ -149,13 +186,14 @@ def load_strategy(
     timeout_s: float | None = None,
     file: ModelFile | None = None,
     expert: int = 1,
+    lookahead_cells: int = 1,
 ) -> Strategy:
     """Solve the model of a file on the scenario's own problem; FileError where it cannot be used.
 
     kind: "optimal" for the hard Bellman optimum of the learned rewards and dynamics, "soft" for
     the stochastic policy of the expert. transfer: whether to accept a model of another grid.
     timeout_s: the scenario's when None. file: the content of the file, read when None. expert: type
-    of experts whose rewards count, of a model with several.
+    of experts whose rewards count, of a model with several. lookahead_cells: how it is driven.
     """
     file = load_model(path) if file is None else file
     own = file.of_expert(path, expert)
@@ -192,6 +230,7 @@ def load_strategy(
         entry_times_s=file.goal_entry_s,
         timeout_s=scenario.episode_timeout_s if timeout_s is None else timeout_s,
         transferred=transferred,
+        times=file.times_of(lookahead_cells),
     )
 
 

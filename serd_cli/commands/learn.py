@@ -1,6 +1,6 @@
 """`serd learn`: a table of decisions into a model file, without any ROS."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,6 +13,7 @@ from report.style import png_bytes
 from report.write import write_report
 from serd_app.demonstrations.recorded import files_beside
 from serd_app.learning.certainty import Certainty, certainty_of
+from serd_app.learning.crossing_times import load_times, times_sentence
 from serd_app.learning.expert_groups import Wanted, learn_groups, wanted_types
 from serd_app.learning.knowledge import knowledge_lines
 from serd_app.learning.learning_files import (
@@ -86,6 +87,10 @@ def learn(
     same_expert: Annotated[
         Literal["episode", "recording"], typer.Option(help="whose decisions are of one type")
     ] = "episode",
+    times: Annotated[
+        list[Path] | None,
+        typer.Option(help="crossings.csv of drives, repeat; times of arrival follow from them"),
+    ] = None,
     report: Annotated[
         Path | None, typer.Option(help="folder for an HTML page as of 'serd report'")
     ] = None,
@@ -115,9 +120,17 @@ def learn(
 
     --experts auto groups the episodes by types of experts, each with
     rewards of its own, as many as the evidence is in favour of.
+
+    --times: tables of crossings, which 'serd navigate --output' writes.
+    Arrivals of drives with their look-ahead are then predicted by the times
+    in cells, others by decision periods.
     """
     require_suffix(output, ".yaml", ".yml")
-    require_apart(output, outcome_files(output).values(), (*files_beside(table).values(), scenario))
+    require_apart(
+        output,
+        outcome_files(output).values(),
+        (*files_beside(table).values(), scenario, *(times or ())),
+    )
     if report is not None:
         require_folder(report)
     settings, wanted = validated(LearningSettings, **options), wanted_types(experts)
@@ -134,10 +147,13 @@ def learn(
         goals_m=tuple(point_of(each) for each in goal or ()),
         density=density,
     )
+    measured = load_times(times or [])
     require_replaceable(output, files.task.scenario_yaml)
     _require_left(files, settings.minimum_decisions)
     units = experts_of_recordings(table, files.demonstrations.decisions) if by_recording else None
     outcome = _fitted(files, settings, wanted, units)
+    model = outcome.model.model_copy(update={"crossing_times": measured})
+    outcome = replace(outcome, model=model)
     save_outcome(output, outcome, files.task.problem.grid)
     if outcome.knowledge is not None:
         figure = draw_gain(None, files.task.problem.grid, outcome.knowledge.gain_nats)
@@ -222,6 +238,8 @@ def _print(files: LearningFiles, outcome: FitOutcome, certainty: Certainty, outp
         console.print("What is known of the outcomes, and from where:", style="bold")
         for line in knowledge_lines(outcome.knowledge):
             console.print(f"  {line}", soft_wrap=True, markup=False)
+    for each in outcome.model.crossing_times:
+        console.print(times_sentence(each), soft_wrap=True, markup=False)
     console.print(outcome.summary(), soft_wrap=True, markup=False)
     console.print(f"model: {output.resolve()}", soft_wrap=True, markup=False)
 
@@ -232,6 +250,7 @@ def _values(
     return {
         **outcome.values(),
         "validation_log_likelihoods": dict(outcome.validation),
+        "crossing_times": [each.model_dump() for each in outcome.model.crossing_times],
         "outcome_probabilities": outcome.fit.outcome_probabilities.tolist(),
         **certainty_values(certainty),
         "knowledge": None if outcome.knowledge is None else asdict(outcome.knowledge),

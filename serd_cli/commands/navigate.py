@@ -56,6 +56,9 @@ def navigate(
 
     serd navigate model.yaml --goal 3.5,20.5 --episodes 30
 
+    In process, crossings.csv of the folder has the times in cells, from which
+    'serd learn --times' learns to predict drives with the same look-ahead.
+
     Rerun an interrupted drive in process with the same --output to resume it.
     """
     settings = validated(
@@ -81,7 +84,7 @@ def navigate(
         print_json({**settings.model_dump(), **found.values()})
         return
     console.print(comparison_table(found))
-    for line in remarks(found, settings):
+    for line in remarks(found, settings, strategy):
         console.print(line, soft_wrap=True, markup=False)
     if output is not None:
         console.print(f"tables and arrival.png: {output.resolve()}", soft_wrap=True, markup=False)
@@ -111,6 +114,7 @@ def _strategy_of(settings: DriveSettings) -> Strategy:
         transfer=settings.transfer,
         timeout_s=settings.timeout_s,
         expert=settings.expert,
+        lookahead_cells=settings.lookahead_cells,
     )
 
 

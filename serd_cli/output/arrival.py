@@ -8,9 +8,11 @@ from rich.table import Table
 
 from report.figures.arrival import draw_arrival, measured_curve, predicted_curve, shown_until_s
 from serd_app.navigation.comparison import Comparison, predicted_law
+from serd_app.navigation.crossing_forecast import CrossingForecast
 from serd_app.navigation.drive import DriveSettings
 from serd_app.navigation.strategy import Strategy
 from storage.episode_table import EpisodeResult
+from storage.model_file import CrossingTimes
 from storage.quantities import counted
 
 
@@ -47,7 +49,7 @@ def comparison_table(found: Comparison) -> Table:
     return table
 
 
-def remarks(found: Comparison, settings: DriveSettings) -> list[str]:
+def remarks(found: Comparison, settings: DriveSettings, strategy: Strategy) -> list[str]:
     """Further results and warnings, one line each."""
     endings = ", ".join(f"{count} {ending}" for ending, count in found.outcomes.items())
     lines = [
@@ -56,17 +58,35 @@ def remarks(found: Comparison, settings: DriveSettings) -> list[str]:
         f"{counted(found.n_episodes, 'episode')}: {endings}; contacts: robot into people "
         f"{found.robot_on_person}, people into robot {found.person_on_robot}, walls "
         f"{found.robot_on_wall}",
-        f"driven among {found.n_people} people; the model does not keep among how many it was "
-        "learned: give --people where they were more or fewer",
     ]
+    if strategy.times is None:
+        lines.append(
+            f"driven among {found.n_people} people; the model does not keep among how many it was "
+            "learned: give --people where they were more or fewer"
+        )
+    else:
+        lines.append(_of_times(strategy.times, strategy.crossings))
     if found.transferred:
         lines.append("the model was learned on another grid")
-    if settings.lookahead_cells > 1:
+    if strategy.times is None and settings.lookahead_cells > 1:
         lines.append(
             "the prediction is for one cell per decision period, as demonstrated; with "
-            f"--lookahead {settings.lookahead_cells} the robot is faster"
+            f"--lookahead {settings.lookahead_cells} the robot is faster: give crossings.csv of"
+            " such drives to 'serd learn --times'"
         )
     return lines + ([found.traps] if found.traps else [])
+
+
+def _of_times(times: CrossingTimes, forecast: CrossingForecast | None) -> str:
+    """From what drives times are predicted."""
+    low, high = times.people_pm2
+    among = f"{low:.2f}" if low == high else f"{low:.2f} to {high:.2f}"
+    more = forecast is not None and forecast.extrapolates
+    return (
+        f"predicted by the times in cells of {counted(times.n_episodes, 'drive')} with look-ahead"
+        f" {times.lookahead_cells} among {among} people per m²"
+        + (", which these drives are not" if more else "")
+    )
 
 
 def _seconds(time_s: float | None) -> str:

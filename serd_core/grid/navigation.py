@@ -99,7 +99,7 @@ def _outcome_models(grid: Grid, flow: IntArray, goals: IntArray, beta: float) ->
     available[goals] = actions[0] == Action.WAIT
     return OutcomeModels(
         successors=successors,
-        model_of=_model_of(actions, flow[:, None]),
+        model_of=model_of_action(actions, flow[:, None]),
         available=available,
         n_models=len(MODEL_NAMES),
         beta=beta,
@@ -118,7 +118,8 @@ def outcome_successors(grid: Grid, direction: IntArray) -> IntArray:
     return table
 
 
-def _model_of(action: IntArray, flow: IntArray) -> IntArray:
+def model_of_action(action: IntArray, flow: IntArray) -> IntArray:
+    """Place in `MODEL_NAMES` of an action in a cell with that flow, of arrays of equal shape."""
     opposite = (flow + 1) % 4 + 1
     moving = np.where(
         action == flow, WITH_FLOW, np.where(action == opposite, AGAINST_FLOW, ACROSS_FLOW)
@@ -135,7 +136,7 @@ def _feature_table(
     goal = np.zeros(shape)
     goal[goals] = 1.0
     norm_of_model = np.array([1.0, -1.0, 0.0, 1.0])
-    model = _model_of(np.arange(len(Action))[None, :], flow[:, None])
+    model = model_of_action(np.arange(len(Action))[None, :], flow[:, None])
     inverse = np.broadcast_to(normalised_inverse_distance(distance_m)[:, None], shape)
     return {
         "goal": goal,

@@ -7,6 +7,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.flow_table import save_flow
 from serd_app.demonstrations.grid_file import save_grid
@@ -14,11 +15,12 @@ from serd_app.demonstrations.measured_density import MeasuredDensity, save_densi
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.settings import MethodName
-from serd_app.navigation.strategy import load_strategy
+from serd_app.navigation.strategy import load_strategy, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of
 from sim.scenario.scenario import load_scenario
+from storage.episode_table import load_episodes
 from storage.model_file import load_model
 from storage.yaml_config import model_yaml
 from tests.conftest import OUTCOMES
@@ -134,6 +136,34 @@ def test_outcomes_that_depend_on_density_are_kept_planned_with_and_reported(
         ended = serd("learn", table, "--output", model, "--density", *words)
         assert ended.code == (2 if "pm_serd" in words else 0), ended.err
     assert "with density, got pm_serd" in ended.err
+
+
+def test_times_of_drives_predict_drives_with_their_look_ahead(serd, demonstrations, tmp_path):
+    table, model, runs = demonstrations(), tmp_path / "model.yaml", tmp_path / "runs"
+    assert serd("learn", table, "--output", model).code == 0
+    drive = ("navigate", model, "--people", 0, "--lookahead", 3, "--output", runs, "--json")
+    for episodes in (1, 3):  # the second resumes the first
+        before = learned(serd(*drive, "--episodes", episodes))
+    crossings = load_crossings(runs / "crossings.csv")
+    assert {row.episode for row in crossings} == {0, 1, 2}
+    arrived = sum(row.dwell_s for row in crossings if row.episode == 2)
+    assert arrived == pytest.approx(load_episodes(runs / "episodes.csv")[2].time_of_arrival_s)
+    words = ("--output", model, "--times", runs / "crossings.csv", "--report", tmp_path / "page")
+    ended = serd("learn", table, *words)
+    assert ended.code == 0, ended.err
+    assert "look-ahead 3: " in ended.out
+    assert "area train, look-ahead 3" in (tmp_path / "page/report.html").read_text()
+    ended = serd("navigate", model, "--people", 0, "--lookahead", 3, "--episodes", 2, "--seed", 7)
+    assert "predicted by the times in cells of 3 drives with look-ahead 3" in ended.out
+    (times,) = load_model(model).crossing_times
+    assert times.n_episodes == 3
+    start = start_distribution(HALLWAY, "train")
+    ahead = load_strategy(str(model), HALLWAY, "optimal", lookahead_cells=3).law_from(start)
+    assert abs(ahead.quantile_s(0.5) - before["measured_median_s"]) < 4.0
+    assert before["predicted_median_s"] - before["measured_median_s"] > 15.0
+    ended = serd("learn", table, "--output", model, "--times", table)
+    assert ended.code == 2
+    assert "decisions.csv" in ended.err
 
 
 def test_density_is_learned_from_where_people_were_recorded_alone(serd, demonstrations):

@@ -170,8 +170,8 @@ def test_a_comparison_counts_those_who_gave_up_as_not_arrived(save_model_of):
     assert found.measured_median_s == 60.0
     assert found.measured_most_s is None
     assert found.person_on_robot == 4
-    assert any("1 aborted (no progress)" in line for line in remarks(found, settings))
-    assert counted(4, "episode") in "".join(remarks(found, settings))
+    assert any("1 aborted (no progress)" in line for line in remarks(found, settings, strategy))
+    assert counted(4, "episode") in "".join(remarks(found, settings, strategy))
 
 
 def test_times_drawn_from_the_prediction_leave_a_small_gap_and_late_ones_a_large_one(

@@ -1,0 +1,139 @@
+"""Times in cells of recorded drives, as a law that the model file keeps.
+
+The time until a cell is left is that of `serd_core.arrival.dwell_times`: a gamma distribution whose
+mean depends on flow, turn, first cell and number of people, with a pace of each drive.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from serd_app.demonstrations.crossing_table import FLOWS, LEAVING, Crossing, Kind, load_crossings
+from serd_app.errors import AppError
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrival.dwell_times import DwellModel, Pace, fit_dwell_times
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Outcome
+from serd_core.grid.navigation import MODEL_NAMES
+from storage.model_file import CrossingTimes
+from storage.quantities import counted
+
+#: Fewest episodes from which the differences between drives are estimated.
+FEWEST_EPISODES = 3
+COVARIATES = ("intercept", "against_flow", "across_flow", "turning", "first", "people_pm2")
+_KINDS = tuple(kind.value for kind in Kind)
+
+
+def load_times(paths: Sequence[Path]) -> tuple[CrossingTimes, ...]:
+    """The law of each look-ahead in tables of crossings; AppError where there are too few."""
+    tables = [load_crossings(path) for path in paths]
+    ahead = sorted({row.lookahead_cells for table in tables for row in table})
+    if paths and not ahead:
+        raise AppError(f"--times must hold crossings, got none in {paths[0]}; drive more episodes")
+    return tuple(
+        fit_crossing_times(
+            [[row for row in table if row.lookahead_cells == cells] for table in tables]
+        )
+        for cells in ahead
+    )
+
+
+def fit_crossing_times(tables: Sequence[Sequence[Crossing]]) -> CrossingTimes:
+    """The law of crossings with one look-ahead; episodes of different tables are different ones."""
+    rows = [(number, row) for number, table in enumerate(tables) for row in table]
+    labels = np.array([(number, row.episode) for number, row in rows])
+    episodes, drive = np.unique(labels, axis=0, return_inverse=True)
+    if len(episodes) < FEWEST_EPISODES:
+        raise AppError(
+            f"--times must have at least {FEWEST_EPISODES} episodes per look-ahead, got"
+            f" {len(episodes)}; drive more"
+        )
+    every = [row for _, row in rows]
+    people = np.array([row.people_pm2 for row in every])
+    mean_people = float(people.mean())
+    kind = np.array([_KINDS.index(row.kind) for row in every])
+    design = np.array(
+        [covariates_of(row.flow, row.kind, row.people_pm2 - mean_people) for row in every]
+    )
+    try:
+        model = fit_dwell_times(
+            np.array([row.dwell_s for row in every]), design, kind, drive.ravel(), len(_KINDS)
+        )
+    except SerdError as error:
+        raise AppError(f"--times: {error}") from None
+    if not model.converged:
+        raise AppError("--times: the fit of the times did not converge; drive more episodes")
+    return CrossingTimes(
+        lookahead_cells=every[0].lookahead_cells,
+        coefficients=dict(zip(COVARIATES, model.coefficients.tolist(), strict=True)),
+        dispersion=dict(zip(_KINDS, model.dispersion.tolist(), strict=True)),
+        pace_variance=model.pace_variance,
+        people_pm2=(float(people.min()), float(people.max())),
+        mean_people_pm2=mean_people,
+        left_towards={flow: _counts(every, flow) for flow in FLOWS},
+        n_crossings=len(every),
+        n_episodes=len(episodes),
+    )
+
+
+def _counts(rows: Sequence[Crossing], flow: str) -> tuple[int, int, int, int]:
+    found = Counter(row.outcome for row in rows if row.action_flow == flow)
+    forward, right, back, left = (found[name] for name in LEAVING)
+    return forward, right, back, left
+
+
+def leaving_outcomes(times: CrossingTimes, table: FloatArray) -> FloatArray:
+    """(M, K) outcomes given that the cell is left: counted in drives, the model's as prior.
+
+    table: (M, K) outcomes of a decision period, or of several densities one below the other. The
+    prior counts as much as one crossing.
+    """
+    leaving = np.array(table, dtype=np.float64).reshape(-1, len(MODEL_NAMES), table.shape[1])
+    leaving[:, :, Outcome.STAY] = 0.0
+    leaving /= np.maximum(leaving.sum(axis=2, keepdims=True), np.finfo(float).tiny)
+    for model, flow in enumerate(FLOWS):
+        counts = np.array([0, *times.left_towards[flow]])
+        leaving[:, model] = (counts + leaving[:, model]) / (counts.sum() + 1.0)
+    stays = 1.0 - leaving.sum(axis=2)
+    leaving[:, :, Outcome.STAY] += np.maximum(stays, 0.0)
+    return leaving.reshape(table.shape)
+
+
+def covariates_of(flow: str, kind: str, people_pm2: float) -> tuple[float, ...]:
+    """(F,) numbers of `COVARIATES`; people_pm2: less the mean."""
+    named = {flow, kind, "intercept"}
+    return (*(float(name in named) for name in COVARIATES[:-1]), people_pm2)
+
+
+def dwell_model(times: CrossingTimes) -> DwellModel:
+    """The law as it was fitted."""
+    return DwellModel(
+        np.array([times.coefficients[name] for name in COVARIATES]),
+        np.array([times.dispersion[kind] for kind in _KINDS]),
+        times.pace_variance,
+    )
+
+
+def pace_of_a_drive(times: CrossingTimes) -> Pace:
+    """Of a new drive: its spread, and what the mean of so many drives leaves open."""
+    return Pace(0.0, times.pace_variance * (1.0 + 1.0 / times.n_episodes))
+
+
+def mean_and_kind(
+    times: CrossingTimes, flow: str, kind: Kind, people_pm2: float
+) -> tuple[FloatArray, IntArray]:
+    """(1,) mean (s) and (1,) place of the kind of one class of moves, at the pace of the mean."""
+    design = np.array([covariates_of(flow, kind.value, people_pm2 - times.mean_people_pm2)])
+    return dwell_model(times).mean_s(design), np.array([_KINDS.index(kind.value)])
+
+
+def times_sentence(times: CrossingTimes) -> str:
+    """The usual time in a cell, how much drives differ, and from what it is known."""
+    usual_s = mean_and_kind(times, FLOWS[0], Kind.STRAIGHT, times.mean_people_pm2)[0][0]
+    return (
+        f"look-ahead {times.lookahead_cells}: {usual_s:.2f} s per cell straight on with the flow,"
+        f" drives differ by {100 * np.sqrt(times.pace_variance):.1f} %, from"
+        f" {times.n_crossings} crossings of {counted(times.n_episodes, 'drive')}"
+    )
