@@ -40,7 +40,7 @@ interfaces: $(VENV)/.ready
 	@$(BIN)/python tools/build_interfaces.py
 
 ubuntu:
-	@PYTHON="$(PYTHON)" bash tools/test_ubuntu_versions.sh
+	@PYTHON="$(PYTHON)" bash tools/test_ubuntu_versions.sh $(ARGS)
 
 demo: build
 	@$(BIN)/serd demo $(ARGS)

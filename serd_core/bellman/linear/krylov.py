@@ -9,6 +9,7 @@ preconditioned by Gauss-Seidel sweeps (`serd_core.bellman.linear.swept_bicgstab`
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ from serd_core.errors import SerdError
 
 #: What one run of BiCGSTAB is asked to gain before it is restarted.
 GAIN_PER_RUN = 1e-6
+#: Name of the bound on the relative residual, another one before SciPy 1.12.
+_BOUND = "rtol" if "rtol" in signature(scipy.sparse.linalg.bicgstab).parameters else "tol"
 
 
 @dataclass(frozen=True)
@@ -128,10 +131,10 @@ class PlainSystem(KrylovSystem):
         found, _ = scipy.sparse.linalg.bicgstab(
             self._transposed if transposed else self.matrix,
             right_side,
-            rtol=relative_residual,
             atol=0.0,
             maxiter=self.settings.max_iterations,
             M=self._preconditioner("T" if transposed else "N"),
+            **{_BOUND: relative_residual},
         )
         return np.asarray(found)
 
