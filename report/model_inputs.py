@@ -72,7 +72,7 @@ def inputs_of_model(
         snapshot=None,
         run=_facts(file),
         knowledge=load_knowledge(files, problem.grid) if len(trace) else None,
-        forecasts=tuple(Forecast(f"area {name}", law) for name, law in areas.items())
+        forecasts=tuple(Forecast(_start(name, file), law) for name, law in areas.items())
         + forecasts_of(strategy, starts_m)
         + _by_lookahead(strategy),
         familiarity=found,
@@ -81,6 +81,11 @@ def inputs_of_model(
         n_demonstrations=file.fit.n_episodes,
         groups=_groups(model, place, kind, file),
     )
+
+
+def _start(name: str, file: ModelFile) -> str:
+    """A start area; a fitted grid has one, where demonstrations began."""
+    return f"area {name}" if file.scenario else "where demonstrations began"
 
 
 def _groups(model: Path, place: Scenario, kind: str, file: ModelFile) -> tuple[ExpertGroup, ...]:

@@ -44,6 +44,7 @@ def render_page(
         episodes=inputs.episodes,
         run=inputs.run,
         knowledge=inputs.knowledge,
+        models=[inputs.problem.model_names[m] for m in inputs.problem.used_models],
         links=links,
         has_tracks=bool(inputs.demonstration_tracks_m),
         forecasts=[_forecast_row(each) for each in inputs.forecasts],
@@ -110,17 +111,19 @@ def _by(time_s: float | None) -> str:
 
 
 def surprise_rows(inputs: ReportInputs) -> list[tuple[int, float, str, str, str]]:
-    """Episode, time, place, action and tail probability of the least likely decisions."""
+    """Episode, time in it, place, action and tail probability of the least likely decisions."""
     found = inputs.familiarity
     if found is None:
         return []
     decisions, grid = found.decisions, found.problem.grid
+    episodes, first = np.unique(decisions.episode, return_index=True)
+    began_s = dict(zip(episodes.tolist(), decisions.time_s[first].tolist(), strict=True))
     rows = np.argsort(found.tails, kind="stable")[:MOST_SURPRISES]
     rows = rows[found.tails[rows] < SURPRISING]
     return [
         (
             int(decisions.episode[row]),
-            float(decisions.time_s[row]),
+            float(decisions.time_s[row] - began_s[int(decisions.episode[row])]),
             "{:.2f}, {:.2f}".format(*grid.centers_m[decisions.state[row]]),
             "hidden" if action == HIDDEN else Action(action).name.lower(),
             f"{found.tails[row]:.1e}",

@@ -68,8 +68,8 @@ def summary_of(inputs: ReportInputs) -> Summary:
     models = inputs.problem.model_names
     counts = known_decisions(inputs).tolist()
     return Summary(
-        n_demonstrations=len(inputs.demonstrations.episodes) or inputs.n_demonstrations,
-        n_decisions=len(inputs.demonstrations) or fit.n_decisions,
+        n_demonstrations=inputs.n_demonstrations or len(inputs.demonstrations.episodes),
+        n_decisions=fit.n_decisions if inputs.n_demonstrations else len(inputs.demonstrations),
         n_episodes=len(episodes),
         n_arrived=len(times),
         measured_arrival_probability=len(times) / len(episodes) if episodes else None,
@@ -134,7 +134,7 @@ def _predicted_headline(summary: Summary) -> str:
         f" {counted(summary.n_decisions, 'decision')} the robot is predicted to reach the goal"
         f" within {seconds_in_words(summary.timeout_s)} with"
         f" {percent(summary.predicted_arrival_probability)}"
-        + (f", half of the times within {seconds_in_words(half)}." if half is not None else ".")
+        + (f", half of the drives within {seconds_in_words(half)}." if half is not None else ".")
     )
 
 

@@ -207,7 +207,7 @@ def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
 
 
 def _chart_figures(inputs: ReportInputs) -> dict[str, Figure]:
-    fit = inputs.fit
+    fit, problem, used = inputs.fit, inputs.problem, inputs.problem.used_models
     found: dict[str, Figure] = {}
     if inputs.episodes:
         found["arrival"] = _arrival_figure(inputs)
@@ -221,10 +221,10 @@ def _chart_figures(inputs: ReportInputs) -> dict[str, Figure]:
     return found | {
         "weights": draw_weights(fit.feature_names, fit.reward_weights),
         "outcomes": draw_outcomes(
-            inputs.problem.model_names,
-            fit.initial_outcome_probabilities,
-            fit.outcome_probabilities,
-            known_decisions(inputs),
+            tuple(problem.model_names[m] for m in used),
+            fit.initial_outcome_probabilities[used],
+            fit.outcome_probabilities[used],
+            known_decisions(inputs)[used],
             inputs.knowledge,
         ),
     }

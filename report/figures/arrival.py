@@ -136,7 +136,11 @@ def draw_forecasts(laws: Mapping[str, ArrivalLaw], timeout_s: float) -> Figure:
             if half_s is not None:
                 axes.plot(half_s, 0.5, "o", color=colour, markersize=5)
         until_s = max(shown_until_s(law, [0.0], timeout_s) for law in laws.values())
-        axes.set(xlim=(0, max(until_s, 1e-3)), ylim=(0, 1.03), yticks=np.linspace(0, 1, 5))
+        starts_s = [law.times_s[law.cdf >= _LEFT_ZERO][:1] for law in laws.values()]
+        from_s = 0.9 * float(np.concatenate(starts_s).min(initial=until_s))
+        axes.set(
+            xlim=(from_s, max(until_s, from_s + 1e-3)), ylim=(0, 1.03), yticks=np.linspace(0, 1, 5)
+        )
         axes.set(xlabel="time since the start in s", ylabel="probability of having arrived")
         axes.grid()
         axes.legend(loc="lower right", title="from")

@@ -161,14 +161,8 @@ def draw_progress(objective_trace: FloatArray, *, converged: bool) -> Figure:
         axes.plot(steps, trace, color=style.BLUE, linewidth=1.8, gid="objective")
         axes.plot(steps[-1:], trace[-1:], "o", color=style.BLUE, markersize=6)
         ending = "converged" if converged else "stopped early"
-        axes.annotate(
-            f"{trace[-1]:.2f}, {ending}".replace("-", "\N{MINUS SIGN}"),
-            (steps[-1], trace[-1]),
-            xytext=(-6, -14),
-            textcoords="offset points",
-            ha="right",
-            fontsize=8.5,
-        )
+        reached = f"{trace[-1]:.2f}, {ending}".replace("-", "\N{MINUS SIGN}")
+        axes.set_title(reached, loc="right", fontsize=8.5, fontweight="normal")
         low = np.percentile(trace, 5) if len(trace) > 20 else trace.min()
         span = max(trace[-1] - low, 1e-3 * abs(trace[-1]), 1e-9)
         axes.set_ylim(low - 0.05 * span, trace.max() + 0.12 * span)

@@ -24,7 +24,7 @@ from sim.scenario.scenario import Scenario
 _MARGIN_M = 0.5
 #: From the edge of an area to where its name may stand.
 _BESIDE_M = 0.4
-_GAP_IN, _SIDE_IN, _FOOT_IN = 0.3, 0.85, 1.0
+_GAP_IN, _SIDE_IN, _FOOT_IN = 0.3, 0.85, 1.3
 _TITLE_HEIGHT_IN, _TITLE_WIDTH_IN, _LEGEND_WIDTH_IN = 0.45, 1.4, 4.3
 _LONGER_SIDE_IN, _SHORTEST_SIDE_IN = 5.5, 2.5
 _ROOM_IN = 1.2
@@ -166,10 +166,18 @@ def draw_areas(axes: Axes, layout: HallwayLayout, *, filled: bool) -> None:
                 linestyle="-" if name == "goal" else "--",
                 zorder=2,
                 gid=f"area {name}",
+                label=name.replace("\n", " "),
             )
         )
         if filled:
             _label_area(axes, name, polygon, colour, Path(layout.outline_m))
+
+
+def area_legend(figure: Figure, axes: Axes) -> None:
+    """What the outlines of areas in a map are, below all of the figure."""
+    areas = [each for each in axes.patches if str(each.get_gid()).startswith("area ")]
+    if areas:
+        figure.legend(handles=areas, loc="outside lower center", ncols=3, handlelength=1.6)
 
 
 def cell_squares(centers_m: FloatArray, side_m: float) -> list[Rectangle]:
@@ -214,8 +222,9 @@ def colour_bar_below(
     label: str,
     extend: str = "neither",
 ) -> None:
-    """A horizontal colour bar under the map, or under several."""
+    """A horizontal colour bar under the map, or under several, and the names of their areas."""
     n_maps = 1 if isinstance(axes, Axes) else min(len(axes), 3)
+    area_legend(figure, axes if isinstance(axes, Axes) else axes[0])
     look = {"location": "bottom", "shrink": 0.85, "pad": 0.02, "aspect": 35 * n_maps}
     colour_bar(figure, axes, cells, label, extend=extend, **look)
 

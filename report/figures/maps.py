@@ -26,6 +26,9 @@ from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from serd_core.grid.navigation import NO_FLOW
 from storage.quantities import counted
 
+#: Widest shaft of an arrow, in sides of its cell.
+_SLENDER = 0.07
+
 
 def draw_visitation(
     layout: HallwayLayout | None,
@@ -132,12 +135,14 @@ def draw_features(
     feature_names: tuple[str, ...],
     available: BoolArray,
 ) -> Figure:
-    """features (S, A, F); available (S, A): a cell without the action stays empty."""
+    """features (S, A, F); available (S, A): a cell without the action stays empty. Panels of
+    actions for which a feature is 0 everywhere are left out."""
     table = float_array("features", features, (grid.n_states, len(Action), len(feature_names)))
     panels = [
         panel
         for i, name in enumerate(feature_names)
         for panel in _panels(name, table[:, :, i], np.asarray(available))
+        if np.nan_to_num(panel[1]).any()  # without a flow the social norm is that of waiting alone
     ]
     with style.report_style():
         figure, axes = map_figure(layout, len(panels), height_in=4.8, width_in=12.0)
@@ -188,6 +193,13 @@ def _colour_range(values: FloatArray) -> tuple[float, float]:
     return (float(low), float(high)) if high > low else (float(low) - 0.5, float(low) + 0.5)
 
 
+def _cell_in(axes: Axes, grid: Grid) -> float:
+    """About the side of a cell of a map on paper, in inches."""
+    rows, columns = grid.walkable.shape
+    panel = axes.get_window_extent()
+    return float(min(panel.width / columns, panel.height / rows)) / axes.get_figure(root=True).dpi
+
+
 def draw_arrows(
     axes: Axes,
     grid: Grid,
@@ -197,6 +209,7 @@ def draw_arrows(
     width_in: float = 0.016,
 ) -> None:
     """Arrows of the moves and dots of the waits of a greedy policy (S,), red where trapped."""
+    width_in = min(width_in, _SLENDER * _cell_in(axes, grid))
     moving = (greedy != Action.WAIT) & ~is_goal
     waiting = (greedy == Action.WAIT) & ~is_goal
     colours = np.where(trapped, style.RED, style.INK)

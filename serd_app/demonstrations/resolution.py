@@ -20,7 +20,8 @@ from storage.table import columns_of, read_rows, write_table
 MOST_FAR = 0.05
 #: A grid is as good as the best one where so much less of the moves is completed.
 _AS_GOOD = 0.05
-_CELLS_M = (0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0, 5.0)
+_CELLS_M = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0, 5.0)
+_USUAL_CELL_M = 0.5
 _PERIODS_S = (0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 _WIDEST = 3.0
 _TURN_RAD = np.pi / 4
@@ -126,6 +127,17 @@ def resolution_advice(
         fast_mps=float(np.quantile(speed_mps, 0.9)),
         turning=float(_turned(ends_m).mean()),
     )
+
+
+def fitting_cell_size_m(drives: Sequence[RecordedDrive], period_s: float) -> float:
+    """The cells of which most moves of a period end in a neighbour, and few go farther; 0.5 m where
+    the robot never moves a whole period."""
+    moves = _moves(drives, period_s, (0.0, 0.0))
+    if not len(moves):
+        return _USUAL_CELL_M
+    rows = [_row(moves, cell, period_s, used=False) for cell in _CELLS_M]
+    few = [row for row in rows if row.far <= MOST_FAR] or rows[-1:]
+    return max(few, key=lambda row: row.completed).cell_size_m
 
 
 def save_resolution(path: Path, advice: ResolutionAdvice) -> None:

@@ -56,6 +56,17 @@ class MappedPoses:
         """Those of /tf so far."""
         return self._tf.tree.frames
 
+    @property
+    def bodies(self) -> list[str]:
+        """Frames of /tf so far that travel and carry none that does."""
+        return self._tf.tree.carried()
+
+    @property
+    def frame_that_corrects(self) -> str:
+        """The frame in which /tf moves that of the poses, as a localisation does; else empty."""
+        names = list(self._frames)
+        return self._tf.tree.frame_that_corrects(names[0]) if len(names) == 1 else ""
+
     def under(self, mapping: BagMapping) -> "MappedPoses":
         """The same messages with another `frame` and `robot_frame`."""
         other = copy(self)

@@ -8,6 +8,7 @@ after its last.
 from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -22,6 +23,8 @@ from storage.nearest import hint
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _LONGEST_REACH_S = 1.0
 _COLUMNS = 9
+#: From which on a transform moves (m, or parts of a quaternion), and travels.
+_STILL, _TRAVEL_M = 1e-3, 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +104,28 @@ class TransformTree:
     def root(self, frame: str) -> str:
         """The frame at the end of its chain of parents."""
         return list(self._ancestry(frame))[-1]
+
+    def frame_that_corrects(self, frame: str) -> str:
+        """The topmost of the ancestors in which a frame moves, as a map in which a localisation
+        moves the frame of odometry; empty where none does."""
+        chain = list(self._ancestry(frame))
+        moving = [parent for child, parent in pairwise(chain) if self._moves(child)]
+        return moving[-1] if moving else ""
+
+    def carried(self) -> list[str]:
+        """The lowest frames that travel: bodies, as wheels and lidars only turn on them."""
+        travelling = {child for child in self._parents if self._travelled_m(child) >= _TRAVEL_M}
+        above = {parent for child in travelling for parent in list(self._ancestry(child))[1:]}
+        return sorted(travelling - above)
+
+    def _moves(self, child: str) -> bool:
+        rows = self._rows(child)[:, 2:]
+        return child not in self._static and bool(np.ptp(rows, axis=0).max() > _STILL)
+
+    def _travelled_m(self, child: str) -> float:
+        if child in self._static:
+            return 0.0
+        return float(np.ptp(self._rows(child)[:, 2:5], axis=0).max())
 
     def times(self, target: str, source: str) -> FloatArray:
         """(N, 2) log times and stamps (s) of the edge between the frames that has most of them, in

@@ -116,10 +116,10 @@ def knowledge_of(problem: NavigationProblem, posterior: Laplace) -> Knowledge | 
     return Knowledge(outcomes, tuple(GainRow(x_m, y_m, nats) for (x_m, y_m), nats in points))
 
 
-def knowledge_lines(known: Knowledge) -> Iterable[str]:
-    """One line per outcome model, and where to demonstrate next."""
-    for model, rows in known.by_model.items():
-        row = rows[Outcome.FORWARD]
+def knowledge_lines(known: Knowledge, problem: NavigationProblem) -> Iterable[str]:
+    """One line per outcome model that applies somewhere, and where to demonstrate next."""
+    for model in (problem.model_names[m] for m in problem.used_models):
+        row = known.by_model[model][Outcome.FORWARD]
         yield (
             f"{model.replace('_', ' ')}: {row.known_from}; {row.decisions:.0f} decisions:"
             f" {row.from_transitions_nats:.2f} nats, choices: {row.from_choices_nats:.2f} nats"

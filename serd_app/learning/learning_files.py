@@ -34,7 +34,8 @@ FlowSource = Literal["auto", "scenario", "recorded", "none"]
 @dataclass(frozen=True, eq=False)
 class LearningFiles:
     """task: where it was; flow_from: scenario, recorded or none; n_after_goal: decisions left out;
-    n_elsewhere: those of episodes that end in other places than the goal, also left out.
+    n_elsewhere: those of episodes that end in other places than the goal, also left out;
+    elsewhere_m: centres of these places.
     goals_m: centres (x, y) of the goal cells; n_reaching_goal: episodes that come to one. scenario:
     None where the grid was fitted. cells: the decisions on the cells of the grid; with density the
     demonstrations have them in states of their own, see `serd_core.grid.density.at_decisions`.
@@ -46,6 +47,7 @@ class LearningFiles:
     goals_m: tuple[tuple[float, float], ...]
     n_after_goal: int
     n_elsewhere: int
+    elsewhere_m: tuple[tuple[float, float], ...]
     n_reaching_goal: int
     cells: Decisions
     scenario: Scenario | None = None
@@ -85,9 +87,13 @@ def read_learning_files(
     usual = _usual_goal_states(grid, known, decisions)
     goals = _goal_states(grid, goals_m) if goals_m else usual
     chosen, source = _flow(files["flow"], grid, known, flow)
-    all_decisions, n_all = decisions, len(decisions)
+    all_decisions = decisions
     if known is None and not goals_m:
         decisions = ending_in(decisions, goals)
+    elsewhere = ~np.isin(all_decisions.episode, decisions.episode)
+    others = (
+        usual_goal_states(all_decisions.select(elsewhere), grid) if elsewhere.any() else goals[:0]
+    )
     kept = until_goal(decisions, goals)
     problem = build_navigation_problem(
         grid=grid,
@@ -113,13 +119,18 @@ def read_learning_files(
         # Entry times hold for the recorded goal area only.
         demonstrations=Demonstrations(kept, record.goal_entry_s if as_recorded else ()),
         flow_from=source,
-        goals_m=tuple((float(x), float(y)) for x, y in grid.centers_m[goals]),
+        goals_m=_centres_m(grid, goals),
         n_after_goal=len(decisions) - len(kept),
-        n_elsewhere=n_all - len(decisions),
+        n_elsewhere=len(all_decisions) - len(decisions),
+        elsewhere_m=_centres_m(grid, others),
         n_reaching_goal=n_reaching(decisions, goals),
         cells=cells,
         scenario=known,
     )
+
+
+def _centres_m(grid: Grid, states: IntArray) -> tuple[tuple[float, float], ...]:
+    return tuple((float(x), float(y)) for x, y in grid.centers_m[states])
 
 
 def _with_density(

@@ -1,6 +1,7 @@
 """`serd demos`: recordings into the table of decisions that learning starts from."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
@@ -21,6 +22,7 @@ from serd_app.demonstrations.recorded import (
     files_beside,
     save_demonstrations,
 )
+from serd_app.demonstrations.resolution import fitting_cell_size_m
 from serd_app.demonstrations.suggestion.suggest import mapping_of_poses
 from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_app.drives.recorded_people import sightings_of_all
@@ -42,7 +44,8 @@ from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from storage.yaml_config import load_yaml_model
 
-_USUAL_PERIOD_S = 2.0
+#: Decision periods where none is given: with cells that fit them, and with given cells.
+_FITTED_PERIOD_S, _USUAL_PERIOD_S = 1.0, 2.0
 
 
 def register(app: typer.Typer) -> None:
@@ -62,10 +65,16 @@ def demos(
     ] = "",
     cell_size_m: Annotated[
         float | None,
-        typer.Option(help="without a scenario: fit a grid of such cells to where the robot was"),
+        typer.Option(
+            help="without a scenario: side of the cells of a grid fitted to where the robot was;"
+            " by default as it moves"
+        ),
     ] = None,
     period_s: Annotated[
-        float | None, typer.Option(help="without a scenario: decision period, 2 s unless given")
+        float | None,
+        typer.Option(
+            help="without a scenario: decision period; by default 1 s, or 2 s with --cell-size-m"
+        ),
     ] = None,
     output: Annotated[Path, typer.Option(help="table to write, ending in .csv")] = Path(
         "decisions.csv"
@@ -100,7 +109,8 @@ def demos(
     decisions.density.csv has the people per m² in the cells around each
     decision, from which 'serd learn --density' learns.
 
-    A place without a scenario: --cell-size-m 0.5 in place of --scenario.
+    A place without a scenario gets a grid of cells in which the robot moves
+    about one cell in a period; --cell-size-m and --period-s set others.
 
     A bag of another robot needs a mapping, which 'serd bag suggest BAG' writes.
     A bag of poses alone needs none: its actions are hidden, and 'serd learn'
@@ -118,7 +128,8 @@ def demos(
     require_apart(output, files_beside(output).values(), (scenario, mapping or ""))
     _require_place(scenario, cell_size_m, period_s)
     known = load_scenario(scenario) if scenario else None
-    period = known.decision_period_s if known else (period_s or _USUAL_PERIOD_S)
+    usual_s = _FITTED_PERIOD_S if cell_size_m is None else _USUAL_PERIOD_S
+    period = known.decision_period_s if known else (period_s or usual_s)
     kinds = {TableMapping if is_table(bag) else BagMapping for bag in bags}
     if mapping and len(kinds) > 1:
         raise UsageError(f"--mapping must be for bags or for tables, got {mapping} for both")
@@ -136,7 +147,11 @@ def demos(
         )
         for bag, each in zip(bags, mappings, strict=True)
     ]
-    grid = grid_of(known) if known else fitted_grid(recordings, cell_size_m or 0.0)
+    if known is None and cell_size_m is None:
+        _require_no_own(bags, mappings)
+    drives = [drive for each in recordings for drive in each.drives]
+    size_m = cell_size_m or fitting_cell_size_m(drives, period)
+    grid = grid_of(known) if known else fitted_grid(recordings, size_m)
     found = demonstrations_of_all(recordings, grid, period)
     _require_decisions(found)
     known_people = chosen if isinstance(chosen, BagMapping) else BagMapping()
@@ -152,7 +167,7 @@ def demos(
     save_pictures(output, place, found, flow, advice)
     if lerobot is not None:
         _require_actions(found)
-        save_lerobot(lerobot, [drive for each in recordings for drive in each.drives], period)
+        save_lerobot(lerobot, drives, period)
     files = {name: path for name, path in files_beside(output).items() if path.exists()}
     files |= {"LeRobot dataset": lerobot} if lerobot is not None else {}
     if as_json:
@@ -202,11 +217,21 @@ def _require_actions(found: list[RecordedDemonstrations]) -> None:
         )
 
 
+def _require_no_own(bags: list[Path], mappings: Sequence[object]) -> None:
+    """UsageError for a recording of ours, which was made in a scenario."""
+    for bag, mapping in zip(bags, mappings, strict=True):
+        if mapping is None and not is_table(bag):
+            raise UsageError(
+                f"either --scenario or --cell-size-m must be given for {bag}, got neither; give the"
+                " scenario that it was recorded in"
+            )
+
+
 def _require_place(scenario: str, cell_size_m: float | None, period_s: float | None) -> None:
-    if bool(scenario) == (cell_size_m is not None):
+    if scenario and cell_size_m is not None:
         raise UsageError(
-            "either --scenario or --cell-size-m must be given, got"
-            f" {'both' if scenario else 'neither'}; give --scenario where there is one"
+            "either --scenario or --cell-size-m must be given, got both; give --scenario where"
+            " there is one"
         )
     if scenario and period_s is not None:
         raise UsageError(

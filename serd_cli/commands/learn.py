@@ -217,10 +217,11 @@ def _print(files: LearningFiles, outcome: FitOutcome, certainty: Certainty, outp
         (files.n_elsewhere, "of episodes that end elsewhere"),
     )
     left_out = "".join(f", {count} {why} left out" for count, why in reasons if count)
+    across = ", so every move is across it" if files.flow_from == "none" else ""
     place = f"scenario {files.task.scenario}" if files.task.scenario else "fitted grid"
     console.print(
         f"{counted(len(decisions), 'decision')} in {counted(len(decisions.episodes), 'episode')}"
-        f"{left_out}; {place}, flow of people: {files.flow_from}, goal:"
+        f"{left_out}; {place}, flow of people: {files.flow_from}{across}, goal:"
         f" {'; '.join(f'{x:g},{y:g}' for x, y in files.goals_m)}",
         soft_wrap=True,
         markup=False,
@@ -232,11 +233,14 @@ def _print(files: LearningFiles, outcome: FitOutcome, certainty: Certainty, outp
     else:
         console.print(weights_table(outcome.fit, certainty))
     console.print(outcomes_table(files.task.problem, outcome.fit, certainty))
+    if files.elsewhere_m:
+        goals = " ".join(f"--goal {x:g},{y:g}" for x, y in files.elsewhere_m)
+        console.print(f"to learn from those that end elsewhere: {goals}", soft_wrap=True)
     for line in (*files.remarks(), *remarks(files.task.problem, certainty)):
         console.print(line, style="yellow", soft_wrap=True, markup=False)
     if outcome.knowledge is not None:
         console.print("What is known of the outcomes, and from where:", style="bold")
-        for line in knowledge_lines(outcome.knowledge):
+        for line in knowledge_lines(outcome.knowledge, files.task.problem):
             console.print(f"  {line}", soft_wrap=True, markup=False)
     for each in outcome.model.crossing_times:
         console.print(times_sentence(each), soft_wrap=True, markup=False)
@@ -259,6 +263,7 @@ def _values(
         "goals_m": files.goals_m,
         "n_after_goal": files.n_after_goal,
         "n_elsewhere": files.n_elsewhere,
+        "elsewhere_m": files.elsewhere_m,
         "n_reaching_goal": files.n_reaching_goal,
         "model": str(output.resolve()),
     }

@@ -46,7 +46,7 @@ def outcomes_table(problem: NavigationProblem, fit: FitResult, certainty: Certai
     """One row per outcome model: probability and standard error of each outcome."""
     names = [outcome.name.lower() for outcome in Outcome]
     table = _table("Outcomes of a decision period, in % ± standard error", "model", names)
-    for model, name in enumerate(problem.model_names):
+    for model in problem.used_models.tolist():
         cells = []
         for outcome in range(len(names)):
             cell = f"{100 * fit.outcome_probabilities[model, outcome]:.1f}"
@@ -54,7 +54,7 @@ def outcomes_table(problem: NavigationProblem, fit: FitResult, certainty: Certai
                 error = float(certainty.errors.outcome_probabilities[model, outcome])
                 cell += f"±{_number(100 * error, digits=1)}"
             cells.append(cell)
-        table.add_row(in_words(name), *cells)
+        table.add_row(in_words(problem.model_names[model]), *cells)
     return table
 
 
@@ -83,7 +83,10 @@ def _open_numbers(problem: NavigationProblem, certainty: Certainty) -> Iterable[
     if certainty.open_temperature:
         yield "log temperature"
     yield from (in_words(f"reward {name}") for name in sorted(certainty.open_rewards))
+    used = set(problem.used_models.tolist())
     for model, group in groupby(certainty.open_outcomes, key=itemgetter(0)):
+        if model not in used:
+            continue
         names = (Outcome(outcome).name.lower() for _, outcome in group)
         yield f"{in_words(problem.model_names[model])} ({', '.join(names)})"
 

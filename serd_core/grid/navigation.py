@@ -53,6 +53,14 @@ class NavigationProblem:
     feature_names: tuple[str, ...]
     model_names: tuple[str, ...] = MODEL_NAMES
 
+    @property
+    def used_models(self) -> IntArray:
+        """Rows of `model_names` that apply to some cell and action: without a flow of people no
+        move is with or against it."""
+        used = np.unique(self.outcome_models.model_of % len(MODEL_NAMES))
+        rows = np.arange(len(self.model_names))
+        return np.flatnonzero(np.isin(rows % len(MODEL_NAMES), used))
+
 
 def build_navigation_problem(
     *,

@@ -224,13 +224,33 @@ def test_without_a_scenario_a_grid_is_fitted_to_all_recordings(serd, drive_bag, 
     assert table.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_cells_fit_the_motion_of_a_foreign_robot_where_no_size_is_given(serd, drive_bag, tmp_path):
+    """It drives 1 m in 2 s, so half a metre in the usual period of 1 s."""
+    mapping, table = tmp_path / "mapping.yaml", tmp_path / "decisions.csv"
+    mapping.write_text("pose_topic: /amcl\naction_topic: /wish\n")
+    bag = drive_bag(pose="/amcl", intent="/wish")
+    words = ("demos", bag, "--mapping", mapping, "--output", table)
+    assert serd(*words).code == 0
+    assert load_grid(table.with_suffix(".grid.yaml")).cell_size_m == 0.5
+    assert load_yaml_model(table.with_suffix(".yaml"), DemonstrationRecord).decision_period_s == 1.0
+    assert serd(*words, "--period-s", 2).code == 0
+    assert load_grid(table.with_suffix(".grid.yaml")).cell_size_m == 1.0
+
+
+def test_a_recording_of_ours_needs_its_scenario_or_a_cell_size(serd, drive_bag):
+    bag = drive_bag()
+    ended = serd("demos", bag)
+    assert ended.code == 2
+    assert f"either --scenario or --cell-size-m must be given for {bag}, got neither" in ended.err
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (("nowhere", "--scenario", "hallway"), "bag nowhere must be a folder"),
         (("nowhere", "--scenario", "halway"), "did you mean 'hallway'?"),
         (("nowhere", "--scenario", "none.yaml"), "cannot read none.yaml: it does not exist"),
-        (("nowhere",), "either --scenario or --cell-size-m must be given, got neither"),
+        (("nowhere",), "bag nowhere must be a folder"),
         (("a", "--scenario", "hallway", "--cell-size-m", "1"), "must be given, got both"),
         (("a", "--scenario", "hallway", "--period-s", "1"), "--period-s must be left out"),
         (("a", "--cell-size-m", "0"), "--cell-size-m must be finite and above 0, got 0"),

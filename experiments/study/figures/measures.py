@@ -32,57 +32,53 @@ def rows(results: Results) -> pd.DataFrame:
 
 
 def draw(table: pd.DataFrame, study: Study) -> Figure:
-    """Three panels; points are drawn side by side so that their quartiles do not overlap."""
+    """Three panels; points are drawn side by side so that their quartiles do not overlap.
+
+    The axis of a log-likelihood is broken: above, the better half of all medians; below, the rest.
+    """
     del study
-    methods = table["method"].unique()
     with style.report_style():
-        figure = new_figure(11.5, 4.5)
-        for axes, (measure, (title, label)) in zip(
-            figure.subplots(1, 3), PANELS.items(), strict=True
-        ):
-            panel = table[table["measure"] == measure]
-            for place, method in enumerate(methods):
-                if measure != "dynamics_divergence" or method in _OWN_DYNAMICS:
-                    curve = panel[panel["method"] == method]
-                    values = curve[["lower", "median", "upper"]].to_numpy().T
-                    draw_intervals(axes, curve["size"], values, method, place - 2.5)
-            axes.set_title(title, loc="left")
-            axes.set(xlabel="demonstrations", ylabel=label, xscale="log")
-            if measure == "dynamics_divergence":
-                axes.set_yscale("log")
-                axes.legend([_SERD, "M-estimate: all others"], loc="upper right")
-            else:
-                axes.set_ylim(*_shown(panel))
-                _name_hidden(axes, panel)
-            axes.grid(axis="y")
-            tick_sizes(axes, sorted(panel["size"].unique()))
-        figure.legend(
-            *figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6
+        figure = new_figure(11.5, 5.2)
+        axes = figure.subplot_mosaic(
+            [["a", "b", "c"], ["a below", "b below", "c"]], height_ratios=[3, 1.2]
         )
+        for letter, (measure, (title, label)) in zip("abc", PANELS.items(), strict=True):
+            panel, above = table[table["measure"] == measure], axes[letter]
+            above.set_title(title, loc="left")
+            above.set_ylabel(label)
+            if measure == "dynamics_divergence":
+                _curves(above, panel[panel["method"].isin(_OWN_DYNAMICS)])
+                above.set(xlabel="demonstrations", yscale="log")
+                above.legend([_SERD, "M-estimate: all others"], loc="upper right")
+            else:
+                below = axes[f"{letter} below"]
+                _curves(above, panel)
+                _curves(below, panel)
+                below.set_xlabel("demonstrations")
+                _break(above, below, panel)
+        handles = axes["a"].get_legend_handles_labels()
+        figure.legend(*handles, loc="outside lower center", ncols=6)
     return figure
 
 
-def _shown(panel: pd.DataFrame) -> tuple[float, float]:
-    """Limits that show the better half of all medians; the worst learners start below."""
+def _curves(axes: Axes, panel: pd.DataFrame) -> None:
+    for place, (method, curve) in enumerate(panel.groupby("method", sort=False)):
+        values = curve[["lower", "median", "upper"]].to_numpy().T
+        draw_intervals(axes, curve["size"], values, str(method), place - 2.5)
+    axes.set_xscale("log")
+    axes.grid(axis="y")
+    tick_sizes(axes, sorted(panel["size"].unique()))
+
+
+def _break(above: Axes, below: Axes, panel: pd.DataFrame) -> None:
+    """Let the axis of `below` end where that of `above` begins, with the usual marks."""
     low, high = float(np.quantile(panel["median"], 0.4)), float(panel["upper"].max())
     margin = 0.1 * (high - low)
-    return low - margin, high + margin
-
-
-def _name_hidden(axes: Axes, panel: pd.DataFrame) -> None:
-    """Name the methods that are below the axis everywhere, with their best median."""
-    best = panel.groupby("method", sort=False)["median"].max()
-    hidden = best[best < axes.get_ylim()[0]]
-    if len(hidden):
-        names = ", ".join(f"{method} (at best {value:.2f})" for method, value in hidden.items())
-        box = {"facecolor": style.PAPER, "edgecolor": "none", "pad": 1.5}
-        axes.text(
-            0.98,
-            0.02,
-            f"below: {names}".replace("-", "−"),
-            transform=axes.transAxes,
-            ha="right",
-            fontsize=7.5,
-            bbox=box,
-            zorder=6,
-        )
+    above.set_ylim(low - margin, high + margin)
+    below.set_ylim(float(panel["lower"].min()) - margin, low - margin)
+    above.spines["bottom"].set_visible(False)
+    above.tick_params(axis="x", length=0, labelbottom=False)
+    marks = {"marker": [(-1, -0.6), (1, 0.6)], "markersize": 9, "linestyle": "none"}
+    for axes, edge in ((above, 0), (below, 1)):
+        look = {"color": style.INK, "clip_on": False, "transform": axes.transAxes}
+        axes.plot([0], [edge], **marks, **look)

@@ -13,7 +13,14 @@ from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from report import style
-from report.figures.map_axes import colour_bar, draw_areas, draw_cells, map_figure, outline_cells
+from report.figures.map_axes import (
+    area_legend,
+    colour_bar,
+    draw_areas,
+    draw_cells,
+    map_figure,
+    outline_cells,
+)
 from report.figures.maps import draw_arrows
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.trap_states import trap_states
@@ -59,6 +66,7 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
                 f"{method}\nrepetition {number}: {counted(int(counts[number]), 'trap')}", fontsize=8
             )
         label = "share of repetitions in which the cell is a trap"
+        area_legend(figure, axes[0])
         colour_bar(figure, axes, cells, label, shrink=0.6, pad=0.01, aspect=30)
     return figure
 

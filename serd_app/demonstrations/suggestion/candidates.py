@@ -141,20 +141,38 @@ class Candidates:
 def _pose_candidate(topic: Topic, collected: MappedPoses) -> PoseCandidate:
     """BagError where it shows no motion of one robot."""
     mapping = BagMapping(pose_topic=topic.name)
-    frames = robot_frames(collected.frames)
+    bodies = collected.bodies
+    frames = robot_frames(collected.frames) or (bodies if len(bodies) == 1 else [])
     if collected.from_tf and frames:
         mapping = mapping.model_copy(update={"robot_frame": frames[0]})
-        collected = collected.under(mapping)
-    times_s, poses = collected.rows()
-    placed = np.isfinite(poses).all(axis=1)
-    track = PoseTrack(times_s[placed, 0], times_s[placed, 1], poses[placed])
+    track = _track(collected.under(mapping))
     if len(track.time_s) < _FEWEST_POSES:
         raise BagError(f"{topic.name} has {len(track.time_s)} poses, too few")
     way_m = float(np.ptp(track.poses[:, :2], axis=0).max())
     if not way_m >= _SHORTEST_WAY_M:
         raise BagError(f"{topic.name} does not move, it stays within {way_m:.2f} m")
     grid_around(track.poses[:, :2], cell_size_m(track))
-    return PoseCandidate(topic, mapping, track)
+    return PoseCandidate(topic, _corrected(mapping, collected), track)
+
+
+def _track(collected: MappedPoses) -> PoseTrack:
+    times_s, poses = collected.rows()
+    placed = np.isfinite(poses).all(axis=1)
+    return PoseTrack(times_s[placed, 0], times_s[placed, 1], poses[placed])
+
+
+def _corrected(mapping: BagMapping, collected: MappedPoses) -> BagMapping:
+    """With the frame in which a localisation moves that of the poses, where /tf holds one: without
+    it laps drift apart. Commands are compared with the poses as they are, which have no jumps."""
+    frame = "" if collected.from_tf else collected.frame_that_corrects
+    if not frame:
+        return mapping
+    corrected = mapping.model_copy(update={"frame": frame})
+    try:
+        track = _track(collected.under(corrected))
+    except BagError:  # as where the localisation is of another clock
+        return mapping
+    return corrected if len(track.time_s) >= _FEWEST_POSES else mapping
 
 
 def _speed_mps(track: PoseTrack) -> float:

@@ -33,6 +33,7 @@ from serd_app.drives.mapped_actions import MappedActions
 from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping
 from serd_app.drives.recorded_drive import INTENT
 from serd_app.drives.recording import Recording, is_table
+from serd_app.drives.transforms import TF_TYPES
 from serd_app.errors import AppError
 
 #: Periods with which a mapping is tested: the suggested and the usual one.
@@ -50,7 +51,7 @@ _SPEED_SHARES = (1.0, 0.4, 0.2)
 class Suggestion:
     """comments: by key of the mapping, or of the whole file where the key is empty.
 
-    reports: what the mapping gives, by decision period in s. cell_size_m: that fits the speed.
+    reports: what the mapping gives, by decision period in s, on cells of cell_size_m.
     """
 
     bag: Path
@@ -61,8 +62,7 @@ class Suggestion:
 
     def command(self, mapping: Path) -> str:
         """The next command."""
-        size = f"--cell-size-m {self.cell_size_m:g} --period-s {PERIOD_S:g}"
-        return f"serd demos {self.bag} --mapping {mapping} {size}"
+        return f"serd demos {self.bag} --mapping {mapping}"
 
     def yaml(self, path: Path) -> str:
         """The mapping file, with everything that was assumed as comments."""
@@ -86,7 +86,7 @@ def suggest_mapping(bag: Path) -> Suggestion:
     if is_table(bag):
         raise AppError(
             f"{bag} must be a bag, got another file; a table of trajectories needs no mapping, run"
-            f" 'serd demos {bag} --cell-size-m 0.5'"
+            f" 'serd demos {bag}'"
         )
     reader = BagReader(bag, tolerant=True)
     collected = Candidates(reader)
@@ -137,7 +137,9 @@ def _by_velocity(
             *_MOTION,
         )
         return None
-    pairs = [each for each in pairs if in_one_namespace(each[0].topic.name, each[1])] or pairs
+    of_one = [each for each in pairs if in_one_namespace(each[0].topic.name, each[1])]
+    if any(each[0].topic.type_name not in TF_TYPES for each in of_one):
+        pairs = of_one  # /tf is in no namespace, whosever commands there are
     least = min(fit.disagreement for *_, fit in pairs)
     pose, name, fit = next(each for each in pairs if each[2].disagreement <= least + _EQUAL)
     others = tuple(
@@ -246,8 +248,10 @@ def _tested(
     pose: PoseCandidate,
 ) -> Suggestion:
     """The mapping as `serd demos` uses it; without reports where it gives no decision."""
-    size_m = cell_size_m(pose.track)
-    reports = {}
+    if mapping.frame:
+        moved = "/tf moves the frame of these poses in it, as a localisation corrects odometry"
+        comments = {**comments, "frame": (moved,)}
+    reports, size_m = {}, cell_size_m(pose.track)
     for period_s in _PERIODS_S:
         try:
             recording = Recording(bag, (collected.drive(mapping, period_s),), (), Losses())

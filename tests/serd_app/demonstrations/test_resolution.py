@@ -5,7 +5,7 @@ import pytest
 
 from report.figures.resolution import draw_resolution
 from report.style import png_bytes
-from serd_app.demonstrations.resolution import MOST_FAR, resolution_advice
+from serd_app.demonstrations.resolution import MOST_FAR, fitting_cell_size_m, resolution_advice
 from serd_app.drives.episode_spans import RETURN, EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
 
@@ -29,6 +29,15 @@ def test_a_robot_that_drives_a_cell_per_period_completes_every_move():
     assert advice.best.completed > 0.94
     assert (advice.speed_mps, advice.turning) == (pytest.approx(0.5001), 0.0)
     assert not advice.too_fine
+
+
+@pytest.mark.parametrize(("speed", "period_s", "size_m"), [(0.4999, 1.0, 0.5), (0.12, 2.0, 0.25)])
+def test_cells_that_fit_are_about_what_the_robot_drives_in_a_period(speed, period_s, size_m):
+    assert fitting_cell_size_m([straight(speed)], period_s) == size_m
+
+
+def test_for_a_robot_that_stands_cells_are_half_a_metre():
+    assert fitting_cell_size_m([straight(0.0)], 1.0) == 0.5
 
 
 @pytest.mark.parametrize("speed", [0.2 * 2**0.5, 0.3 * 3**0.5, 0.8 * 1.618034])

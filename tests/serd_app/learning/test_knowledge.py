@@ -65,7 +65,7 @@ def test_every_outcome_has_its_interval_and_every_cell_its_gain(outcome):
 
 
 def test_a_line_per_outcome_model_and_one_for_the_next_demonstration(outcome):
-    lines = list(knowledge_lines(outcome.knowledge))
+    lines = list(knowledge_lines(outcome.knowledge, PROBLEM))
     assert [line.split(":")[0] for line in lines[:-1]] == [
         name.replace("_", " ") for name in MODEL_NAMES
     ]

@@ -137,6 +137,43 @@ def test_a_pose_from_tf_alone_is_found_in_a_namespace(bag, tmp_path):
     assert mapping.action_from == "velocity"
 
 
+def test_odometry_that_a_localisation_corrects_is_taken_in_the_frame_of_the_map(bag, tmp_path):
+    """The map moves by 2 m in odom, by which the last lap would lie beside the first."""
+    commands = key_presses(np.random.default_rng(7))
+    track = Robot().drive(commands, 70.0)
+    drift = np.zeros_like(track)
+    drift[:, 0], drift[:, 1] = track[:, 0], np.linspace(0.0, 2.0, len(track))
+    bag.add_odometry("/odom", track)
+    bag.add_tf("/tf", track, "odom", "chassis")
+    bag.add_tf("/tf", drift, "site", "odom")
+    bag.add_commands("/cmd_vel", commands)
+    found = suggested(bag, tmp_path)
+    assert (found.mapping.pose_topic, found.mapping.frame) == ("/odom", "site")
+    assert "as a localisation corrects odometry" in found.comments["frame"][0]
+
+
+def test_a_map_that_stands_still_in_odom_corrects_nothing(bag, tmp_path):
+    commands = key_presses(np.random.default_rng(7))
+    track = Robot().drive(commands, 70.0)
+    bag.add_odometry("/odom", track)
+    bag.add_tf("/tf", track, "odom", "chassis")
+    bag.add_tf("/tf", np.c_[track[:, :1], np.zeros((len(track), 4))], "site", "odom")
+    bag.add_commands("/cmd_vel", commands)
+    assert suggested(bag, tmp_path).mapping.frame == ""
+
+
+def test_of_frames_with_names_of_their_own_the_one_that_travels_is_the_robot(bag, tmp_path):
+    """A wheel turns on it without travelling."""
+    commands = key_presses(np.random.default_rng(8))
+    track = Robot().drive(commands, 70.0)
+    wheel = np.c_[track[:, 0], np.zeros((len(track), 2)), 9.0 * track[:, 0], track[:, 4]]
+    bag.add_tf("/tf", track, "site", "chassis")
+    bag.add_tf("/tf", wheel, "chassis", "left_wheel")
+    bag.add_commands("/cmd_vel", commands)
+    mapping = suggested(bag, tmp_path).mapping
+    assert (mapping.pose_topic, mapping.robot_frame) == ("/tf", "chassis")
+
+
 def test_frames_of_a_body_are_ranked():
     frames = ("map", "r1/base_footprint", "laser", "base_link", "odom")
     assert robot_frames(frames) == ["base_link", "r1/base_footprint"]

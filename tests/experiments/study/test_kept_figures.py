@@ -1,0 +1,49 @@
+"""The kept figures of the hallway study are what the code draws of the kept tables."""
+
+from importlib.metadata import version
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from experiments.study.figures.catalogue import FIGURES, figure_of
+from experiments.study.run import KEPT, redraw
+
+#: Of a pixel, by rounding; of all pixels.
+_OTHER_PIXEL, _MOST_OTHER = 0.1, 1e-3
+
+
+def share_of_other_pixels(one, other):
+    """1 where the sizes differ."""
+    one, other = imread(one), imread(other)
+    if one.shape != other.shape:
+        return 1.0
+    return float((np.abs(one - other).max(axis=2) > _OTHER_PIXEL).mean())
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("figures")
+    redraw([figure.name for figure in FIGURES], KEPT, folder)
+    return folder
+
+
+@pytest.mark.skipif(version("matplotlib") < "3.11", reason="drawn by matplotlib 3.11")
+@pytest.mark.parametrize("name", [figure.name for figure in FIGURES])
+def test_a_kept_figure_is_what_the_code_draws(drawn, name):
+    """If it fails: serd study hallway --figure NAME."""
+    file = f"{figure_of(name).stem}.png"
+    assert share_of_other_pixels(KEPT / file, drawn / file) <= _MOST_OTHER
+
+
+def test_one_curve_that_moved_is_found(drawn, tmp_path):
+    """A twentieth more of one divergence in Figure 5.9."""
+    file = figure_of("5.9").stem
+    table = (KEPT / f"{file}.csv").read_text().splitlines()
+    row = next(i for i, line in enumerate(table) if line.startswith("dynamics_divergence,8,MDCE S"))
+    *words, median, upper = table[row].split(",")
+    table[row] = ",".join([*words, f"{1.05 * float(median)}", upper])
+    for name, text in ((f"{file}.csv", "\n".join(table)), ("settings.yaml", None)):
+        (tmp_path / name).write_text(text or (KEPT / name).read_text())
+    (changed,) = redraw(["5.9"], tmp_path, tmp_path)
+    assert share_of_other_pixels(changed, drawn / f"{file}.png") > _MOST_OTHER
