@@ -27,7 +27,7 @@ from serd_core.grid.navigation import NO_FLOW
 from storage.quantities import counted
 
 #: Widest shaft of an arrow, in sides of its cell.
-_SLENDER = 0.07
+_SLENDER = 0.11
 
 
 def draw_visitation(
@@ -197,7 +197,7 @@ def _cell_in(axes: Axes, grid: Grid) -> float:
     """About the side of a cell of a map on paper, in inches."""
     rows, columns = grid.walkable.shape
     panel = axes.get_window_extent()
-    return float(min(panel.width / columns, panel.height / rows)) / axes.get_figure(root=True).dpi
+    return float(min(panel.width / columns, panel.height / rows)) / axes.figure.dpi
 
 
 def draw_arrows(

@@ -39,7 +39,7 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
     del study
     with style.report_style():
         figure = new_figure(11.5, 5.2)
-        axes = figure.subplot_mosaic(
+        axes: dict[str, Axes] = figure.subplot_mosaic(
             [["a", "b", "c"], ["a below", "b below", "c"]], height_ratios=[3, 1.2]
         )
         for letter, (measure, (title, label)) in zip("abc", PANELS.items(), strict=True):
@@ -78,7 +78,14 @@ def _break(above: Axes, below: Axes, panel: pd.DataFrame) -> None:
     below.set_ylim(float(panel["lower"].min()) - margin, low - margin)
     above.spines["bottom"].set_visible(False)
     above.tick_params(axis="x", length=0, labelbottom=False)
-    marks = {"marker": [(-1, -0.6), (1, 0.6)], "markersize": 9, "linestyle": "none"}
     for axes, edge in ((above, 0), (below, 1)):
-        look = {"color": style.INK, "clip_on": False, "transform": axes.transAxes}
-        axes.plot([0], [edge], **marks, **look)
+        axes.plot(
+            [0],
+            [edge],
+            marker=[(-1, -0.6), (1, 0.6)],
+            markersize=9,
+            linestyle="none",
+            color=style.INK,
+            clip_on=False,
+            transform=axes.transAxes,
+        )

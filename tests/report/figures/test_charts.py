@@ -112,7 +112,7 @@ def test_the_progress_line_is_the_objective_of_every_step() -> None:
     figure = draw_progress(trace, converged=True)
     np.testing.assert_array_equal(figure.axes[0].lines[0].get_ydata(), trace)
     np.testing.assert_array_equal(figure.axes[0].lines[0].get_xdata(), [1, 2, 3, 4])
-    assert "converged" in figure.axes[0].texts[0].get_text()
+    assert "converged" in figure.axes[0].get_title(loc="right")
 
 
 @pytest.mark.parametrize("trace", [[-1.0], [2.0, 2.0, 2.0], np.linspace(-900, -1, 500)])
