@@ -56,12 +56,13 @@ def differences(shown: Any, found: Any) -> list[str]:
 
 def main() -> int:
     """Entry point."""
+    import nbformat
+
     is_stale = False
     for path in NOTEBOOKS:
         found = executed(path)
         if "--write" in sys.argv:
-            text = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
-            path.write_text(text, encoding="utf-8")
+            nbformat.write(found, path)
             continue
         different = differences(json.loads(path.read_text(encoding="utf-8")), found)
         if different:
