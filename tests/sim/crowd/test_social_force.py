@@ -29,9 +29,9 @@ def crowd_at(model_name, position_m, goal_m, *, walls_m=FAR_WALL, speed_mps=1.34
     )
 
 
-def walk(crowd, n_steps, robot=None):
+def walk(crowd, n_steps, *robots):
     for _ in range(n_steps):
-        crowd.step(0.05, robot)
+        crowd.step(0.05, *robots)
     return np.stack([crowd.x_m, crowd.y_m], axis=1)
 
 
