@@ -32,7 +32,7 @@ class SimulatedRobot:
         on_goal: Callable[[], None],
     ) -> None:
         self.node, self.world = node, world
-        self.asked, self.begun = False, None
+        self.asked, self.begun, self._has_ever_asked = False, None, False
         self.publisher = WorldPublisher(node, world)
         self._readiness = Readiness(node, node.config.required_nodes, node.wall_s())
         self._on_ask, self._on_goal_moved = on_ask, on_goal
@@ -48,9 +48,24 @@ class SimulatedRobot:
         return self.node.count_publishers(topics.EPISODE) > 0
 
     @property
+    def is_waited_for(self) -> bool:
+        """Whether its driver is to ask before an episode begins.
+
+        Nodes of another robot may be up first, so a required driver is waited for until it has
+        asked once.
+        """
+        is_starting = any(self.node.config.required_nodes) and not self._has_ever_asked
+        return not self.asked and (is_starting or self.has_driver)
+
+    @property
     def name(self) -> str:
         """Its namespace."""
         return str(self.node.get_namespace())
+
+    @property
+    def command_topic(self) -> str:
+        """Where its commands come from, in full."""
+        return str(self.node.resolve_topic_name(topics.CMD_VEL))
 
     def begin(self, episode: EpisodeStart) -> None:
         """An episode has begun."""
@@ -60,7 +75,7 @@ class SimulatedRobot:
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         missing = self._readiness.missing(self.node.wall_s())
         if not missing and self.begun is None:
-            self.asked = True
+            self.asked = self._has_ever_asked = True
             missing = self._on_ask()
         response.success = not missing
         response.message = missing

@@ -96,10 +96,12 @@ class LockstepLoop(_Published):
 
     def _on_command(self, robot: SimulatedRobot, message: TwistStamped) -> None:
         time_ns, command = from_twist_stamped(message)
-        if self.paused or time_ns != self._awaited_ns or robot not in self._commands:
+        # A known command, of a tick that was sent again, is no answer that another robot owes.
+        is_new = self._commands.get(robot, command) is None
+        if self.paused or time_ns != self._awaited_ns or not is_new:
             return
         self._answered_wall_s = self._node.wall_s()
-        self._commands[robot] = self._commands[robot] or command
+        self._commands[robot] = command
         self._step_when_answered()
 
     def _moving(self) -> list[SimulatedRobot]:
@@ -142,8 +144,10 @@ class LockstepLoop(_Published):
         if self._awaited_ns is None or self.paused:
             return
         if now_s - self._answered_wall_s > self._node.config.lockstep_timeout_s:
+            silent = [each.command_topic for each, sent in self._commands.items() if sent is None]
             self._node.fail(
-                f"no command for the tick at {self.world.time_s:.2f} s arrived within "
+                f"no command for the tick at {self.world.time_s:.2f} s arrived on"
+                f" {', '.join(silent)} within "
                 f"lockstep_timeout_s = {self._node.config.lockstep_timeout_s:g} s; start "
                 "local_planner and a driver with lockstep:=true, or run with lockstep:=false"
             )

@@ -405,7 +405,7 @@ class WatchPageConfig(FramesConfig):
     token_file: str = setting_of(TeleopPageConfig, "token_file")
 
 
-class FoxgloveServerConfig(FramesConfig):
+class FoxgloveServerConfig(NodeConfig):
     """Parameters of foxglove_server."""
 
     address: str = setting(

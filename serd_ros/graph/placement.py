@@ -45,6 +45,11 @@ def placed_nodes(
     the nodes of one robot. namespace: in full. Paths to write, unless given for one robot, get its
     name as a folder.
     """
+    if f"{_WORLD}.robots" in given:
+        raise NodeError(
+            f"the nodes of several robots are started by robots, got {_WORLD}.robots;"
+            " write robots:=[robot1, robot2]"
+        )
     if robots:
         return _nodes_of_robots(stack, given, namespace, robots)
     shared = load_graph().namespace_remappings(stack, namespace)
@@ -63,6 +68,10 @@ def _nodes_of_robots(
         raise NodeError(
             "namespace and frame_prefix are those of the robots where robots are given; leave them"
             " out, and write robots:=[floor1/robot1, floor1/robot2]"
+        )
+    if shared := sorted(set(robots) & set(stack.nodes)):
+        raise NodeError(
+            f"names of robots must differ from those of nodes, got {', '.join(shared)}; rename them"
         )
     common = {key: value for key, value in given.items() if key.partition(".")[0] not in robots}
     world = stack_parameters(stack, common)[_WORLD] | {"robots": list(robots)}

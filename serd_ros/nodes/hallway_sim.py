@@ -33,7 +33,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
 
     def __init__(self) -> None:
         super().__init__("hallway_sim", HallwaySimConfig)
-        names = [full_namespace(name) for name in self.config.robots if name]
+        names = [name for each in self.config.robots if (name := full_namespace(each))]
         self._require_distinct(names)
         scenario = load_scenario(self.config.scenario)
         if self.config.people >= 0:
@@ -78,10 +78,10 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
             return
         self._begin_episode()
         scenario = self._world.worlds[0].scenario
-        names = ", ".join(f"{each.name.rstrip('/')}/{topics.CMD_VEL}" for each in self._robots)
+        names = ", ".join(each.command_topic for each in self._robots)
         self.get_logger().info(
             f"{scenario.name} with {scenario.pedestrians.count} people, seed {self.config.seed};"
-            f" robots follow {names}"
+            f" commands come from {names}"
         )
 
     def close(self) -> None:
@@ -91,7 +91,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
     def _begin_when_all_asked(self) -> str:
         """What an episode waits for; empty where it has begun."""
         missing = self._clock_readiness.missing(self.wall_s())
-        others = [each for each in self._robots if not each.asked and each.has_driver]
+        others = [each for each in self._robots if each.is_waited_for]
         if others:
             self._look()
             return f"the driver of {', '.join(each.name for each in others)}"

@@ -122,6 +122,7 @@ def node_in_process(
                 yield NodeInProcess(node)
             finally:
                 node.close()
-                node.destroy_node()
+                for each in (*node.companions, node):
+                    each.destroy_node()
         finally:
             rclpy.try_shutdown()

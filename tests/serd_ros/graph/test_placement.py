@@ -74,6 +74,7 @@ def test_robots_write_to_folders_of_their_own():
         ("live", {}, {"namespace": "/fleet"}, "namespace and frame_prefix are those of the robots"),
         ("live", {"frame_prefix": "a/"}, {}, "namespace and frame_prefix are those of the robots"),
         ("live", {"robot1.hallway_sim.seed": 3}, {}, "of hallway_sim, which all robots share"),
+        ("live", {"hallway_sim.robots": ["a"]}, {}, "got hallway_sim.robots; write robots:="),
         ("live", {"robot1.sede": 3}, {}, "did you mean 'seed'"),
         ("live", {"robot3.seed": 3}, {}, "'robot3.seed' names no node of this stack"),
     ],
@@ -81,3 +82,13 @@ def test_robots_write_to_folders_of_their_own():
 def test_what_robots_in_one_world_cannot_have_is_refused(stack, given, options, sentence):
     with pytest.raises(NodeError, match=sentence):
         placed(stack, given, robots=ROBOTS, **options)
+
+
+def test_nodes_of_robots_are_not_started_by_a_parameter_of_the_simulator_alone():
+    with pytest.raises(NodeError, match=r"write robots:=\[robot1, robot2\]"):
+        placed("live", {"hallway_sim.robots": ["robot1"]})
+
+
+def test_a_robot_with_the_name_of_a_node_is_refused():
+    with pytest.raises(NodeError, match="must differ from those of nodes, got guard"):
+        placed("live", {}, robots=("guard", "robot2"))
