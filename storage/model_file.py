@@ -17,10 +17,11 @@ from pydantic import (
 )
 
 from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrival.crossing_chain import Kind
 from serd_core.bayes.draws import PosteriorDraws
 from serd_core.grid.density import DENSITY_MODEL_NAMES
 from serd_core.grid.grid import Grid, Outcome
-from serd_core.grid.navigation import NavigationProblem
+from serd_core.grid.navigation import MODEL_NAMES, WAITING, NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from storage.errors import FileError
 from storage.files import atomic_write_text
@@ -98,6 +99,13 @@ class ModelType(StrictModel):
     drawn_weights: tuple[tuple[float, ...], ...] = ()
 
 
+#: Of mean times in cells.
+CROSSING_COVARIATES = (
+    "intercept", "against_flow", "across_flow", "turning", "first", "people_pm2",
+)  # fmt: skip
+_Count = Annotated[int, Field(ge=0)]
+
+
 class CrossingTimes(StrictModel):
     """How long a robot that drives with a look-ahead takes to leave a cell (docs/arrival.md).
 
@@ -113,9 +121,23 @@ class CrossingTimes(StrictModel):
     pace_variance: float = Field(gt=0)
     people_pm2: tuple[float, float]
     mean_people_pm2: float = Field(ge=0)
-    left_towards: dict[str, tuple[int, int, int, int]]
+    left_towards: dict[str, tuple[_Count, _Count, _Count, _Count]]
     n_crossings: int = Field(ge=1)
     n_episodes: int = Field(ge=1)
+
+    @model_validator(mode="after")
+    def _complete(self) -> "CrossingTimes":
+        for name, wanted in (
+            ("coefficients", CROSSING_COVARIATES),
+            ("dispersion", tuple(kind.value for kind in Kind)),
+            ("left_towards", MODEL_NAMES[:WAITING]),
+        ):
+            found = getattr(self, name)
+            if set(found) != set(wanted):
+                raise ValueError(f"{name} must have {', '.join(wanted)}, got {', '.join(found)}")
+        if not 0 <= self.people_pm2[0] <= self.people_pm2[1]:
+            raise ValueError(f"people_pm2 must ascend from at least 0, got {self.people_pm2}")
+        return self
 
 
 class FitRecord(StrictModel):

@@ -8,13 +8,12 @@ end of the episode.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass
-from enum import Enum
 from pathlib import Path
 
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.arrival.crossing_chain import direction_of_move
+from serd_core.arrival.crossing_chain import Kind, direction_of_move
 from serd_core.demonstrations.crossings import cell_crossings
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Grid, Outcome
@@ -28,14 +27,6 @@ HYSTERESIS = 0.1
 FLOWS = MODEL_NAMES[:WAITING]
 LEAVING = tuple(outcome.name.lower() for outcome in Outcome if outcome is not Outcome.STAY)
 _TOLERANCE_S = 1e-6
-
-
-class Kind(Enum):
-    """How a cell was left: as it was entered, in another direction, or as the first one."""
-
-    STRAIGHT = "straight"
-    TURNING = "turning"
-    FIRST = "first"
 
 
 @dataclass(frozen=True)

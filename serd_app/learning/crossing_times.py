@@ -10,24 +10,28 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_app.demonstrations.crossing_table import FLOWS, LEAVING, Crossing, Kind, load_crossings
+from serd_app.demonstrations.crossing_table import FLOWS, LEAVING, Crossing, load_crossings
 from serd_app.errors import AppError
 from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrival.crossing_chain import Kind
 from serd_core.arrival.dwell_times import DwellModel, Pace, fit_dwell_times
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import MODEL_NAMES
+from storage.model_file import CROSSING_COVARIATES as COVARIATES
 from storage.model_file import CrossingTimes
 from storage.quantities import counted
 
 #: Fewest episodes from which the differences between drives are estimated.
 FEWEST_EPISODES = 3
-COVARIATES = ("intercept", "against_flow", "across_flow", "turning", "first", "people_pm2")
 _KINDS = tuple(kind.value for kind in Kind)
 
 
 def load_times(paths: Sequence[Path]) -> tuple[CrossingTimes, ...]:
     """The law of each look-ahead in tables of crossings; AppError where there are too few."""
+    twice = [path for path, n in Counter(path.resolve() for path in paths).items() if n > 1]
+    if twice:
+        raise AppError(f"--times must name each table once, got {twice[0]} twice; leave out one")
     tables = [load_crossings(path) for path in paths]
     ahead = sorted({row.lookahead_cells for table in tables for row in table})
     if paths and not ahead:

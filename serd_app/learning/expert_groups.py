@@ -13,14 +13,13 @@ from serd_app.learning.settings import LearningSettings
 from serd_core.arrays import IntArray
 from serd_core.bayes.draws import N_DRAWS
 from serd_core.dynamics.covariate_models import CovariateModels
-from serd_core.errors import SerdError
 from serd_core.mixtures.expert_types import (
     MOST_TYPES,
     ExpertTypes,
     choose_expert_types,
     fit_mixtures,
 )
-from serd_core.mixtures.pace import pace_of_types
+from serd_core.mixtures.pace import has_enough_times, pace_of_types
 from storage.model_file import ModelType, model_of_fit
 
 Wanted = int | Literal["auto"]
@@ -120,11 +119,9 @@ def _types_of(
     labels = decisions.episode if experts is None else experts
     type_of = found.type_of_unit[np.searchsorted(found.units, labels)]
     names = found.objective.problem.feature_names
-    try:
+    factors = [None] * found.n_types
+    if has_enough_times(decisions):
         factors = pace_of_types(found, decisions, experts).factors.tolist()
-    except SerdError:
-        # Episodes too short to measure it.
-        factors = [None] * found.n_types
     return tuple(
         ModelType(
             share=float(found.shares[number]),

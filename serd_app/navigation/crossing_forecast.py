@@ -11,7 +11,7 @@ from math import ceil
 
 import numpy as np
 
-from serd_app.demonstrations.crossing_table import Kind, people_per_m2
+from serd_app.demonstrations.crossing_table import people_per_m2
 from serd_app.learning.crossing_times import dwell_model, mean_and_kind, pace_of_a_drive
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.chain import ArrivalByState
@@ -19,6 +19,7 @@ from serd_core.arrival.crossing_chain import (
     N_CLASSES,
     N_DIRECTIONS,
     CrossingMoves,
+    Kind,
     cdf_after_first_moves,
     crossing_chain,
 )
@@ -30,6 +31,8 @@ from serd_core.grid.navigation import MODEL_NAMES, WAITING, NavigationProblem
 from storage.model_file import CrossingTimes
 
 STEP_S = 0.2
+#: Share of the first cell from the start to its border, on average over starts all over the cell.
+_WAY_OF_START = 0.5
 _TAIL = 1e-9
 
 
@@ -74,7 +77,8 @@ class CrossingForecast:
         """Of a robot on its way, at a point of a cell.
 
         entered: the direction in which it came in, WAIT in the first cell of an episode. The time
-        until it leaves the cell is in proportion to the way that is left in it.
+        until it leaves the cell is in proportion to the way that is left in it, and times in first
+        cells are those of `_WAY_OF_START`.
         """
         moves, rows = self.moves, []
         here = np.flatnonzero(moves.state == state)
@@ -82,9 +86,9 @@ class CrossingForecast:
         for number, move in enumerate(here.tolist()):
             direction, model = int(moves.direction[move]), int(moves.model[move])
             kind = Kind.STRAIGHT if direction == entered else Kind.TURNING
-            if entered == Action.WAIT:
-                kind = Kind.FIRST
             left = self._way_left(state, direction, x_m, y_m)
+            if entered == Action.WAIT:
+                kind, left = Kind.FIRST, left / _WAY_OF_START
             rows.append(self._mass(model, kind, left))
             own_class[move] = number
         share = np.zeros(len(moves.goal))
@@ -103,7 +107,7 @@ class CrossingForecast:
         return paced_law(law, pace_of_a_drive(self.times))
 
     def _mass(self, model: int, kind: Kind, share: float = 1.0) -> FloatArray:
-        """(J,) of a class of moves, without the tail; share: of the cell that is still ahead."""
+        """(J,) of a class of moves, without the tail; share: of their mean."""
         mean_s, place = mean_and_kind(self.times, MODEL_NAMES[model], kind, self._people_pm2)
         law = dwell_model(self.times).mass(share * mean_s, place, STEP_S, self._n_steps)[0]
         return np.asarray(law[: int(np.searchsorted(np.cumsum(law), 1.0 - _TAIL)) + 1])

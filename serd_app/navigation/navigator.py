@@ -163,7 +163,7 @@ class Navigator:
             state, self._way.entered, observation.x_m, observation.y_m
         )
 
-    def _followed(self, state: int) -> "_Way":
+    def _followed(self, state: int) -> _Way:
         """The way so far with the cell of this decision; it begins anew off the grid."""
         before = self._way.state
         if state < 0 or before < 0:

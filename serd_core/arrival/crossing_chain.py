@@ -11,6 +11,7 @@ and the direction in which it was entered, index 4 s + direction - 1. The class 
 """
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
@@ -23,6 +24,14 @@ from serd_core.grid.navigation import WAITING, NavigationProblem, model_of_actio
 #: Directions in which a cell is entered, and classes of moves.
 N_DIRECTIONS = 4
 N_CLASSES = 2 * WAITING
+
+
+class Kind(Enum):
+    """How a cell was left: as it was entered, in another direction, or as the first one."""
+
+    STRAIGHT = "straight"
+    TURNING = "turning"
+    FIRST = "first"
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,6 +71,11 @@ def pace_of_types(
     return TypePaces(units, tuple(_mean_pace(means, variances, types.responsibilities)), fitted)
 
 
+def has_enough_times(decisions: Decisions) -> bool:
+    """Whether enough cells were left for `pace_of_types`."""
+    return len(times_in_cells(decisions)[1]) >= FEWEST_TIMES
+
+
 def times_in_cells(decisions: Decisions) -> tuple[IntArray, FloatArray]:
     """(n,) rows of the decisions that left a cell, and (n,) seconds since it was entered.
 

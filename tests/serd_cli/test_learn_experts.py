@@ -17,6 +17,7 @@ from serd_app.learning.recipe import learn
 from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.strategy import load_strategy
 from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.errors import SerdError
 from serd_core.mixtures.rand_index import adjusted_rand_index
 from serd_core.policies.solved_policy import soft_policy
 from sim.scenario.grid import grid_of, navigation_problem_of, start_states_of
@@ -205,3 +206,13 @@ def test_wrong_options_are_named(serd, table, options, message):
     ended = serd("learn", table, *options, "--output", table.parent / "wrong.yaml")
     assert ended.code == 2
     assert message in ended.err
+
+
+def test_a_fault_in_paces_is_not_taken_for_short_episodes(table, monkeypatch):
+    def fail(*_):
+        raise SerdError("the fit of paces must converge")
+
+    monkeypatch.setattr("serd_app.learning.expert_groups.pace_of_types", fail)
+    files = read_learning_files(table, discount=0.99)
+    with pytest.raises(SerdError, match="the fit of paces must converge"):
+        learn_groups(files.task, files.demonstrations, LearningSettings(), 1)

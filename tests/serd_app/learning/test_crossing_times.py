@@ -100,3 +100,10 @@ def test_too_few_drives_are_refused(tmp_path):
     save_crossings(tmp_path / "none.csv", [])
     with pytest.raises(AppError, match=r"must hold crossings, got none in .*none\.csv"):
         load_times([tmp_path / "none.csv"])
+
+
+def test_a_table_that_is_named_twice_is_rejected(tmp_path):
+    path = tmp_path / "crossings.csv"
+    save_crossings(path, drives(5))
+    with pytest.raises(AppError, match="--times must name each table once, got"):
+        load_times([path, tmp_path / "." / "crossings.csv"])

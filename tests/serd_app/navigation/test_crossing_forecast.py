@@ -13,12 +13,12 @@ from storage.model_file import CrossingTimes, load_model
 from tests.support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
-#: A second per cell without spread, and only forward.
+#: A second per cell and half of one from the centre of the first, without spread, only forward.
 STEADY = CrossingTimes(
     lookahead_cells=3,
     coefficients={
         "intercept": 0.0, "against_flow": 0.0, "across_flow": 0.0, "turning": 0.0,
-        "first": 0.0, "people_pm2": 2.0,
+        "first": -np.log(2.0), "people_pm2": 2.0,
     },
     dispersion={"straight": 1e-4, "turning": 1e-4, "first": 1e-4},
     pace_variance=1e-6,
@@ -43,12 +43,12 @@ def strategy_of(save_model_of):
     return load
 
 
-def test_a_steady_robot_arrives_after_as_many_seconds_as_cells(strategy_of):
+def test_a_steady_robot_arrives_after_a_second_per_cell(strategy_of):
     found = strategy_of()
     state = found.problem.grid.state_at(0.5, 0.5)
     n_moves = len(found.intended_path_m(state)) - 1
     law = found.law_from(np.eye(found.problem.grid.n_states)[state])
-    assert law.quantile_s(0.5) == pytest.approx(n_moves, abs=0.4)
+    assert law.quantile_s(0.5) == pytest.approx(n_moves - 0.5, abs=0.4)
     assert law.quantile_s(0.95) - law.quantile_s(0.05) < 1.5
     assert law.arrival_probability == pytest.approx(1.0)
     assert found.arrival.cdf[-1, state] == pytest.approx(1.0)
@@ -109,3 +109,28 @@ def test_crossing_times_are_in_the_file_only_where_there_are_some(save_model_of)
     assert "crossing_times" not in plain.read_text()
     with pytest.raises(ValidationError, match="must have each lookahead_cells once, got"):
         save_model_of(crossing_times=(STEADY, STEADY))
+
+
+def test_the_forecast_at_the_start_is_that_of_the_episode(strategy_of):
+    steady = {**STEADY.coefficients, "first": 1.0}
+    found = strategy_of(coefficients=steady).crossings
+    grid = found.problem.grid
+    state = grid.state_at(4.5, 2.5)
+    at_start = found.from_start(np.eye(grid.n_states)[state])
+    here = found.from_pose(state, Action.WAIT, *grid.centers_m[state])
+    np.testing.assert_allclose(here.cdf, at_start.cdf, atol=1e-12)
+    assert here.quantile_s(0.5) > found.from_pose(state, Action.WAIT, 4.5, 2.9).quantile_s(0.5)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"dispersion": {"straight": 0.1}}, "dispersion must have straight, turning, first, got"),
+        ({"coefficients": {"intercept": 0.0}}, "coefficients must have intercept, against_flow"),
+        ({"left_towards": {}}, "left_towards must have with_flow, against_flow, across_flow, got"),
+        ({"people_pm2": (0.2, 0.1)}, "people_pm2 must ascend from at least 0, got"),
+    ],
+)
+def test_a_law_with_something_missing_is_rejected(change, sentence):
+    with pytest.raises(ValidationError, match=sentence):
+        CrossingTimes.model_validate({**STEADY.model_dump(), **change})

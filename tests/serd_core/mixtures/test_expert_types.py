@@ -14,7 +14,7 @@ from serd_core.mixtures.expert_types import (
     choose_expert_types,
     fit_expert_types,
 )
-from serd_core.mixtures.pace import pace_of_types, times_in_cells
+from serd_core.mixtures.pace import has_enough_times, pace_of_types, times_in_cells
 from serd_core.mixtures.rand_index import adjusted_rand_index
 from serd_core.posterior.beliefs import BeliefAroundTruth
 
@@ -193,3 +193,11 @@ def test_bad_arguments_are_named(known):
         EmSettings(n_starts=0)
     with pytest.raises(SerdError, match="at least 2 labels, got 1"):
         adjusted_rand_index([0], [0])
+
+
+def test_paces_are_measured_where_there_are_enough_times(known, choice):
+    few = known.decisions.select(np.arange(3))
+    assert has_enough_times(known.decisions)
+    assert not has_enough_times(few)
+    with pytest.raises(SerdError, match="must show at least 10 times in cells, got"):
+        pace_of_types(choice.chosen, few)
