@@ -34,7 +34,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
     def __init__(self) -> None:
         super().__init__("hallway_sim", HallwaySimConfig)
         names = [name for each in self.config.robots if (name := full_namespace(each))]
-        self._require_distinct(names)
+        self._check_names(names)
         scenario = load_scenario(self.config.scenario)
         if self.config.people >= 0:
             scenario = scenario.with_pedestrian_count(self.config.people)
@@ -56,9 +56,14 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         self.create_service(SetBool, topics.PAUSE, self._on_pause)
         OtherClocks(self, lambda: self._clock.n_sent, self._begin_live)
 
-    def _require_distinct(self, names: list[str]) -> None:
+    def _check_names(self, names: list[str]) -> None:
         if len(set(names)) < len(names):
             raise NodeError(f"robots must be different names, got {', '.join(names)}; rename one")
+        if names and self.get_namespace() != "/":
+            raise NodeError(
+                "where robots are given, hallway_sim must have no namespace, got"
+                f" {self.get_namespace()}; write it before the name of each robot"
+            )
         if names and self.frames.prefix:
             raise NodeError(
                 "frame_prefix must be empty where robots are given, each of which has its own, got"

@@ -83,6 +83,7 @@ def test_a_robot_without_an_answer_is_named_though_another_one_repeats_its_own(c
         (["a", "/a"], {}, "robots must be different names, got /a, /a"),
         (["a b"], {}, "namespace must be letters, digits, _ and /"),
         (["a"], {"frame_prefix": "b/"}, "frame_prefix must be empty where robots are given"),
+        (["a"], {"remappings": ["__ns:=/fleet"]}, "must have no namespace, got /fleet"),
     ],
 )
 def test_names_that_robots_cannot_have_are_refused(robots, options, sentence):
