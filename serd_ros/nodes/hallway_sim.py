@@ -20,6 +20,7 @@ from serd_ros.graph.readiness import Readiness
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from sim.episodes.result import EpisodeStart
+from sim.errors import SimError
 from sim.scenario.goal import with_goal
 from sim.scenario.scenario import load_scenario
 from sim.world.shared_world import SharedWorld
@@ -81,7 +82,8 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         """Begin the first episode, which no driver asks for."""
         if self.config.lockstep or self._next_episode:
             return
-        self._begin_episode()
+        if self._begin_episode():
+            return
         scenario = self._world.worlds[0].scenario
         names = ", ".join(each.command_topic for each in self._robots)
         self.get_logger().info(
@@ -100,14 +102,17 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         if others:
             self._look()
             return f"the driver of {', '.join(each.name for each in others)}"
-        if not missing:
-            self._begin_episode()
-        return missing
+        return missing or self._begin_episode()
 
-    def _begin_episode(self) -> None:
+    def _begin_episode(self) -> str:
+        """Begin the next episode; why there can be none, which ends the node, else empty."""
         episode = self._next_episode
+        try:
+            self._world.reset(episode, self.config.start_area)
+        except SimError as error:
+            self.fail(str(error))
+            return str(error)
         self._next_episode += 1
-        self._world.reset(episode, self.config.start_area)
         start = EpisodeStart(
             episode=episode,
             seed=self.config.seed,
@@ -117,6 +122,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         for robot in self._robots:
             robot.begin(start)
         self._loop.begin()
+        return ""
 
     def _look(self) -> None:
         self._loop.look()

@@ -11,6 +11,7 @@ from serd_ros.convert.command import to_twist_stamped
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.errors import NodeError
 from serd_ros.graph.readiness import PATIENCE_S
+from serd_ros.process.serd_node import BAD_INPUT
 from sim.world.command import Command
 from support.nodes_in_process import NodeInProcess, node_in_process
 from support.waiting import wait_until
@@ -75,6 +76,20 @@ def test_a_robot_without_an_answer_is_named_though_another_one_repeats_its_own(c
         assert "arrived on /robot2/cmd_vel within lockstep_timeout_s = 10 s" in (
             capsys.readouterr().err
         )
+
+
+@pytest.mark.parametrize("lockstep", [True, False])
+def test_a_start_area_without_room_for_all_robots_ends_the_node(lockstep, capsys):
+    robots = [f"robot{number}" for number in range(25)]
+    with node_in_process("hallway_sim", robots=robots, lockstep=lockstep, people=0) as running:
+        if lockstep:
+            success, message = ask(NodeInProcess(running.node.companions[0]))
+            assert not success
+            assert "start fewer robots" in message
+        else:
+            running.call_timers()
+        assert running.node.finished.result() == BAD_INPUT
+        assert "hallway_sim: start area 'train' must have room" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
