@@ -95,7 +95,7 @@ class Strategy:
 
     @cached_property
     def crossings(self) -> CrossingForecast | None:
-        """The prediction by crossing times; None where there are none."""
+        """The prediction by crossing times, at the mean of the draws; None where there are none."""
         if self.times is None:
             return None
         table = leaving_outcomes(self.times, self.outcome_draws.mean(axis=0))
