@@ -14,6 +14,7 @@ from serd_ros.convert.command import to_joy
 from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
 from serd_ros.episodes.hand_driver import HandDriverNode
+from serd_ros.episodes.learned_overlay import LearnedOverlay
 from serd_ros.episodes.page_view import PageView, episode_values
 from serd_ros.graph.configs import TeleopPageConfig
 from serd_ros.process.run_node import run_node
@@ -42,6 +43,7 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
 
     def __init__(self) -> None:
         self._server: PageServer | None = None
+        self._overlay: LearnedOverlay | None = None
         super().__init__("teleop_page", TeleopPageConfig)
         config = self.config
         self._heard_s: float | None = None
@@ -52,10 +54,13 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
         access = PageAccess(config.address, read_token(config.token_file))
         scene = scene_of(self.scenario, self._view.grid)
         self._server = PageServer(scene, access, config.port)
+        self._overlay = LearnedOverlay(self, self.scenario, self._server)
         self.get_logger().info(f"the page is at {self._server.url}")
 
     def close(self) -> None:
         """End the server."""
+        if self._overlay is not None:
+            self._overlay.close()
         if self._server is not None:
             self._server.close()
 
@@ -72,7 +77,7 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
 
     def attend(self) -> bool:
         """Take the page's requests and send it the present state."""
-        if self._server is None:
+        if self._server is None or self._overlay is None:
             return False
         if self._heard_s is not None and not self._is_there():
             # The mux has stopped the robot. What waits now was held before: it counts anew.
@@ -81,6 +86,7 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
         for request in self._server.take():
             self._obey(request)
         there = self._is_there()
+        self._overlay.send()
         self._server.show(self._state(self._server, there=there))
         return there
 

@@ -5,6 +5,7 @@ It subscribes and serves the page; it publishes nothing but its own health and d
 
 import sys
 
+from serd_ros.episodes.learned_overlay import LearnedOverlay
 from serd_ros.episodes.page_view import WatchView
 from serd_ros.graph.configs import WatchPageConfig
 from serd_ros.process.run_node import run_node
@@ -29,15 +30,18 @@ class WatchPageNode(SerdNode[WatchPageConfig]):
         scene = watched_scene_of(scenario, self._view.grid)
         self._server = PageServer(scene, access, config.port)
         self._view.subscribe(self)
+        self._overlay = LearnedOverlay(self, scenario, self._server)
         self.create_timer(_PERIOD_S, self._show, clock=self.wall_clock)
         self.get_logger().info(f"the page is at {self._server.url}")
 
     def close(self) -> None:
         """End the server."""
+        self._overlay.close()
         self._server.close()
 
     def _show(self) -> None:
         self._server.take()  # a page that only watches has nothing to request
+        self._overlay.send()
         self._server.show(self._view.watched_state(self.wall_s()))
 
 

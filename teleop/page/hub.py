@@ -84,6 +84,7 @@ class Hub:
         self.requests: queue.SimpleQueue[PageRequest] = queue.SimpleQueue()
         self.driving: int | None = None
         self._scene, self._clock = scene, clock
+        self._overlay: str | None = None
         self._lease = Lease()
         self._pages: dict[int, OpenPage] = {}
         self._numbers = count(1)
@@ -91,7 +92,8 @@ class Hub:
     def open(self) -> OpenPage:
         """Register a new page."""
         number = next(self._numbers)
-        page = OpenPage(number, [_message("hello", page=number), self._scene])
+        overlays = [] if self._overlay is None else [self._overlay]
+        page = OpenPage(number, [_message("hello", page=number), self._scene, *overlays])
         self._pages[number] = page
         return page
 
@@ -125,6 +127,12 @@ class Hub:
         self._update_driver()
         for page in self._pages.values():
             page.set_state(state)
+
+    def send_overlay(self, overlay: str) -> None:
+        """Send the layers of the newest model to all pages, and to those opened later."""
+        self._overlay = overlay
+        for page in self._pages.values():
+            page.queue(overlay)
 
     def send_notice(self, text: str) -> None:
         """Send a notice to all pages."""

@@ -157,6 +157,11 @@ class PageServer:
         text = json.dumps(state, allow_nan=False)
         self._loop.call_soon_threadsafe(self._hub.send_state, text)
 
+    def show_overlay(self, overlay: Mapping[str, Any]) -> None:
+        """Send the layers of the newest model to all pages, and to those opened later."""
+        text = json.dumps(overlay, allow_nan=False)
+        self._loop.call_soon_threadsafe(self._hub.send_overlay, text)
+
     def notify(self, text: str) -> None:
         """Send a notice to all pages."""
         self._loop.call_soon_threadsafe(self._hub.send_notice, text)

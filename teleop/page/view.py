@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from serd_app.navigation.overlay import ModelOverlay
 from serd_core.grid.grid import Action, Grid
 from sim.crowd.social_force import model_named
 from sim.scenario.scenario import Scenario
@@ -55,6 +56,52 @@ def world_state(
         "people": np.round(people, _CENTIMETRES).tolist(),
         "scan_m": None if ranges_m is None else scan_values(ranges_m),
     }
+
+
+def overlay_message(overlay: ModelOverlay) -> dict[str, Any]:
+    """The layers of a learned model that a page can draw, each with a value per cell.
+
+    shades: from 0 to 1 of `low` to `high`, None for a cell without a value; labels: the value.
+    """
+    slowest_s = float(np.nanmax(overlay.median_s, initial=0.0))
+    never = np.isnan(overlay.median_s).any()
+    by_model = [
+        f"{name.replace('_', ' ')} {100.0 * each:.0f} %"
+        for name, each in overlay.forward_by_model.items()
+    ]
+    return {
+        "type": "overlay",
+        "policy": {
+            "title": "Learned policy",
+            "note": "dot: waits",
+            "directions": overlay.directions.tolist(),
+        },
+        "arrival": {
+            "title": "Predicted seconds until half of all drives arrive",
+            "note": "×: fewer arrive before the time-out" if never else "",
+            "low": "0 s",
+            "high": f"{slowest_s:.0f} s",
+            "shades": _shades(overlay.median_s / max(slowest_s, 1.0)),
+            "labels": _labels(overlay.median_s, "×"),
+        },
+        "dynamics": {
+            "title": "Probability (%) that a move of the policy goes forward",
+            "note": f"all moves: {', '.join(by_model)}",
+            "low": "0 %",
+            "high": "100 %",
+            "shades": _shades(overlay.forward),
+            "labels": _labels(100.0 * overlay.forward, ""),
+        },
+    }
+
+
+def _shades(shares: NDArray[np.float64]) -> list[float | None]:
+    return [None if np.isnan(share) else round(share, 2) for share in shares.tolist()]
+
+
+def _labels(values: NDArray[np.float64], without: str) -> list[str]:
+    """Whole numbers; without: in place of NaN."""
+    return [without if np.isnan(value) else f"{value:.0f}" for value in values.tolist()]
 
 
 def scan_values(ranges_m: NDArray[np.float32]) -> list[float]:

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 from aiohttp import ClientSession
+from std_msgs.msg import String
 
+from serd_ros.endpoints import qos
 from support.processes import read_json_object
 from support.waiting import PATIENCE_S
 
@@ -29,6 +31,18 @@ def running(environment, folder, *words):
         finally:
             process.send_signal(signal.SIGINT)
             process.stdout.read()
+
+
+async def first_layers(url):
+    """The layers of a learned model, as soon as they come."""
+    async with ClientSession() as session:
+        origin = {"Origin": url.rstrip("/")}
+        async with session.ws_connect(f"{url}socket", headers=origin) as socket:
+            async for message in socket:
+                values = json.loads(message.data)
+                if values["type"] == "overlay":
+                    return values
+    raise AssertionError("the page's server ended")
 
 
 async def first_states(url, wanted):
@@ -74,4 +88,22 @@ def test_the_page_follows_a_stack_and_its_node_publishes_no_command(
         own = {f"{namespace}/diagnostics", "/rosout", "/parameter_events"}
         assert {name for name, _ in found} <= own
         assert probe.node.get_client_names_and_types_by_node(*node) == []
+    assert watch.returncode == 0
+
+
+def test_the_page_has_the_layers_of_the_newest_model_of_a_learner_and_a_bad_one_changes_nothing(
+    probe, ros_env, tmp_path, save_model_of
+):
+    text = save_model_of().read_text()
+    with running(ros_env, tmp_path, "watch", "--port", "0", "--json") as watch:
+        url = read_json_object(watch.stdout)["url"]
+        models = probe.node.create_publisher(String, "model", qos.LATCHED)
+        probe.spin_until(models.get_subscription_count)
+        models.publish(String(data=text))
+        layers = asyncio.run(asyncio.wait_for(first_layers(url), PATIENCE_S))
+        assert len(layers["arrival"]["labels"]) == len(layers["policy"]["directions"])
+        assert "with flow 90 %" in layers["dynamics"]["note"]
+        for bad in (text.replace("discount: 0.99", "discount: 7"), "scenario: hallway", "]"):
+            models.publish(String(data=bad))
+        assert asyncio.run(asyncio.wait_for(first_layers(url), PATIENCE_S)) == layers
     assert watch.returncode == 0

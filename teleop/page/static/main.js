@@ -2,12 +2,14 @@
 
 import { Controls } from "./controls.js";
 import { Link } from "./link.js";
+import { Overlay } from "./overlay.js";
 import { Panel } from "./panel.js";
 import { Replay } from "./replay.js";
 import { View } from "./view.js";
 
 const panel = new Panel();
 const view = new View(document.getElementById("view"));
+const overlay = new Overlay(view, press);
 let ownPage = 0;
 let state = null;
 let lastNumber = null;
@@ -18,11 +20,13 @@ let replay = null;
 const handlers = {
   hello: (message) => { ownPage = message.page; },
   scene: (message) => {
+    overlay.take(null);
     view.setScene(message);
     document.getElementById("scene-name").textContent = message.name;
     if (message.watch) watch(message);
     else controls ??= new Controls({ link, actions, pad: document.getElementById("pad") });
   },
+  overlay: (message) => overlay.take(message),
   notice: (message) => panel.addNotice(message.text),
   state: (message) => {
     state = message;
@@ -74,13 +78,13 @@ const actions = {
 };
 const setMode = (mode) => link.send({ type: "mode", mode });
 
-for (const name of ["start", "save", "discard"]) press(name, actions[name]);
-for (const mode of ["directions", "velocity"]) press(mode, () => setMode(mode));
-press("stop", () => (isStopped() ? releaseByClick() : actions.stop()));
+const part = (id) => document.getElementById(id);
+for (const name of ["start", "save", "discard"]) press(part(name), actions[name]);
+for (const mode of ["directions", "velocity"]) press(part(mode), () => setMode(mode));
+press(part("stop"), () => (isStopped() ? releaseByClick() : actions.stop()));
 
 // After a click by pointer, which gives the focus, Enter is the driver's key again; a click by key keeps it.
-function press(id, act) {
-  const button = document.getElementById(id);
+function press(button, act) {
   button.addEventListener("click", (event) => {
     act();
     if (event.detail) button.blur();

@@ -4,7 +4,7 @@ import { Brush } from "./brush.js";
 
 const NAMES = [
   "floor", "wall", "grid", "goal", "goalLine", "start", "person", "personNose", "robot", "nose", "trail",
-  "seen", "scan", "next", "chosen", "text", "teaches",
+  "seen", "scan", "next", "chosen", "text", "teaches", "layer", "arrow",
 ];
 let COLOURS = colours();
 
@@ -14,6 +14,8 @@ function colours() {
   return Object.fromEntries(NAMES.map((name) => [name, style.getPropertyValue(`--view-${name}`).trim()]));
 }
 
+// Cells that are smaller have no numbers.
+const LABELLED_PX = 20;
 const TRAIL_STEP_M = 0.08;
 const STEPS = { north: [0, 1], east: [1, 0], south: [0, -1], west: [-1, 0] };
 
@@ -33,6 +35,12 @@ export class View extends Brush {
     this.cells = new Map(scene.cells_m.map((cell) => [this.cellKey(cell), cell]));
     this.trail = [];
     this.fit();
+  }
+
+  // A layer of the learned model, null for none.
+  setLayer(layer) {
+    this.layer = layer;
+    this.draw();
   }
 
   clearTrail() { this.trail = []; }
@@ -62,6 +70,7 @@ export class View extends Brush {
     if (!this.scene || !this.scale) return;
     this.clear();
     this.drawFloor();
+    if (this.layer) this.drawLayer(this.layer);
     this.drawWalls();
     if (this.state?.world) this.drawWorld(this.state);
   }
@@ -77,6 +86,49 @@ export class View extends Brush {
     context.lineWidth = 1;
     for (const cell of scene.cells_m) context.strokeRect(...this.square(cell, scene.cell_size_m));
     this.label("goal", centre(scene.goal_m), COLOURS.text);
+  }
+
+  drawLayer({ shades, labels, directions }) {
+    this.scene.cells_m.forEach((cell, index) => {
+      if (directions) this.drawArrow(cell, directions[index]);
+      else this.drawValue(cell, shades[index], labels[index]);
+    });
+  }
+
+  drawValue(cell, shade, label) {
+    const { context, scene } = this;
+    if (shade !== null) {
+      context.fillStyle = `rgb(${COLOURS.layer} / ${0.04 + 0.6 * shade})`;
+      context.fillRect(...this.square(cell, scene.cell_size_m));
+    }
+    const side = this.scale * scene.cell_size_m;
+    if (shade !== null && side < LABELLED_PX) return;
+    context.fillStyle = COLOURS.arrow;
+    context.font = `${Math.min(11, 0.9 * side)}px system-ui, sans-serif`;
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.fillText(label, ...this.at(cell));
+  }
+
+  drawArrow([x, y], [east, north]) {
+    const { context } = this;
+    const half = 0.3 * this.scene.cell_size_m;
+    if (!east && !north) {
+      this.disc([x, y], 0.25 * half, COLOURS.arrow);
+      return;
+    }
+    // Along the arrow and to its side, in shares of its half length.
+    const place = (along, side) => this.at([x + half * (along * east - side * north), y + half * (along * north + side * east)]);
+    context.beginPath();
+    context.moveTo(...place(-1, 0));
+    context.lineTo(...place(1, 0));
+    context.moveTo(...place(0.35, 0.5));
+    context.lineTo(...place(1, 0));
+    context.lineTo(...place(0.35, -0.5));
+    context.strokeStyle = COLOURS.arrow;
+    context.lineWidth = Math.min(2, Math.max(1, 0.05 * this.scale));
+    context.lineJoin = context.lineCap = "round";
+    context.stroke();
   }
 
   drawWorld(state) {

@@ -12,6 +12,8 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
+from serd_app.navigation.overlay import overlay_of
+from serd_app.navigation.strategy import load_strategy
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from support.browser import needs_chromium, start_chromium
@@ -20,7 +22,7 @@ from support.waiting import wait_until
 from teleop.page.access import PageAccess
 from teleop.page.requests import EmergencyStop, Episode, Hold, Replay
 from teleop.page.server import PageServer
-from teleop.page.view import scene_of, watched_scene_of, world_state
+from teleop.page.view import overlay_message, scene_of, watched_scene_of, world_state
 
 HALLWAY = load_scenario("hallway")
 PEOPLE = ((1.0, 5.0), (4.4, 9.0))
@@ -271,3 +273,83 @@ def test_the_pad_drives_by_enter_and_by_the_click_of_a_screen_reader(shown):
     shown.browser.execute_script("document.querySelector('[data-direction=west]').click()")
     shown.until_requested(hold("west"))
     shown.until_requested(hold(None))
+
+
+@pytest.fixture
+def layers(save_model_of):
+    """The layers of a model that is against the flow in two of three lanes."""
+    strategy = load_strategy(str(save_model_of()), HALLWAY, "optimal")
+    return overlay_message(overlay_of(strategy))
+
+
+@pytest.fixture
+def learned(shown, layers):
+    assert not shown.browser.find_element(By.ID, "overlays").is_displayed()
+    shown.server.show_overlay(layers)
+    wait_until(shown.browser.find_element(By.ID, "overlays").is_displayed)
+    return shown
+
+
+def layer_button(shown, name):
+    return shown.browser.find_element(By.CSS_SELECTOR, f"[data-layer={name!r}]")
+
+
+def colours_of_the_map(shown):
+    """How often the map has each colour."""
+    return dict(
+        shown.browser.execute_script(
+            "const canvas = document.getElementById('view'); const counts = new Map();"
+            "const whole = [0, 0, canvas.width, canvas.height];"
+            "const { data } = canvas.getContext('2d').getImageData(...whole);"
+            "for (const each of new Uint32Array(data.buffer))"
+            "  counts.set(each, (counts.get(each) ?? 0) + 1);"
+            "return [...counts].filter(([, count]) => count > 200)"
+        )
+    )
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (400, 860)])
+def test_axe_finds_no_violation_with_the_layers_of_a_learned_model(
+    learned, layers, root, scheme, width, height
+):
+    browser = learned.browser
+    browser.execute_script((root / "tests/reference/axe/axe.min.js").read_text(encoding="utf-8"))
+    view(browser, width=width, height=height, scheme=scheme)
+    for name in ("policy", "arrival", "dynamics"):
+        button = layer_button(learned, name)
+        assert min(button.size["width"], button.size["height"]) >= 44
+        button.click()
+        wait_until(lambda: learned.text("layer-title") == layers[name]["title"])  # noqa: B023
+        assert learned.text("layer-note") == layers[name]["note"]
+        keep_picture(browser, f"layer_{name}_{scheme}_{width}")
+        assert violations(browser) == []
+
+
+def test_a_layer_is_chosen_by_the_keyboard_and_drawn_until_none_is(learned):
+    plain = colours_of_the_map(learned)
+    learned.browser.execute_script("document.querySelector('[data-layer=arrival]').focus()")
+    learned.press(Keys.ENTER)
+    assert layer_button(learned, "arrival").get_attribute("aria-pressed") == "true"
+    assert learned.text("layer-low") == "0 s"
+    assert len(colours_of_the_map(learned)) > len(plain) + 5  # a shade per time
+    learned.press(Keys.ARROW_UP)
+    learned.until_requested(hold("north"))  # the arrows drive, with the focus there too
+    layer_button(learned, "").click()
+    assert not learned.browser.find_element(By.ID, "layer").is_displayed()
+    wait_until(lambda: len(colours_of_the_map(learned)) < len(plain) + 3)
+    assert not [each for each in learned.server.take() if isinstance(each, Episode)]
+
+
+def test_tab_goes_through_the_layers_before_the_panel(learned):
+    for name in ("", "policy", "arrival", "dynamics"):
+        learned.press(Keys.TAB)
+        active = learned.browser.switch_to.active_element
+        assert active.get_attribute("data-layer") == name
+
+
+def test_a_newer_model_replaces_the_chosen_layer(learned, layers):
+    layer_button(learned, "dynamics").click()
+    newer = layers | {"dynamics": layers["dynamics"] | {"note": "all moves: with flow 12 %"}}
+    learned.server.show_overlay(newer)
+    wait_until(lambda: learned.text("layer-note") == "all moves: with flow 12 %")

@@ -213,3 +213,18 @@ def test_the_server_takes_a_free_port_and_ends_with_its_connections():
     server.close()
     with socket.socket() as again:
         assert again.connect_ex(("127.0.0.1", server.port)) != 0
+
+
+def test_layers_go_to_the_open_pages_and_those_of_the_newest_model_to_later_ones():
+    async def use(client, hub):
+        early = await connect(client)
+        await next_of(early, "scene")
+        for number in (1, 2):
+            hub.send_overlay(json.dumps({"type": "overlay", "number": number}))
+            assert (await next_of(early, "overlay"))["number"] == number
+        late = await connect(client)
+        kinds = [await late.receive_json() for _ in range(3)]
+        assert [each["type"] for each in kinds] == ["hello", "scene", "overlay"]
+        assert kinds[-1]["number"] == 2
+
+    with_client(LOCAL, use)

@@ -1,0 +1,57 @@
+"""What a learned model means for each cell: the policy's direction, time of arrival, dynamics."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serd_app.navigation.forecast import HALF, quantile_or_nan_s
+from serd_app.navigation.strategy import Strategy
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrival.law import law_in_seconds
+from serd_core.grid.grid import DIRECTION_VECTORS, Action, Outcome
+from serd_core.grid.navigation import INTENDED_OUTCOMES
+
+
+@dataclass(frozen=True, eq=False)
+class ModelOverlay:
+    """directions: (S, 2) steps east and north of the greedy action, zero where it waits.
+
+    median_s: (S,) by which half of all drives from the cell have arrived, NaN where fewer do before
+    the time-out. forward: (S,) probability that the greedy action goes forward, NaN where it waits.
+    forward_by_model: that of each outcome model of moves that applies somewhere.
+    """
+
+    directions: IntArray
+    median_s: FloatArray
+    forward: FloatArray
+    forward_by_model: dict[str, float]
+
+
+def overlay_of(strategy: Strategy) -> ModelOverlay:
+    """The overlay of a solved model, at the goal that it is solved for."""
+    problem, greedy = strategy.problem, strategy.policy.greedy
+    states = np.arange(problem.grid.n_states)
+    model = problem.outcome_models.model_of[states, greedy]
+    forward = strategy.outcome_probabilities[model, Outcome.FORWARD]
+    return ModelOverlay(
+        directions=DIRECTION_VECTORS[greedy],
+        median_s=np.array([_median_s(strategy, state) for state in states.tolist()]),
+        forward=np.where(greedy == Action.WAIT, np.nan, forward),
+        forward_by_model=_forward_by_model(strategy),
+    )
+
+
+def _median_s(strategy: Strategy, state: int) -> float:
+    entry_s = () if strategy.crossings is not None else strategy.entry_times_s
+    arrival = strategy.arrival.from_state(state)
+    law = law_in_seconds(arrival, period_s=strategy.step_s, entry_times_s=entry_s)
+    return quantile_or_nan_s(law, HALF)
+
+
+def _forward_by_model(strategy: Strategy) -> dict[str, float]:
+    problem, file = strategy.problem, strategy.file
+    moves = INTENDED_OUTCOMES == Outcome.FORWARD
+    used = [row for row in problem.used_models if moves[row % len(moves)]]
+    column = file.outcome_names.index(Outcome.FORWARD.name.lower())
+    learned = {each.name: each.learned[column] for each in file.outcome_models}
+    return {name: learned[name] for name in (problem.model_names[row] for row in used)}

@@ -1,0 +1,91 @@
+"""The overlay of a learned model, against shortest paths and the model's own numbers."""
+
+import numpy as np
+import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from serd_app.navigation.overlay import overlay_of
+from serd_app.navigation.strategy import load_strategy
+from serd_core.grid.grid import Action
+from sim.scenario.scenario import load_scenario
+from storage.model_file import OutcomeModel, load_model
+
+HALLWAY = load_scenario("hallway")
+GOAL_ALONE = {"goal": 5.0, "social_norm": 0.0, "inverse_wall_distance": 0.0}
+
+
+def overlay_and_strategy(path):
+    strategy = load_strategy(str(path), HALLWAY, "optimal")
+    return overlay_of(strategy), strategy
+
+
+def with_moves(path, probabilities):
+    """Outcome models whose moves have these probabilities of the outcomes, and that wait surely."""
+    rows = {each.name: probabilities for each in load_model(path).outcome_models}
+    rows["waiting"] = (1.0, 0.0, 0.0, 0.0, 0.0)
+    return tuple(
+        OutcomeModel(name=name, learned=row, believed=row, initial=row)
+        for name, row in rows.items()
+    )
+
+
+def n_cells_to_the_goal(problem):
+    """(S,) length of the shortest path, by Dijkstra's algorithm on the reversed moves."""
+    successors = problem.grid.neighbours
+    states = np.repeat(np.arange(len(successors)), successors.shape[1])
+    backward = (np.ones(successors.size), (successors.ravel(), states))
+    shape = (len(successors), len(successors))
+    graph = coo_array(backward, shape=shape).tocsr()
+    return dijkstra(graph, indices=problem.goal_states, unweighted=True, min_only=True)
+
+
+def test_where_every_move_succeeds_the_median_is_a_period_per_cell_of_the_shortest_path(
+    save_model_of,
+):
+    sure = with_moves(save_model_of(), (0.0, 1.0, 0.0, 0.0, 0.0))
+    path = save_model_of(reward_weights=GOAL_ALONE, outcome_models=sure)
+    overlay, strategy = overlay_and_strategy(path)
+    n_cells = n_cells_to_the_goal(strategy.problem)
+    assert n_cells.max() > 10
+    np.testing.assert_allclose(overlay.median_s, 2.0 * n_cells)
+
+
+def test_a_direction_leads_to_the_neighbour_of_the_greedy_action(save_model_of):
+    overlay, strategy = overlay_and_strategy(save_model_of())
+    grid, greedy = strategy.problem.grid, strategy.policy.greedy
+    following = grid.neighbours[np.arange(grid.n_states), greedy]
+    moved = following != np.arange(grid.n_states)
+    step_m = (grid.centers_m[following] - grid.centers_m)[moved]
+    np.testing.assert_allclose(step_m, grid.cell_size_m * overlay.directions[moved])
+    assert moved.sum() > 50
+    assert not overlay.directions[greedy == Action.WAIT].any()
+
+
+def test_forward_is_the_models_probability_of_each_move_and_none_where_the_policy_waits(
+    save_model_of,
+):
+    overlay, strategy = overlay_and_strategy(save_model_of())
+    assert overlay.forward_by_model == {"with_flow": 0.9, "against_flow": 0.3, "across_flow": 0.75}
+    greedy, flow = strategy.policy.greedy, strategy.problem.flow
+    np.testing.assert_array_equal(np.isnan(overlay.forward), greedy == Action.WAIT)
+    assert set(overlay.forward[(greedy == flow) & (greedy != Action.WAIT)]) == {0.9}
+
+
+def test_cells_from_which_fewer_than_half_arrive_have_no_median(save_model_of):
+    stuck = with_moves(save_model_of(), (1.0, 0.0, 0.0, 0.0, 0.0))
+    overlay, strategy = overlay_and_strategy(save_model_of(outcome_models=stuck))
+    in_goal = np.isin(np.arange(len(overlay.median_s)), strategy.problem.goal_states)
+    np.testing.assert_array_equal(overlay.median_s, np.where(in_goal, 0.0, np.nan))
+
+
+@pytest.mark.parametrize("entry_s", [0.5, 1.5])
+def test_the_median_counts_the_last_period_by_the_demonstrations_times_of_entry(
+    save_model_of, entry_s
+):
+    sure = with_moves(save_model_of(), (0.0, 1.0, 0.0, 0.0, 0.0))
+    values = {"reward_weights": GOAL_ALONE, "outcome_models": sure, "goal_entry_s": (entry_s,)}
+    overlay, strategy = overlay_and_strategy(save_model_of(**values))
+    n_cells = n_cells_to_the_goal(strategy.problem)
+    expected_s = np.where(n_cells > 0, 2.0 * (n_cells - 1) + entry_s, 0.0)
+    np.testing.assert_allclose(overlay.median_s, expected_s)
