@@ -17,7 +17,7 @@ _WORKING = {
     "teleop_page": "the world is running",
     "strategy": "strategy |",
     "learner": "decisions",
-    "hallway_sim": "the robot follows",
+    "hallway_sim": "commands come from",
 }
 
 

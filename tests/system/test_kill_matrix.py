@@ -77,10 +77,12 @@ def test_the_loss_of_the_world_stops_the_planner(ros_env, tmp_path):
 @pytest.fixture
 def launched(ros_env, tmp_path):
     stack = LaunchedStack("live", [], ros_env, tmp_path)
-    stack.wait_until_running(find_stack("live").nodes, tmp_path)
-    yield stack
-    if stack.process.poll() is None:
-        stack.end()
+    try:
+        stack.wait_until_running(find_stack("live").nodes, tmp_path)
+        yield stack
+    finally:
+        if stack.process.poll() is None:
+            stack.end()
 
 
 def test_serd_launch_ends_all_nodes_when_one_is_killed(launched):

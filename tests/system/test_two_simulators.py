@@ -34,17 +34,17 @@ def simulator(nodes, ros_env):
 
 def test_a_second_simulator_ends_before_its_world_begins_and_names_both(nodes, simulator):
     first = simulator("first")
-    wait_until(lambda: "the robot follows cmd_vel" in nodes.log_of("first"))
+    wait_until(lambda: "commands come from /cmd_vel" in nodes.log_of("first"))
     assert simulator("second", "-r", "__ns:=/other").wait(PATIENCE_S) == 2
     sentence = "there must be one publisher of /clock, got 2: /hallway_sim, /other/hallway_sim; "
     assert nodes.log_of("second").splitlines()[-1] == f"hallway_sim: {sentence}{FIX}"
-    assert "the robot follows" not in nodes.log_of("second")
+    assert "commands come from" not in nodes.log_of("second")
     assert first.poll() is None
 
 
 def test_a_simulator_ends_when_another_clock_runs_beside_its_own(nodes, probe, simulator):
     running = simulator("running")
-    wait_until(lambda: "the robot follows cmd_vel" in nodes.log_of("running"))
+    wait_until(lambda: "commands come from /cmd_vel" in nodes.log_of("running"))
     clock = probe.node.create_publisher(Clock, "/clock", qos.CLOCK)
     probe.spin_until(lambda: "got 2: /hallway_sim, /probe" in nodes.log_of("running"))
     assert running.poll() is None  # nothing has been published yet
@@ -89,7 +89,7 @@ def test_an_episode_beside_another_clock_does_not_count(nodes, probe, tmp_path):
 
 def test_a_simulator_does_not_begin_beside_a_paused_one(nodes, probe, simulator):
     first = simulator("first")
-    wait_until(lambda: "the robot follows cmd_vel" in nodes.log_of("first"))
+    wait_until(lambda: "commands come from /cmd_vel" in nodes.log_of("first"))
     pause = probe.node.create_client(SetBool, "pause")
     probe.spin_until(pause.service_is_ready)
     paused = pause.call_async(SetBool.Request(data=True))
@@ -97,16 +97,16 @@ def test_a_simulator_does_not_begin_beside_a_paused_one(nodes, probe, simulator)
     assert simulator("second", "-r", "__ns:=/other").wait(PATIENCE_S) == 2
     sentence = "there must be one publisher of /clock, got 2: /hallway_sim, /other/hallway_sim; "
     assert nodes.log_of("second").splitlines()[-1] == f"hallway_sim: {sentence}{FIX}"
-    assert "the robot follows" not in nodes.log_of("second")
+    assert "commands come from" not in nodes.log_of("second")
     assert first.poll() is None
 
 
 def test_a_simulator_begins_after_another_one_was_killed(nodes, simulator):
     first = simulator("first")
-    wait_until(lambda: "the robot follows cmd_vel" in nodes.log_of("first"))
+    wait_until(lambda: "commands come from /cmd_vel" in nodes.log_of("first"))
     first.kill()
     second = simulator("second")
-    wait_until(lambda: "the robot follows cmd_vel" in nodes.log_of("second"))
+    wait_until(lambda: "commands come from /cmd_vel" in nodes.log_of("second"))
     assert second.poll() is None
 
 
