@@ -34,7 +34,9 @@ def n_cells_to_the_goal(problem):
     """(S,) length of the shortest path, by Dijkstra's algorithm on the reversed moves."""
     successors = problem.grid.neighbours
     states = np.repeat(np.arange(len(successors)), successors.shape[1])
-    backward = (np.ones(successors.size), (successors.ravel(), states))
+    # SciPy 1.11's csgraph takes indices of 32 bits only.
+    arrows = np.stack([successors.ravel(), states]).astype(np.int32)
+    backward = (np.ones(successors.size), tuple(arrows))
     shape = (len(successors), len(successors))
     graph = coo_array(backward, shape=shape).tocsr()
     return dijkstra(graph, indices=problem.goal_states, unweighted=True, min_only=True)
