@@ -174,7 +174,8 @@ def points_of(cloud: Any, names: tuple[str, ...]) -> dict[str, FloatArray]:
         points: Any = np.frombuffer(cloud.data, dtype=np.dtype(kinds))  # type: ignore[call-overload]
     except ValueError as error:
         raise BagError(f"point cloud has fields that do not fit ({error})") from None
-    return {name: points[name].astype(np.float64) for name in names}
+    with np.errstate(invalid="ignore"):  # a signalling NaN
+        return {name: points[name].astype(np.float64) for name in names}
 
 
 def header_of(header: Any) -> Header:

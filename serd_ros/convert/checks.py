@@ -14,7 +14,8 @@ LARGEST = 1e6
 
 def require_finite(name: str, values: ArrayLike) -> None:
     """Require numbers between -LARGEST and LARGEST."""
-    numbers = np.asarray(values, dtype=np.float64)
+    with np.errstate(invalid="ignore"):  # a signalling NaN
+        numbers = np.asarray(values, dtype=np.float64)
     sound = np.abs(numbers) <= LARGEST
     if not sound.all():
         raise MessageError(

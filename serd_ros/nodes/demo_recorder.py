@@ -20,6 +20,7 @@ from bags.recorder import BagRecorder
 from bags.recorder_settings import RecorderSettings
 from serd_core.errors import SerdError
 from serd_ros.convert.diagnostics import ERROR, OK, WARN
+from serd_ros.convert.stamp import require_time
 from serd_ros.endpoints import topics
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.qos import bag_qos
@@ -95,6 +96,8 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
             stamp_ns = message_stamp_ns(message.data) if self._topics[name].stamped else 0
         except BagError as error:
             raise MessageError("message must begin with a stamp", error, "correct it") from None
+        if name == self._clock_topic:
+            require_time(stamp_ns)
         if self._clock is None:
             self._clock = RecordingClock(simulated=self._is_simulated(name))
         times_ns = self._clock.times_ns(

@@ -78,6 +78,10 @@ def with_nan_person(message):
     message.data[0:4] = type(message.data)("B", [0, 0, 192, 127])
 
 
+def with_signalling_nan_person(message):
+    message.data[0:4] = type(message.data)("B", [1, 0, 160, 127])
+
+
 def with_crossing_edges(message):
     points = message.polygon.points
     points[0], points[1] = points[1], points[0]
@@ -108,6 +112,7 @@ CASES = [
     ("scripted_expert", "pedestrians", of_25_bytes, "data must be one row of width * point_step"),
     ("scripted_expert", "pedestrians", plain_xyz, "must have the fields x, y, z, vx, vy, id"),
     ("scripted_expert", "pedestrians", with_nan_person, "x must be finite"),
+    ("scripted_expert", "pedestrians", with_signalling_nan_person, "x must be finite"),
     ("scripted_expert", "diagnostics", without_keys, "values must have the key robot_on_person"),
     ("hallway_sim", "goal_area", empty, "three corners of a polygon without crossing edges, got 0"),
     ("hallway_sim", "goal_area", with_crossing_edges, "a polygon without crossing edges"),

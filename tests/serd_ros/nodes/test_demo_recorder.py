@@ -1,5 +1,7 @@
 """What the recorder reports of a recording."""
 
+from builtin_interfaces.msg import Time
+from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
 from serd_ros.convert.diagnostics import values_of
@@ -17,6 +19,17 @@ def test_a_discarded_episode_is_recorded_and_not_counted(tmp_path, messages):
         running.call_timers()
         values = values_of(running.sent["diagnostics"], "demo_recorder")
     assert (values["messages"], values["episodes"]) == ("4", "1")
+
+
+def test_a_clock_beyond_every_stamp_is_rejected_and_the_status_still_published(tmp_path):
+    given = {"output": str(tmp_path / "bag"), "topics": ["/clock"], "minimum_free_mb": 0.0}
+    with node_in_process("demo_recorder", **given) as running:
+        for clock in (Time(sec=3), Time(sec=2**31 - 1, nanosec=2**31 - 1)):
+            running.receive("clock", serialize_message(Clock(clock=clock)))
+        running.call_timers()
+        values = values_of(running.sent["diagnostics"], "demo_recorder")
+        assert values["messages"] == "1"
+        assert "stamp must be from 0 to" in str(running.rejected)
 
 
 def test_the_clock_of_a_remapped_topic_is_looked_at(tmp_path, messages):
