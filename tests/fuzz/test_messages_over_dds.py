@@ -50,7 +50,7 @@ def test_bytes_that_are_no_message_end_no_node(kind, parameters, works):
         types = {each.topic_name: each.msg_type for each in running.node.subscriptions}
         publishers = {
             topic: sender.create_publisher(
-                kind, topic, qos.LATCHED if topic == "/e_stop_engaged" else qos.STATE
+                kind, topic, qos.LATCHED if topic in ("/e_stop_engaged", "/model") else qos.STATE
             )
             for topic, kind in types.items()
         }

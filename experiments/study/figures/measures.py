@@ -72,10 +72,13 @@ def _curves(axes: Axes, panel: pd.DataFrame) -> None:
 
 def _break(above: Axes, below: Axes, panel: pd.DataFrame) -> None:
     """Let the axis of `below` end where that of `above` begins, with the usual marks."""
-    low, high = float(np.quantile(panel["median"], 0.4)), float(panel["upper"].max())
-    margin = 0.1 * (high - low)
-    above.set_ylim(low - margin, high + margin)
-    below.set_ylim(float(panel["lower"].min()) - margin, low - margin)
+    finite = panel[np.isfinite(panel[["lower", "median", "upper"]]).all(axis=1)]
+    if not finite.empty:
+        low, high = float(np.quantile(finite["median"], 0.4)), float(finite["upper"].max())
+        margin = max(0.1 * (high - low), 1e-3)
+        above.set_ylim(low - margin, high + margin)
+        bottom = min(float(finite["lower"].min()) - margin, low - 1.5 * margin)
+        below.set_ylim(bottom, low - margin)
     above.spines["bottom"].set_visible(False)
     above.tick_params(axis="x", length=0, labelbottom=False)
     for axes, edge in ((above, 0), (below, 1)):
