@@ -20,7 +20,7 @@ from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.comparison import predicted_law
 from serd_app.navigation.familiarity import familiarity_of
 from serd_app.navigation.strategy import Strategy, load_strategy, start_distribution
-from serd_app.places.kept_scenario import scenario_beside
+from serd_app.places.kept_scenario import scenario_of_model
 from serd_core.arrays import FloatArray
 from serd_core.arrival.trap_states import trap_states
 from serd_core.demonstrations.decisions import Decisions
@@ -49,7 +49,7 @@ def inputs_of_model(
     forecasts, besides the start areas.
     """
     file = load_model(model)
-    place = load_scenario(_scenario_of(model, file, scenario))
+    place = load_scenario(scenario or scenario_of_model(model, file.scenario))
     strategy = load_strategy(str(model), place, kind, file=file)
     areas = {name: predicted_law(strategy, name) for name in place.start_areas_m}
     problem, files = strategy.problem, outcome_files(model)
@@ -122,16 +122,6 @@ def _by_lookahead(strategy: Strategy) -> tuple[Forecast, ...]:
         for times in strategy.file.crossing_times
         if times.lookahead_cells > 1
     )
-
-
-def _scenario_of(model: Path, file: ModelFile, given: str) -> str:
-    found = given or scenario_beside(model, file.scenario)
-    if not found:
-        raise ReportError(
-            f"scenario of {model} must be given, for it was learned on a fitted grid and none is"
-            " kept beside it; name one, or learn again with 'serd learn'"
-        )
-    return found
 
 
 def _episodes(path: Path | None) -> tuple[EpisodeResult, ...]:

@@ -17,6 +17,8 @@ from bags.playback import Excerpt, Playback
 from bags.reader import BagReader
 from bags.topic import CDR, RawMessage, topics_named
 from serd_app.drives.episode_spans import END, START, marks_of
+from serd_app.navigation.overlay import overlay_of
+from serd_app.navigation.strategy import load_strategy
 from serd_cli.errors import UsageError
 from serd_ros.convert.frames import Frames
 from serd_ros.endpoints import topics
@@ -27,6 +29,7 @@ from serd_ros.graph.graph import full_namespace
 from sim.scenario.scenario import Scenario
 from teleop.page.requests import PageRequest, Replay
 from teleop.page.server import PageServer
+from teleop.page.view import overlay_message
 
 #: Before the time that is gone to, messages of this span (s) give what is shown there, beside all
 #: those of the topics that have few.
@@ -162,6 +165,11 @@ class BagWatch:
             decoded = deserialize_message(message.data, kind)
             self._frames.remove_prefix(decoded)
             self.view.take(name, decoded)
+
+
+def layers_of(model: Path, scenario: Scenario) -> dict[str, Any]:
+    """What a page draws of a learned model: policy, arrival and dynamics toward the goal."""
+    return overlay_message(overlay_of(load_strategy(str(model), scenario, "optimal")))
 
 
 def serve_bag(watch: BagWatch, server: PageServer) -> None:

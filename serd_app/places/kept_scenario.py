@@ -56,6 +56,18 @@ def scenario_beside(beside: Path, name: str) -> str:
     return str(file) if file.is_file() else name
 
 
+def scenario_of_model(model: Path, name: str) -> str:
+    """The scenario that is kept beside a model, or that it names; AppError where it has none."""
+    found = scenario_beside(model, name)
+    if not found:
+        raise AppError(
+            f"--scenario must be given, for {model} was learned on a fitted grid and there is no"
+            f" {kept_scenario_file(model)}, which 'serd learn' writes where the cells are"
+            " connected; name one, or learn again"
+        )
+    return found
+
+
 def _first_line(text: str) -> str:
     checksum = blake2b(text.encode(), digest_size=8).hexdigest()
     return f"# Generated, and replaced by the next run unless edited; checksum {checksum}\n"

@@ -13,8 +13,7 @@ from serd_app.navigation.drive import DriveSettings, drive, finished_episodes
 from serd_app.navigation.drive_folder import claim_folder
 from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import Strategy, load_strategy
-from serd_app.places.kept_scenario import kept_scenario_file, scenario_beside
-from serd_cli.errors import UsageError
+from serd_app.places.kept_scenario import scenario_of_model
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.arrival import comparison_figure, comparison_table, remarks
 from serd_cli.output.paths import require_folder
@@ -64,7 +63,9 @@ def navigate(
     settings = validated(
         DriveSettings,
         model=str(model.resolve()),
-        scenario=_scenario_of(scenario, model),
+        scenario=resolved_scenario(
+            scenario or scenario_of_model(model, load_model(model).scenario)
+        ),
         **options,
     )
     strategy = _strategy_of(settings)
@@ -88,18 +89,6 @@ def navigate(
         console.print(line, soft_wrap=True, markup=False)
     if output is not None:
         console.print(f"tables and arrival.png: {output.resolve()}", soft_wrap=True, markup=False)
-
-
-def _scenario_of(given: str, model: Path) -> str:
-    name = given or scenario_beside(model, load_model(model).scenario)
-    if not name:
-        raise UsageError(
-            f"--scenario must be given, for {model} was learned on a fitted grid and there is no"
-            f" {kept_scenario_file(model)}, which 'serd learn' writes where the cells are"
-            " connected; with --transfer it drives where cells and decision periods are of the same"
-            " size"
-        )
-    return resolved_scenario(name)
 
 
 def _strategy_of(settings: DriveSettings) -> Strategy:

@@ -3,22 +3,25 @@
 import os
 import re
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from serd_app.places.kept_scenario import scenario_of_model
 from serd_cli.errors import UsageError
 from serd_cli.node_commands import node_command
 from serd_cli.options import AsJson, option, resolved_scenario, validated
 from serd_cli.output.terminal import print_json, progress_console
 from serd_cli.supervisor import Process, run_together
-from serd_cli.watch import BagWatch, serve_bag
+from serd_cli.watch import BagWatch, layers_of, serve_bag
 from serd_cli.workspace import ros_environment
 from serd_ros.graph.configs import BagReplayConfig, WatchPageConfig
 from serd_ros.graph.graph import full_namespace
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
+from storage.model_file import load_model
 from teleop.page.access import PageAccess, read_token
 from teleop.page.server import PageServer
 from teleop.page.view import watched_scene_of
@@ -36,7 +39,14 @@ def watch(
         Path | None,
         typer.Argument(metavar="BAG", help="recording to replay; without it, the running stack"),
     ] = None,
-    scenario: str = option(WatchPageConfig, "scenario"),
+    scenario: Annotated[
+        str,
+        typer.Option(help="built-in scenario or YAML file; that of the --model, else hallway"),
+    ] = "",
+    model: Annotated[
+        Path | None,
+        typer.Option(help="learned model: policy, arrival and dynamics are drawn over BAG"),
+    ] = None,
     rate: float = option(BagReplayConfig, "rate"),
     address: str = option(WatchPageConfig, "address"),
     port: int = option(WatchPageConfig, "port"),
@@ -57,15 +67,24 @@ def watch(
     serd watch demo_output/run-1/bag --rate 4
 
     A recording has a time line: play, pause, go to a time, change the speed.
+    With --model demo_output/run-1/model.yaml it has the layers of that model,
+    as the running stack has those of its learner.
 
     One of several robots is shown with --namespace robot1, and with
     --frame-prefix robot1/ where its stack has a frame_prefix.
 
     With --json the address of the page is printed as JSON. Ctrl-C ends.
     """
+    if model is not None and bag is None:
+        raise UsageError(
+            f"--model must be left out without a BAG, got {model}; the page draws the models that"
+            " a learner in the graph publishes"
+        )
+    if model is not None and not scenario:
+        scenario = scenario_of_model(model, load_model(model).scenario)
     settings = validated(
         WatchPageConfig,
-        scenario=resolved_scenario(scenario),
+        scenario=resolved_scenario(scenario or WatchPageConfig().scenario),
         address=address,
         port=port,
         token_file=str(Path(token_file).resolve()) if token_file else "",
@@ -73,23 +92,24 @@ def watch(
     )
     access = PageAccess(settings.address, read_token(settings.token_file))
     place = load_scenario(settings.scenario)
-    try:
+    with suppress(KeyboardInterrupt):  # the usual end
         if bag is None:
             if rate != 1.0:
                 raise UsageError(f"--rate must be left out without a BAG, got {rate:g}")
             _watch_stack(settings, full_namespace(namespace), as_json=as_json)
             return
         validated(BagReplayConfig, bag=str(bag), rate=rate)
+        layers = None if model is None else layers_of(model, place)
         shown = BagWatch(bag, place, rate, namespace=namespace, frame_prefix=frame_prefix)
         scene = watched_scene_of(place, grid_of(place), shown.replay)
         server = PageServer(scene, access, settings.port)
+        if layers is not None:
+            server.show_overlay(layers)
         _print_address(server.url, as_json=as_json)
         try:
             serve_bag(shown, server)
         finally:
             server.close()
-    except KeyboardInterrupt:
-        pass  # the usual end
 
 
 def _watch_stack(settings: WatchPageConfig, namespace: str, *, as_json: bool) -> None:

@@ -1,21 +1,26 @@
 """`serd watch BAG`: what the page shows at each time of a recording."""
 
+import asyncio
+import json
 import math
 import os
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 
 import pytest
+from aiohttp import ClientSession
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 
 from bags.reader import BagReader
 from bags.writer import BagWriter
 from serd_cli.errors import UsageError
-from serd_cli.watch import BagWatch
+from serd_cli.watch import BagWatch, layers_of
 from sim.scenario.scenario import load_scenario
 from support.processes import read_json_object
+from support.waiting import PATIENCE_S
 from teleop.page.requests import Hold, Replay
 
 #: The robot of drive_bag is at y = 1.5 m + 0.5 m/s t; the recording begins with the episode.
@@ -189,6 +194,8 @@ def test_odometry_of_prefixed_frames_is_shown_where_the_prefix_is_given(drive_ba
         (["--scenario", "hallwy"], "did you mean 'hallway'?"),
         (["--address", "0.0.0.0"], "unless a token is given"),
         (["--namespace", "1"], "namespace must be letters"),
+        (["--model", "model.yaml"], "--model must be left out without a BAG, got model.yaml"),
+        (["bag", "--model", "nowhere.yaml"], "nowhere.yaml"),
     ],
 )
 def test_what_cannot_be_watched_is_refused(serd, arguments, sentence):
@@ -197,16 +204,57 @@ def test_what_cannot_be_watched_is_refused(serd, arguments, sentence):
     assert sentence in ended.err
 
 
-def test_the_address_is_printed_as_json_and_ctrl_c_is_the_usual_end(root, drive_bag):
+@contextmanager
+def watching(root, *words):
+    """The command; Ctrl-C ends it."""
     program = "import sys; from serd_cli.main import main; sys.exit(main())"
-    words = ["watch", str(drive_bag()), "--port", "0", "--json"]
     with subprocess.Popen(
-        [sys.executable, "-c", program, *words],
+        [sys.executable, "-c", program, "watch", *map(str, words), "--port", "0", "--json"],
         env={**os.environ, "PYTHONPATH": str(root)},
         stdout=subprocess.PIPE,
         text=True,
     ) as process:
-        printed = read_json_object(process.stdout)
+        yield process
         process.send_signal(signal.SIGINT)
-    assert printed["url"].startswith("http://127.0.0.1:")
     assert process.returncode == 0
+
+
+def test_the_address_is_printed_as_json_and_ctrl_c_is_the_usual_end(root, drive_bag):
+    with watching(root, drive_bag()) as process:
+        assert read_json_object(process.stdout)["url"].startswith("http://127.0.0.1:")
+
+
+async def first_of(url, kind):
+    """The first message of a kind that the page receives."""
+    async with ClientSession() as session:
+        origin = {"Origin": url.rstrip("/")}
+        async with session.ws_connect(f"{url}socket", headers=origin) as socket:
+            async for message in socket:
+                values = json.loads(message.data)
+                if values["type"] == kind:
+                    return values
+    raise AssertionError("the page's server ended")
+
+
+def test_a_recording_has_the_layers_of_a_model_on_the_cells_of_its_scenario(
+    root, drive_bag, save_model_of
+):
+    model, place = save_model_of("crossing"), load_scenario("crossing")
+    with watching(root, drive_bag(), "--model", model) as process:
+        url = read_json_object(process.stdout)["url"]
+        layers = asyncio.run(asyncio.wait_for(first_of(url, "overlay"), PATIENCE_S))
+        scene = asyncio.run(asyncio.wait_for(first_of(url, "scene"), PATIENCE_S))
+    assert scene["name"] == "crossing"
+    assert layers == json.loads(json.dumps(layers_of(model, place)))
+    assert len(layers["policy"]["directions"]) == len(scene["cells_m"])
+    assert [0, 1] in layers["policy"]["directions"]
+    assert "with flow 90 %" in layers["dynamics"]["note"]
+
+
+def test_a_model_of_another_grid_than_that_of_the_scenario_is_refused(
+    serd, drive_bag, save_model_of
+):
+    model = save_model_of("crossing", name="other.yaml")
+    ended = serd("watch", drive_bag(), "--model", model, "--scenario", "hallway")
+    assert ended.code == 2
+    assert "other.yaml" in ended.err
