@@ -11,8 +11,7 @@ from matplotlib.ticker import FuncFormatter
 
 from benchmarks.report import RESULTS
 from report import style
-from report.style import new_figure, png_bytes
-from storage.files import atomic_write_bytes
+from report.style import new_figure, save_figure
 
 PEOPLE = 200
 _BAR_IN, _ROOM_IN, _WIDTH_IN = 0.23, 1.3, 8.2
@@ -37,7 +36,7 @@ class Comparison:
 
 def run() -> None:
     """Draw results/speed.png; needs the results of the other benchmarks."""
-    atomic_write_bytes(RESULTS / "speed.png", png_bytes(speed_figure(list(comparisons()))))
+    save_figure(RESULTS / "speed.png", speed_figure(list(comparisons())))
 
 
 def comparisons() -> Iterator[Comparison]:

@@ -7,12 +7,15 @@ colour alone: line styles, markers or labels repeat them.
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+
+from storage.files import atomic_write_bytes
 
 INK = "#26323d"
 MUTED = "#6b7885"
@@ -101,6 +104,12 @@ def png_bytes(figure: Figure) -> bytes:
 def svg_bytes(figure: Figure) -> bytes:
     """The figure as SVG with text as outlines, so that it looks the same everywhere."""
     return _saved(figure, "svg", {"Date": None}, dpi=PNG_DOTS_PER_INCH)
+
+
+def save_figure(path: Path, figure: Figure) -> None:
+    """Write the figure as .png or .svg, by the suffix of the path, whole or not at all."""
+    formats = {".png": png_bytes, ".svg": svg_bytes}
+    atomic_write_bytes(path, formats[path.suffix.lower()](figure))
 
 
 def _saved(figure: Figure, kind: str, metadata: dict[str, None], dpi: int) -> bytes:

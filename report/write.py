@@ -33,7 +33,7 @@ from report.figures.maps import (
 from report.figures.resolution import draw_resolution
 from report.inputs import FileLink, ReportInputs
 from report.page import SURPRISING, render_page
-from report.style import png_bytes, svg_bytes
+from report.style import save_figure, svg_bytes
 from report.summary import known_decisions, summary_of, trapped_states
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.navigation import NO_FLOW
@@ -65,7 +65,7 @@ def write_report(inputs: ReportInputs, directory: Path) -> Path:
     for name, figure in all_figures(inputs).items():
         pictures[name] = svg_bytes(figure)
         atomic_write_bytes(folder / "figures" / f"{name}.svg", pictures[name])
-        atomic_write_bytes(folder / "figures" / f"{name}.png", png_bytes(figure))
+        save_figure(folder / "figures" / f"{name}.png", figure)
     for file_name, text in all_tables(inputs).items():
         atomic_write_text(folder / file_name, text)
     numbers = json.dumps(summary.as_json(), indent=2, allow_nan=False)

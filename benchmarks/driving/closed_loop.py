@@ -18,7 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from benchmarks.driving.closed_loop_figure import closed_loop_figure
 from benchmarks.report import RESULTS, Row, save
-from report.style import png_bytes
+from report.style import save_figure
 from serd_cli.output.terminal import WorkProgress
 from sim.drivers.catalogue import make_driver
 from sim.episodes.batch import EpisodeTask, run_batch
@@ -32,7 +32,6 @@ from sim.world.command import Command
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
 from sim.world.world import HallwayWorld
-from storage.files import atomic_write_bytes
 from storage.row_table import Row as TableRow
 
 PLAN_CALL_PEOPLE = 20
@@ -84,7 +83,7 @@ def run() -> None:
     plan = ClosedLoopPlan()
     table = ROOT / ".cache" / "benchmarks" / f"closed_loop_{code_digest()}.csv"
     summaries = summarise(drive_all("closed loop", plan.tasks, table))
-    atomic_write_bytes(FIGURE, png_bytes(closed_loop_figure(summaries)))
+    save_figure(FIGURE, closed_loop_figure(summaries))
     save(
         "closed_loop",
         f"Closed loop, {plan.n_seeds} episodes each; contacts are those of all of them",

@@ -15,12 +15,11 @@ from matplotlib.figure import Figure
 from benchmarks.driving.closed_loop import ROOT, code_digest, drive_all
 from benchmarks.report import Row, save
 from report import style
-from report.style import new_figure, png_bytes
+from report.style import new_figure, save_figure
 from sim.episodes.batch import EpisodeTask
 from sim.episodes.batch_summary import ConditionSummary, summarise
 from sim.planning.catalogue import baseline_names, planner_names
 from sim.scenario.scenario import scenario_suite
-from storage.files import atomic_write_bytes
 
 SUITE = "social_v1"
 N_SEEDS = 10
@@ -86,7 +85,7 @@ def run() -> None:
     """Drive all episodes that are missing, then write table and figure."""
     table = ROOT / ".cache" / "benchmarks" / f"planners_{code_digest()}.csv"
     summaries = summarise(drive_all("planners", tasks(), table))
-    atomic_write_bytes(FIGURE, png_bytes(planners_figure(summaries)))
+    save_figure(FIGURE, planners_figure(summaries))
     about = f"Planners in {SUITE}: means over scenarios, {N_SEEDS} episodes in each"
     per_scenario = {name: _rows(group) for name, group in _by_scenario(summaries).items()}
     save("planners", about, _rows(summaries), {"scenarios": per_scenario})

@@ -33,14 +33,13 @@ from benchmarks.learning.gridworld_problems import (
 )
 from benchmarks.measurement import best_of, peak_memory_mb
 from benchmarks.report import RESULTS, Row, save
-from report.style import BLUE, MUTED, RED, new_figure, png_bytes, report_style
+from report.style import BLUE, MUTED, RED, new_figure, report_style, save_figure
 from serd_core.bellman.backup import BellmanProblem, backup
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.start import starting_parameters
 from serd_core.mdp.problem import rewards
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior
-from storage.files import atomic_write_bytes
 
 SIDES = (10, 32, 100, 316, 1000)
 DISCOUNT = 0.99
@@ -63,7 +62,7 @@ def run() -> None:
         "profile_of_a_cold_gradient": {str(row["states"]): row["profile"] for row in measured},
     }
     save("growth", "One gradient over the number of states", rows, details)
-    atomic_write_bytes(RESULTS / "growth.png", png_bytes(growth_figure(rows, details)))
+    save_figure(RESULTS / "growth.png", growth_figure(rows, details))
 
 
 def exponent(rows: Sequence[Row], column: str) -> float:

@@ -12,10 +12,10 @@ from pydantic_core import PydanticUndefined
 
 from experiments.running.repetitions import Progress, run_repetitions
 from experiments.running.tables import Row, write_table
-from report.style import png_bytes
+from report.style import save_figure
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
-from storage.files import atomic_write_bytes, atomic_write_text, read_text
+from storage.files import atomic_write_text, read_text
 from storage.settings import setting, settings_of
 from storage.yaml_config import StrictModel, sentence_of
 from storage.yaml_text import read_yaml
@@ -94,12 +94,17 @@ class Experiment:
     def write(self, config: BaseModel, session: Session) -> pd.DataFrame:
         """Run, and write the files into the folder of the session; returns the summary."""
         findings = self.run(config, session)
-        for name, content in findings.files.items():
-            file = session.folder / name
-            if isinstance(content, Figure):
-                atomic_write_bytes(file, png_bytes(content))
-            elif isinstance(content, pd.DataFrame):
-                write_table(file, content)
-            else:
-                atomic_write_text(file, content)
+        write_files(session.folder, findings.files)
         return findings.summary
+
+
+def write_files(folder: Path, files: Mapping[str, pd.DataFrame | Figure | str]) -> None:
+    """Write tables, figures (.png, .svg) and texts, each whole or not at all."""
+    for name, content in files.items():
+        file = folder / name
+        if isinstance(content, Figure):
+            save_figure(file, content)
+        elif isinstance(content, pd.DataFrame):
+            write_table(file, content)
+        else:
+            atomic_write_text(file, content)

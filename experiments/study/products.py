@@ -5,21 +5,28 @@ rejected.
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+import pandas as pd
+from matplotlib.figure import Figure
+from pydantic import BaseModel
+
+from experiments.running.experiment import write_files
 from experiments.running.repetitions import claim_folder
 from experiments.study.recordings.experts import EXPERTS
 from experiments.study.study import StudyWorld
 from sim.episodes.execution import Execution
 from storage.files import atomic_write_text
+from storage.yaml_config import model_yaml
 
 WorldT = TypeVar("WorldT", bound=StudyWorld)
 #: Called with the estimated (seconds of work done, seconds of all work, name of the stage).
 OnWork = Callable[[float, float, str], None]
+SETTINGS_YAML = "settings.yaml"
 
 
 @dataclass(frozen=True)
@@ -64,6 +71,19 @@ def make_products(stages: Sequence[Stage], execution: Execution, on_work: OnWork
         for _ in execution.results(Task.run, stage.missing):
             done_s += stage.task_s
             on_work(done_s, total_s, stage.name)
+
+
+def write_results(
+    output: Path,
+    settings: BaseModel,
+    tables: Mapping[str, pd.DataFrame],
+    figures: Mapping[str, Figure],
+) -> None:
+    """Write settings.yaml, tables as .csv and figures as .png and .svg, each by its name."""
+    write_files(output, {SETTINGS_YAML: model_yaml(settings)})
+    write_files(output, {f"{name}.csv": rows for name, rows in tables.items()})
+    for suffix in ("png", "svg"):
+        write_files(output, {f"{name}.{suffix}": figure for name, figure in figures.items()})
 
 
 def repetition_tasks(

@@ -16,21 +16,26 @@ from experiments.running.tables import read_table, write_table
 from experiments.study.arrival.stage import arrivals_of_repetition
 from experiments.study.figures.catalogue import FIGURES, StudyFigure, figure_of
 from experiments.study.fits.fitting import fit_repetition
-from experiments.study.products import OnWork, Stage, make_products, repetition_tasks
+from experiments.study.products import (
+    SETTINGS_YAML,
+    OnWork,
+    Stage,
+    make_products,
+    repetition_tasks,
+    write_results,
+)
 from experiments.study.recordings.demonstrations import check_bags, demonstration_tasks
 from experiments.study.recordings.reference import reference_tasks
 from experiments.study.settings import StudySettings
 from experiments.study.study import Study
 from experiments.study.tables.catalogue import all_tables
 from experiments.study.tables.results import Results
-from report.style import png_bytes, svg_bytes
+from report.style import save_figure
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
-from storage.files import atomic_write_bytes, atomic_write_text
-from storage.yaml_config import load_yaml_model, model_yaml
+from storage.yaml_config import load_yaml_model
 from storage.yaml_text import write_yaml
 
-SETTINGS_YAML = "settings.yaml"
 #: Results that come with the project.
 KEPT = Path(__file__).parents[1] / "results" / "hallway"
 #: The settings that the files of each stage depend on.
@@ -57,10 +62,8 @@ def run_study(
     results = Results(settings, output / "work")
     check_bags(results)
     make_products(stages_of(Study(settings, output / "work")), execution, on_work)
-    atomic_write_text(output / SETTINGS_YAML, model_yaml(settings))
     tables = all_tables(results)
-    for name, rows in tables.items():
-        write_table(output / f"{name}.csv", rows)
+    write_results(output, settings, tables, {})
     for figure in FIGURES:
         write_table(output / f"{figure.stem}.csv", figure.rows(results))
         draw_figure(figure, output, output, results)
@@ -124,6 +127,6 @@ def draw_figure(figure: StudyFigure, source: Path, output: Path, study: Study) -
     """Draw the rows of a table as PNG and SVG; the PNG file."""
     drawn = figure.draw(read_table(source / f"{figure.stem}.csv"), study)
     png = output / f"{figure.stem}.png"
-    atomic_write_bytes(png, png_bytes(drawn))
-    atomic_write_bytes(png.with_suffix(".svg"), svg_bytes(drawn))
+    save_figure(png, drawn)
+    save_figure(png.with_suffix(".svg"), drawn)
     return png

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from pydantic import Field, model_validator
@@ -13,9 +14,7 @@ from serd_app.learning.settings import RecipeSettings
 from storage.yaml_config import StrictModel, yaml_model
 from storage.yaml_text import write_yaml
 
-FOLDER = Path(__file__).parent
-FULL_YAML = FOLDER / "hallway_study.yaml"
-QUICK_YAML = FOLDER / "hallway_study_quick.yaml"
+YAML = Path(__file__).parent / "hallway_study.yaml"
 
 Sizes = tuple[int, ...]
 
@@ -134,19 +133,23 @@ def study_settings(
 ) -> StudySettings:
     """Those of the hallway study, also changed by bags."""
     given = {"demonstrations": {"bags": [str(bag.resolve()) for bag in bags]}} if bags else {}
-    changes = [QUICK_YAML] if quick else []
-    return merged_settings(StudySettings, FULL_YAML, changes, config, given)
+    return merged_settings(StudySettings, YAML, quick=quick, config=config, given=given)
 
 
 def merged_settings(
     model: type[SettingsT],
     defaults: Path,
-    changes: Sequence[Path],
+    *,
+    quick: bool,
     config: Path | None,
-    given: Mapping[str, Any],
+    given: Mapping[str, Any] = MappingProxyType({}),
 ) -> SettingsT:
-    """The defaults, changed by files, a user's file and values; FileError with one sentence."""
-    files = [*changes, *([config] if config is not None else [])]
+    """The defaults, changed by *_quick.yaml beside them, a user's file and values.
+
+    FileError with one sentence where they do not fit the model.
+    """
+    files = [defaults.with_stem(f"{defaults.stem}_quick")] if quick else []
+    files += [config] if config is not None else []
     values = settings_of_file(defaults)
     for path in files:
         values = _merged(values, settings_of_file(path))

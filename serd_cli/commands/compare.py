@@ -11,7 +11,7 @@ from rich.table import Table
 
 from report.figures.map_axes import layout_of
 from report.figures.maps import draw_surprises
-from report.style import png_bytes
+from report.style import save_figure
 from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_app.drives.recording import is_table
 from serd_app.learning.learning_files import FlowSource
@@ -20,7 +20,6 @@ from serd_cli.options import AsJson
 from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import console, print_json
 from sim.scenario.goal import point_of
-from storage.files import atomic_write_bytes
 from storage.quantities import counted
 from storage.table import columns_of, write_table
 from storage.yaml_config import load_yaml_model
@@ -106,7 +105,7 @@ def compare(
     rows = _rows(found, surprise)
     write_table(output, columns_of(EpisodeRow), map(astuple, rows))
     figure = draw_surprises(found.problem.grid, found.decisions, found.surprising(surprise), layout)
-    atomic_write_bytes(picture, png_bytes(figure))
+    save_figure(picture, figure)
     values = _values(found, rows, {"table": output, "picture": picture})
     if as_json:
         print_json({**values, "episodes": [asdict(each) for each in rows]})

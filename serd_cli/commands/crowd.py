@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from report.figures.crowd_comparison import CrowdCurve, CrowdPlace, draw_crowd_comparison
-from report.style import png_bytes
+from report.style import save_figure
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.paths import require_file_place, require_suffix
@@ -28,7 +28,6 @@ from sim.crowd.corridor_measures import (
     measure_recording,
 )
 from sim.crowd.social_force import model_names
-from storage.files import atomic_write_bytes
 from storage.trajectories.columns import TableColumns
 from storage.trajectories.read import read_trajectories
 
@@ -78,7 +77,7 @@ def compare(
         for row in _compared(recorded):
             rows.append(row)
             status.update(f"{row.model}, {row.place}, {row.density_pm2:g} people per m²")
-    atomic_write_bytes(output, png_bytes(draw_crowd_comparison(_places(rows))))
+    save_figure(output, draw_crowd_comparison(_places(rows)))
     if as_json:
         values = [finite_values(_flat(row)) for row in rows]
         print_json({"rows": values, "picture": str(output.resolve())})

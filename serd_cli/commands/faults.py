@@ -11,7 +11,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from report.figures.faults import FaultWays, draw_fault_ways
-from report.style import png_bytes
+from report.style import save_figure
 from serd_cli.options import Address, AsJson, Backend, Jobs
 from serd_cli.output.resume_notice import run_episodes
 from serd_cli.output.terminal import console, finite_values, print_json
@@ -22,7 +22,6 @@ from sim.planning.catalogue import planner_names
 from sim.safety.campaign import COLUMNS, TASK_COLUMNS, WATCHED_S, run_fault, tasks_of
 from sim.safety.campaign_summary import FaultSummary, arrival_price, summarise_faults
 from sim.safety.faults import FAULTS
-from storage.files import atomic_write_bytes
 from storage.row_table import Row
 
 
@@ -77,7 +76,7 @@ def faults(
     picture = output.with_suffix(".png")
     ways = _ways(rows)
     if ways:
-        atomic_write_bytes(picture, png_bytes(draw_fault_ways(ways, WATCHED_S)))
+        save_figure(picture, draw_fault_ways(ways, WATCHED_S))
     prices = {name: arrival_price(rows, name) for name in ("none", "none_scan")}
     if as_json:
         values = [finite_values(asdict(each)) for each in summaries]

@@ -9,7 +9,7 @@ from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from report.figures.maps import draw_gain
 from report.model_inputs import inputs_of_model
-from report.style import png_bytes
+from report.style import save_figure
 from report.write import write_report
 from serd_app.demonstrations.recorded import files_beside
 from serd_app.learning.certainty import Certainty, certainty_of
@@ -40,7 +40,6 @@ from serd_cli.output.paths import require_apart, require_folder, require_suffix
 from serd_cli.output.terminal import WorkProgress, console, print_json
 from serd_core.arrays import IntArray
 from sim.scenario.goal import point_of
-from storage.files import atomic_write_bytes
 from storage.quantities import counted
 
 
@@ -157,7 +156,7 @@ def learn(
     save_outcome(output, outcome, files.task.problem.grid)
     if outcome.knowledge is not None:
         figure = draw_gain(None, files.task.problem.grid, outcome.knowledge.gain_nats)
-        atomic_write_bytes(outcome_files(output)["gain_map"], png_bytes(figure))
+        save_figure(outcome_files(output)["gain_map"], figure)
     page = None
     if report is not None:
         inputs = inputs_of_model(output, scenario=scenario, demonstrations=table)

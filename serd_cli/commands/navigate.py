@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from report.style import png_bytes
+from report.style import save_figure
 from serd_app.navigation.comparison import compare
 from serd_app.navigation.drive import DriveSettings, drive, finished_episodes
 from serd_app.navigation.drive_folder import claim_folder
@@ -24,7 +24,6 @@ from sim.planning.catalogue import make_planner
 from sim.scenario.goal import with_goal
 from sim.scenario.grid import grid_of, start_states_of
 from storage.episode_table import EpisodeResult, load_episodes
-from storage.files import atomic_write_bytes
 from storage.model_file import load_model
 
 
@@ -80,7 +79,7 @@ def navigate(
     found = compare(strategy, settings.start_area, rows)
     if output is not None:
         figure = comparison_figure(strategy, settings, rows)
-        atomic_write_bytes(output / "arrival.png", png_bytes(figure))
+        save_figure(output / "arrival.png", figure)
     if as_json:
         print_json({**settings.model_dump(), **found.values()})
         return

@@ -2,8 +2,9 @@
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
 import pandas as pd
 import typer
@@ -22,8 +23,8 @@ from experiments.study.figures.catalogue import FIGURES
 from experiments.study.people.run import run_people
 from experiments.study.people.settings import people_settings
 from experiments.study.people.tables import headline as people_headline
-from experiments.study.products import OnWork
-from experiments.study.run import KEPT, SETTINGS_YAML, redraw, run_study
+from experiments.study.products import SETTINGS_YAML, OnWork
+from experiments.study.run import KEPT, redraw, run_study
 from experiments.study.settings import study_settings
 from experiments.study.tables.catalogue import headline
 from serd_cli.errors import UsageError
@@ -57,8 +58,8 @@ def register(app: typer.Typer) -> None:
     group = typer.Typer(no_args_is_help=True, help="Run a study from recordings to figures.")
     group.callback()(lambda: None)
     group.command()(hallway)
-    group.command()(detour)
-    group.command()(density)
+    for study in _PLAIN:
+        group.command(study.name)(_command_of(study))
     group.command()(people)
     app.add_typer(group, name="study")
 
@@ -104,50 +105,59 @@ def hallway(
     _show(tables, headline(tables), title, folder, as_json=as_json)
 
 
-def detour(
-    output: Annotated[Path | None, _output_of("detour")] = None,
-    quick: Quick = False,
-    config: Annotated[Path | None, _config_of("detour")] = None,
-    jobs: Jobs = -1,
-    backend: Backend = "loky",
-    address: Address = "",
-    as_json: AsJson = False,
-) -> None:
-    """A ring corridor where the short way leads against the flow, which demonstrations avoid.
+@dataclass(frozen=True)
+class _PlainStudy(Generic[Settings]):
+    """A study without options of its own; title: of the table that headline makes."""
 
-    serd study detour --quick
-
-    Finished parts are not repeated: rerun an interrupted command to resume it.
-    """
-    folder = _folder("detour", output, quick=quick)
-    settings = detour_settings(quick=quick, config=config)
-    command = _command("detour", (), folder, quick=quick, config=config)
-    tables = _run(run_detour, settings, folder, Execution(jobs, backend, address), command)
-    title = "Transfer task against the flow, reward without norm"
-    _show(tables, detour_headline(tables), title, folder, as_json=as_json)
+    name: str
+    about: str
+    title: str
+    settings_of: Callable[..., Settings]
+    run: Callable[[Settings, Path, Execution, OnWork], Tables]
+    headline: Callable[[Tables], pd.DataFrame]
 
 
-def density(
-    output: Annotated[Path | None, _output_of("density")] = None,
-    quick: Quick = False,
-    config: Annotated[Path | None, _config_of("density")] = None,
-    jobs: Jobs = -1,
-    backend: Backend = "loky",
-    address: Address = "",
-    as_json: AsJson = False,
-) -> None:
-    """The hallway with outcomes that depend on density, for other numbers of people.
+_PLAIN: tuple[_PlainStudy[Any], ...] = (
+    _PlainStudy(
+        "detour",
+        "A ring corridor where the short way leads against the flow, which demonstrations avoid.",
+        "Transfer task against the flow, reward without norm",
+        detour_settings,
+        run_detour,
+        detour_headline,
+    ),
+    _PlainStudy(
+        "density",
+        "The hallway with outcomes that depend on density, for other numbers of people.",
+        "Arrival among other numbers of people than learned from",
+        density_settings,
+        run_density,
+        density_headline,
+    ),
+)
 
-    serd study density --quick
 
-    Finished parts are not repeated: rerun an interrupted command to resume it.
-    """
-    folder = _folder("density", output, quick=quick)
-    settings = density_settings(quick=quick, config=config)
-    command = _command("density", (), folder, quick=quick, config=config)
-    tables = _run(run_density, settings, folder, Execution(jobs, backend, address), command)
-    title = "Arrival among other numbers of people than learned from"
-    _show(tables, density_headline(tables), title, folder, as_json=as_json)
+def _command_of(study: _PlainStudy[Any]) -> Callable[..., None]:
+    def run(
+        output: Annotated[Path | None, _output_of(study.name)] = None,
+        quick: Quick = False,
+        config: Annotated[Path | None, _config_of(study.name)] = None,
+        jobs: Jobs = -1,
+        backend: Backend = "loky",
+        address: Address = "",
+        as_json: AsJson = False,
+    ) -> None:
+        folder = _folder(study.name, output, quick=quick)
+        settings = study.settings_of(quick=quick, config=config)
+        command = _command(study.name, (), folder, quick=quick, config=config)
+        tables = _run(study.run, settings, folder, Execution(jobs, backend, address), command)
+        _show(tables, study.headline(tables), study.title, folder, as_json=as_json)
+
+    run.__doc__ = (
+        f"{study.about}\n\n    serd study {study.name} --quick\n\n"
+        "    Finished parts are not repeated: rerun an interrupted command to resume it.\n    "
+    )
+    return run
 
 
 def people(

@@ -11,7 +11,7 @@ from rich.table import Table
 from report.figures.map_axes import layout_of
 from report.figures.maps import draw_flow_map, draw_visitation
 from report.figures.resolution import draw_resolution
-from report.style import png_bytes
+from report.style import save_figure
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID, Faults
 from serd_app.demonstrations.flow_field import FlowField
 from serd_app.demonstrations.measured_density import MeasuredDensity
@@ -27,7 +27,6 @@ from serd_app.drives.unmarked import BUTTON, GAP, GOAL, STOP, TURN
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.navigation import NO_FLOW
-from storage.files import atomic_write_bytes
 from storage.quantities import counted
 
 #: Share of decisions off the grid above which a bag may be that of another place.
@@ -218,13 +217,13 @@ def save_pictures(
     visits = state_counts(concatenated(found), place.grid.n_states)
     tracks = [track for each in found for track in each.tracks_m]
     figure = draw_visitation(layout, place.grid, visits, tracks)
-    atomic_write_bytes(files["picture"], png_bytes(figure))
+    save_figure(files["picture"], figure)
     if advice is not None:
-        atomic_write_bytes(files["resolution picture"], png_bytes(draw_resolution(advice)))
+        save_figure(files["resolution picture"], draw_resolution(advice))
     if flow is None:
         files["flow picture"].unlink(missing_ok=True)
         return
     figure = draw_flow_map(
         place.grid, flow.flow, flow.order, layout=layout, scenario_flow=place.flow
     )
-    atomic_write_bytes(files["flow picture"], png_bytes(figure))
+    save_figure(files["flow picture"], figure)

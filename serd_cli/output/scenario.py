@@ -4,17 +4,16 @@ from pathlib import Path
 from typing import Any
 
 from report.figures.scenario_plan import draw_scenario_plan
-from report.style import png_bytes
+from report.style import save_figure
 from serd_cli.output.paths import require_suffix
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import Scenario
-from storage.files import atomic_write_bytes
 
 
 def save_plan(scenario: Scenario, path: Path) -> None:
     """Write the plan as PNG and make its folder; UsageError for another suffix."""
     require_suffix(path, ".png")
-    atomic_write_bytes(path, png_bytes(draw_scenario_plan(scenario)))
+    save_figure(path, draw_scenario_plan(scenario))
 
 
 def scenario_values(name: str, scenario: Scenario) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.study.settings import FULL_YAML, study_settings
+from experiments.study.settings import YAML, study_settings
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.flow_table import load_flow, save_flow
 from serd_app.demonstrations.grid_file import load_grid, save_grid
@@ -68,7 +68,7 @@ _MODELS: dict[str, StrictModel] = {
 _TEXTS = {
     "mux": _ROOT / "teleop" / "mux.yaml",
     "joy": _ROOT / "teleop" / "joy.yaml",
-    "study": FULL_YAML,
+    "study": YAML,
 }
 _YAML_LOADERS: dict[str, Callable[[Path], object]] = {
     "model": load_model,

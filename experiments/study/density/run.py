@@ -10,15 +10,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from experiments.running.tables import write_table
 from experiments.study.density.settings import DensitySettings, DensityStudy
 from experiments.study.density.stages import stages_of
 from experiments.study.density.tables import all_tables
-from experiments.study.products import OnWork, make_products
-from experiments.study.run import SETTINGS_YAML
+from experiments.study.products import OnWork, make_products, write_results
 from sim.episodes.execution import Execution
-from storage.files import atomic_write_text
-from storage.yaml_config import model_yaml
 
 
 def run_density(
@@ -27,8 +23,6 @@ def run_density(
     """Run every stage, then write all tables; returns them by name."""
     study = DensityStudy(settings, output / "work")
     make_products(stages_of(study), execution, on_work)
-    atomic_write_text(output / SETTINGS_YAML, model_yaml(settings))
     tables = all_tables(study)
-    for name, rows in tables.items():
-        write_table(output / f"{name}.csv", rows)
+    write_results(output, settings, tables, {})
     return tables

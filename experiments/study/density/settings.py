@@ -14,9 +14,7 @@ from sim.scenario.grid import navigation_problem_of
 from sim.scenario.scenario import Scenario, load_scenario
 from storage.yaml_config import StrictModel
 
-FOLDER = Path(__file__).parent
-FULL_YAML = FOLDER / "density_study.yaml"
-QUICK_YAML = FOLDER / "density_study_quick.yaml"
+YAML = Path(__file__).parent / "density_study.yaml"
 Crowds = tuple[Annotated[int, Field(ge=1)], ...]
 
 
@@ -65,5 +63,4 @@ class DensityStudy:
 
 def density_settings(*, quick: bool = False, config: Path | None = None) -> DensitySettings:
     """The defaults, changed by --quick and a YAML file; FileError with one sentence."""
-    changes = [QUICK_YAML] if quick else []
-    return merged_settings(DensitySettings, FULL_YAML, changes, config, {})
+    return merged_settings(DensitySettings, YAML, quick=quick, config=config)

@@ -11,21 +11,23 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.running.tables import write_table
 from experiments.study.detour.arrival import arrive_repetition
 from experiments.study.detour.decoy import decoy_tasks
 from experiments.study.detour.figure import detour_figure
 from experiments.study.detour.fits import EXPERT, learn_repetition
 from experiments.study.detour.settings import DetourSettings, DetourStudy
 from experiments.study.detour.tables import all_tables
-from experiments.study.products import OnWork, Stage, make_products, repetition_tasks
+from experiments.study.products import (
+    OnWork,
+    Stage,
+    make_products,
+    repetition_tasks,
+    write_results,
+)
 from experiments.study.recordings.demonstrations import demonstration_tasks
 from experiments.study.recordings.reference import reference_tasks
-from experiments.study.run import REFERENCE_SETTINGS, SETTINGS_YAML, described
-from report.style import png_bytes, svg_bytes
+from experiments.study.run import REFERENCE_SETTINGS, described
 from sim.episodes.execution import Execution
-from storage.files import atomic_write_bytes, atomic_write_text
-from storage.yaml_config import model_yaml
 
 #: Results that come with the project.
 KEPT = Path(__file__).parents[2] / "results" / "detour"
@@ -47,13 +49,8 @@ def run_detour(
     """Run every stage, then write all tables and the figure; returns the tables by name."""
     study = DetourStudy(settings, output / "work")
     make_products(stages_of(study), execution, on_work)
-    atomic_write_text(output / SETTINGS_YAML, model_yaml(settings))
     tables = all_tables(study)
-    for name, rows in tables.items():
-        write_table(output / f"{name}.csv", rows)
-    figure = detour_figure(tables, study)
-    atomic_write_bytes(output / "detour.png", png_bytes(figure))
-    atomic_write_bytes(output / "detour.svg", svg_bytes(figure))
+    write_results(output, settings, tables, {"detour": detour_figure(tables, study)})
     return tables
 
 

@@ -10,9 +10,7 @@ from experiments.study.settings import Sizes, WorldSettings, merged_settings
 from experiments.study.study import StudyWorld
 from storage.yaml_config import StrictModel
 
-FOLDER = Path(__file__).parent
-FULL_YAML = FOLDER / "detour_study.yaml"
-QUICK_YAML = FOLDER / "detour_study_quick.yaml"
+YAML = Path(__file__).parent / "detour_study.yaml"
 
 
 class DecoySettings(StrictModel):
@@ -46,5 +44,4 @@ class DetourStudy(StudyWorld):
 
 def detour_settings(*, quick: bool = False, config: Path | None = None) -> DetourSettings:
     """The defaults, changed by --quick and a YAML file; FileError with one sentence."""
-    changes = [QUICK_YAML] if quick else []
-    return merged_settings(DetourSettings, FULL_YAML, changes, config, {})
+    return merged_settings(DetourSettings, YAML, quick=quick, config=config)

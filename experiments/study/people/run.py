@@ -15,7 +15,6 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.running.tables import write_table
 from experiments.study.people.figure import people_figure
 from experiments.study.people.fold import run_fold
 from experiments.study.people.folds import Fold, folds_of
@@ -25,12 +24,10 @@ from experiments.study.people.recordings import Run
 from experiments.study.people.settings import PeopleSettings
 from experiments.study.people.tables import all_tables
 from experiments.study.people.walkers import walker_predictions
-from experiments.study.products import OnWork, Stage, Task, make_products
-from experiments.study.run import SETTINGS_YAML, described
-from report.style import png_bytes, svg_bytes
+from experiments.study.products import OnWork, Stage, Task, make_products, write_results
+from experiments.study.run import described
 from sim.episodes.execution import Execution
-from storage.files import atomic_write_bytes, atomic_write_text
-from storage.yaml_config import model_yaml
+from storage.files import atomic_write_text
 from storage.yaml_text import write_yaml
 
 #: The settings that the files of each stage depend on, besides the recordings.
@@ -86,16 +83,11 @@ def run_people(
     study = PeopleStudy(absolute, output / "work")
     make_products(stages_of(study), execution, on_work)
     named = settings.model_copy(update={"files": tuple(each.name for each in paths)})
-    atomic_write_text(output / SETTINGS_YAML, model_yaml(named))
     folds = [json.loads(_file(study, "folds", k).read_text()) for k in range(len(study.folds))]
     for number, fold in enumerate(folds):
         fold["arrivals"] += json.loads(_file(study, "periods", number).read_text())
     tables = all_tables(folds, study.runs, settings)
-    for name, rows in tables.items():
-        write_table(output / f"{name}.csv", rows)
-    figure = people_figure(tables)
-    atomic_write_bytes(output / "people.png", png_bytes(figure))
-    atomic_write_bytes(output / "people.svg", svg_bytes(figure))
+    write_results(output, named, tables, {"people": people_figure(tables)})
     return tables
 
 

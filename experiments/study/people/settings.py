@@ -11,9 +11,7 @@ from experiments.study.settings import merged_settings
 from storage.trajectories.columns import TableColumns
 from storage.yaml_config import StrictModel
 
-FOLDER = Path(__file__).parent
-FULL_YAML = FOLDER / "people_study.yaml"
-QUICK_YAML = FOLDER / "people_study_quick.yaml"
+YAML = Path(__file__).parent / "people_study.yaml"
 
 
 class GridSettings(StrictModel):
@@ -84,5 +82,4 @@ def people_settings(
     given: dict[str, Any] = {"files": [str(path) for path in files]}
     if mapping is not None:
         given["columns"] = mapping.model_dump(mode="json")
-    changes = [QUICK_YAML] if quick else []
-    return merged_settings(PeopleSettings, FULL_YAML, changes, config, given)
+    return merged_settings(PeopleSettings, YAML, quick=quick, config=config, given=given)
