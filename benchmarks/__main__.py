@@ -14,6 +14,7 @@ from benchmarks.driving import closed_loop, crowd_peers, drives, latency, lockst
 from benchmarks.faults import kill_matrix
 from benchmarks.learning import (
     belief_choice,
+    belief_recorded,
     calibration,
     gradient,
     growth,
@@ -27,6 +28,7 @@ from benchmarks.sources import run as sources
 BENCHMARKS = {
     "bags_throughput": bags_throughput.run,
     "belief_choice": belief_choice.run,
+    "belief_recorded": belief_recorded.run,
     "calibration": calibration.run,
     "closed_loop": closed_loop.run,
     "compliance": compliance.run,

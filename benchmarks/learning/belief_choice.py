@@ -17,7 +17,8 @@ import numpy as np
 
 from benchmarks.learning.fresh_worlds import FAMILIES
 from benchmarks.report import measured_rows, save
-from serd_core.bayes.belief_comparison import compare_beliefs
+from serd_core.arrays import FloatArray
+from serd_core.bayes.belief_comparison import BeliefComparison, compare_beliefs
 from serd_core.bayes.draws import laplace_draws, posterior_policy
 from serd_core.posterior.beliefs import BeliefAroundTruth, FreeBelief, TiedBelief
 
@@ -49,17 +50,25 @@ def measure(
     rng = np.random.default_rng([seed, *place, demonstrations, world])
     fresh = FAMILIES[family](rng, wrong_belief=EXPERTS[expert])
     found = compare_beliefs(fresh.problem, fresh.demonstrations(demonstrations, rng))
-    draws = dict(zip(found.relations, found.approximations, strict=True))
-    policies = {
-        "tied": laplace_draws(draws[TiedBelief()], np.random.default_rng(0)),
-        "free": laplace_draws(draws[FreeBelief()], np.random.default_rng(0)),
-        "chosen": found.draws(np.random.default_rng(0)),
-    }
     shares = zip(found.relations, found.probabilities.tolist(), strict=True)
-    return {type(relation).__name__: share for relation, share in shares} | {
-        name: fresh.log_likelihood(fresh.problem, posterior_policy(fresh.problem, each))
-        for name, each in policies.items()
-    }
+    return (
+        {type(relation).__name__: share for relation, share in shares}
+        | {
+            name: fresh.log_likelihood(fresh.problem, policy)
+            for name, policy in policies_of(found).items()
+        }
+        | {"left out": list(found.left_out)}
+    )
+
+
+def policies_of(found: BeliefComparison) -> dict[str, FloatArray]:
+    """(S, A) policies averaged over the posterior: of tied and free, where compared, and chosen."""
+    names = {TiedBelief(): "tied", FreeBelief(): "free"}
+    draws = {"chosen": found.draws(np.random.default_rng(0))}
+    for relation, one in zip(found.relations, found.approximations, strict=True):
+        if relation in names:
+            draws[names[relation]] = laplace_draws(one, np.random.default_rng(0))
+    return {name: posterior_policy(found.problem, each) for name, each in draws.items()}
 
 
 def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -69,7 +78,8 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         for expert in EXPERTS:
             for size in SIZES:
                 case = {"family": family, "expert": expert, "demonstrations": size}
-                here = [row for row in rows if row | case == row]
+                all_here = [row for row in rows if row | case == row]
+                here = [row for row in all_here if not row.get("left out")]
                 tied = np.array([row[TiedBelief.__name__] for row in here])
                 free = np.array([row[FreeBelief.__name__] for row in here])
                 near = np.array([row[BeliefAroundTruth.__name__] for row in here])
@@ -80,6 +90,7 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
                     case
                     | {
                         "worlds": len(here),
+                        "not compared": len(all_here) - len(here),
                         "not tied": float(np.mean(tied < 0.5)),
                         "free": float(np.mean(free > np.maximum(tied, near))),
                         "decided not tied": float(np.mean(tied < 0.05)),

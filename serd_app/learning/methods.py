@@ -20,6 +20,7 @@ from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Step
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
+from serd_core.bayes.belief_comparison import BeliefComparison, compare_beliefs
 from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
@@ -48,6 +49,7 @@ ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=200)
 #: Methods that accept decisions whose action is hidden.
 LEARN_FROM_STATES: tuple[MethodName, ...] = (
     "mdce_serd_evidence",
+    "mdce_serd_belief_evidence",
     "mdce_serd_coupled",
     "mdce_serd_free",
 )
@@ -175,13 +177,15 @@ class MethodResult:
     """The fit to all episodes; prior: what it assumed, in words.
 
     prior_weight: the weight it used, None for methods without; validation: log-likelihood per
-    validation decision of each candidate weight, empty where none was chosen.
+    validation decision of each candidate weight, empty where none was chosen. beliefs: compared
+    relations of belief and truth, of which fit has the most probable one; None for other methods.
     """
 
     fit: FitResult
     prior: str
     prior_weight: float | None = None
     validation: tuple[tuple[float, float], ...] = ()
+    beliefs: BeliefComparison | None = None
 
 
 def mdce_serd(data: FitData) -> MethodResult:
@@ -198,6 +202,19 @@ def mdce_serd_evidence(data: FitData) -> MethodResult:
         on_step=data.reporter(),
     )
     return MethodResult(fit, _described(fit, data.problem))
+
+
+def mdce_serd_belief_evidence(data: FitData) -> MethodResult:
+    """MDCE SERD by evidence, also of the relation of belief and truth."""
+    hidden = data.decisions.hidden.any()
+    found = compare_beliefs(
+        data.problem,
+        data.decisions,
+        dynamics=data.start_dynamics(data.decisions) if hidden else None,
+        on_step=data.reporter(),
+    )
+    words = f"{_described(found.best, data.problem)}. {found.sentence()}"
+    return MethodResult(found.best, words, beliefs=found)
 
 
 def mdce_serd_coupled(data: FitData) -> MethodResult:
@@ -304,6 +321,7 @@ def require_learnable(method: MethodName, *, hidden: bool, density: bool = False
 METHODS: dict[MethodName, Callable[[FitData], MethodResult]] = {
     "mdce_serd": mdce_serd,
     "mdce_serd_evidence": mdce_serd_evidence,
+    "mdce_serd_belief_evidence": mdce_serd_belief_evidence,
     "mdce_serd_coupled": mdce_serd_coupled,
     "mdce_serd_free": mdce_serd_free,
     "pm_serd": pm_serd,

@@ -59,7 +59,8 @@ class FitOutcome:
     prior_weight: the weight it used, None for methods without; validation: log-likelihood per
     validation decision of each candidate weight, empty where none was chosen. knowledge: None where
     the fit has no posterior. scenario_yaml: see `LearningTask`. groups: None where types of experts
-    were not asked for; with several types, fit and weights are those of the most frequent.
+    were not asked for; with several types, fit and weights are those of the most frequent. belief:
+    what the evidence says about the expert's belief, empty where relations were not compared.
     """
 
     fit: FitResult
@@ -69,6 +70,7 @@ class FitOutcome:
     knowledge: Knowledge | None = None
     scenario_yaml: str = ""
     groups: ExpertGroups | None = None
+    belief: str = ""
 
     def trace_table(self) -> str:
         """The objective after each step of the fit to all episodes, as CSV."""
@@ -101,6 +103,7 @@ class FitOutcome:
             **{f"weight.{name}": weight for name, weight in self.model.reward_weights.items()},
             **({} if self.knowledge is None else _next_start(self.knowledge)),
             **({} if self.groups is None else self.groups.values()),
+            **({"belief": self.belief} if self.belief else {}),
         }
 
 

@@ -83,7 +83,11 @@ def learn(
         on_progress=on_progress,
     )
     found = METHODS[settings.method](data)
-    posterior = posterior_of(problem, decisions, found.fit)
+    posterior, draws = posterior_of(problem, decisions, found.fit), None
+    if found.beliefs is not None:
+        posterior, draws = found.beliefs.approximations[0], found.beliefs.draws(rng)
+    elif posterior is not None:
+        draws = laplace_draws(posterior, rng)
     model = model_of_fit(
         found.fit,
         problem,
@@ -94,11 +98,17 @@ def learn(
         n_episodes=len(decisions.episodes),
         goal_entry_s=demonstrations.goal_entry_s,
         own_flow=task.own_flow,
-        draws=None if posterior is None else laplace_draws(posterior, rng),
+        draws=draws,
     )
     known = None if posterior is None else knowledge_of(problem, posterior)
     return FitOutcome(
-        found.fit, model, found.prior_weight, found.validation, known, task.scenario_yaml
+        found.fit,
+        model,
+        found.prior_weight,
+        found.validation,
+        known,
+        task.scenario_yaml,
+        belief="" if found.beliefs is None else found.beliefs.sentence(),
     )
 
 

@@ -108,10 +108,12 @@ def learn(
 
     Rewards and dynamics: mdce_serd_evidence (the expert knows the
     dynamics; prior by evidence, predictions averaged over the posterior),
-    mdce_serd (divergence prior, its weight by validation), its variants
-    _coupled and _free (the expert's belief differs), pm_serd (Boltzmann
-    policy). Rewards under counted dynamics: mdce_irl,
-    mdce_irl_entropy, maxent_irl, policy_matching, relative_entropy_irl.
+    mdce_serd_belief_evidence (evidence also decides whether the expert's
+    belief is the truth, near it or independent of it), mdce_serd
+    (divergence prior, its weight by validation), its variants _coupled and
+    _free (the expert's belief differs), pm_serd (Boltzmann policy). Rewards
+    under counted dynamics: mdce_irl, mdce_irl_entropy, maxent_irl,
+    policy_matching, relative_entropy_irl.
 
     With --density (mdce_serd_evidence and mdce_irl) the log odds of outcomes
     are linear in the people per m² in the cell aimed at. Plans predict it
@@ -241,6 +243,8 @@ def _print(files: LearningFiles, outcome: FitOutcome, certainty: Certainty, outp
         console.print("What is known of the outcomes, and from where:", style="bold")
         for line in knowledge_lines(outcome.knowledge, files.task.problem):
             console.print(f"  {line}", soft_wrap=True, markup=False)
+    if outcome.belief:
+        console.print(outcome.belief, soft_wrap=True, markup=False)
     for each in outcome.model.crossing_times:
         console.print(times_sentence(each), soft_wrap=True, markup=False)
     console.print(outcome.summary(), soft_wrap=True, markup=False)

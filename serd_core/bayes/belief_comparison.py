@@ -15,6 +15,7 @@ import numpy as np
 import scipy.special
 
 from serd_core.arrays import FloatArray
+from serd_core.ascent.ascent import StepCallback
 from serd_core.bayes.draws import N_DRAWS, PosteriorDraws, draws_at
 from serd_core.bayes.evidence_fit import EvidenceFit, evidence_start, fit_by_evidence
 from serd_core.bayes.laplace import Laplace, laplace_at
@@ -51,7 +52,8 @@ BY_EVIDENCE = PriorByEvidence()
 class BeliefComparison:
     """Fits under each relation, the most probable first.
 
-    probabilities: (r,); log_evidences: (r,); approximations: Laplace's, of each.
+    probabilities: (r,); log_evidences: (r,); approximations: Laplace's, of each. left_out: those
+    that have no maximum of the posterior, with the reason.
     """
 
     problem: Problem
@@ -60,6 +62,7 @@ class BeliefComparison:
     approximations: tuple[Laplace, ...]
     log_evidences: FloatArray
     probabilities: FloatArray
+    left_out: tuple[str, ...] = ()
 
     @property
     def best(self) -> FitResult:
@@ -87,7 +90,12 @@ class BeliefComparison:
         return PosteriorDraws(np.zeros((n, 0)), *tables)
 
     def sentence(self) -> str:
-        """The result in one sentence, with the Bayes factor."""
+        """The result in one sentence, with the Bayes factor; another one for what was left out."""
+        return " ".join([self._compared(), *(f"Not compared: {one}." for one in self.left_out)])
+
+    def _compared(self) -> str:
+        if len(self.relations) == 1:
+            return f"The expert's belief is taken as {NAMES[type(self.relations[0])]}."
         first, second = (NAMES[type(one)] for one in self.relations[:2])
         factor = np.log10(np.e) * (self.log_evidences[0] - self.log_evidences[1])
         shown = f"{10**factor:.2g}" if factor < 4 else f"10^{factor:.0f}"
@@ -109,10 +117,13 @@ def compare_beliefs(
     *,
     prior: PriorByEvidence = BY_EVIDENCE,
     dynamics: FloatArray | None = None,
+    on_step: StepCallback | None = None,
 ) -> BeliefComparison:
-    """Fit under each relation, all equally probable beforehand; SerdError where a fit fails.
+    """Fit under each relation, all equally probable beforehand.
 
-    dynamics: (M, K) known ones, which `FixedBelief` takes as they are; others start there.
+    dynamics: (M, K) known ones, which `FixedBelief` takes as they are; others start there. on_step:
+    called after each step of each fit. A relation without a maximum is left out; SerdError where
+    none has one.
     """
     if len(relations) < 2 or len(set(relations)) < len(relations):
         raise SerdError(
@@ -124,36 +135,41 @@ def compare_beliefs(
             "FixedBelief can be compared for known dynamics only, got none; pass dynamics, as an"
             " estimate has seen the decisions already"
         )
-    found = [_fit(problem, decisions, one, prior, dynamics) for one in relations]
-    evidences = np.array([_log_evidence(one) for one in found])
-    order = np.argsort(-evidences, kind="stable")
+    fits, evidences, left_out = [], [], []
+    for relation in relations:
+        found = _fit(problem, decisions, relation, prior, dynamics, on_step)
+        try:
+            evidences.append(_log_evidence(found))
+            fits.append(found)
+        except SerdError as error:
+            left_out.append(f"{NAMES[type(relation)]} ({error})")
+    if not fits:
+        raise SerdError(
+            "a relation of belief and truth must have a maximum of the posterior, got none for a"
+            f" belief {', '.join(left_out)}; pass a PriorByEvidence with a lower deviation"
+        )
+    order = np.argsort(-np.array(evidences), kind="stable")
+    ordered = [fits[i] for i in order]
+    log_evidences = np.array(evidences)[order]
     return BeliefComparison(
         problem=problem,
-        relations=tuple(relations[i] for i in order),
-        fits=tuple(found[i].result() for i in order),
+        relations=tuple(one.belief for one in ordered),
+        fits=tuple(one.result() for one in ordered),
         approximations=tuple(
-            laplace_at(found[i].objective, found[i].objective.coordinates.of(found[i].parameters))
-            for i in order
+            laplace_at(one.objective, one.objective.coordinates.of(one.parameters))
+            for one in ordered
         ),
-        log_evidences=evidences[order],
-        probabilities=np.asarray(scipy.special.softmax(evidences[order])),
+        log_evidences=log_evidences,
+        probabilities=np.asarray(scipy.special.softmax(log_evidences)),
+        left_out=tuple(left_out),
     )
 
 
 def _log_evidence(found: EvidenceFit) -> float:
-    """log P(D); SerdError naming the relation under which there is no maximum."""
-    failure = "" if found.ascended.converged else found.ascended.message
-    try:
-        value = np.nan if failure else found.log_evidence()
-    except SerdError as error:
-        failure = str(error)
-    if failure:
-        raise SerdError(
-            "every relation to compare must have a maximum of the posterior, got none for a belief"
-            f" {NAMES[type(found.belief)]} ({failure}); leave this relation out, or pass a"
-            " PriorByEvidence with a lower deviation"
-        )
-    return value
+    """log P(D); SerdError where there is no maximum."""
+    if not found.ascended.converged:
+        raise SerdError(found.ascended.message)
+    return found.log_evidence()
 
 
 def _fit(
@@ -162,7 +178,8 @@ def _fit(
     belief: Belief,
     prior: PriorByEvidence,
     dynamics: FloatArray | None,
+    on_step: StepCallback | None,
 ) -> EvidenceFit:
     posterior = Posterior(problem, observe(problem.mdp, decisions), MdcePolicy(), UniformPrior())
     start = evidence_start(posterior, decisions, belief, None, dynamics)
-    return fit_by_evidence(posterior, belief, prior, start, staged=True)
+    return fit_by_evidence(posterior, belief, prior, start, on_step, staged=True)

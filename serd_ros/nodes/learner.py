@@ -250,7 +250,7 @@ class LearnerNode(SerdNode[LearnerConfig]):
         self._models.publish(String(data=model_yaml(outcome.model)))
         if self._memory is not None:
             self._memory.save_learned(outcome.fit)
-        self.get_logger().info(outcome.summary())
+        self.get_logger().info(" ".join(filter(None, [outcome.summary(), outcome.belief])))
         values = {**outcome.values(), "model": self.config.output}
         level = OK if outcome.fit.converged else WARN
         self.report(0.0, values, level=level, message=outcome.fit.message)

@@ -16,6 +16,7 @@ from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.settings import MethodName
 from serd_app.navigation.strategy import load_strategy, start_distribution
+from serd_core.bayes.draws import N_DRAWS
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of
@@ -370,6 +371,19 @@ def test_every_method_gives_a_model_that_navigates(serd, demonstrations, method)
     problem = load_strategy(found["model"], HALLWAY, "optimal").problem
     chosen = optimal_policy(problem, model.weights, model.outcome_probabilities).greedy
     assert chosen.shape == (GRID.n_states,)
+
+
+def test_the_evidence_decides_whether_the_expert_knows_the_dynamics(serd, demonstrations):
+    """The episodes are of an expert who does, and the model says so."""
+    words = ("learn", demonstrations(n_episodes=20), "--method", "mdce_serd_belief_evidence")
+    found = learned(serd(*words, "--json"))
+    assert "belief is equal to the truth" in found["belief"]
+    assert "Bayes factor" in found["belief"]
+    model = load_model(found["model"])
+    assert found["belief"] in model.prior
+    assert len(model.draws.reward_weights) == N_DRAWS
+    assert found["knowledge"] is not None
+    assert found["belief"] in serd(*words).out
 
 
 def test_the_prior_weight_of_a_model_is_the_best_on_validation(serd, demonstrations):

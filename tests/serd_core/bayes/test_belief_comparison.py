@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from serd_core.bayes import evidence_fit
+from serd_core.bayes import belief_comparison, evidence_fit
 from serd_core.bayes.belief_comparison import compare_beliefs
 from serd_core.bayes.draws import posterior_policy
 from serd_core.demonstrations.simulation import sample_decisions
@@ -83,8 +83,28 @@ def test_bad_comparisons_are_rejected():
         compare_beliefs(problem, decisions, (TiedBelief(), FixedBelief()))
 
 
-def test_a_relation_without_a_maximum_is_named(monkeypatch):
+def test_relations_without_a_maximum_are_named(monkeypatch):
     problem, decisions, _ = random_world(0, 2, wrong=False)
     monkeypatch.setattr(evidence_fit, "MAX_NEWTON_STEPS", 0)
     with pytest.raises(SerdError, match=r"a belief equal to the truth \(not converged"):
         compare_beliefs(problem, decisions)
+
+
+def test_a_relation_without_a_maximum_is_left_out(monkeypatch):
+    problem, decisions, _ = random_world(0, 2, wrong=False)
+    evidence_of = belief_comparison._log_evidence
+
+    def free_one_fails(found):
+        if found.belief == FreeBelief():
+            raise SerdError("not converged: out of steps")
+        return evidence_of(found)
+
+    monkeypatch.setattr(belief_comparison, "_log_evidence", free_one_fails)
+    relations = (FreeBelief(), TiedBelief())
+    found = compare_beliefs(problem, decisions, relations)
+    assert found.relations == (TiedBelief(),)
+    assert found.sentence() == (
+        "The expert's belief is taken as equal to the truth. Not compared: independent of the"
+        " truth (not converged: out of steps)."
+    )
+    assert len(found.draws(np.random.default_rng(0), 10)) == 10
