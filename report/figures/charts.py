@@ -49,6 +49,8 @@ def draw_weights(feature_names: tuple[str, ...], reward_weights: FloatArray) -> 
 
 OUTCOME_LABELS = tuple(outcome.name.lower() for outcome in Outcome)
 _BAR_WIDTH = 0.38
+#: Of the legend below the panels of outcomes.
+_LEGEND_WIDTH_IN = 6.0
 
 
 def draw_outcomes(
@@ -66,7 +68,7 @@ def draw_outcomes(
     before = float_array("initial outcome probabilities", initial, shape)
     after = float_array("learned outcome probabilities", learned, shape)
     with style.report_style():
-        figure = new_figure(2.35 * len(model_names), 2.9)
+        figure = new_figure(max(2.35 * len(model_names), _LEGEND_WIDTH_IN), 2.9)
         panels = figure.subplots(1, len(model_names), sharey=True, squeeze=False)[0]
         for i, axes in enumerate(panels):
             rows = () if knowledge is None else knowledge.by_model[model_names[i]]

@@ -8,6 +8,11 @@ from selenium import webdriver
 
 from support.waiting import PATIENCE_S
 
+_AXE = Path(__file__).parents[1] / "reference" / "axe" / "axe.min.js"
+#: Width and height in pixels of a desk and a phone.
+DEVICES = ((1280, 900), (400, 860))
+SCHEMES = ("light", "dark")
+
 _CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 _CHROMEDRIVER = shutil.which("chromedriver")
 needs_chromium = pytest.mark.skipif(
@@ -31,3 +36,28 @@ def start_chromium(folder: Path) -> webdriver.Chrome:
     browser = webdriver.Chrome(options, webdriver.ChromeService(_CHROMEDRIVER))
     browser.command_executor.client_config.timeout = PATIENCE_S
     return browser
+
+
+def view(browser: webdriver.Chrome, *, width: int, height: int, scheme: str) -> None:
+    """Give the page the size of a device and its colour scheme."""
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    feature = {"name": "prefers-color-scheme", "value": scheme}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
+
+
+def violations(browser: webdriver.Chrome) -> list[tuple[str, list[str]]]:
+    """What axe-core (tests/reference/axe) finds on the page, with the elements."""
+    if not browser.execute_script("return 'axe' in window"):
+        browser.execute_script(_AXE.read_text(encoding="utf-8"))
+    return browser.execute_async_script(
+        "const done = arguments[0]; axe.run().then((found) => done(found.violations.map("
+        "(each) => [each.id, each.nodes.map((node) => node.html + node.failureSummary)])))"
+    )
+
+
+def sideways_px(browser: webdriver.Chrome) -> int:
+    """By how much the page is wider than its window."""
+    return browser.execute_script(
+        "const page = document.documentElement; return page.scrollWidth - page.clientWidth"
+    )

@@ -16,7 +16,14 @@ from serd_app.navigation.overlay import overlay_of
 from serd_app.navigation.strategy import load_strategy
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
-from support.browser import needs_chromium, start_chromium
+from support.browser import (
+    DEVICES,
+    SCHEMES,
+    needs_chromium,
+    start_chromium,
+    view,
+    violations,
+)
 from support.observations import observation_at
 from support.waiting import wait_until
 from teleop.page.access import PageAccess
@@ -140,33 +147,16 @@ def opened(tmp_path, scene, state):
         server.close()
 
 
-def view(browser, *, width, height, scheme):
-    """Give the page the size of a device and its colour scheme."""
-    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    feature = {"name": "prefers-color-scheme", "value": scheme}
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
-
-
 def keep_picture(browser, name):
     """SERD_PICTURES=FOLDER keeps pictures of the page there."""
     if "SERD_PICTURES" in os.environ:
         browser.save_screenshot(f"{os.environ['SERD_PICTURES']}/teleop_{name}.png")
 
 
-def violations(browser):
-    """What axe finds, with the elements."""
-    return browser.execute_async_script(
-        "const done = arguments[0]; axe.run().then((found) => done(found.violations.map("
-        "(each) => [each.id, each.nodes.map((node) => node.html + node.failureSummary)])))"
-    )
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize(("width", "height"), [(1280, 900), (400, 860)])
-def test_axe_finds_no_violation_on_the_page_of_a_recording(replayed, root, scheme, width, height):
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize(("width", "height"), DEVICES)
+def test_axe_finds_no_violation_on_the_page_of_a_recording(replayed, scheme, width, height):
     browser = replayed.browser
-    browser.execute_script((root / "tests/reference/axe/axe.min.js").read_text(encoding="utf-8"))
     view(browser, width=width, height=height, scheme=scheme)
     keep_picture(browser, f"watch_{scheme}_{width}")
     assert violations(browser) == []
@@ -187,13 +177,10 @@ def test_the_page_of_a_recording_requests_times_and_drives_nothing_by_any_key(re
     assert {type(each) for each in requested} == {Replay}
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize(("width", "height"), [(1280, 900), (400, 860)])
-def test_axe_finds_no_violation_and_controls_are_44_pixels_large(
-    shown, root, scheme, width, height
-):
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize(("width", "height"), DEVICES)
+def test_axe_finds_no_violation_and_controls_are_44_pixels_large(shown, scheme, width, height):
     browser = shown.browser
-    browser.execute_script((root / "tests/reference/axe/axe.min.js").read_text(encoding="utf-8"))
     view(browser, width=width, height=height, scheme=scheme)
     for name, values in {
         "driving": {},
@@ -308,13 +295,12 @@ def colours_of_the_map(shown):
     )
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize(("width", "height"), [(1280, 900), (400, 860)])
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize(("width", "height"), DEVICES)
 def test_axe_finds_no_violation_with_the_layers_of_a_learned_model(
-    learned, layers, root, scheme, width, height
+    learned, layers, scheme, width, height
 ):
     browser = learned.browser
-    browser.execute_script((root / "tests/reference/axe/axe.min.js").read_text(encoding="utf-8"))
     view(browser, width=width, height=height, scheme=scheme)
     for name in ("policy", "arrival", "dynamics"):
         button = layer_button(learned, name)
