@@ -22,7 +22,8 @@ help:
 	@echo "make check     format, lint, types, import rules, tests"
 	@echo "               another Python: make check PYTHON=python3.10 VENV=.venv310"
 	@echo "make bench     speed against peers, results as JSON"
-	@echo "make pictures  draw the architecture pictures again (needs Graphviz)"
+	@echo "make pictures  draw the pictures of the documents again (needs Graphviz and Chromium)"
+	@echo "               after a change of the demo: make pictures ARGS='--demo demo_output/run-1'"
 	@echo "make reference write nodes.yaml and the tables of docs from the settings models"
 	@echo "make site      build the documents as a site in site/, strictly (Python 3.11 or 3.12)"
 	@echo "make dist      build the wheel and the source distribution, and check their metadata"
@@ -73,8 +74,9 @@ imports: $(VENV)/.ready
 bench: build
 	@$(BIN)/python -m benchmarks $(ARGS)
 
-pictures: $(VENV)/.ready
+pictures: build
 	@$(BIN)/python tools/draw_architecture.py
+	@$(BIN)/python tools/draw_pictures.py $(ARGS)
 
 reference: $(VENV)/.ready
 	@$(BIN)/python tools/write_reference.py

@@ -5,6 +5,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 import typer
 
 from serd_cli.errors import UsageError
@@ -56,15 +57,22 @@ def render(
     speed: Annotated[float, typer.Option(help="times real time")] = 4.0,
     frames_per_s: Annotated[float, typer.Option(help="frames per second of the movie")] = 10.0,
     pixels_per_m: Annotated[float, typer.Option(help="size of the view from above")] = 24.0,
+    at_s: Annotated[
+        float | None, typer.Option("--at", help="time of a .png (s), the end when not given", min=0)
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Drive an episode and write it as a movie, or its end as a picture.
+    """Drive an episode and write it as a movie, or one moment of it as a picture.
 
     serd episode render crossing --output episode.mp4
+
+    serd episode render --view chase --at 20 --output episode.png
 
     The same seed, episode and policy give the same drive as in serd batch.
     """
     _require_usable(output, speed, frames_per_s, pixels_per_m)
+    if at_s is not None and output.suffix.lower() != ".png":
+        raise UsageError(f"--at must be left out for a movie, got {at_s:g}; --output names a .png")
     task = EpisodeTask(scenario, seed, episode, people, start_area, planner, policy, people_from)
     place = scenario_of(scenario, people)
     record, trajectory = _drive(task, place)
@@ -72,7 +80,7 @@ def render(
         drawn: EpisodeView = TopView(place, pixels_per_m)
         if view != "top":
             drawn = stack.enter_context(SceneView(place, chasing=view == "chase"))
-        _write(drawn, trajectory, place, output, speed, frames_per_s)
+        _write(drawn, trajectory, place, output, speed, frames_per_s, at_s)
     if as_json:
         print_json({"outcome": record.outcome, "duration_s": record.duration_s,
                     "picture": str(output.resolve())})  # fmt: skip
@@ -104,8 +112,9 @@ def _write(
     output: Path,
     speed: float,
     frames_per_s: float,
+    at_s: float | None,
 ) -> None:
-    """The end as PNG; else a movie of every n-th tick at exactly the given speed."""
+    """One moment as PNG; else a movie of every n-th tick at exactly the given speed."""
     start_s = trajectory.time_s[0]
 
     def captioned(tick: int) -> Frame:
@@ -118,7 +127,8 @@ def _write(
     suffix = output.suffix.lower()
     times = "" if suffix == ".png" else f", x{speed:g}"
     if suffix == ".png":
-        save_png(captioned(last), output)
+        at = last if at_s is None else int(np.searchsorted(trajectory.time_s, start_s + at_s))
+        save_png(captioned(min(at, last)), output)
         return
     step = max(1, round(speed / (frames_per_s * scenario.control_period_s)))
     shown_per_s = speed / (step * scenario.control_period_s)

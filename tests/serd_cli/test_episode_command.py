@@ -28,11 +28,21 @@ def test_a_gif_moves_and_a_picture_shows_the_end(serd, tmp_path):
         assert picture.size[0] >= 480
 
 
+def test_a_picture_shows_the_moment_asked_for(serd, tmp_path):
+    shown = {}
+    for at, words in {"end": (), "late": ("--at", "999"), "start": ("--at", "0")}.items():
+        assert serd(*SMALL, *words, "--output", tmp_path / f"{at}.png").code == 0
+        with Image.open(tmp_path / f"{at}.png") as picture:
+            shown[at] = picture.tobytes()
+    assert shown["late"] == shown["end"] != shown["start"]
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (("--output", "e.avi"), "--output must end in .png, .gif, .mp4, got e.avi"),
         (("--output", "e.mp4", "--speed", "0"), "--speed must be above 0"),
+        (("--output", "e.mp4", "--at", "3"), "--at must be left out for a movie, got 3"),
         (("--output", "e.mp4", "--view", "side"), "'side' is not one of"),
         (("--output", "e.mp4", "--policy", "exprt"), "did you mean 'expert'?"),
         (("--output", "e.mp4", "--start-area", "trian"), "did you mean 'train'?"),

@@ -2,23 +2,11 @@
 
 from importlib.metadata import version
 
-import numpy as np
 import pytest
-from matplotlib.image import imread
 
 from experiments.study.figures.catalogue import FIGURES, figure_of
 from experiments.study.run import KEPT, redraw
-
-#: Of a pixel, by rounding; of all pixels.
-_OTHER_PIXEL, _MOST_OTHER = 0.1, 1e-3
-
-
-def share_of_other_pixels(one, other):
-    """1 where the sizes differ."""
-    one, other = imread(one), imread(other)
-    if one.shape != other.shape:
-        return 1.0
-    return float((np.abs(one - other).max(axis=2) > _OTHER_PIXEL).mean())
+from support.pixels import MOST_OTHER, share_of_other_pixels
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +21,7 @@ def drawn(tmp_path_factory):
 def test_a_kept_figure_is_what_the_code_draws(drawn, name):
     """If it fails: serd study hallway --figure NAME."""
     file = f"{figure_of(name).stem}.png"
-    assert share_of_other_pixels(KEPT / file, drawn / file) <= _MOST_OTHER
+    assert share_of_other_pixels(KEPT / file, drawn / file) <= MOST_OTHER
 
 
 def test_one_curve_that_moved_is_found(drawn, tmp_path):
@@ -46,4 +34,4 @@ def test_one_curve_that_moved_is_found(drawn, tmp_path):
     for name, text in ((f"{file}.csv", "\n".join(table)), ("settings.yaml", None)):
         (tmp_path / name).write_text(text or (KEPT / name).read_text())
     (changed,) = redraw(["5.9"], tmp_path, tmp_path)
-    assert share_of_other_pixels(changed, drawn / f"{file}.png") > _MOST_OTHER
+    assert share_of_other_pixels(changed, drawn / f"{file}.png") > MOST_OTHER
