@@ -1,8 +1,9 @@
 """Runs the processes of a stack together with honcho: one ends, all end; Ctrl-C ends all.
 
-Nodes watch this process and end when it is killed (`serd_ros.process.parent_watch`).
+A keeper, honcho's process between this one and each node, ends its node when this one is killed.
 """
 
+import ctypes
 import os
 import shlex
 import signal
@@ -10,19 +11,25 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from honcho.manager import SIGNALS, SYSTEM_PRINTER_NAME, Manager
 from honcho.printer import Message
+from honcho.process import Popen
+from honcho.process import Process as Keeper
 
 from serd_cli.errors import BAD_INPUT, FAILED, RunError
-from serd_ros.process.parent_watch import VARIABLE
 from serd_ros.process.progress import parse_progress
 
 Line = Callable[[str, str], None]
 _KEPT_LINES = 15
 _ENDING_S = 25.0
 _LOOK_PERIOD_S = 0.5
+#: How long (s) a node may take to end by itself after the command was killed.
+_GRACE_S = 0.8
+_PR_SET_PDEATHSIG = 1
 
 
 @dataclass(frozen=True)
@@ -63,6 +70,47 @@ class _Tap:
         self._on_line(name, line)
 
 
+def _signal_at_death_of(parent: int, number: signal.Signals) -> None:
+    """The kernel sends this process a signal when its parent ends, or has ended already."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(number))
+    if os.getppid() != parent:
+        os.kill(os.getpid(), number)
+
+
+class _Keeper(Keeper):
+    """Passes on the lines of a node, and ends it after the command has ended without doing so.
+
+    The node has the signal SIGTERM and 0.8 s, and is then killed. Where its keeper is killed, the
+    kernel kills the node.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._command_pid = os.getpid()
+
+    def run(self, events: Any = None, ignore_signals: bool = False) -> None:
+        """honcho's, in a session of its own, so that a signal to the command's group spares it."""
+        os.setsid()
+        signal.signal(signal.SIGHUP, self._end_node)
+        signal.signal(signal.SIGALRM, self._kill_node)
+        _signal_at_death_of(self._command_pid, signal.SIGHUP)
+        keeper_pid = os.getpid()
+        self._child_ctor = partial(
+            Popen, preexec_fn=lambda: _signal_at_death_of(keeper_pid, signal.SIGKILL)
+        )
+        super().run(events, ignore_signals)
+
+    def _end_node(self, *_: object) -> None:
+        if self._child is not None:
+            self._child.terminate()
+        signal.setitimer(signal.ITIMER_REAL, _GRACE_S)
+
+    def _kill_node(self, *_: object) -> None:
+        if self._child is not None:
+            self._child.kill()
+        os._exit(FAILED)  # nobody takes the lines that are left
+
+
 def _is_stopped(pid: int) -> bool:
     """Whether a process is in the state T of /proc."""
     try:
@@ -84,6 +132,7 @@ class _Manager(Manager):
     def __init__(self, printer: _Tap, robots: Mapping[str, str]) -> None:
         """robots: the one that each process works for."""
         super().__init__(printer)
+        self._process_ctor = _Keeper
         self._robots = robots
 
     def terminate(self) -> None:
@@ -151,7 +200,6 @@ def run_together(
     """
     tap = _Tap(on_line)
     manager = _Manager(tap, {each.name: each.robot for each in processes})
-    environment = {**environment, VARIABLE: str(os.getpid())}
     for process in processes:
         command = "exec " + shlex.join(process.command)
         manager.add_process(process.name, command, env=environment)

@@ -7,18 +7,14 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from types import FrameType
-
-from serd_ros.errors import NodeError
-from serd_ros.process.parent_watch import ParentProcess
+from typing import NoReturn
 
 #: Exit code of a program that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
-#: Exit code of a node whose parent has ended or is no process.
-BAD_PARENT = 2
 
 
 @contextmanager
@@ -35,22 +31,24 @@ def _end_at_once(_: int, __: FrameType | None) -> None:
     os._exit(INTERRUPTED)
 
 
-def main() -> int:
+def main() -> NoReturn:
     """Entry point: the node this file is named after."""
-    return run(Path(sys.argv[0]).stem)
+    run(Path(sys.argv[0]).stem)
 
 
-def run(node: str) -> int:
-    """Import the node and run it; its exit code."""
-    try:
-        ParentProcess().end_process_with_parent()
-    except NodeError as error:
-        print(f"{node}: {error}", file=sys.stderr, flush=True)
-        return BAD_PARENT
+def run(node: str) -> NoReturn:
+    """Import the node, run it and end with its exit code.
+
+    Everything is closed then, so Python's finalisation is left out: it computes for 0.25 s.
+    """
     with starting():
         module = import_module(f"serd_ros.nodes.{node}")
-    return int(module.main())
+    code = int(module.main())
+    with suppress(OSError):  # who reads them may have ended
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(code)
 
 
 if __name__ == "__main__":
-    sys.exit(run(sys.argv.pop(1)))
+    run(sys.argv.pop(1))

@@ -14,7 +14,6 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from serd_core.errors import SerdError
-from serd_ros.process.parent_watch import ParentProcess
 from serd_ros.process.serd_node import BAD_INPUT, SerdNode
 
 INTERNAL_ERROR = 1
@@ -107,13 +106,10 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
     nodes = (node, *node.companions)
     for each in nodes:
         executor.add_node(each)
-    parent = ParentProcess()
 
     def end_if_due(after_s: float) -> None:
         if time.monotonic() - stop.received_s >= after_s:
             node.finish()
-        elif stop.received_s == math.inf and parent.has_ended:
-            node.fail("the command that started it was killed; start it again")
 
     for each in nodes:
         each.callbacks.after_each = lambda: end_if_due(_BACKLOG_S)
@@ -124,7 +120,6 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
             executor.spin_until_future_complete(node.finished, timeout_sec=_TURN_S)
             end_if_due(_TURN_S)
     finally:
-        parent.close()
         for each in nodes:
             executor.remove_node(each)
         executor.shutdown()

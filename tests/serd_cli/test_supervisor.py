@@ -1,8 +1,12 @@
 """Processes that live and end together."""
 
 import os
+import select
 import signal
+import subprocess
 import sys
+from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +14,7 @@ from serd_cli import supervisor
 from serd_cli.errors import BAD_INPUT, FAILED, RunError
 from serd_cli.supervisor import Process, run_together
 from serd_ros.process.progress import Progress
+from support.waiting import PATIENCE_S
 
 SLEEP = [sys.executable, "-S", "-c", "import time; time.sleep(3600)"]
 
@@ -137,3 +142,90 @@ def test_an_interrupt_before_all_have_started_ends_all_too(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         run_together(processes, os.environ, lambda *_: None)
     assert codes == [dict.fromkeys((each.name for each in processes), -signal.SIGTERM)]
+
+
+ENDING = """
+import signal, sys, time
+signal.signal(signal.SIGTERM, lambda *_: (print("ended well", file=open(sys.argv[1], "w")), exit()))
+print("ready", flush=True)
+while True: time.sleep(3600)
+"""
+STUBBORN = """
+import signal, time
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+print("ready", flush=True)
+while True: time.sleep(3600)
+"""
+COMMAND = """
+import os, sys
+from serd_cli import supervisor
+supervisor._GRACE_S = float(sys.argv[1])
+node = supervisor.Process("node", [sys.executable, "-S", "-c", *sys.argv[2:]])
+supervisor.run_together([node], os.environ, lambda _, line: print(line, flush=True))
+"""
+
+
+@contextmanager
+def command_that_runs(root, *node, grace_s=0.5):
+    """A command in a session of its own, its node, which is ready, and a descriptor of that."""
+    with subprocess.Popen(
+        [sys.executable, "-c", COMMAND, str(grace_s), *node],
+        env={**os.environ, "PYTHONPATH": str(root)},
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as command:
+        assert command.stdout.readline() == "ready\n"
+        (keeper,) = children(command.pid)
+        (pid,) = children(keeper)
+        descriptor = os.pidfd_open(pid)
+        try:
+            yield command, pid, descriptor
+        finally:
+            command.kill()
+            os.close(descriptor)
+
+
+def children(pid):
+    return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def has_ended(descriptor, limit_s=PATIENCE_S):
+    return bool(select.select([descriptor], [], [], limit_s)[0])
+
+
+def test_after_sigkill_of_the_command_a_node_ends_by_its_handler(root, tmp_path):
+    given = ENDING, str(tmp_path / "end")
+    with command_that_runs(root, *given, grace_s=PATIENCE_S) as (command, _, node):
+        command.kill()
+        assert has_ended(node)
+    assert (tmp_path / "end").read_text() == "ended well\n"
+
+
+def test_a_signal_to_the_group_of_the_command_leaves_nodes_their_time(root, tmp_path):
+    given = ENDING, str(tmp_path / "end")
+    with command_that_runs(root, *given, grace_s=PATIENCE_S) as (command, _, node):
+        os.killpg(command.pid, signal.SIGKILL)
+        assert has_ended(node)
+    assert (tmp_path / "end").read_text() == "ended well\n"
+
+
+def test_after_sigkill_of_the_command_a_node_that_does_not_end_is_killed(root):
+    with command_that_runs(root, STUBBORN) as (command, _, node):
+        assert not has_ended(node, 0.0)
+        command.kill()
+        assert has_ended(node)
+
+
+def test_after_sigkill_of_the_command_a_stopped_node_is_killed(root):
+    with command_that_runs(root, STUBBORN) as (command, pid, node):
+        os.kill(pid, signal.SIGSTOP)
+        command.kill()
+        assert has_ended(node)
+
+
+def test_a_node_ends_with_its_keeper(root):
+    with command_that_runs(root, STUBBORN) as (command, _, node):
+        (keeper,) = children(command.pid)
+        os.kill(keeper, signal.SIGKILL)
+        assert has_ended(node)
