@@ -17,7 +17,7 @@ from sim.episodes.result import EpisodeStart
 from sim.world.command import Command
 from support.nodes_in_process import node_in_process
 from support.valid_messages import GOAL_M, valid_message
-from teleop.page.requests import Move
+from teleop.page.requests import Away, EmergencyStop, Episode, Hold, Move
 
 SECOND_NS = 1_000_000_000
 OBSERVATION = ("pedestrians", "odom", "robot_pose")
@@ -306,6 +306,89 @@ def test_taps_count_again_after_the_stop_was_pressed_twice_and_released_by_anoth
         for tick in range(1, 9):
             feed(running, START + 0.25 * tick)
         assert running.sent["intent"].vector.y == 1.0
+
+
+PAGE_REQUESTS = {
+    "hold": Hold(type="hold", direction="north"),
+    "let go": Hold(type="hold", direction=None),
+    "discard": Episode(type="episode", do="discard"),
+    "save": Episode(type="episode", do="save"),
+    "stop": EmergencyStop(type="e_stop", engaged=True),
+    "release": EmergencyStop(type="e_stop", engaged=False),
+    "lose the connection": Away(type="away"),
+}
+KEYS = {"hold": "\x1b[A", "let go": "", "discard": "d", "save": "s", "stop": " ", "release": "r"}
+
+
+@contextmanager
+def person_at(kind, monkeypatch):
+    """A front end in an episode, and a function by which its person acts for some beats."""
+    master, terminal = pty.openpty()
+    parameters = {"port": 0} if kind == "teleop_page" else {"terminal": os.ttyname(terminal)}
+    requests, ticks = [], iter(range(1, 1000))
+    try:
+        with node_in_process(kind, **parameters) as running:
+            running.call_timers()
+            if kind == "teleop_page":
+                monkeypatch.setattr(
+                    running.node._server, "take", lambda: [requests.pop(0)] if requests else []
+                )
+            running.node.episodes.session.start()
+            running.node.episodes._starter.begin(episode(START))
+
+            def act(deed, n_beats=1, planner="planner"):
+                for _ in range(n_beats):
+                    if kind == "teleop_page":
+                        requests.append(PAGE_REQUESTS[deed])
+                    else:
+                        os.write(master, KEYS[deed].encode())
+                    running.wait(0.05)
+                    running.call_timers()
+                    running.receive("diagnostics", mux_state(active=planner))
+                    feed(running, START + 0.05 * next(ticks))
+                return running.sent["intent"].vector.y if "intent" in running.sent else 0.0
+
+            yield running, act
+    finally:
+        os.close(master)
+        os.close(terminal)
+
+
+@pytest.mark.parametrize(
+    ("kind", "event"),
+    [
+        (kind, event)
+        for kind in ("teleop_page", "teleop_keyboard")
+        for event in ("e-stop", "discard", "save", "planner restarts", "lose the connection")
+        if kind == "teleop_page" or event in (*KEYS, "e-stop", "planner restarts")
+    ],
+)
+def test_a_key_that_is_held_all_the_time_drives_again_only_when_it_is_pressed_anew(
+    kind, event, monkeypatch
+):
+    period = 45
+    with person_at(kind, monkeypatch) as (running, act):
+        act("let go", 16)
+        assert act("hold", period) == 1.0
+        if event == "e-stop":
+            act("stop")
+            running.receive("e_stop_engaged", Bool(data=True))
+            assert act("hold", period) == 0.0
+            act("release")
+            running.receive("e_stop_engaged", Bool(data=False))
+        elif event == "planner restarts":
+            act("hold", planner="")
+        else:
+            act(event)
+        driven = running.published["intent"]
+        for _ in range(2 * period):
+            assert act("hold") == 0.0
+        assert running.sent["driver_gone"].data
+        assert running.published["intent"] <= driven + 2
+        act("let go", 16)
+        assert act("hold", period) == 1.0
+        assert not running.sent["driver_gone"].data
+        running.assert_alive()
 
 
 def mux_state(**values):
