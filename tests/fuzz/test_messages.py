@@ -12,12 +12,18 @@ import resource
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
 from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import EpisodeMark, to_episode_message
 from serd_ros.convert.stamp import stamp_s
+from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.followed_topic import Received
+from serd_ros.endpoints.people_topic import PeopleTopic
+from serd_ros.endpoints.topic_types import TopicType
+from serd_ros.endpoints.transforms import TF_TYPE
 from serd_ros.episodes.driver import EpisodeDriverNode
 from serd_ros.episodes.hand_driver import HandDriverNode
 from serd_ros.graph.graph import load_graph
@@ -27,7 +33,9 @@ from serd_ros.nodes.teleop_page import TeleopPageNode
 from sim.episodes.result import EpisodeStart
 from support.message_mutations import mutated, mutated_cdr
 from support.nodes_in_process import NodeInProcess, deliver, node_in_process
+from support.people_messages import DETECTIONS, PEOPLE, TRACKED, PeopleMessages
 from support.valid_messages import valid_message
+from support.waiting import wait_until
 
 N_MUTATIONS = int(os.environ.get("SERD_FUZZ_CASES", "200"))
 SEED = int(os.environ.get("SERD_FUZZ_SEED", "0"))
@@ -38,6 +46,7 @@ MOST_GROWTH_MB = 300.0
 #: Topics on which a sound world sends little.
 RARE = ("goal_pose", "goal_area", "model", "map")
 
+OWN_ROBOT = {"lockstep": False, "people_from": "none", "stamp_tolerance_s": 0.1}
 #: Parameters with which nodes run; other nodes run once, with their defaults.
 VARIANTS: dict[str, list[dict[str, object]]] = {
     "hallway_sim": [
@@ -48,6 +57,8 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
         {"lockstep": False, "required_nodes": [""]},
         {"lockstep": False, "required_nodes": [""], "people_from": "scan"},
         {"lockstep": True, "required_nodes": [""]},
+        {**OWN_ROBOT, "pose_from": "amcl_pose"},
+        {**OWN_ROBOT, "pose_from": "tf"},
     ],
     "guard": [{"lockstep": False}, {"lockstep": True, "required_nodes": [""]}],
     "scripted_expert": [{"episodes": 1_000_000}],
@@ -158,6 +169,15 @@ class Session:
             assert self.node._recorder.status.n_messages == n_kept
 
 
+def follow_tf(running: NodeInProcess) -> None:
+    """Let the node subscribe to /tf, which it does where there is a publisher."""
+    running.node.create_publisher(TopicType(TF_TYPE).message, topics.TF, qos.TF)
+    wait_until(
+        lambda: any(each.topic_name == "/tf" for each in running.node.subscriptions),
+        turn=running.call_timers,
+    )
+
+
 def memory_mb() -> float:
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * resource.getpagesize() / 1e6
@@ -199,6 +219,8 @@ def test_no_message_ends_a_node_or_fails_in_it(
     }
     with node_in_process(kind, **parameters, **given.get(kind, {})) as running:
         raising(running.node.callbacks)
+        if parameters.get("pose_from") == "tf":
+            follow_tf(running)
         session = Session(running, model.read_text())
         published = session.work()
         before_mb = memory_mb()
@@ -220,3 +242,25 @@ def test_no_message_ends_a_node_or_fails_in_it(
         session.assert_recorded()
         running.assert_alive()
         assert memory_mb() - before_mb < MOST_GROWTH_MB
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [PEOPLE, TRACKED, DETECTIONS])
+def test_no_people_of_another_type_end_a_node_or_fail_in_it(name):
+    made, rng, taken = PeopleMessages(), random.Random(f"{SEED} {name}"), []
+    with node_in_process("teleop_mux") as running:
+        callbacks = running.node.callbacks
+        raising(callbacks)
+        topic = PeopleTopic(running.node, "people", lambda *seen: taken.append(seen))
+        topic._change_type({name: ""})
+        take = callbacks.of_messages("people", topic._on_message)
+        for number in range(N_MUTATIONS):
+            valid = made.encode(name, START_S + number, [[1.0, 2.0], [4.0, 0.5]], np.ones((2, 2)))
+            take(Received("/people", mutated_cdr(valid, rng), 0, 0))
+            if number % MUTATED_BETWEEN_VALID == 0:
+                n_taken = len(taken)
+                take(Received("/people", valid, 0, 0))
+                assert len(taken) == n_taken + 1
+        assert callbacks.n_rejected > N_MUTATIONS // 10
+        running.assert_alive()
