@@ -15,12 +15,16 @@ from serd_core.errors import SerdError
 
 #: Bytes per entry of P at the peak of a gradient: indices and numbers of P and of I - gamma P_pi.
 BYTES_PER_ENTRY = 100
-#: The same where compiled code sums over the entries, which it does not list.
+#: The same where compiled code sums over the entries of outcome models, which it does not list.
 COMPILED_BYTES_PER_ENTRY = 15
+#: The same where a model is given entry by entry.
+LISTED_BYTES_PER_ENTRY = 200
 
 
-def bytes_of_transitions(n_states: int, n_entries: int) -> float:
-    """Bytes that transitions need at the peak of a gradient."""
+def bytes_of_transitions(n_states: int, n_entries: int, *, listed: bool) -> float:
+    """Bytes that transitions need at the peak of a gradient; listed: given entry by entry."""
+    if listed:
+        return LISTED_BYTES_PER_ENTRY * float(n_entries)
     each = COMPILED_BYTES_PER_ENTRY if is_compiled(n_states) else BYTES_PER_ENTRY
     return each * float(n_entries)
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, Shape, first_index, float_array
 from serd_core.bellman.linear.policy_pattern import PolicyPattern, policy_pattern
+from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.memory import bytes_of_transitions, require_memory
@@ -31,7 +32,11 @@ class Mdp:
         require_discount(self.discount)
         require_memory(
             f"the transitions of {self.n_states} states and {self.n_actions} actions",
-            bytes_of_transitions(self.n_states, self.transitions.n_entries),
+            bytes_of_transitions(
+                self.n_states,
+                self.transitions.n_entries,
+                listed=isinstance(self.transitions, SparseModel),
+            ),
             "use fewer states, or fewer outcomes of each action",
         )
         stuck = first_index(~self.available.any(axis=1))

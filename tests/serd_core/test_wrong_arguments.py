@@ -70,3 +70,15 @@ def test_what_would_not_fit_into_memory_is_refused_with_the_bytes_it_needs(gridw
     monkeypatch.setattr(memory, "memory_limit", lambda: 100_000)
     with pytest.raises(sc.SerdError, match="second derivatives by 47 parameters over 125 pairs"):
         sc.fit_mdce_serd(problem, gridworld.decisions)
+
+
+def test_transitions_given_entry_by_entry_need_more_memory(monkeypatch):
+    columns = {
+        "state": [0, 0, 1, 1],
+        "action": [0, 1, 0, 1],
+        "next_state": [0, 1, 1, 0],
+        "probability": [1, 1, 1, 1],
+    }
+    monkeypatch.setattr(memory, "memory_limit", lambda: 799)
+    with pytest.raises(sc.SerdError, match=r"must fit into memory, but needs 800 bytes of 799"):
+        sc.from_transitions(columns, np.zeros((2, 1)), discount=0.9)
