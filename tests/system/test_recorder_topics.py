@@ -145,19 +145,6 @@ def test_log_time_is_the_time_of_receipt_whatever_the_stamps_are(fault, record, 
             assert before_ns <= published_ns <= log_ns <= after_ns
 
 
-def test_a_message_too_short_for_a_stamp_is_left_out_also_at_the_end(record, probe, bag):
-    process = record("odom")
-    odometry = probe.node.create_publisher(Odometry, "odom", qos.STATE)
-    probe.spin_until(matched(odometry))
-    process.send_signal(signal.SIGSTOP)
-    odometry.publish(bytes([0, 1, 0, 0, 1, 0]))
-    odometry.publish(Odometry())
-    process.send_signal(signal.SIGTERM)
-    process.send_signal(signal.SIGCONT)
-    assert process.wait(PATIENCE_S) == 0
-    assert len(list(bag().messages())) == 1
-
-
 def test_recording_goes_on_when_a_second_publisher_offers_less(record, probe, recorder_report, bag):
     process = record(NAME)
     latched = probe.node.create_publisher(String, "/base/name", qos.LATCHED)

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from rosbags.highlevel import AnyReader
 
 from serd_app.navigation.arrival_log import load_arrivals
 from serd_ros.convert.diagnostics import values_of
@@ -21,6 +20,7 @@ from sim.world.command import STOP
 from sim.world.shared_world import SharedWorld
 from sim.world.waypoint import is_decision_tick, waypoint_of_intent
 from storage.episode_table import load_episodes
+from support.recorded_messages import recorded
 from support.waiting import PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -79,17 +79,6 @@ def end(process):
     if process.poll() is None:
         process.send_signal(signal.SIGTERM)
     process.wait(PATIENCE_S)
-
-
-def recorded(bag, topic):
-    """The first message of each stamp, in their order."""
-    found = {}
-    with AnyReader([bag]) as reader:
-        wanted = [each for each in reader.connections if each.topic == topic]
-        for connection, _, raw in reader.messages(wanted):
-            message = reader.deserialize(raw, connection.msgtype)
-            found.setdefault((message.header.stamp.sec, message.header.stamp.nanosec), message)
-    return [found[stamp] for stamp in sorted(found)]
 
 
 def test_two_robots_in_one_world_drive_to_the_bit_as_in_process(ros_env, tmp_path):

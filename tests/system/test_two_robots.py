@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rosbags.highlevel import AnyReader
 
 from bags.reader import BagReader
 from sim.drivers.expert import ScriptedExpert
@@ -15,6 +14,7 @@ from sim.planning.catalogue import make_planner
 from sim.scenario.scenario import load_scenario
 from sim.world.world import HallwayWorld
 from storage.episode_table import load_episodes
+from support.recorded_messages import recorded
 from support.waiting import PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -45,17 +45,6 @@ def launch(robot, folder, environment):
     ]  # fmt: skip
     with (folder / f"{robot}.log").open("wb") as log:
         return subprocess.Popen([SERD, "launch", *words], env=environment, stdout=log, stderr=log)
-
-
-def recorded(bag, topic):
-    """The first message of each stamp, in their order."""
-    found = {}
-    with AnyReader([bag]) as reader:
-        wanted = [each for each in reader.connections if each.topic == topic]
-        for connection, _, raw in reader.messages(wanted):
-            message = reader.deserialize(raw, connection.msgtype)
-            found.setdefault((message.header.stamp.sec, message.header.stamp.nanosec), message)
-    return [found[stamp] for stamp in sorted(found)]
 
 
 def test_two_robots_in_one_domain_drive_to_the_bit_as_alone(ros_env, tmp_path):

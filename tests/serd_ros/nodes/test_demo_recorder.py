@@ -1,13 +1,16 @@
 """What the recorder reports of a recording."""
 
 from builtin_interfaces.msg import Time
+from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
+from bags.reader import BagReader
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.endpoints import qos
 from support.nodes_in_process import node_in_process
-from support.waiting import wait_until
+from support.waiting import PATIENCE_S, wait_until
 
 
 def test_a_discarded_episode_is_recorded_and_not_counted(tmp_path, messages):
@@ -39,3 +42,15 @@ def test_the_clock_of_a_remapped_topic_is_looked_at(tmp_path, messages):
         wait_until(lambda: running.node.count_publishers("/robot1/clock"))
         running.receive("episode", messages.mark(10.0, "start", 0, ""))
         assert running.node._clock.simulated
+
+
+def test_of_the_messages_that_wait_at_the_end_one_too_short_for_a_stamp_is_left_out(tmp_path):
+    given = {"output": str(tmp_path / "bag"), "topics": ["odom"], "minimum_free_mb": 0.0}
+    with node_in_process("demo_recorder", **given) as running:
+        odometry = running.node.create_publisher(Odometry, "odom", qos.STATE)
+        wait_until(odometry.get_subscription_count)
+        for message in (bytes([0, 1, 0, 0, 1, 0]), Odometry()):
+            odometry.publish(message)
+        assert odometry.wait_for_all_acked(Duration(seconds=PATIENCE_S))
+    (kept,) = BagReader(tmp_path / "bag").messages()
+    assert kept.topic == "/odom"
