@@ -50,6 +50,11 @@ class Session:
         return self._progress.duration_s if self._progress is not None else 0.0
 
     @property
+    def is_starting(self) -> bool:
+        """Whether an episode was begun whose first observation has not come."""
+        return self.phase == "starting" or (self.phase == "running" and self._progress is None)
+
+    @property
     def timed_out(self) -> bool:
         """Whether the last episode timed out and was not saved."""
         return self.outcome == TIMEOUT

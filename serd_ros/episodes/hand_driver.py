@@ -195,6 +195,8 @@ class HandDriverNode(SerdNode[Config]):
         is_stopped = self._is_e_stopped or self._wants_stop
         if not self._was_present or is_stopped or self.episodes.other_driver:
             return
+        if self.episodes.session.is_starting:
+            return  # what is chosen now is for the first decision of the episode
         action = self.choice.decide()
         chosen = action != Action.WAIT
         if self.episodes.is_running:

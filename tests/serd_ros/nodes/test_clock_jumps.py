@@ -294,6 +294,27 @@ def test_a_held_key_moves_on_only_after_a_pause_of_the_page_in_which_the_mux_did
         running.assert_alive()
 
 
+def test_a_tap_right_after_the_start_of_an_episode_is_its_first_decision():
+    with node_in_process("teleop_page", port=0) as running:
+        node = running.node
+        node.attend = lambda: True
+        running.call_timers()
+        node.episodes.session.start()
+        node.choice.tap(Action.NORTH)
+        for tick in range(10):
+            feed(running, START + 0.5 * tick)
+        assert running.published["intent"] == 0
+        node.episodes._starter.begin(episode(START + 5.0))
+        feed(running, START + 4.75)
+        assert running.published["intent"] == 0
+        for tick in range(9):
+            feed(running, START + 5.0 + 0.25 * tick)
+            if node.episodes.n_decisions:
+                break
+        assert (node.episodes.n_decisions, running.sent["intent"].vector.y) == (1, 1.0)
+        running.assert_alive()
+
+
 def test_taps_count_again_after_the_stop_was_pressed_twice_and_released_by_another():
     with hand_driver("teleop_page") as running:
         node, choice = running.node, running.node.choice
