@@ -113,6 +113,7 @@ class CrossingTimes(StrictModel):
     mean_people_pm2; dispersion: squared coefficient of variation by kind of move; pace_variance: of
     a drive's logarithm. people_pm2: lowest and highest people per m² of the drives. left_towards:
     by flow of an action, how often the cell was left forward, right, back and left of it.
+    not_seen: flows and kinds of moves without crossings.
     """
 
     lookahead_cells: int = Field(ge=1)
@@ -122,6 +123,7 @@ class CrossingTimes(StrictModel):
     people_pm2: tuple[float, float]
     mean_people_pm2: float = Field(ge=0)
     left_towards: dict[str, tuple[_Count, _Count, _Count, _Count]]
+    not_seen: tuple[str, ...] = ()
     n_crossings: int = Field(ge=1)
     n_episodes: int = Field(ge=1)
 

@@ -1,14 +1,17 @@
 """Times in cells of recorded drives, as a law that the model file keeps.
 
 The time until a cell is left is that of `serd_core.arrival.dwell_times`: a gamma distribution whose
-mean depends on flow, turn, first cell and number of people, with a pace of each drive.
+mean depends on flow, turn, first cell and number of people, with a pace of each drive. A flow or
+kind of move of which there are no crossings has the coefficient of the most frequent one.
 """
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.special import ndtri
 
 from serd_app.demonstrations.crossing_table import FLOWS, LEAVING, Crossing, load_crossings
 from serd_app.errors import AppError
@@ -24,6 +27,7 @@ from storage.quantities import counted
 
 #: Fewest episodes from which the differences between drives are estimated.
 FEWEST_EPISODES = 3
+_LEAST_SPREAD = 1e-9
 _KINDS = tuple(kind.value for kind in Kind)
 
 
@@ -58,8 +62,13 @@ def fit_crossing_times(tables: Sequence[Sequence[Crossing]]) -> CrossingTimes:
     people = np.array([row.people_pm2 for row in every])
     mean_people = float(people.mean())
     kind = np.array([_KINDS.index(row.kind) for row in every])
+    seen = {
+        "flow": Counter(row.flow for row in every),
+        "kind": Counter(row.kind for row in every),
+    }
+    used = _Contrasts(*(tuple(name for name, _ in each.most_common()) for each in seen.values()))
     design = np.array(
-        [covariates_of(row.flow, row.kind, row.people_pm2 - mean_people) for row in every]
+        [used.row(each.flow, each.kind, each.people_pm2 - mean_people) for each in every]
     )
     try:
         model = fit_dwell_times(
@@ -71,15 +80,46 @@ def fit_crossing_times(tables: Sequence[Sequence[Crossing]]) -> CrossingTimes:
         raise AppError("--times: the fit of the times did not converge; drive more episodes")
     return CrossingTimes(
         lookahead_cells=every[0].lookahead_cells,
-        coefficients=dict(zip(COVARIATES, model.coefficients.tolist(), strict=True)),
+        coefficients=used.coefficients(model.coefficients),
         dispersion=dict(zip(_KINDS, model.dispersion.tolist(), strict=True)),
         pace_variance=model.pace_variance,
         people_pm2=(float(people.min()), float(people.max())),
         mean_people_pm2=mean_people,
         left_towards={flow: _counts(every, flow) for flow in FLOWS},
+        not_seen=tuple(
+            name
+            for names, counts in ((FLOWS, seen["flow"]), (_KINDS, seen["kind"]))
+            for name in names
+            if not counts[name]
+        ),
         n_crossings=len(every),
         n_episodes=len(episodes),
     )
+
+
+@dataclass(frozen=True)
+class _Contrasts:
+    """The flows and kinds that were seen, the most frequent first, with which others compare."""
+
+    flows: tuple[str, ...]
+    kinds: tuple[str, ...]
+
+    def row(self, flow: str, kind: str, people_pm2: float) -> tuple[float, ...]:
+        """Of the design: 1, the others of the flows and of the kinds, people."""
+        named = (*self.flows[1:], *self.kinds[1:])
+        return (1.0, *(float(name in (flow, kind)) for name in named), people_pm2)
+
+    def coefficients(self, fitted: FloatArray) -> dict[str, float]:
+        """Of `COVARIATES`, which compare with moves straight on with the flow."""
+        first, *others, people = fitted.tolist()
+        effect = dict(zip((*self.flows[1:], *self.kinds[1:]), others, strict=True))
+        base = {
+            **dict.fromkeys(FLOWS, effect.get(FLOWS[0], 0.0)),
+            **dict.fromkeys(_KINDS, effect.get(Kind.STRAIGHT.value, 0.0)),
+        }
+        found = {name: effect.get(name, 0.0) - base.get(name, 0.0) for name in COVARIATES}
+        found["intercept"] = first + base[FLOWS[0]] + base[Kind.STRAIGHT.value]
+        return {**found, "people_pm2": people}
 
 
 def _counts(rows: Sequence[Crossing], flow: str) -> tuple[int, int, int, int]:
@@ -125,6 +165,13 @@ def pace_of_a_drive(times: CrossingTimes) -> Pace:
     return Pace(0.0, times.pace_variance * (1.0 + 1.0 / times.n_episodes))
 
 
+def paces_of_draws(times: CrossingTimes, n_draws: int) -> tuple[Pace, ...]:
+    """The same as `n_draws` equally likely means, which all drives share, and their own spread."""
+    means = ndtri((np.arange(n_draws) + 0.5) / n_draws)
+    spread = np.sqrt(times.pace_variance / times.n_episodes) / max(means.std(), _LEAST_SPREAD)
+    return tuple(Pace(float(spread * mean), times.pace_variance) for mean in means)
+
+
 def mean_and_kind(
     times: CrossingTimes, flow: str, kind: Kind, people_pm2: float
 ) -> tuple[FloatArray, IntArray]:
@@ -140,4 +187,15 @@ def times_sentence(times: CrossingTimes) -> str:
         f"look-ahead {times.lookahead_cells}: {usual_s:.2f} s per cell straight on with the flow,"
         f" drives differ by {100 * np.sqrt(times.pace_variance):.1f} %, from"
         f" {times.n_crossings} crossings of {counted(times.n_episodes, 'drive')}"
+    )
+
+
+def unseen_sentence(times: CrossingTimes) -> str:
+    """A warning about flows and kinds of moves without crossings; empty where there are none."""
+    if not times.not_seen:
+        return ""
+    names = ", ".join(times.not_seen)
+    return (
+        f"look-ahead {times.lookahead_cells}: no crossing was {names}; such times are predicted as"
+        " those of the most frequent flow and kind: drive where there are some"
     )

@@ -3,16 +3,23 @@
 The way is that of the model: which cell is entered next, given that one is left. The times are
 those of recorded drives with the same look-ahead. Decision periods, by which a robot moves one cell
 at most, are not used.
+
+Forecasts on the way are made at the mean of the posterior's draws of outcomes; that of an episode
+is the average over the draws, each with a mean pace of its own.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from math import ceil
 
 import numpy as np
 
 from serd_app.demonstrations.crossing_table import people_per_m2
-from serd_app.learning.crossing_times import dwell_model, mean_and_kind, pace_of_a_drive
+from serd_app.learning.crossing_times import (
+    dwell_model,
+    mean_and_kind,
+    pace_of_a_drive,
+    paces_of_draws,
+)
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.arrival.crossing_chain import (
@@ -23,8 +30,8 @@ from serd_core.arrival.crossing_chain import (
     cdf_after_first_moves,
     crossing_chain,
 )
-from serd_core.arrival.dwell_times import paced_law
-from serd_core.arrival.law import ArrivalLaw
+from serd_core.arrival.dwell_times import Pace, paced_law
+from serd_core.arrival.law import ArrivalLaw, steps_within
 from serd_core.arrival.semi_markov import DwellTimes, semi_markov_arrival
 from serd_core.grid.grid import Action
 from serd_core.grid.navigation import MODEL_NAMES, WAITING, NavigationProblem
@@ -34,14 +41,22 @@ STEP_S = 0.2
 #: Share of the first cell from the start to its border, on average over starts all over the cell.
 _WAY_OF_START = 0.5
 _TAIL = 1e-9
+#: Draws are followed twice as long as the mean takes until at most this share arrives later.
+_LATE = 1e-6
+#: Fewest mean paces of which the spread of the law of an episode consists.
+_FEWEST_PACES = 20
 
 
 @dataclass(frozen=True, eq=False)
 class CrossingForecast:
-    """moves: the way; n_people: in the world; horizon_s: until which arrivals are predicted."""
+    """moves: the way, draws: those of the posterior, at least one.
+
+    n_people: in the world; horizon_s: until which arrivals are predicted.
+    """
 
     problem: NavigationProblem
     moves: CrossingMoves
+    draws: tuple[CrossingMoves, ...]
     times: CrossingTimes
     n_people: int
     horizon_s: float
@@ -55,12 +70,27 @@ class CrossingForecast:
     @cached_property
     def arrival(self) -> ArrivalByState:
         """In steps of `STEP_S` from each (cell, direction of entry), at the pace of the mean."""
-        chain = crossing_chain(self.moves)
+        return semi_markov_arrival(crossing_chain(self.moves), self._dwell, self._n_steps)
+
+    @cached_property
+    def _dwell(self) -> DwellTimes:
+        """Of each class of moves."""
         rows = [
             self._mass(number // 2, Kind.TURNING if number % 2 else Kind.STRAIGHT)
             for number in range(N_CLASSES)
         ]
-        return semi_markov_arrival(chain, DwellTimes(STEP_S, _stacked(rows)), self._n_steps)
+        return DwellTimes(STEP_S, _stacked(rows))
+
+    @cached_property
+    def _arrival_of_draws(self) -> tuple[ArrivalByState, ...]:
+        """As `arrival`, until nearly all that arrive have arrived."""
+        if len(self.draws) == 1:
+            return (self.arrival,)
+        late = np.flatnonzero((self.arrival.cdf[-1] - self.arrival.cdf > _LATE).any(axis=1))
+        n_steps = min(2 * (int(late.max(initial=0)) + 1), self._n_steps)
+        return tuple(
+            semi_markov_arrival(crossing_chain(moves), self._dwell, n_steps) for moves in self.draws
+        )
 
     def by_cell(self, greedy: IntArray) -> ArrivalByState:
         """(N + 1, S) from each cell, entered in the direction in which the policy goes on."""
@@ -69,9 +99,26 @@ class CrossingForecast:
         return ArrivalByState(self.arrival.cdf[:, state], self.arrival.arrival_probability[state])
 
     def from_start(self, share: FloatArray) -> ArrivalLaw:
-        """Of an episode that begins in cells of the probabilities (S,)."""
-        rows = [self._mass(model, Kind.FIRST) for model in range(WAITING)]
-        return self._law(share, _stacked(rows), self.moves.model)
+        """Of an episode that begins in cells of the probabilities (S,), by each draw."""
+        first = _stacked([self._mass(model, Kind.FIRST) for model in range(WAITING)])
+        arrivals, n_draws = self._arrival_of_draws, len(self.draws)
+        paces = paces_of_draws(self.times, max(n_draws, _FEWEST_PACES))
+        laws = [
+            self._law(
+                self.draws[number % n_draws],
+                arrivals[number % n_draws],
+                share,
+                first,
+                self.draws[number % n_draws].model,
+                pace,
+            )
+            for number, pace in enumerate(paces)
+        ]
+        cdf_draws = np.stack([law.cdf for law in laws])
+        ever = float(np.mean([law.arrival_probability for law in laws]))
+        return replace(
+            laws[0], cdf=cdf_draws.mean(axis=0), arrival_probability=ever, cdf_draws=cdf_draws
+        )
 
     def from_pose(self, state: int, entered: Action, x_m: float, y_m: float) -> ArrivalLaw:
         """Of a robot on its way, at a point of a cell.
@@ -93,18 +140,26 @@ class CrossingForecast:
             own_class[move] = number
         share = np.zeros(len(moves.goal))
         share[state] = 1.0
-        return self._law(share, _stacked(rows), own_class)
+        pace = pace_of_a_drive(self.times)
+        return self._law(moves, self.arrival, share, _stacked(rows), own_class, pace)
 
-    def _law(self, share: FloatArray, first: FloatArray, first_class: IntArray) -> ArrivalLaw:
-        cdf = cdf_after_first_moves(self.moves, share, first, first_class, self.arrival)
-        onward = N_DIRECTIONS * self.moves.successor + self.moves.direction - 1
-        weight = share[self.moves.state] * self.moves.probability
-        ever = float(
-            weight @ self.arrival.arrival_probability[onward] + share[self.moves.goal].sum()
-        )
+    def _law(
+        self,
+        moves: CrossingMoves,
+        arrival: ArrivalByState,
+        share: FloatArray,
+        first: FloatArray,
+        first_class: IntArray,
+        pace: Pace,
+    ) -> ArrivalLaw:
+        """arrival: from the states of the moves, up to the horizon or until all have arrived."""
+        cdf = cdf_after_first_moves(moves, share, first, first_class, arrival)
+        cdf = np.pad(cdf, (0, self._n_steps + 1 - len(cdf)), mode="edge")
+        onward = N_DIRECTIONS * moves.successor + moves.direction - 1
+        weight = share[moves.state] * moves.probability
+        ever = float(weight @ arrival.arrival_probability[onward] + share[moves.goal].sum())
         times_s = np.asarray(STEP_S * np.arange(self._n_steps + 1), dtype=np.float64)
-        law = ArrivalLaw(times_s, cdf, ever)
-        return paced_law(law, pace_of_a_drive(self.times))
+        return paced_law(ArrivalLaw(times_s, cdf, ever), pace)
 
     def _mass(self, model: int, kind: Kind, share: float = 1.0) -> FloatArray:
         """(J,) of a class of moves, without the tail; share: of their mean."""
@@ -125,7 +180,7 @@ class CrossingForecast:
 
     @property
     def _n_steps(self) -> int:
-        return ceil(self.horizon_s / STEP_S - _TAIL)
+        return steps_within(self.horizon_s, STEP_S)
 
 
 def _stacked(rows: list[FloatArray]) -> FloatArray:

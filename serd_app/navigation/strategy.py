@@ -6,7 +6,6 @@ same size. Grid, flow, walls and goal are the scenario's own, and so is the dens
 is predicted where outcome probabilities depend on it.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,7 +25,7 @@ from serd_core.arrival.chain import (
     policy_chain,
 )
 from serd_core.arrival.crossing_chain import crossing_moves
-from serd_core.arrival.law import ArrivalLaw, law_in_seconds
+from serd_core.arrival.law import ArrivalLaw, law_in_seconds, steps_within
 from serd_core.arrival.trap_states import Traps, find_traps
 from serd_core.bayes.draws import averaged_policy
 from serd_core.errors import SerdError
@@ -70,7 +69,7 @@ class Strategy:
     @property
     def n_periods(self) -> int:
         """Decision periods until the time-out."""
-        return math.ceil(self.timeout_s / self.scenario.decision_period_s - 1e-9)
+        return steps_within(self.timeout_s, self.scenario.decision_period_s)
 
     def predicted_arrival(self, start_distribution: FloatArray, n_periods: int) -> ArrivalTimes:
         """Distribution of the time of arrival from (S,) start probabilities."""
@@ -95,17 +94,18 @@ class Strategy:
 
     @cached_property
     def crossings(self) -> CrossingForecast | None:
-        """The prediction by crossing times, at the mean of the draws; None where there are none."""
-        if self.times is None:
+        """The prediction by crossing times; None where there are none."""
+        times = self.times
+        if times is None:
             return None
-        table = leaving_outcomes(self.times, self.outcome_draws.mean(axis=0))
-        return CrossingForecast(
-            self.problem,
-            crossing_moves(self.problem, self.policy.probabilities, table),
-            self.times,
-            self.scenario.pedestrians.count,
-            self.timeout_s,
+        moves, *draws = (
+            crossing_moves(
+                self.problem, self.policy.probabilities, leaving_outcomes(times, outcomes)
+            )
+            for outcomes in (self.outcome_draws.mean(axis=0), *self.outcome_draws)
         )
+        n_people = self.scenario.pedestrians.count
+        return CrossingForecast(self.problem, moves, tuple(draws), times, n_people, self.timeout_s)
 
     @cached_property
     def arrival(self) -> ArrivalByState:
@@ -125,7 +125,7 @@ class Strategy:
     @property
     def n_steps(self) -> int:
         """Those steps until the time-out."""
-        return math.ceil(self.timeout_s / self.step_s - 1e-9)
+        return steps_within(self.timeout_s, self.step_s)
 
     @cached_property
     def traps(self) -> Traps:

@@ -13,7 +13,7 @@ from report.style import save_figure
 from report.write import write_report
 from serd_app.demonstrations.recorded import files_beside
 from serd_app.learning.certainty import Certainty, certainty_of
-from serd_app.learning.crossing_times import load_times, times_sentence
+from serd_app.learning.crossing_times import load_times, times_sentence, unseen_sentence
 from serd_app.learning.expert_groups import Wanted, learn_groups, wanted_types
 from serd_app.learning.knowledge import knowledge_lines
 from serd_app.learning.learning_files import (
@@ -247,6 +247,8 @@ def _print(files: LearningFiles, outcome: FitOutcome, certainty: Certainty, outp
         console.print(outcome.belief, soft_wrap=True, markup=False)
     for each in outcome.model.crossing_times:
         console.print(times_sentence(each), soft_wrap=True, markup=False)
+        if warning := unseen_sentence(each):
+            console.print(warning, style="yellow", soft_wrap=True, markup=False)
     console.print(outcome.summary(), soft_wrap=True, markup=False)
     console.print(f"model: {output.resolve()}", soft_wrap=True, markup=False)
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from datetime import datetime
 from importlib.metadata import version
 
-import numpy as np
 from rich.table import Table
 
 from report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
@@ -22,6 +21,7 @@ from serd_cli.demo.folder import DemoFolder
 from serd_cli.demo.recorded import busy_moment, read_recording
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.output.terminal import console, print_json
+from serd_core.arrival.law import steps_within
 from sim.scenario.scenario import Scenario, load_scenario
 from storage.model_file import load_model
 
@@ -65,7 +65,7 @@ def report_inputs(
     scenario = load_scenario(settings.scenario)
     strategy = load_strategy(str(folder.model), scenario, settings.policy)
     model = load_model(folder.model)
-    n_periods = int(np.ceil(settings.timeout_s / scenario.decision_period_s))
+    n_periods = steps_within(settings.timeout_s, scenario.decision_period_s)
     recording = read_recording(folder.bag)
     return ReportInputs(
         title=f"Learning to navigate: {scenario.name}",

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from report.figures.arrival import draw_arrival, measured_curve, predicted_curve, shown_until_s
+from serd_app.learning.crossing_times import unseen_sentence
 from serd_app.navigation.comparison import Comparison, predicted_law
 from serd_app.navigation.crossing_forecast import CrossingForecast
 from serd_app.navigation.drive import DriveSettings
@@ -66,6 +67,7 @@ def remarks(found: Comparison, settings: DriveSettings, strategy: Strategy) -> l
         )
     else:
         lines.append(_of_times(strategy.times, strategy.crossings))
+        lines += filter(None, [unseen_sentence(strategy.times)])
     if found.transferred:
         lines.append("the model was learned on another grid")
     if strategy.times is None and settings.lookahead_cells > 1:

@@ -11,6 +11,7 @@ demonstrations, each as likely as the other. The thesis is the case U = D.
 """
 
 from dataclasses import dataclass, replace
+from math import ceil
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +22,11 @@ from serd_core.errors import SerdError
 
 # A time that was meant to be a step of the law may miss it by rounding.
 SAME_TIME_S = 1e-9
+
+
+def steps_within(time_s: float, step_s: float) -> int:
+    """Fewest steps that last as long as a time."""
+    return ceil(time_s / step_s - SAME_TIME_S)
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,11 +36,14 @@ from serd_core.arrival.chain import ArrivalByState, GoalProblem
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
+from serd_core.memory import require_memory
 from serd_core.mdp.mdp import checked_policy
 
 #: r^N: what late arrivals may add to a probability; rounding is its inverse times that of a number.
 ALIASED = 1e-8
 _SUM_TOLERANCE = 1e-6
+#: Numbers per step and state that are held at once.
+_ARRAYS = 4
 ComplexArray = NDArray[np.complex128]
 
 
@@ -151,6 +154,11 @@ def semi_markov_arrival(chain: RenewalChain, dwell: DwellTimes, n_steps: int) ->
         raise SerdError(f"n_steps must not be negative, got {n_steps}; use the time-out's")
     require_index("dwell", chain.dwell, len(dwell.mass), "a class of dwell times")
     goal, size = chain.goal, n_steps + 1
+    require_memory(
+        f"arrival within {n_steps} steps from each of {len(goal)} states",
+        _ARRAYS * 8.0 * size * len(goal),
+        "take an earlier time-out, longer steps or larger cells",
+    )
     radius = ALIASED ** (1.0 / size)
     powers = radius ** np.arange(max(size, dwell.mass.shape[1]))
     damped = np.zeros((len(dwell.mass), size))

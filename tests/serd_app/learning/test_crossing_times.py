@@ -1,5 +1,7 @@
 """The law of crossing times that a model file keeps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,8 +11,12 @@ from serd_app.learning.crossing_times import (
     fit_crossing_times,
     leaving_outcomes,
     load_times,
+    mean_and_kind,
     pace_of_a_drive,
+    paces_of_draws,
+    unseen_sentence,
 )
+from serd_core.arrival.crossing_chain import Kind
 
 TABLE = np.array(
     [
@@ -58,6 +64,37 @@ def test_one_number_of_people_leaves_their_influence_at_none():
     assert fit_crossing_times([drives(5)]).coefficients["people_pm2"] == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.parametrize("seen", [("across_flow",), ("across_flow", "against_flow")])
+def test_flows_that_were_not_seen_have_the_times_of_the_most_frequent_one(seen):
+    rows = [
+        replace(row, flow=seen[row.kind == "first"] if len(seen) > 1 else seen[0])
+        for row in drives(20)
+    ]
+    times = fit_crossing_times([rows])
+    unseen = [name for name in ("with_flow", "against_flow") if name not in seen]
+    assert times.not_seen == tuple(unseen)
+    usual_s = np.mean([row.dwell_s for row in rows if row.kind == "straight"])
+    for flow in (seen[0], *unseen):
+        mean_s, _ = mean_and_kind(times, flow, Kind.STRAIGHT, 0.2)
+        assert mean_s[0] == pytest.approx(usual_s, rel=0.1)
+    assert f"no crossing was {', '.join(unseen)}; such" in unseen_sentence(times)
+
+
+def test_contrasts_do_not_depend_on_what_is_most_frequent():
+    rows = [
+        replace(row, flow="with_flow" if number % 10 == 3 else "against_flow")
+        for number, row in enumerate(drives(30))
+    ]
+    turned = [replace(row, flow="with_flow" if row.flow != "with_flow" else "against_flow")
+              for row in rows]  # fmt: skip
+    first, other = (fit_crossing_times([each]).coefficients for each in (rows, turned))
+    assert first["against_flow"] == pytest.approx(-other["against_flow"], abs=1e-4)
+    assert first["turning"] == pytest.approx(other["turning"], abs=1e-4)
+    assert (
+        unseen_sentence(fit_crossing_times([[*rows, replace(rows[0], flow="across_flow")]])) == ""
+    )
+
+
 def test_episodes_of_two_tables_are_different_drives():
     assert fit_crossing_times([drives(3), drives(3, seed=1)]).n_episodes == 6
 
@@ -65,6 +102,9 @@ def test_episodes_of_two_tables_are_different_drives():
 def test_few_drives_leave_the_pace_of_the_next_more_open():
     times = fit_crossing_times([drives(4)])
     assert pace_of_a_drive(times).variance == pytest.approx(1.25 * times.pace_variance)
+    paces = paces_of_draws(times, 400)
+    between = np.var([pace.mean for pace in paces])
+    assert between + paces[0].variance == pytest.approx(1.25 * times.pace_variance, rel=0.01)
 
 
 def test_outcomes_of_drives_have_those_of_the_model_as_prior():

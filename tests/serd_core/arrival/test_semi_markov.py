@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import gamma, nbinom
 
+from serd_core import memory
 from serd_core.arrival.chain import arrival_by_state
 from serd_core.arrival.semi_markov import (
     DwellTimes,
@@ -92,6 +93,19 @@ def test_classes_follow_the_outcome_models():
     assert np.all(found.cdf <= faster.cdf + 1e-7)
     assert np.all(found.cdf >= slower.cdf - 1e-7)
     assert found.mean_periods[0] > faster.mean_periods[0] + 0.1
+
+
+def test_a_table_that_would_not_fit_into_memory_is_refused(monkeypatch):
+    problem = hallway()
+    chain = renewal_chain(
+        problem,
+        problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True),
+        np.tile([0.1, 0.9, 0, 0, 0], (4, 1)),
+    )
+    monkeypatch.setattr(memory, "memory_limit", lambda: 60_000)
+    with pytest.raises(SerdError, match="within 100 steps from each of 21 states must fit into"):
+        semi_markov_arrival(chain, DwellTimes.periodic(1.0), 100)
+    assert semi_markov_arrival(chain, DwellTimes.periodic(1.0), 50).cdf.shape == (51, 21)
 
 
 def test_states_that_never_arrive_have_probability_zero():
