@@ -81,7 +81,28 @@ def demonstrations_of_drives(
     seen: set[bytes] | None = None,
     agents: bool = False,
 ) -> tuple[Demonstrations, DiscretisationReport]:
-    """Those of all drives of one recording, at least one.
+    """Those of all drives of one recording, at least one; see `demonstrations_of_each`."""
+    return joined_demonstrations(
+        demonstrations_of_each(drives, grid, decision_period_s, seen=seen, agents=agents)
+    )
+
+
+def joined_demonstrations(
+    parts: Sequence[tuple[Demonstrations, DiscretisationReport]],
+) -> tuple[Demonstrations, DiscretisationReport]:
+    """All parts, with the counts of all."""
+    return joined([here for here, _ in parts]), joined_reports([report for _, report in parts])
+
+
+def demonstrations_of_each(
+    drives: Sequence[RecordedDrive],
+    grid: Grid,
+    decision_period_s: float,
+    *,
+    seen: set[bytes] | None = None,
+    agents: bool = False,
+) -> list[tuple[Demonstrations, DiscretisationReport]]:
+    """Those of each drive of one recording.
 
     seen: see `fresh_from_drive`; agents: the drives are of different agents, of whom two may decide
     the same at the same times.
@@ -93,7 +114,7 @@ def demonstrations_of_drives(
         seen_here = set(known) if agents else seen
         found.append(fresh_from_drive(drive, grid, decision_period_s, seen_here))
         seen |= seen_here
-    return joined([here for here, _ in found]), joined_reports([report for _, report in found])
+    return found
 
 
 class LiveDrive(DriveSessions):

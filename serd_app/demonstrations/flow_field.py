@@ -87,6 +87,7 @@ def flow_from_recordings(
     for each, people in zip(recordings, sightings, strict=True):
         if each.crowd is not None:
             _add_crowd(estimator, each.crowd, seen)
+            continue
         for one in people:
             if one.digest not in seen:
                 seen.add(one.digest)

@@ -1,10 +1,10 @@
 """Density of people at each decision, and its mean in each cell, from recorded people.
 
 Both are sums of `serd_core.grid.density.crowd_shares` at centres of cells, of the last sighting of
-people that is not later than the decision.
+people that is not later than the decision, or of the other agents of a table at that time.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from serd_app.demonstrations.recorded import RecordedDemonstrations, files_beside
 from serd_app.drives.recorded_people import Sighting
+from serd_app.drives.recording import Recording
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.density import crowd_shares
@@ -56,12 +57,45 @@ def density_at(
     grid: Grid, decisions: Decisions, time_s: FloatArray, people_m: Sequence[FloatArray]
 ) -> MeasuredDensity:
     """From people (n, 2) at each of the ascending times (T,)."""
-    last = np.searchsorted(time_s, decisions.time_s + _TOLERANCE_S, side="right") - 1
+    return _density(grid, decisions, _last_seen(decisions.time_s, time_s, people_m))
+
+
+def people_around(
+    recording: Recording, drive: int, sightings: Sequence[Sighting]
+) -> Callable[[FloatArray], list[FloatArray | None]]:
+    """From times (T,) to the people (n, 2) around the agent of a drive, None where not known.
+
+    sightings: of a bag; they count where the clock does not go back.
+    """
+    crowd = recording.crowd
+    if crowd is not None:
+        return lambda asked_s: list(crowd.others_at(drive, asked_s))
+    time_s = np.array([one.time_s for one in sightings])
+    people_m = [_finite(one.people.position_m[:, :2]) for one in sightings]
+    if np.any(np.diff(time_s) < 0):
+        time_s = np.zeros(0)
+    return lambda asked_s: _last_seen(asked_s, time_s, people_m)
+
+
+def _last_seen(
+    asked_s: FloatArray, time_s: FloatArray, people_m: Sequence[FloatArray]
+) -> list[FloatArray | None]:
+    last = np.searchsorted(time_s, asked_s + _TOLERANCE_S, side="right") - 1
+    return [
+        None if moment < 0 or at_s - time_s[moment] > LONGEST_AGE_S else people_m[moment]
+        for moment, at_s in zip(last.tolist(), asked_s.tolist(), strict=True)
+    ]
+
+
+def _density(
+    grid: Grid, decisions: Decisions, people_m: Sequence[FloatArray | None]
+) -> MeasuredDensity:
+    """From the people at each decision, None where they are not known."""
     aimed_at, total, n_known = np.full((len(decisions), len(Action)), np.nan), 0.0, 0
-    for row, (moment, state) in enumerate(zip(last, decisions.state, strict=True)):
-        if moment < 0 or decisions.time_s[row] - time_s[moment] > LONGEST_AGE_S:
+    for row, (people, state) in enumerate(zip(people_m, decisions.state, strict=True)):
+        if people is None:
             continue
-        field = crowd_shares(grid.centers_m, people_m[moment]).sum(axis=1)
+        field = crowd_shares(grid.centers_m, people).sum(axis=1)
         aimed_at[row] = field[grid.neighbours[state]]
         total, n_known = total + field, n_known + 1
     return MeasuredDensity(aimed_at, np.broadcast_to(total / max(n_known, 1), grid.n_states))
@@ -81,15 +115,15 @@ def density_of_recordings(
 ) -> MeasuredDensity | None:
     """Of all decisions, in the order of `concatenated`; None where no people were seen at any.
 
-    It is not known where the clock of the sightings goes back. sightings: of each recording.
+    sightings: of each recording.
     """
     parts = []
     for each, people in zip(found, sightings, strict=True):
-        time_s = np.array([one.time_s for one in people])
-        people_m = [_finite(one.people.position_m[:, :2]) for one in people]
-        if np.any(np.diff(time_s) < 0):
-            time_s = np.zeros(0)
-        parts.append(density_at(grid, each.decisions, time_s, people_m))
+        ends = np.cumsum(each.n_of_drives)
+        for drive, rows in enumerate(np.split(np.arange(len(each.decisions)), ends[:-1])):
+            decisions = each.decisions.select(rows)
+            around = people_around(each.recording, drive, people)
+            parts.append(_density(grid, decisions, around(decisions.time_s)))
     joined = joined_density(parts)
     return joined if joined.n_known else None
 
@@ -125,7 +159,7 @@ def load_density(table: Path, grid: Grid, decisions: Decisions) -> MeasuredDensi
     if not files["density"].exists():
         raise FileError(
             f"{files['density']} must be there to learn with density, 'serd demos' writes it for"
-            " bags that hold people; record 'pedestrians'"
+            " recordings that hold people; record 'pedestrians'"
         )
     rows = read_table(files["density"], COLUMNS)
     means = read_table(files["mean density"], MEAN_COLUMNS)

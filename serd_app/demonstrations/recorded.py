@@ -13,7 +13,7 @@ from pydantic import Field
 
 from serd_app.demonstrations.concatenate import concatenate_renumbered
 from serd_app.demonstrations.decision_table import save_decisions
-from serd_app.demonstrations.demonstrations import demonstrations_of_drives
+from serd_app.demonstrations.demonstrations import demonstrations_of_each, joined_demonstrations
 from serd_app.demonstrations.discretise import DiscretisationReport, Faults
 from serd_app.demonstrations.flow_field import FlowField
 from serd_app.demonstrations.flow_table import save_flow
@@ -88,7 +88,7 @@ class DemonstrationRecord(StrictModel):
 class RecordedDemonstrations:
     """What one recording gives; tracks_m: (T, 2) robot positions of each episode that counts.
 
-    goal_entry_s: see `storage.model_file.ModelFile`.
+    goal_entry_s: see `storage.model_file.ModelFile`. n_of_drives: decisions of each drive.
     """
 
     recording: Recording
@@ -96,6 +96,7 @@ class RecordedDemonstrations:
     report: DiscretisationReport
     tracks_m: tuple[FloatArray, ...]
     goal_entry_s: tuple[float, ...]
+    n_of_drives: tuple[int, ...]
 
     @property
     def bag(self) -> Path:
@@ -139,12 +140,16 @@ def demonstrations_of_all(
     seen: set[bytes] = set()
     found = []
     for each in recordings:
-        here, report = demonstrations_of_drives(
+        parts = demonstrations_of_each(
             each.drives, grid, period_s, seen=seen, agents=each.crowd is not None
         )
+        here, report = joined_demonstrations(parts)
+        n_of_drives = tuple(len(part.decisions) for part, _ in parts)
         tracks = tuple(track for drive in each.drives for track in tracks_of(drive, grid))
         found.append(
-            RecordedDemonstrations(each, here.decisions, report, tracks, here.goal_entry_s)
+            RecordedDemonstrations(
+                each, here.decisions, report, tracks, here.goal_entry_s, n_of_drives
+            )
         )
     return found
 
@@ -220,6 +225,7 @@ def files_beside(table: Path) -> dict[str, Path]:
         "flow picture": table.with_suffix(".flow.png"),
         "density": table.with_suffix(".density.csv"),
         "mean density": table.with_suffix(".mean_density.csv"),
+        "crossings": table.with_suffix(".crossings.csv"),
         "resolution": table.with_suffix(".resolution.csv"),
         "resolution picture": table.with_suffix(".resolution.png"),
     }

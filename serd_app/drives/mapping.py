@@ -75,6 +75,18 @@ class TableMapping(DriveMapping, TableColumns):
     action_from: Literal["hidden", "motion"] = setting(
         "hidden", "hidden: learn from the states; motion: the displacement is the action"
     )
+    experts: tuple[str, ...] = setting(
+        (),
+        "ids of the agents that demonstrate, the others are people; by default those named robot,"
+        " robot_1, ..., else all",
+    )
+
+    @classmethod
+    def of_people(cls, mapping: "BagMapping") -> "TableMapping":
+        """The rules of episodes of a bag, for the tracks of its people."""
+        rules = {name: getattr(mapping, name) for name in DriveMapping.model_fields}
+        motion = mapping.action_from == "motion"
+        return cls(**rules, action_from="motion" if motion else "hidden")
 
 
 class BagMapping(DriveMapping):
@@ -119,6 +131,9 @@ class BagMapping(DriveMapping):
         "pedestrians",
         "people, where there is such a topic: PointCloud2 with x, y, vx, vy, People,"
         " TrackedPersons or Detection3DArray; brought into `frame` by /tf",
+    )
+    experts: Literal["robot", "people"] = setting(
+        "robot", "who demonstrates; people: each person of people_topic, with hidden actions"
     )
     hold_s: float | None = setting(
         0.5, "how long the robot follows a velocity; null: until the next one", unit="s", gt=0

@@ -10,7 +10,7 @@ import numpy as np
 from bags.messages.people import SeenPeople, SightedIds, people_in, require_people
 from bags.reader import BagReader
 from bags.topic import topic_named, topics_named
-from serd_app.drives.recording import is_table
+from serd_app.drives.table_drives import is_table
 from serd_app.drives.transforms import Poses, RecordedTransforms, TransformTree
 
 

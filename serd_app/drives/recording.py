@@ -8,15 +8,16 @@ from typing import Any
 from bags.damage import Losses
 from bags.errors import BagError, DamagedBagError
 from bags.reader import BagReader
-from bags.rosbag2.layout import is_bag_file
 from bags.topic import topics_named
 from serd_app.drives.episode_spans import EPISODE
 from serd_app.drives.hidden_actions import with_hidden_actions
 from serd_app.drives.mapped_drive import mapped_drive_in
 from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping, DriveMapping, TableMapping
-from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive
+from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive, source_of
+from serd_app.drives.recorded_people import recorded_sightings
 from serd_app.drives.sessions import drives_in
-from serd_app.drives.table_drives import Crowd, drives_of_table
+from serd_app.drives.table_drives import Crowd, drives_of_table, drives_of_tracks, is_table
+from serd_app.drives.tracked_people import crowd_of_sightings
 from serd_app.errors import AppError
 
 _OWN_TOPICS = (POSE, INTENT, EPISODE)
@@ -27,7 +28,7 @@ class Recording:
     """A drive for each run of the clock, or each agent of a table; damage: sentences about what
     could not be read.
 
-    losses: messages that are missing. crowd: the agents of a table as people, assumed: what the
+    losses: messages that are missing. crowd: agents who demonstrate among others, assumed: what the
     recording does not state.
     """
 
@@ -46,11 +47,6 @@ class Recording:
             "all_lost_known": self.losses.all_known,
             "assumed": list(self.assumed),
         }
-
-
-def is_table(path: Path) -> bool:
-    """Whether it is a file that is no storage file of a bag."""
-    return path.is_file() and not is_bag_file(path)
 
 
 def read_recording(
@@ -87,14 +83,23 @@ def _recording(
         return Recording(bag, found.drives, (), Losses(), found.crowd, found.assumed)
     reader = BagReader(bag, tolerant=tolerant)
     assumed: tuple[str, ...] = ()
-    if not isinstance(mapping, BagMapping):
+    crowd: Crowd | None = None
+    if isinstance(mapping, BagMapping) and mapping.experts == "people":
+        crowd = crowd_of_sightings(
+            recorded_sightings(reader, mapping.people_topic, frame=mapping.frame), str(bag)
+        )
+        drives = drives_of_tracks(
+            crowd.tracks, crowd.experts, TableMapping.of_people(mapping), period_s, source_of(bag)
+        )
+        assumed = (ASSUMED_UNITS,)
+    elif not isinstance(mapping, BagMapping):
         _require_own(reader)
         drives = drives_in(reader)
     else:
         drives, assumed = (_mapped_drive(reader, mapping, period_s),), (ASSUMED_UNITS,)
     damage = tuple(each.sentence() for each in reader.damage)
     lost = reader.losses if damage else Losses()
-    return Recording(bag, drives, damage, lost, assumed=assumed)
+    return Recording(bag, drives, damage, lost, crowd, assumed)
 
 
 def _mapped_drive(reader: BagReader, mapping: BagMapping, period_s: float) -> RecordedDrive:

@@ -22,7 +22,8 @@ from serd_app.demonstrations.recorded import (
 from serd_app.demonstrations.suggestion.suggest import mapping_of_poses
 from serd_app.drives.mapping import BagMapping, DriveMapping
 from serd_app.drives.recorded_people import sightings_of_all
-from serd_app.drives.recording import is_table, read_recording
+from serd_app.drives.recording import read_recording
+from serd_app.drives.table_drives import is_table
 from serd_app.errors import AppError
 from serd_app.learning.learning_files import FlowSource, LearningFiles, read_learning_files
 from serd_app.learning.outcome import outcome_files

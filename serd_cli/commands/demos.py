@@ -6,8 +6,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 import typer
 
+from serd_app.demonstrations.crossing_table import save_crossings
 from serd_app.demonstrations.discretise import OFF_GRID
 from serd_app.demonstrations.fitted_grid import fitted_grid
 from serd_app.demonstrations.flow_field import flow_from_recordings
@@ -22,11 +24,13 @@ from serd_app.demonstrations.recorded import (
     files_beside,
     save_demonstrations,
 )
+from serd_app.demonstrations.recorded_crossings import crossings_of_recordings
 from serd_app.demonstrations.resolution import fitting_cell_size_m
 from serd_app.demonstrations.suggestion.suggest import mapping_of_poses
 from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_app.drives.recorded_people import sightings_of_all
-from serd_app.drives.recording import is_table, read_recording
+from serd_app.drives.recording import read_recording
+from serd_app.drives.table_drives import is_table
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.demonstrations import (
@@ -40,6 +44,7 @@ from serd_cli.output.demonstrations import (
 )
 from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import console, print_json
+from serd_core.grid.navigation import NO_FLOW
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from storage.yaml_config import load_yaml_model
@@ -107,7 +112,8 @@ def demos(
     Where people were recorded, decisions.flow.csv and .flow.png say which
     way they walk in each cell. 'serd learn decisions.csv' learns from it.
     decisions.density.csv has the people per m² in the cells around each
-    decision, from which 'serd learn --density' learns.
+    decision, from which 'serd learn --density' learns, decisions.crossings.csv
+    the times in cells for 'serd learn --times'.
 
     A place without a scenario gets a grid of cells in which the robot moves
     about one cell in a period; --cell-size-m and --period-s set others.
@@ -123,6 +129,8 @@ def demos(
     A table (CSV, text as TUM, KITTI, ETH/UCY and PeTrack write it, Parquet)
     has a time, x and y, and where there are several agents their ids: each
     is a demonstration, and all of them are the people; actions are hidden.
+    Where one of them is named robot, it alone demonstrates. The key experts of
+    a mapping names others; experts: people takes the people of a bag.
     """
     require_suffix(output, ".csv")
     require_apart(output, files_beside(output).values(), (scenario, mapping or ""))
@@ -164,6 +172,10 @@ def demos(
     advice = advice_of_all(found, place)
     save_demonstrations(output, place, found, flow, advice)
     save_density(output, grid, concatenated(found), density)
+    recorded_flow = np.full(grid.n_states, NO_FLOW) if flow is None else flow.flow
+    own_flow = recorded_flow if place.flow is None else place.flow
+    crossed = crossings_of_recordings(found, sightings, grid, own_flow)
+    save_crossings(files_beside(output)["crossings"], crossed)
     save_pictures(output, place, found, flow, advice)
     if lerobot is not None:
         _require_actions(found)

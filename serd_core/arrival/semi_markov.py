@@ -36,8 +36,8 @@ from serd_core.arrival.chain import ArrivalByState, GoalProblem
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
-from serd_core.memory import require_memory
 from serd_core.mdp.mdp import checked_policy
+from serd_core.memory import require_memory
 
 #: r^N: what late arrivals may add to a probability; rounding is its inverse times that of a number.
 ALIASED = 1e-8

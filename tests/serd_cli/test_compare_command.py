@@ -90,9 +90,12 @@ def test_a_model_with_density_needs_people(serd, model, tmp_path):
     )
     save_model(model, file.model_copy(update={"outcome_models": named, "draws": ModelDraws()}))
     people = walks(tmp_path / "again.csv", 0.5, seed=3)
-    ended = serd("compare", model, people, "--output", tmp_path / "out.csv")
+    assert compared(serd, model, people, "--output", tmp_path / "out.csv")["n_decisions"] > 100
+    alone = tmp_path / "alone.csv"
+    alone.write_text("t,x,y\n" + "".join(f"{n / 10},{0.5 + n / 10},1.5\n" for n in range(60)))
+    ended = serd("compare", model, alone, "--output", tmp_path / "out.csv")
     assert ended.code == 2
-    assert f"{people} must hold people at decisions" in ended.err
+    assert f"{alone} must hold people at decisions" in ended.err
 
 
 def test_other_cells_and_other_places_are_refused(serd, model, tmp_path):

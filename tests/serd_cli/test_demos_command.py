@@ -8,6 +8,7 @@ import pytest
 
 from bags.reader import BagReader
 from bags.writer import BagWriter
+from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.discretise import Faults
 from serd_app.demonstrations.flow_table import load_flow
@@ -418,3 +419,73 @@ def test_each_agent_of_a_table_is_a_demonstration_among_the_others(serd, tmp_pat
     mapping.write_text("pose_topic: odom\n")
     ended = serd("demos", path, "--mapping", mapping, "--cell-size-m", 1)
     assert "pose_topic is not a known key" in ended.err
+
+
+def robot_among_people(path, names=("robot", "anna", "ben")):
+    """A robot goes east at 0.5 m/s and stands from 10 s to 13 s; people pass 2 m to its north."""
+    rows = []
+    for number in range(231):
+        time_s = number / 10
+        x_m = 0.5 * (min(time_s, 10.0) + max(time_s - 13.0, 0.0))
+        rows += [f"{names[0]},{time_s},{x_m:.3f},0.5"]
+        rows += [f"{name},{time_s},{10 - 0.5 * time_s:.3f},2.5" for name in names[1:]]
+    path.write_text("id,t,x,y\n" + "\n".join(rows))
+    return path
+
+
+def test_of_a_robot_among_people_the_robot_alone_demonstrates(serd, tmp_path):
+    path, table = robot_among_people(tmp_path / "walk.csv"), tmp_path / "decisions.csv"
+    words = ("demos", path, "--cell-size-m", 1, "--period-s", 2, "--output", table)
+    values = json.loads(serd(*words, "--json").out)
+    assert values["bags"][0]["n_episodes"] == 1
+    assert "robot demonstrates among 2 people ('experts:')" in values["bags"][0]["assumed"]
+    assert values["density"]["n_known"] == values["bags"][0]["n_decisions"]
+    grid = load_grid(tmp_path / "decisions.grid.yaml")
+    decisions = load_decisions(table)
+    around = load_density(table, grid, decisions)
+    # Its own place does not count, and people are 1.5 m from the middle of the cells to the north.
+    assert around.aimed_at_pm2[:, Action.NORTH].max() < 0.2
+    assert around.mean_pm2[grid.state_at(2.5, 1.5)] > 0
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text("experts: [anna]\n")
+    assert serd(*words, "--mapping", mapping).code == 0
+    grid = load_grid(tmp_path / "decisions.grid.yaml")
+    assert set(grid.centers_m[load_decisions(table).state][:, 1]) == {2.5}
+    mapping.write_text("experts: [carl]\n")
+    ended = serd(*words, "--mapping", mapping)
+    assert ended.code == 2
+    assert "experts must be agents of the table (anna, ben, robot), got 'carl'" in ended.err
+
+
+def test_times_in_cells_are_written_and_learned_from(serd, tmp_path):
+    path, table = robot_among_people(tmp_path / "walk.csv"), tmp_path / "decisions.csv"
+    words = ("demos", path, "--cell-size-m", 1, "--period-s", 2, "--output", table)
+    assert serd(*words).code == 0
+    rows = load_crossings(tmp_path / "decisions.crossings.csv")
+    assert [row.dwell_s for row in rows[1:4]] == pytest.approx([2.0] * 3, abs=1e-6)
+    assert sum(row.dwell_s > 4.9 for row in rows) == 1
+    area_m2 = load_grid(tmp_path / "decisions.grid.yaml").n_states
+    assert {row.people_pm2 for row in rows} == {2 / area_m2}
+    assert {row.lookahead_cells for row in rows} == {1}
+    # A gap of more than half a second, across which it is not known when cells were crossed.
+    lines = path.read_text().splitlines()
+    kept = [line for line in lines[1:] if not 4.1 < float(line.split(",")[1]) < 5.9]
+    path.write_text("\n".join([lines[0], *kept]))
+    assert serd(*words).code == 0
+    fewer = load_crossings(tmp_path / "decisions.crossings.csv")
+    assert len(fewer) < len(rows)
+    assert not any(row.entered_s < 5.0 < row.entered_s + row.dwell_s for row in fewer)
+
+
+def test_people_of_a_bag_can_be_the_experts(serd, people_bag, tmp_path):
+    mapping, table = tmp_path / "mapping.yaml", tmp_path / "decisions.csv"
+    mapping.write_text("experts: people\n")
+    words = ("--mapping", mapping, "--cell-size-m", 1, "--output", table, "--json")
+    ended = serd("demos", people_bag(), *words)
+    assert ended.code == 0, ended.err
+    values = json.loads(ended.out)
+    assert values["bags"][0]["n_episodes"] == 2
+    assert values["flow"]["n_sightings"] == 60
+    grid, decisions = load_grid(tmp_path / "decisions.grid.yaml"), load_decisions(table)
+    assert decisions.hidden.all()
+    assert set(decisions.state.tolist()) == {grid.state_at(4.5, 8.5), grid.state_at(1.5, 8.5)}

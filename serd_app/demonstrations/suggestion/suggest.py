@@ -32,7 +32,8 @@ from serd_app.drives.episode_spans import EPISODE
 from serd_app.drives.mapped_actions import MappedActions
 from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping
 from serd_app.drives.recorded_drive import INTENT
-from serd_app.drives.recording import Recording, is_table
+from serd_app.drives.recording import Recording
+from serd_app.drives.table_drives import is_table
 from serd_app.drives.transforms import TF_TYPES
 from serd_app.errors import AppError
 
