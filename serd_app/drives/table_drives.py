@@ -121,7 +121,11 @@ def _experts(
         )
     if wanted:
         return tuple(row for row, name in enumerate(names) if name in wanted), ""
-    robots = tuple(row for row, name in enumerate(names) if _ROBOT.match(name))
+    robots = tuple(
+        row
+        for row, name in enumerate(names)
+        if _ROBOT.match(name) or _ROBOT.match(tracks[row].kind)
+    )
     if not robots or len(robots) == len(names):
         return tuple(range(len(names))), ""
     named = ", ".join(names[row] for row in robots[:_LISTED])

@@ -54,7 +54,7 @@ def navigate(
 
     serd navigate model.yaml --goal 3.5,20.5 --episodes 30
 
-    In process, crossings.csv of the folder has the times in cells, from which
+    crossings.csv of the folder has the times in cells, from which
     'serd learn --times' learns to predict drives with the same look-ahead.
 
     Rerun an interrupted drive in process with the same --output to resume it.

@@ -92,6 +92,12 @@ class EpisodeDriverNode(SerdNode[Config]):
     def episode_ended(self, result: EpisodeResult) -> None:
         """Called with every finished episode, before the next begins."""
 
+    def episode_begun(self) -> None:
+        """Called before the first observation of an episode."""
+
+    def episode_observed(self, observation: Observation) -> None:
+        """Called with every observation of an episode, that of its end included."""
+
     def set_scenario(self, scenario: Scenario) -> None:
         """End episodes in the goal area of this scenario from now on, the running one too."""
         self.scenario = scenario
@@ -196,6 +202,7 @@ class EpisodeDriverNode(SerdNode[Config]):
         if self._progress is None:
             self._start(observation)
         assert self._progress is not None
+        self.episode_observed(observation)
         ending = self._progress.see(observation)
         if ending is not None:
             self._ending = ending, observation
@@ -206,6 +213,7 @@ class EpisodeDriverNode(SerdNode[Config]):
     def _start(self, observation: Observation) -> None:
         self._progress = EpisodeProgress(self.scenario, observation, self.config.timeout_s)
         self._periods.begin()
+        self.episode_begun()
         self._started_wall_s = self.wall_s()
         self._mark(START, observation)
 

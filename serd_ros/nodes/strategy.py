@@ -14,6 +14,7 @@ from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 
 from serd_app.navigation.arrival_records import ArrivalRecords
+from serd_app.navigation.crossing_log import CrossingLog
 from serd_app.navigation.navigator import Navigator
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
@@ -45,7 +46,8 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
 
     def __init__(self) -> None:
         super().__init__("strategy", StrategyConfig)
-        self._records = ArrivalRecords(Path(self.config.output) if self.config.output else None)
+        output = Path(self.config.output) if self.config.output else None
+        self._records, self._crossings = ArrivalRecords(output), CrossingLog(output)
         self._goal_waits = bool(self.config.goal)
         self._path = self.config.model
         self._watch = FileWatch(self._path)
@@ -79,6 +81,7 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         heading_rad = heading_to(waypoint, observation)
         self._waypoints.publish(to_waypoint_message(waypoint, observation.time_s, heading_rad))
         self._records.note_decision(self._navigator, observation)
+        self._crossings.note_decision(observation, action)
         self._reporter.report_decision(self._navigator, observation)
 
     def give_up_reason(self) -> str:
@@ -86,10 +89,20 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
         return self._navigator.reason
 
     def episode_ended(self, result: EpisodeResult) -> None:
-        """Append prediction and measurement to the log of arrivals."""
+        """Append prediction and measurement to the log of arrivals, and the times in cells."""
         self._records.note_result(result)
+        ahead = self.config.lookahead_cells
+        self._crossings.note_result(self._navigator.strategy, ahead, result)
         if result.reason:
             self._reporter.report_give_up(result.reason)
+
+    def episode_begun(self) -> None:
+        """Discard what was noted of an episode that was discarded."""
+        self._crossings.begin()
+
+    def episode_observed(self, observation: Observation) -> None:
+        """Keep where the robot was."""
+        self._crossings.note_pose(observation)
 
     @property
     def needs_people(self) -> bool:

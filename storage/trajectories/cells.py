@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 PARQUET = (".parquet", ".pq")
 _COMMENTS = ("#", "%", "//")
-_RATE = re.compile(r"(?:frame\s*-?rate|fps)\D{0,5}(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)\s*fps", re.I)
+_RATE = re.compile(
+    r"(?:frame\s*-?rate|fps|bildrate)\D{0,5}(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)\s*fps", re.I
+)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+(?:,\d+)?")
 _FEWEST_COLUMNS = 2
 

@@ -21,13 +21,14 @@ METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _NAMES = {
     "frame": "frame frame_id frame_number frame_num frame_no frame_nr frameid framenumber fr"
-    " frameno",
+    " frameno bild bildnummer einzelbild trame image fotograma cuadro",
     "time": "t time timestamp stamp sec secs second seconds timestep datetime date_time simtime"
-    " sim_time rosbagtimestamp time_stamp elapsed __time zeit",
+    " sim_time rosbagtimestamp time_stamp elapsed __time zeit temps tiempo tempo",
     "agent": "id ped ped_id pedid pedestrian pedestrian_id person person_id personid agent agent_id"
     " agentid track track_id trackid tid object object_id obj_id objectid vehicle vehicle_id uid"
     " pid persid pers_id ped_nr person_nr tr_id traj_id trajectory_id name robot robot_id user"
-    " user_id walker participant subject",
+    " user_id walker participant subject personennummer personen_id person_nummer fussgaenger"
+    " fußgänger personne pieton piéton persona peaton peatón",
     "x": "x pos_x posx px x_pos xpos position_x x_position tx xcenter x_center center_x x_est"
     " local_x world_x x_world pose_x x_coord coord_x easting utm_x xloc loc_x",
     "y": "y pos_y posy py y_pos ypos position_y y_position ty ycenter y_center center_y y_est"
@@ -35,7 +36,7 @@ _NAMES = {
 }
 _ROLE_OF = {name: role for role, names in _NAMES.items() for name in names.split()}
 _POSITION = re.compile(r"(?:^|[./_])(?:position|translation|pos|p_[a-z_]+)[./_ ]+([xy])$")
-_UNIT = re.compile(r"[\[(/]\s*(m|cm|mm|s|sec|ms|us|ns)\s*[\])]?\s*$|_(m|cm|mm|s|ms|us|ns)$")
+UNIT_SUFFIX = re.compile(r"[\[(/]\s*(m|cm|mm|s|sec|ms|us|ns)\s*[\])]?\s*$|_(m|cm|mm|s|ms|us|ns)$")
 _LARGEST_FRAME = 1e8
 #: Median times above which they are since 1970, and so their unit is known.
 _SINCE_1970 = 5e8
@@ -103,13 +104,18 @@ def _located(where: str, names: Sequence[str], values: FloatArray, wanted: Table
     return _of_values(where, values)
 
 
+def role_of(name: str) -> str | None:
+    """What the name of a column stands for: frame, time, agent, x or y."""
+    plain = UNIT_SUFFIX.sub("", name.strip().lower()).strip(" _%#")
+    plain = re.sub(r"[\s-]+", "_", plain)
+    position = _POSITION.search(plain)
+    return _ROLE_OF.get(plain) or (position[1] if position else None)
+
+
 def _by_names(names: Sequence[str]) -> dict[str, int]:
     found: dict[str, int] = {}
     for index, name in enumerate(names):
-        plain = _UNIT.sub("", name.strip().lower()).strip(" _%#")
-        plain = re.sub(r"[\s-]+", "_", plain)
-        position = _POSITION.search(plain)
-        role = _ROLE_OF.get(plain) or (position[1] if position else None)
+        role = role_of(name)
         if role is not None:
             found.setdefault(role, index)
     if not ("time" in found or "frame" in found):
@@ -148,7 +154,7 @@ def _of_names(
 
 
 def _unit(name: str, known: dict[str, float]) -> float | None:
-    found = _UNIT.search(name.strip().lower())
+    found = UNIT_SUFFIX.search(name.strip().lower())
     return known.get(found[1] or found[2]) if found else None
 
 

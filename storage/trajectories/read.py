@@ -11,6 +11,8 @@ from storage.errors import FileError
 from storage.trajectories.agents import with_agents
 from storage.trajectories.cells import Cells, read_cells
 from storage.trajectories.columns import Columns, TableColumns, located, metres_of, times_of
+from storage.trajectories.faults import Rows, faults_of_rows, parts_of_jumps
+from storage.trajectories.wide import long_cells
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,6 +20,10 @@ if TYPE_CHECKING:
 _TRANSPOSED_ROWS, _LEAST_TRANSPOSED = 4, 20
 #: Larger numbers are none of a table; stamps in ns are smaller.
 _LARGEST = 1e20
+#: Names of columns of what agents are.
+_KINDS = frozenset(
+    ["type", "class", "category", "kind", "label", "agent_type", "object_type", "obj_type", "role"]
+)
 #: Half of the shortest step between two stamps.
 _SHORTEST_S = 5e-10
 _NO_AGENTS = (
@@ -28,11 +34,12 @@ _NO_AGENTS = (
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """One agent: time_s (T,) increasing, position_m (T, 2)."""
+    """One agent: time_s (T,) increasing, position_m (T, 2); kind: what the table calls it."""
 
     agent: str
     time_s: FloatArray
     position_m: FloatArray
+    kind: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +54,7 @@ class Trajectories:
 def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> Trajectories:
     """The tracks of at least two places; FileError where a file holds none."""
     path, wanted = Path(path), wanted or TableColumns()
-    cells = read_cells(path)
+    cells = long_cells(read_cells(path))
     values = _numbers(cells.frame)
     if len(values) == _TRANSPOSED_ROWS and values.shape[1] > _LEAST_TRANSPOSED:
         values, cells = values.T, Cells(cells.frame.T, (), cells.fps)
@@ -69,25 +76,53 @@ def _tracks(
     rows = np.flatnonzero(good)
     if not len(rows):
         raise FileError(_NO_AGENTS.format(path=path, n_rows=len(values)))
+    in_file = rows
     rows = rows[np.lexsort((time[rows], agent[rows]))]
+    sorted_rows = rows
     same = (np.diff(agent[rows]) == 0) & (np.diff(time[rows]) > 0)
     rows = rows[np.concatenate([[True], same | (np.diff(agent[rows]) != 0)])]
+    every = Rows(time, agent, place, in_file, sorted_rows)
     time, agent, place = time[rows], agent[rows], place[rows]
     same = np.diff(agent) == 0
     time_s, of_time = times_of(columns, time, np.diff(time)[same], wanted.fps or cells.fps)
     speed = _speed(time_s, place, same)
     scale, of_place = metres_of(columns, speed, wanted.unit)
     units = _in_words(of_time | of_place, speed * scale)
-    pieces = np.split(np.arange(len(rows)), np.flatnonzero(~same) + 1)
+    has_ids = columns.agent >= 0
+    faults = faults_of_rows(
+        path,
+        every,
+        names,
+        scale,
+        speed * scale,
+        has_ids=has_ids,
+        is_stated=not of_place,
+    )
+    part, jumps = np.zeros_like(agent), tuple[str, ...]()
+    if has_ids:
+        part, jumps = parts_of_jumps(names, agent, rows, time_s, place * scale)
+    kinds = _kinds(cells)
+    begins = np.flatnonzero(np.concatenate([[False], ~same | (np.diff(part) != 0)]))
     tracks = tuple(
-        Track(names[agent[piece[0]]], time_s[piece], place[piece] * scale)
-        for piece in pieces
+        Track(
+            names[agent[piece[0]]] + (f" part {part[piece[0]] + 1}" if part[piece[0]] else ""),
+            time_s[piece],
+            place[piece] * scale,
+            kinds[rows[piece[0]]] if kinds else "",
+        )
+        for piece in np.split(np.arange(len(rows)), begins)
         if len(piece) > 1
     )
     if not tracks:
         raise FileError(_NO_AGENTS.format(path=path, n_rows=len(values)))
-    assumed = (*columns.assumed, *units)
+    assumed = (*columns.assumed, *units, *faults, *jumps)
     return Trajectories(tracks, assumed, int((~good).sum()) + cells.n_skipped)
+
+
+def _kinds(cells: Cells) -> list[str]:
+    """What each row's agent is called; empty without such a column."""
+    found = [row for row, name in enumerate(cells.names) if name.strip().lower() in _KINDS]
+    return [str(each) for each in cells.frame.iloc[:, found[0]]] if found else []
 
 
 def _numbers(frame: "pd.DataFrame") -> FloatArray:

@@ -10,6 +10,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
+from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.navigation.arrival_log import load_arrivals
 from serd_app.navigation.drive import DriveSettings, drive
 from serd_app.navigation.settings import NavigationSettings
@@ -198,6 +199,12 @@ def test_no_progress_ends_the_episode_with_its_reason(nodes, watch, save_model_o
     assert all(row.reason == "no progress" for row in arrivals(tmp_path))
 
 
+def crossings(folder):
+    """Rows of the times in cells so far."""
+    path = folder / "crossings.csv"
+    return load_crossings(path) if path.exists() else ()
+
+
 def test_rows_of_arrivals_survive_a_kill_and_the_next_strategy_appends_to_them(
     nodes, probe, save_model_of, tmp_path
 ):
@@ -206,10 +213,14 @@ def test_rows_of_arrivals_survive_a_kill_and_the_next_strategy_appends_to_them(
     probe.spin_until(lambda: len(arrivals(tmp_path)) >= 1)
     stack["strategy"].kill()
     stack["strategy"].wait()
-    kept = arrivals(tmp_path)
+    kept, crossed = arrivals(tmp_path), crossings(tmp_path)
     nodes.start(list(stack["strategy"].args), "strategy")
     probe.spin_until(lambda: len(arrivals(tmp_path)) > len(kept))
     assert arrivals(tmp_path)[: len(kept)] == kept
+    probe.spin_until(lambda: len(crossings(tmp_path)) > len(crossed))
+    assert crossings(tmp_path)[: len(crossed)] == crossed
+    further = {row.episode for row in crossings(tmp_path)[len(crossed) :]}
+    assert min(further) > max((row.episode for row in crossed), default=-1)
 
 
 def test_without_resets_it_drives_from_goal_to_goal_in_real_time(
@@ -254,3 +265,9 @@ def test_a_transferred_model_drives_to_a_goal_alike_in_process_and_through_ros(
     assert load_arrivals(tmp_path / "ros/arrivals.csv") == load_arrivals(
         tmp_path / "here/arrivals.csv"
     )
+    ros, own = crossings(tmp_path / "ros"), crossings(tmp_path / "here")
+    assert [row.dwell_s for row in ros] == pytest.approx([row.dwell_s for row in own])
+    assert [(row.episode, row.state, row.action, row.kind) for row in ros] == [
+        (row.episode, row.state, row.action, row.kind) for row in own
+    ]
+    assert {row.episode for row in ros} == {0, 1}

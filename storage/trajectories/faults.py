@@ -1,0 +1,138 @@
+"""Rows of a table that contradict each other, or no motion: each a sentence with its row.
+
+Rows are counted from 1, below the line of names.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from serd_core.arrays import FloatArray, IntArray
+from storage.errors import FileError
+
+#: Share of rows, and number of them, above which places that contradict each other are no accident.
+_MANY, _FEW = 0.01, 3
+#: Median speeds (m/s) above which nothing on a floor moves, and below which hardly anything does.
+_FASTEST_MPS, _SLOWEST_MPS = 40.0, 0.02
+#: A jump is longer and faster than these, and so many times as fast as usual.
+_JUMP_M, _JUMP_MPS, _TIMES_USUAL = 1.0, 12.0, 10.0
+_SAME_PLACE_M = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """All rows: time, agent (R,), place (R, 2) as in the file.
+
+    in_file: (N,) those with numbers in their order, by_agent: sorted by agent and time.
+    """
+
+    time: FloatArray
+    agent: IntArray
+    place: FloatArray
+    in_file: IntArray
+    by_agent: IntArray
+
+
+def faults_of_rows(
+    path: Path,
+    rows: Rows,
+    names: Sequence[str],
+    scale: float,
+    speed_mps: float,
+    *,
+    has_ids: bool,
+    is_stated: bool,
+) -> tuple[str, ...]:
+    """Sentences; FileError where agents cannot be told apart, or their speed is impossible.
+
+    scale: m per unit of places, is_stated: whether the file or the mapping names the units.
+    """
+    if speed_mps > _FASTEST_MPS:
+        a, b = _usual_step(rows)
+        raise FileError(
+            f"{path}: agents must move at less than {_FASTEST_MPS:g} m/s, but half of them move at"
+            f" {speed_mps:.3g} m/s or faster, as from row {a} to row {b}; state unit: and fps: in a"
+            " --mapping file"
+        )
+    found = [_out_of_order(rows, names)]
+    if has_ids:
+        found.append(_in_two_places(path, rows, names, scale))
+    if is_stated and 0 < speed_mps < _SLOWEST_MPS:
+        found.append(
+            f"agents move at {speed_mps:.2g} m/s only: 'unit:' and 'fps:' in a --mapping file state"
+            " other units"
+        )
+    return tuple(filter(None, found))
+
+
+def _usual_step(rows: Rows) -> tuple[int, int]:
+    """The two rows of the first step that is as long as usual."""
+    order = rows.by_agent
+    same = np.diff(rows.agent[order]) == 0
+    moved = np.hypot(*np.diff(rows.place[order], axis=0).T)
+    step = np.flatnonzero(same & (moved >= np.median(moved[same & (moved > 0)])))[0]
+    return int(order[step]) + 1, int(order[step + 1]) + 1
+
+
+def _out_of_order(rows: Rows, names: Sequence[str]) -> str:
+    order = rows.in_file[np.argsort(rows.agent[rows.in_file], kind="stable")]
+    back = (np.diff(rows.agent[order]) == 0) & (np.diff(rows.time[order]) < 0)
+    late = np.sort(order[1:][back])
+    if not len(late):
+        return ""
+    return (
+        f"row {late[0] + 1}, of agent {names[rows.agent[late[0]]]}, goes back in time"
+        f"{_and_others(len(late))}; rows are sorted by time"
+    )
+
+
+def _in_two_places(path: Path, rows: Rows, names: Sequence[str], scale: float) -> str:
+    order = rows.by_agent
+    again = (np.diff(rows.agent[order]) == 0) & (np.diff(rows.time[order]) == 0)
+    apart = np.hypot(*np.diff(rows.place[order], axis=0).T) * scale > _SAME_PLACE_M
+    both = np.flatnonzero(again & apart)
+    if not len(both):
+        return ""
+    one, other = order[both[0]], order[both[0] + 1]
+    what = (
+        f"agent {names[rows.agent[one]]} is in two places at time {rows.time[one]:g}, in row"
+        f" {one + 1} and row {other + 1}"
+    )
+    if len(both) > max(_FEW, _MANY * len(order)):
+        raise FileError(
+            f"{path}: {what}{_and_others(len(both))}; give each agent an id of its own, or name the"
+            " column of ids in a --mapping file (agent:)"
+        )
+    return f"{what}{_and_others(len(both))}; the first one counts"
+
+
+def parts_of_jumps(
+    names: Sequence[str], agent: IntArray, row: IntArray, time_s: FloatArray, place_m: FloatArray
+) -> tuple[IntArray, tuple[str, ...]]:
+    """(N,) number of the part of each agent's track, which jumps divide, and a sentence.
+
+    Rows are sorted by agent and time; row: (N,) where each is in the file.
+    """
+    same = np.diff(agent) == 0
+    moved_m, step_s = np.hypot(*np.diff(place_m, axis=0).T), np.diff(time_s)
+    speed = np.divide(moved_m, step_s, out=np.zeros_like(moved_m), where=same & (step_s > 0))
+    moving = speed[same & (moved_m > 0)]
+    fastest = max(_JUMP_MPS, _TIMES_USUAL * float(np.median(moving)) if len(moving) else 0.0)
+    jump = same & (moved_m > _JUMP_M) & (speed > fastest)
+    total = np.concatenate([[0], np.cumsum(jump)])
+    first = np.concatenate([[0], np.flatnonzero(~same) + 1])
+    part = total - total[first][np.cumsum(np.concatenate([[0], ~same]))]
+    where = np.flatnonzero(jump)
+    if not len(where):
+        return part, ()
+    at = int(where[0])
+    return part, (
+        f"row {row[at + 1] + 1}: agent {names[agent[at]]} jumps {moved_m[at]:.1f} m in"
+        f" {step_s[at]:.2g} s{_and_others(len(where))}; it counts as another one from there",
+    )
+
+
+def _and_others(number: int) -> str:
+    return "" if number == 1 else f", as do {number - 1} other rows"
