@@ -28,7 +28,7 @@ from serd_core.arrays import (
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.errors import SerdError
 
-MOST_STEPS, TOLERANCE = 500, 1e-6
+MOST_STEPS, TOLERANCE = 5000, 1e-6
 #: Added for one more person and one more move of each kind, so that no variance is 0.
 _LEAST_VARIANCE = 1e-4
 _RIDGE = 1e-6

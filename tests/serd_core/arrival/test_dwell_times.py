@@ -127,3 +127,15 @@ def test_the_pace_ahead_regresses_to_the_mean_as_much_as_people_change():
     assert found.slope == pytest.approx(0.6, abs=0.03)
     assert found.variance == pytest.approx(0.01, rel=0.1)
     assert found.after(Pace(0.5, 1.0)).mean == pytest.approx(0.35, abs=0.03)
+
+
+def test_people_of_one_pace_are_fitted_with_next_to_none_of_its_own():
+    """Expectation maximisation is slow where a variance goes to 0."""
+    rng = np.random.default_rng(0)
+    person = np.repeat(np.arange(40), 30)
+    fit = fit_dwell_times(
+        rng.gamma(2.0, 0.5, len(person)), np.ones((len(person), 1)), 0 * person, person
+    )
+    assert fit.converged
+    assert fit.pace_variance < 1e-3
+    assert fit.dispersion[0] == pytest.approx(0.5, abs=0.06)
