@@ -199,11 +199,12 @@ class DrivenStack:
         else:
             self._nodes[node].send_signal(number)
         motion.heard_s = time.monotonic()
-        stands = self._spin_while_stamps_come(
+        stamps_come = self._spin_while_stamps_come(
             lambda: motion.speed_mps < _STANDS_MPS or motion.time_s > since_s + _WATCHED_S
         )
-        after_s = motion.time_s - since_s if stands else math.nan
-        after_s = math.inf if after_s > _WATCHED_S else after_s
+        after_s = motion.time_s - since_s if stamps_come else math.nan
+        if stamps_come and motion.speed_mps >= _STANDS_MPS:
+            after_s = math.inf
         distance_m, until_s = motion.way_m - before_m, motion.time_s + 1.0
         self._spin_while_stamps_come(lambda: motion.time_s > until_s)
         return Standing(after_s, distance_m, tuple(motion.reports))
