@@ -89,6 +89,7 @@ site: $(VENV)/.docs
 	@$(BIN)/python tools/run_notebooks.py
 	@$(BIN)/python tools/build_site.py
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build -q
+	@$(BIN)/python tools/check_site.py
 	@echo "site: $(CURDIR)/site/index.html"
 
 dist: $(VENV)/.docs

@@ -22,11 +22,8 @@ SOURCE = ROOT / ".cache" / "site_source"
 LIBRARIES = ("serd_core", "bags")
 _PAGES = (".md", ".ipynb")
 _LINK = re.compile(r"\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!\w+:)([^)#\s]+)(#[^)]*)?\)")
-_CSS = """\
-.md-grid { max-width: 68rem; }
-.md-typeset table:not([class]) { font-size: .68rem; }
-.md-typeset img { background: white; border-radius: 4px; }
-"""
+#: Style and script of all pages.
+_LOOK = Path(__file__).parent / "theme"
 
 
 def copy_documents(target: Path) -> list[Path]:
@@ -86,7 +83,7 @@ def commands_of(command: Any, words: tuple[str, ...]) -> Iterator[tuple[tuple[st
 
 def _prose(text: str) -> str:
     """Help as Markdown: a paragraph that is a command becomes code."""
-    parts = re.split(r"\n\s*\n", text.strip())
+    parts = re.split(r"\n\s*\n", re.sub("^#", r"\\#", text.strip(), flags=re.M))
     return "\n\n".join(
         f"```bash\n{part}\n```" if part.startswith("serd ") and "\n" not in part else part
         for part in parts
@@ -131,7 +128,7 @@ def main() -> int:
     _write(SOURCE / "reference" / "commands.md", commands_page())
     for name, text in module_pages().items():
         _write(SOURCE / name, text if "--quick" not in sys.argv else text.replace(":::", "-"))
-    _write(SOURCE / "site.css", _CSS)
+    shutil.copytree(_LOOK, SOURCE, dirs_exist_ok=True)
     print(f"{len(copied)} documents in {SOURCE}")
     return 0
 

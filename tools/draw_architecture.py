@@ -41,17 +41,24 @@ JOURNEY = (
     ("serd_app.navigation.arrival_log", "arrivals.csv"),
 )
 JOURNEY_START = "bag"
+#: What the picture of a stack with the bridge shows beside it.
+NAV2_BRIDGE, NAV2 = "nav2_bridge", "Nav2"
+_NAV2_ACTIONS = "navigate_to_pose\nnavigate_through_poses"
 
 _LOOK = """
-  graph [bgcolor="white", fontname="DejaVu Sans", pad=0.25, nodesep=0.28, ranksep=0.5];
-  node [fontname="DejaVu Sans", fontsize=11, fontcolor="#26323d", color="#6b7885", penwidth=1.1];
-  edge [color="#8a96a3", arrowsize=0.65, penwidth=1.0, fontname="DejaVu Sans", fontsize=10];
+  graph [bgcolor="transparent", fontname="DejaVu Sans", pad=0.25, nodesep=0.2, ranksep=0.4];
+  node [fontname="DejaVu Sans", fontsize=14, fontcolor="#26323d", color="#6b7885", penwidth=1.1];
+  edge [color="#8a96a3", arrowsize=0.8, penwidth=1.2, fontname="DejaVu Sans"];
+  edge [fontsize=10, fontcolor="#7f8b97"];
 """
-_NODE_LOOK = 'shape=box, style="rounded,filled", fillcolor="#dfeaf4", margin="0.15,0.09"'
-_TOPIC_LOOK = 'shape=ellipse, style="filled", fillcolor="#ffffff", fontsize=10, margin="0.04,0.03"'
-_SERVICE_LOOK = 'shape=ellipse, style="dashed", fontsize=10, margin="0.04,0.03"'
+_NODE_LOOK = 'shape=box, style="filled,bold", fillcolor="#c9deef", margin="0.12,0.09"'
+_TOPIC_LOOK = 'shape=box, style="rounded,filled", fillcolor="#ffffff", margin="0.06,0.04", height=0'
+_OTHER_LOOK = 'shape=box, style="filled,bold,dashed", fillcolor="#f3e3c8", margin="0.12,0.09"'
+_SERVICE_LOOK = (
+    'shape=box, style="rounded,filled,dashed", fillcolor="#ffffff", margin="0.06,0.04", height=0'
+)
 _PACKAGE_LOOK = 'shape=box, style="rounded,filled", fillcolor="#eef3f8", margin="0.18,0.10"'
-_NOTE_LOOK = 'shape=note, style="filled", fillcolor="#f6f5f1", fontsize=10'
+_NOTE_LOOK = 'shape=note, style="filled", fillcolor="#f6f5f1"'
 
 
 @dataclass(frozen=True)
@@ -71,7 +78,7 @@ class Picture:
         lines += [f"  {{ rank=same; {' '.join(map(_quoted, rank))} }}" for rank in self.ranks]
         lines += [f"  {self._edge(*edge)};" for edge in self.edges]
         if self.caption:
-            lines.append(f'  label={_quoted(self.caption)}; fontsize=10; fontcolor="#6b7885";')
+            lines.append(f'  label={_quoted(self.caption)}; fontsize=14; fontcolor="#7f8b97";')
         return f"digraph {{\n  rankdir={self.direction};{_LOOK}" + "\n".join(lines) + "\n}\n"
 
     def _edge(self, start: str, end: str) -> str:
@@ -141,11 +148,15 @@ def topics_picture(stack: str, graph_file: Path = GRAPH_FILE) -> Picture:
     """
     described = yaml.safe_load(graph_file.read_text())
     graph = _stack_graph(described, stack)
+    own = {*graph}
+    if NAV2_BRIDGE in graph:
+        graph |= _nav2(graph)
     topics = _ends(_with_all_subscriptions(graph), "publishes", "subscribes")
-    shared = [name for name, (talkers, hearers) in topics.items() if talkers | hearers == {*graph}]
+    shared = [name for name, (talkers, hearers) in topics.items() if talkers | hearers >= own]
     groups = _grouped({name: ends for name, ends in topics.items() if name not in shared})
     services = _grouped(_ends(graph, "calls", "serves"))
-    nodes = dict.fromkeys(graph, _NODE_LOOK) | dict.fromkeys(groups, _TOPIC_LOOK)
+    nodes = {name: _NODE_LOOK if name in own else _OTHER_LOOK for name in graph}
+    nodes |= dict.fromkeys(groups, _TOPIC_LOOK)
     nodes |= dict.fromkeys(services, _SERVICE_LOOK)
     if shared:
         nodes["\n".join(["(every node)", *shared])] = _NOTE_LOOK
@@ -154,7 +165,8 @@ def topics_picture(stack: str, graph_file: Path = GRAPH_FILE) -> Picture:
         for name, (talkers, hearers) in (groups | services).items()
         for edge in [*((end, name) for end in talkers), *((name, end) for end in hearers)]
     ]
-    caption = f"{stack}: {described['stacks'][stack]['about']}\nellipse: topic; dashed: service"
+    legend = "blue: node; white: topic; dashed: service or action"
+    caption = f"{stack}: {described['stacks'][stack]['about']}\n{legend}"
     return Picture("LR", nodes, tuple(edges), caption=caption)
 
 
@@ -178,14 +190,14 @@ def _package_label(name: str, root: Path) -> str:
     """Name, first line of the package and, where a contract orders them, its subpackages."""
     label = _label(name, root / name / "__init__.py")
     parts = " → ".join(package_parts(root / "pyproject.toml", name))
-    return f'{label}<br/><font point-size="10">{parts}</font>' if parts else label
+    return f'{label}<br/><font point-size="12">{parts}</font>' if parts else label
 
 
 def _label(name: str, module: Path) -> str:
     documentation = ast.get_docstring(ast.parse(module.read_text())) or ""
     first_line = _escaped(documentation.split("\n")[0].rstrip("."))
     lines = "<br/>".join(textwrap.wrap(first_line, 44))
-    small = f'<br/><font point-size="9" color="#6b7885">{lines}</font>' if lines else ""
+    small = f'<br/><font point-size="11" color="#6b7885">{lines}</font>' if lines else ""
     return f"<b>{name}</b>{small}"
 
 
@@ -212,6 +224,14 @@ def _stack_graph(described: Mapping[str, Any], stack: str) -> dict[str, dict[str
         }
         for node in chosen["nodes"]
     }
+
+
+def _nav2(graph: Mapping[str, Mapping[str, list[str]]]) -> dict[str, dict[str, list[str]]]:
+    """Nav2, which is started apart, and the bridge with the actions that it requests of Nav2."""
+    bridge = dict(graph[NAV2_BRIDGE])
+    bridge["calls"] = [*bridge.get("calls", ()), _NAV2_ACTIONS]
+    nav2 = {"serves": [_NAV2_ACTIONS], "subscribes": ["scan"], "publishes": ["cmd_vel_raw"]}
+    return {NAV2_BRIDGE: bridge, NAV2: nav2}
 
 
 def _with_all_subscriptions(

@@ -1,6 +1,7 @@
 """`serd demos`: recordings into the table of decisions that learning starts from."""
 
 import math
+import shlex
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -210,6 +211,9 @@ def demos(
         console.print(density_in_words(density), soft_wrap=True)
     for name, path in files.items():
         console.print(f"{name}: {path.resolve()}", markup=False, soft_wrap=True)
+    console.print(
+        f"next: serd learn {shlex.quote(str(output))} --report report", markup=False, soft_wrap=True
+    )
 
 
 def _require_decisions(found: list[RecordedDemonstrations]) -> None:

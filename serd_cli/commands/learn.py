@@ -126,6 +126,10 @@ def learn(
     Arrivals of drives with their look-ahead are then predicted by the times
     in cells, others by decision periods.
     """
+    if table.is_dir() or table.suffix in (".mcap", ".db3", ".bag"):
+        raise UsageError(
+            f"TABLE must be a table of decisions, got {table}; of a bag 'serd demos' makes one"
+        )
     require_suffix(output, ".yaml", ".yml")
     require_apart(
         output,

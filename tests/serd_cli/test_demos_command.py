@@ -34,6 +34,7 @@ def test_a_recording_becomes_a_table_beside_its_grid_and_picture(serd, drive_bag
     assert set(decisions.action.tolist()) == {Action.NORTH}
     assert table.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     assert f"decisions: {table}" in ended.out
+    assert f"next: serd learn {table} --report report" in ended.out
 
 
 def test_beside_the_table_is_what_learning_reads(serd, drive_bag, tmp_path):

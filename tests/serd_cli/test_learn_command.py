@@ -320,6 +320,15 @@ def test_outcome_models_that_apply_nowhere_are_left_out(serd, demonstrations):
     assert "against flow" not in ended.out + ended.err
 
 
+def test_a_bag_in_place_of_a_table_is_refused_with_the_command_that_makes_one(serd, tmp_path):
+    (tmp_path / "bag").mkdir()
+    for bag in (tmp_path / "bag", tmp_path / "bag_0.mcap"):
+        ended = serd("learn", bag)
+        assert ended.code == 2
+        assert f"TABLE must be a table of decisions, got {bag}" in ended.err
+        assert "'serd demos' makes one" in ended.err
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [

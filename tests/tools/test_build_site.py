@@ -28,6 +28,7 @@ def test_each_command_and_each_of_its_options_has_its_line(tool):
         assert f"## serd {name}\n" in page
     assert "### serd bag suggest\n" in page
     assert "| `--cell-size-m` |" in page
+    assert "\n\\# yaml-language-server" in page  # text of a help, no heading
 
 
 def test_each_module_of_the_libraries_is_on_a_page(tool):
