@@ -58,6 +58,7 @@ def faults(site: Path, pages: Sequence[str] = PAGES) -> list[str]:
                     browser.quit()
     finally:
         server.shutdown()
+        server.server_close()
     return found
 
 
