@@ -17,8 +17,8 @@ from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.endpoints.worlds import several_worlds
 from serd_ros.episodes.starter import EpisodeStarter
 from serd_ros.graph.configs import DriverConfig
+from serd_ros.process.managed_node import ManagedNode
 from serd_ros.process.progress import Progress, write_progress
-from serd_ros.process.serd_node import SerdNode
 from sim.drivers.catalogue import Driver
 from sim.episodes.progress import Ending, EpisodeProgress
 from sim.episodes.result import EpisodeStart, observed_result
@@ -35,14 +35,18 @@ _FRESH_S = 0.5
 _LOOK_PERIOD_S = 1.0
 
 
-class EpisodeDriverNode(SerdNode[Config]):
+class EpisodeDriverNode(ManagedNode[Config]):
     """Runs `episodes` episodes one after the other, then ends its process."""
 
-    def __init__(self, kind: str, config_class: type[Config]) -> None:
-        super().__init__(kind, config_class)
+    def configure(self) -> None:
+        """Load the scenario and make the driver."""
         self.scenario: Scenario = load_scenario(self.config.scenario)
         self.driver: Driver = self.make_driver()
         self._results: list[EpisodeResult] = []
+        self._periods = DecisionClock(self.scenario)
+
+    def activate(self) -> None:
+        """Wait for the graph, then drive."""
         self._running: EpisodeStart | None = None
         self._observation: Observation | None = None
         self._progress: EpisodeProgress | None = None
@@ -57,7 +61,6 @@ class EpisodeDriverNode(SerdNode[Config]):
         self.create_subscription(
             DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
         )
-        self._periods = DecisionClock(self.scenario)
         ObservationSource(
             self,
             self.scenario.control_period_s,
@@ -76,6 +79,11 @@ class EpisodeDriverNode(SerdNode[Config]):
         )
         self._starter.wait()
         self.create_timer(_LOOK_PERIOD_S, self._look_for_other_worlds, clock=self.wall_clock)
+
+    def deactivate(self) -> None:
+        """Discard the running episode."""
+        self._discard()
+        super().deactivate()
 
     @abstractmethod
     def make_driver(self) -> Driver:
@@ -124,11 +132,14 @@ class EpisodeDriverNode(SerdNode[Config]):
         if not several:
             return
         self.get_logger().error(f"there must be {several}; the episode is discarded")
+        self._discard()
+        self._waiting = None
+        self._starter.wait()
+
+    def _discard(self) -> None:
         if self._observation is not None and self._progress is not None:
             self._mark(END, self._observation, "discarded")
         self._clear()
-        self._waiting = None
-        self._starter.wait()
 
     def _log_waiting(self, missing: str) -> None:
         if missing != self._waited_for:

@@ -33,6 +33,14 @@ class NodeConfig(StrictModel):
         return {name: field.default for name, field in cls.model_fields.items()}
 
 
+class ManagedConfig(NodeConfig):
+    """A node that a lifecycle manager can configure and activate."""
+
+    managed: bool = setting(
+        False, "start unconfigured; a lifecycle manager configures and activates the node"
+    )
+
+
 class FramesConfig(NodeConfig):
     """The frames of the robot."""
 
@@ -96,7 +104,7 @@ class LocalisationConfig(FramesConfig):
     )
 
 
-class LocalPlannerConfig(PlannerSettings, LocalisationConfig):
+class LocalPlannerConfig(PlannerSettings, LocalisationConfig, ManagedConfig):
     """Parameters of local_planner; those of `PlannerSettings` default to the scenario's."""
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
@@ -180,7 +188,7 @@ class GuardConfig(GuardSettings, FramesConfig):
         return GuardSettings(**{name: getattr(self, name) for name in GuardSettings.model_fields})
 
 
-class DriverConfig(EpisodeSettings, LocalisationConfig):
+class DriverConfig(EpisodeSettings, LocalisationConfig, ManagedConfig):
     """Parameters of the nodes that drive a series of episodes."""
 
     required_nodes: tuple[str, ...] = setting(
@@ -212,7 +220,7 @@ class StrategyConfig(NavigationSettings, DriverConfig):
     )
 
 
-class DemoRecorderConfig(NodeConfig):
+class DemoRecorderConfig(ManagedConfig):
     """Parameters of demo_recorder."""
 
     output: str = setting("recording", "folder of the bag; must not exist", min_length=1)
@@ -279,7 +287,7 @@ class BagReplayConfig(NodeConfig):
     )
 
 
-class LearnerConfig(LearningSettings, NodeConfig):
+class LearnerConfig(LearningSettings, ManagedConfig):
     """Parameters of learner."""
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
@@ -311,7 +319,7 @@ class LearnerConfig(LearningSettings, NodeConfig):
     )
 
 
-class Nav2BridgeConfig(FramesConfig):
+class Nav2BridgeConfig(FramesConfig, ManagedConfig):
     """Parameters of nav2_bridge."""
 
     mode: Literal["to_pose", "through_poses"] = setting(

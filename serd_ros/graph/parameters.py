@@ -23,15 +23,16 @@ from storage.yaml_config import sentence_of
 
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 Config = TypeVar("Config", bound=NodeConfig)
+OnSet = Callable[[Sequence[Parameter]], SetParametersResult]
 
 
-def read_config(node: Node, kind: str, config_class: type[Config]) -> Config:
-    """The node's parameters over the defaults as `config_class`; declares each as it is used.
+def read_config(
+    node: Node, kind: str, given: Mapping[str, Any], config_class: type[Config]
+) -> Config:
+    """What was given over the defaults as `config_class`; declares each parameter as it is used.
 
-    The node must have been made with automatically_declare_parameters_from_overrides. Raises
-    NodeError with one sentence for an unknown name or a bad value.
+    Raises NodeError with one sentence for an unknown name or a bad value.
     """
-    given = _given(node)
     for name in given:
         if name not in config_class.model_fields:
             near = hint(name, config_class.model_fields)
@@ -41,10 +42,9 @@ def read_config(node: Node, kind: str, config_class: type[Config]) -> Config:
         if node.has_parameter(each.name):
             node.undeclare_parameter(each.name)
         value = getattr(config, each.name)
-        plain = list(value) if isinstance(value, tuple) else value
         descriptor = descriptor_of(each)
         descriptor.read_only = each.name not in config_class.changeable
-        node.declare_parameter(each.name, plain, descriptor, ignore_override=True)
+        node.declare_parameter(each.name, plain(value), descriptor, ignore_override=True)
     return config
 
 
@@ -84,8 +84,11 @@ def refusal_of(parameters: Sequence[Parameter], config_class: type[NodeConfig]) 
     return ""
 
 
-def accept_changes(node: Node, changes: Mapping[str, Callable[[Any], None]]) -> None:
-    """Call `changes[name](value)` when that parameter is set; a SerdError rejects the value."""
+def accept_changes(node: Node, changes: Mapping[str, Callable[[Any], None]]) -> OnSet:
+    """Call `changes[name](value)` when that parameter is set; a SerdError rejects the value.
+
+    Returns the callback, for `remove_on_set_parameters_callback`.
+    """
 
     def on_set(parameters: Sequence[Parameter]) -> SetParametersResult:
         try:
@@ -97,16 +100,19 @@ def accept_changes(node: Node, changes: Mapping[str, Callable[[Any], None]]) -> 
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(on_set)
+    return on_set
 
 
-def _given(node: Node) -> dict[str, Any]:
+def given_parameters(node: Node) -> dict[str, Any]:
+    """What was given to a node with automatically_declare_parameters_from_overrides."""
     parameters: list[Parameter] = list(node.get_parameters_by_prefix("").values())
     return {
-        parameter.name: _plain(parameter.value)
+        parameter.name: plain(parameter.value)
         for parameter in parameters
         if not parameter.name.startswith(ROS_OWN)
     }
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """The value of a parameter, a sequence as a list."""
     return list(value) if isinstance(value, (list, tuple)) or hasattr(value, "tolist") else value

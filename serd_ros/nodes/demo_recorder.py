@@ -24,11 +24,11 @@ from serd_ros.convert.stamp import require_time
 from serd_ros.endpoints import topics
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.qos import bag_qos
-from serd_ros.endpoints.topic_types import named_topic
+from serd_ros.endpoints.topic_types import TopicType, named_topic
 from serd_ros.errors import MessageError, NodeError
 from serd_ros.graph.configs import DemoRecorderConfig
+from serd_ros.process.managed_node import ManagedNode
 from serd_ros.process.run_node import run_node
-from serd_ros.process.serd_node import SerdNode
 
 _POLL_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 1.0
@@ -36,18 +36,31 @@ _REPORT_PERIOD_S = 1.0
 _LAST_LOOKS, _LOOK_AGAIN_S = 20, 0.05
 
 
-class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
+class DemoRecorderNode(ManagedNode[DemoRecorderConfig]):
     """Subscribes raw and records; `start_recording` and `stop_recording` open and close bags."""
 
     def __init__(self) -> None:
-        super().__init__("demo_recorder", DemoRecorderConfig)
-        self._recorder: BagRecorder | None = None
-        self._clock: RecordingClock | None = None
-        self._clock_topic = self.resolve_topic_name(topics.CLOCK)
         self._n_bags = 0
-        self._topics: dict[str, FollowedTopic] = {}
-        for topic in self.config.topics:
-            self._follow(topic)
+        super().__init__("demo_recorder", DemoRecorderConfig)
+
+    def configure(self) -> None:
+        """Look up the types of the topics."""
+        self._clock_topic = self.resolve_topic_name(topics.CLOCK)
+        self._kinds: dict[str, TopicType] = {}
+        for text in self.config.topics:
+            topic, kind = named_topic(text, stamped_cmd_vel=self.config.stamped_cmd_vel)
+            name = self.resolve_topic_name(topic)
+            if name in self._kinds:
+                raise NodeError(
+                    f"topics must name each topic once, got {name} twice; leave one out"
+                )
+            self._kinds[name] = kind
+
+    def activate(self) -> None:
+        """Subscribe, and begin to record unless `start_recording` is to do so."""
+        self._recorder: BagRecorder | None = None
+        self._recording_clock: RecordingClock | None = None
+        self._topics = {name: self._followed(name, kind) for name, kind in self._kinds.items()}
         self.create_service(Trigger, topics.START_RECORDING, self._on_start)
         self.create_service(Trigger, topics.STOP_RECORDING, self._on_stop)
         self.create_timer(_POLL_PERIOD_S, self._poll, clock=self.wall_clock)
@@ -55,7 +68,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
         if self.config.record_at_start:
             self._start()
 
-    def close(self) -> None:
+    def release(self) -> None:
         """Finish the bag, with all that has come in."""
         for _ in range(_LAST_LOOKS):
             recorded = self._record_what_waits()
@@ -82,13 +95,8 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
     def _silences(self) -> list[str]:
         return [topic.silence for topic in self._topics.values() if topic.silence]
 
-    def _follow(self, text: str) -> None:
-        topic, kind = named_topic(text, stamped_cmd_vel=self.config.stamped_cmd_vel)
-        name = self.resolve_topic_name(topic)
-        if name in self._topics:
-            raise NodeError(f"topics must name each topic once, got {name} twice; leave one out")
-        take = self.callbacks.of_messages(name, self._take)
-        self._topics[name] = FollowedTopic(self, name, kind, take)
+    def _followed(self, name: str, kind: TopicType) -> FollowedTopic:
+        return FollowedTopic(self, name, kind, self.callbacks.of_messages(name, self._take))
 
     def _take(self, message: Received) -> None:
         name = message.topic
@@ -98,9 +106,9 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
             raise MessageError("message must begin with a stamp", error, "correct it") from None
         if name == self._clock_topic:
             require_time(stamp_ns)
-        if self._clock is None:
-            self._clock = RecordingClock(simulated=self._is_simulated(name))
-        times_ns = self._clock.times_ns(
+        if self._recording_clock is None:
+            self._recording_clock = RecordingClock(simulated=self._is_simulated(name))
+        times_ns = self._recording_clock.times_ns(
             stamp_ns, message.received_ns, message.sent_ns, is_clock=name == self._clock_topic
         )
         recorder = self._recorder
@@ -143,8 +151,8 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
             compression=self.config.compression,
         )
         self._recorder = BagRecorder(self._free_folder(), settings=settings)
-        if self._clock is not None and not self._clock.simulated:
-            self._clock = None  # there may be a /clock now
+        if self._recording_clock is not None and not self._recording_clock.simulated:
+            self._recording_clock = None  # there may be a /clock now
         self._n_bags += 1
         for topic in self._topics.values():
             self._declare(topic)
@@ -188,7 +196,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
             return
         status, silences = self._recorder.status, "; ".join(self._silences())
         self.report(
-            self._clock.now_ns * 1e-9 if self._clock is not None else 0.0,
+            self._recording_clock.now_ns * 1e-9 if self._recording_clock is not None else 0.0,
             {
                 "recording": status.recording,
                 "messages": status.n_messages,

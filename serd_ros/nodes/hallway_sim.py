@@ -45,7 +45,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
             scenario, seed=self.config.seed, robots=n_robots, gui=self.config.gui
         )
         self._next_episode = 0
-        self._clock = ClockPublisher(self)
+        self._clock_publisher = ClockPublisher(self)
         self._clock_readiness = Readiness(self, (), self.wall_s())
         nodes = [self._node_in(name) for name in names] or [self]
         self._robots = [
@@ -53,9 +53,9 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
             for node, world in zip(nodes, self._world.worlds, strict=True)
         ]
         loop = LockstepLoop if self.config.lockstep else LiveLoop
-        self._loop: WorldLoop = loop(self, self._clock, self._world, self._robots)
+        self._loop: WorldLoop = loop(self, self._clock_publisher, self._world, self._robots)
         self.create_service(SetBool, topics.PAUSE, self._on_pause)
-        OtherClocks(self, lambda: self._clock.n_sent, self._begin_live)
+        OtherClocks(self, lambda: self._clock_publisher.n_sent, self._begin_live)
 
     def _check_names(self, names: list[str]) -> None:
         if len(set(names)) < len(names):

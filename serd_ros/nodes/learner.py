@@ -27,9 +27,9 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.errors import MessageError
 from serd_ros.graph.configs import LearnerConfig
+from serd_ros.process.managed_node import ManagedNode
 from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.run_node import run_node
-from serd_ros.process.serd_node import SerdNode
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from storage.yaml_config import model_yaml
@@ -42,11 +42,14 @@ _UNCONVERGED = 1
 _REPLAY = "bag_replay"
 
 
-class LearnerNode(SerdNode[LearnerConfig]):
+class LearnerNode(ManagedNode[LearnerConfig]):
     """Takes decisions, learns in a thread, publishes its progress on `diagnostics`, and `model`."""
 
     def __init__(self) -> None:
         super().__init__("learner", LearnerConfig)
+
+    def configure(self) -> None:
+        """Read the scenario and what an earlier learner kept."""
         require_learnable(self.config.method, hidden=self._hidden)
         self._scenario = load_scenario(self.config.scenario)
         self._task = task_in(self._scenario, self.config.discount, self.config.flow)
@@ -58,15 +61,21 @@ class LearnerNode(SerdNode[LearnerConfig]):
         self._published_s: float | None = None
         self._is_played = self._is_learned = False
         self._refusal = "no episode has ended"
-        self._worker, self._memory = FitWorker(), None if self.config.bag else self._listen()
+        self._memory = None if self.config.bag else self._earlier_memory()
         self._checkpoint_due_s = 0.0
+
+    def activate(self) -> None:
+        """Take demonstrations and learn."""
+        self._worker = FitWorker()
+        if self._memory is not None:
+            self._listen(self._memory)
         self._models = self.create_publisher(String, topics.MODEL, qos.LATCHED)
         self.create_service(Trigger, topics.LEARN, self._on_learn)
         self.create_timer(_LOOK_PERIOD_S, self._look, clock=self.wall_clock)
         if self._memory is None or (self._memory.unlearned and self.config.learn_on == "episode"):
             self._begin(anew=False)
 
-    def close(self) -> None:
+    def release(self) -> None:
         """End a fit that is under way; its last checkpoint is kept."""
         self._worker.stop()
 
@@ -78,10 +87,13 @@ class LearnerNode(SerdNode[LearnerConfig]):
     def _hidden(self) -> bool:
         return self.config.actions == "hidden"
 
-    def _listen(self) -> LearnerMemory:
+    def _earlier_memory(self) -> LearnerMemory:
         folder = _checkpoint_folder(self.config)
         memory = LearnerMemory(self._scenario, folder, hidden=self._hidden)
         self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
+        return memory
+
+    def _listen(self, memory: LearnerMemory) -> None:
         actions = () if self._hidden else (topics.INTENT,)
         for topic in (topics.ROBOT_POSE, *actions, topics.EPISODE):
             kind = topic_type(topic, stamped_cmd_vel=False)
@@ -96,7 +108,6 @@ class LearnerNode(SerdNode[LearnerConfig]):
             self.create_subscription(
                 DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, qos.STATE
             )
-        return memory
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         """The end of a replay, also of a bag without the topics that are learned from."""

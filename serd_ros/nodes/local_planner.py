@@ -22,8 +22,8 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.graph.configs import LocalPlannerConfig
 from serd_ros.graph.readiness import Readiness
+from serd_ros.process.managed_node import ManagedNode
 from serd_ros.process.run_node import run_node
-from serd_ros.process.serd_node import SerdNode
 from sim.perception.scan_matcher import ScanMatcher
 from sim.planning.catalogue import make_planner
 from sim.planning.local_planner import PlannerStatus
@@ -34,16 +34,23 @@ from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint, is_decision_tick, waypoint_of_intent
 
 
-class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
+class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
     """Converts, calls `LocalPlanner.step`, publishes `cmd_vel_raw`."""
 
     def __init__(self) -> None:
         super().__init__("local_planner", LocalPlannerConfig)
+
+    def configure(self) -> None:
+        """Load the scenario and make the planner."""
         self._scenario = self.config.planned_scenario()
         self._grid = grid_of(self._scenario)
-        self._scans = self._matcher()
+        self._scans = ScanMatcher(self._scenario) if self.config.people_from == "scan" else None
         planner = make_planner(self.config.planner, self._scenario)
         self._planner = self._scans.planner_on(planner) if self._scans else planner
+
+    def activate(self) -> None:
+        """Follow waypoints and intents, from now on only."""
+        self._planner.reset()
         self._status = self._planner.status
         self._observation: Observation | None = None
         self._directive: tuple[int, Action | Waypoint] | None = None
@@ -57,6 +64,10 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
         self._stamped = self.config.stamped_cmd_vel or self.config.lockstep
         kind = TwistStamped if self._stamped else Twist
         self._commands = self.create_publisher(kind, topics.CMD_VEL_RAW, qos.STATE)
+        if self._scans:
+            self._scans.reset()
+            profile = qos.STATE if self.config.lockstep else qos.SENSOR
+            self.create_subscription(LaserScan, topics.SCAN, self._on_scan, profile)
         ObservationSource(
             self,
             self._scenario.control_period_s,
@@ -71,13 +82,11 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
             period_s = self._scenario.control_period_s
             self.create_timer(period_s, self._stop_when_stale, clock=self.wall_clock)
 
-    def _matcher(self) -> ScanMatcher | None:
-        """The detector of people in scans, None where people are given."""
-        if self.config.people_from != "scan":
-            return None
-        profile = qos.STATE if self.config.lockstep else qos.SENSOR
-        self.create_subscription(LaserScan, topics.SCAN, self._on_scan, profile)
-        return ScanMatcher(self._scenario)
+    def deactivate(self) -> None:
+        """Leave the robot standing."""
+        if self._followed.is_given and self._observation is not None:
+            self._send(STOP, self._observation.time_s)
+        super().deactivate()
 
     def clock_jumped(self, jump: Jump) -> None:
         """Stand until the next waypoint or intent; a new session discards the scans, too."""

@@ -27,30 +27,38 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.transforms import TransformPublisher, follow_transforms
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import Nav2BridgeConfig
+from serd_ros.process.managed_node import ManagedNode
 from serd_ros.process.run_node import run_node
-from serd_ros.process.serd_node import SerdNode
 
 _WATCH_S = 0.5
 _LOG_PERIOD_S = 5.0
 
 
-class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
+class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
     """`waypoint` or `plan` in, one Nav2 goal at a time out; silence stops Nav2."""
 
     def __init__(self) -> None:
         super().__init__("nav2_bridge", Nav2BridgeConfig)
+
+    def configure(self) -> None:
+        """Look up the action; its client stays while inactive, to cancel what is accepted late."""
         through = self.config.mode == "through_poses"
         kind = ros_type("nav2_msgs.action", "NavigateThroughPoses" if through else "NavigateToPose")
         name = "navigate_through_poses" if through else "navigate_to_pose"
-        self._kind, self._odom_pose, self._stamp_clock = kind, None, StampClock()
+        self._kind = kind
         self._action, self._client = name, ActionClient(self, kind, name)
         self._goals = Nav2Goals(
             self._client, self._goal_message, timeout_s=self.config.waypoint_timeout_s
         )
-        if through:
+
+    def activate(self) -> None:
+        """Send goals from now on."""
+        if self.config.mode == "through_poses":
             self.create_subscription(Path, topics.PLAN, self._on_plan, qos.COMMAND)
         else:
             self.create_subscription(PoseStamped, topics.WAYPOINT, self._on_waypoint, qos.COMMAND)
+        self._odom_pose: PlanarPose | None = None
+        self._stamp_clock = StampClock()
         if self.config.publish_tf:
             self._transforms = TransformPublisher(self)
             self.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
@@ -58,9 +66,7 @@ class Nav2BridgeNode(SerdNode[Nav2BridgeConfig]):
         follow_transforms(self)
         self.create_timer(_WATCH_S, self._watch, clock=self.wall_clock)
 
-    _odom_pose: PlanarPose | None
-
-    def close(self) -> None:
+    def release(self) -> None:
         """Do not leave Nav2 driving."""
         self._goals.cancel()
 

@@ -19,6 +19,10 @@ class ScriptedExpertNode(EpisodeDriverNode[ScriptedExpertConfig]):
 
     def __init__(self) -> None:
         super().__init__("scripted_expert", ScriptedExpertConfig)
+
+    def activate(self) -> None:
+        """Publish intents."""
+        super().activate()
         self._intents = self.create_publisher(Vector3Stamped, topics.INTENT, qos.STATE)
 
     def make_driver(self) -> Driver:

@@ -46,18 +46,34 @@ class StrategyNode(EpisodeDriverNode[StrategyConfig]):
 
     def __init__(self) -> None:
         super().__init__("strategy", StrategyConfig)
+
+    def configure(self) -> None:
+        """Read the model and plan."""
+        super().configure()
         output = Path(self.config.output) if self.config.output else None
         self._records, self._crossings = ArrivalRecords(output), CrossingLog(output)
         self._goal_waits = bool(self.config.goal)
         self._path = self.config.model
         self._watch = FileWatch(self._path)
+
+    def activate(self) -> None:
+        """Drive to the goals that come, by the newest model."""
+        super().activate()
         self._waypoints = self.create_publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
         self._reporter = StrategyReporter(self)
         self.create_subscription(PoseStamped, topics.GOAL_POSE, self._on_goal, qos.COMMAND)
         self.create_subscription(String, topics.MODEL, self._on_model, qos.LATCHED)
         self.create_timer(_MODEL_CHECK_PERIOD_S, self._check_model_file, clock=self.wall_clock)
-        accept_changes(self, {"goal": self._change_goal, "model": self._change_model})
+        changes = {"goal": self._change_goal, "model": self._change_model}
+        self._on_set = accept_changes(self, changes)
         self._reporter.report_plan(self._navigator.strategy, "start", self.wall_s())
+
+    def deactivate(self) -> None:
+        """Discard the drive and its prediction; another one needs a goal anew."""
+        super().deactivate()
+        self._records.discard_prediction()
+        self._goal_waits = False
+        self.remove_on_set_parameters_callback(self._on_set)
 
     def make_driver(self) -> Driver:
         """The policy of the model file, towards the goal of the parameters."""

@@ -9,6 +9,7 @@ import time
 import traceback
 from collections import Counter, defaultdict
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import wraps
 from typing import Any
 
@@ -23,15 +24,25 @@ _LOG_PERIOD_S = 5.0
 _FAILURES_IN_A_ROW = 10
 
 
+@dataclass
+class Lifetime:
+    """Of the endpoints that were made in it."""
+
+    ended: bool = False
+
+
 class CallbackGuard:
     """Guards the callbacks of one node.
 
     n_internal_errors: since the start; after_each: called after each callback. An executor that
     receives messages faster than the node processes them does nothing between two callbacks.
+    lifetime: of the callbacks that are guarded from now on; after its end they do nothing, since
+    the executor still calls those that were due when their endpoint was destroyed.
     """
 
     def __init__(self, node: Node, fail: Callable[[str], None]) -> None:
         self.n_internal_errors = 0
+        self.lifetime = Lifetime()
         self.after_each: Callable[[], None] = lambda: None
         self._node, self._fail = node, fail
         self._rejected: defaultdict[str, Counter[str]] = defaultdict(Counter)
@@ -53,9 +64,12 @@ class CallbackGuard:
 
     def of_messages(self, topic: str, callback: Callable[..., None]) -> Callable[..., None]:
         """The callback of a subscription, or of a future; its signature stays."""
+        lifetime = self.lifetime
 
         @wraps(callback)
         def guarded(*arguments: Any) -> None:
+            if lifetime.ended:
+                return
             try:
                 callback(*arguments)
             except MessageError as error:
@@ -63,7 +77,7 @@ class CallbackGuard:
             except SerdError:
                 raise
             except Exception as error:
-                self._note(topic, callback, error)
+                self.note(topic, callback, error)
             finally:
                 self.after_each()
 
@@ -73,13 +87,16 @@ class CallbackGuard:
         self, service: str, callback: Callable[[Any, Any], Any]
     ) -> Callable[[Any, Any], Any]:
         """The callback of a service; after an error it responds without success."""
+        lifetime = self.lifetime
 
         def guarded(request: Any, response: Any) -> Any:
+            if lifetime.ended:
+                return response
             try:
                 return callback(request, response)
             except Exception as error:
                 if not isinstance(error, SerdError):
-                    self._note(service, callback, error)
+                    self.note(service, callback, error)
                 refusal = type(response)()
                 if isinstance(refusal, Trigger.Response | SetBool.Response):
                     refusal.success, refusal.message = False, str(error)
@@ -92,10 +109,12 @@ class CallbackGuard:
     def of_timer(self, callback: Callable[[], None]) -> Callable[[], None]:
         """The callback of a timer; it ends the node when it fails again and again."""
         name = callback.__name__.strip("_")
-        n_failures = 0
+        n_failures, lifetime = 0, self.lifetime
 
         def guarded() -> None:
             nonlocal n_failures
+            if lifetime.ended:
+                return
             try:
                 callback()
                 n_failures = 0
@@ -103,7 +122,7 @@ class CallbackGuard:
                 raise
             except Exception as error:
                 n_failures += 1
-                self._note(name, callback, error)
+                self.note(name, callback, error)
                 if n_failures == _FAILURES_IN_A_ROW:
                     self._fail(f"{name} failed {n_failures} times in a row; report the traceback")
             finally:
@@ -118,7 +137,7 @@ class CallbackGuard:
             number = self._rejected[topic].total()
             self._node.get_logger().warning(f"{topic}: message {number} dropped: {reason}")
 
-    def _note(self, name: str, callback: object, error: Exception) -> None:
+    def note(self, name: str, callback: object, error: Exception) -> None:
         """Count an unexpected exception; rclpy's own callbacks raise them for bad input."""
         if not self._node.context.ok():
             raise error

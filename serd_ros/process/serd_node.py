@@ -26,7 +26,7 @@ from serd_ros.convert.stamp import Jump, stamp_ns
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import matching_subscriptions
 from serd_ros.graph.configs import NodeConfig
-from serd_ros.graph.parameters import read_config, refusal_of
+from serd_ros.graph.parameters import given_parameters, read_config, refusal_of
 from serd_ros.process.callback_guard import CallbackGuard
 
 Config = TypeVar("Config", bound=NodeConfig)
@@ -52,7 +52,7 @@ class SerdNode(Node, Generic[Config]):
     ) -> None:
         # Before rclpy makes its own endpoints, which are guarded too.
         self.callbacks, self.frames = CallbackGuard(self, self.fail), Frames()
-        self._reports_as = kind
+        self.kind = kind
         self._reported_counts = (0, 0)
         self._subscribed: dict[Subscription, Callable[[QoSProfile], Subscription]] = {}
         super().__init__(
@@ -61,7 +61,8 @@ class SerdNode(Node, Generic[Config]):
             parameter_overrides=[Parameter(name, value=value) for name, value in given.items()],
             automatically_declare_parameters_from_overrides=True,
         )
-        self.config: Config = read_config(self, kind, config_class)
+        self.given = given_parameters(self)
+        self.config: Config = read_config(self, kind, self.given, config_class)
         self.frames = Frames(getattr(self.config, "frame_prefix", ""))
         self.finished = Future()
         #: Other nodes of this process, which end with it.
@@ -185,14 +186,14 @@ class SerdNode(Node, Generic[Config]):
     ) -> None:
         """Publish the node's health and numbers on `diagnostics`, whatever its name is."""
         self._diagnostics.publish(
-            to_diagnostics(self._reports_as, time_s, values, level=level, message=message)
+            to_diagnostics(self.kind, time_s, values, level=level, message=message)
         )
 
     def report_part(
         self, part: str, values: Mapping[str, object], *, level: bytes, message: str
     ) -> None:
         """Publish a status of its own, `NODE: PART`, on `diagnostics`."""
-        name = f"{self._reports_as}: {part}"
+        name = f"{self.kind}: {part}"
         self._diagnostics.publish(to_diagnostics(name, 0.0, values, level=level, message=message))
 
     def _follow_publishers(self) -> None:

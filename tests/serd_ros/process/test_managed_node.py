@@ -1,0 +1,178 @@
+"""The states of a managed node, its parameters in them, and what is left of it afterwards."""
+
+import pytest
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+from bags.errors import BagError
+from serd_ros.graph.configs import CONFIGS, ManagedConfig
+from support.nodes_in_process import deliver, node_in_process
+
+MANAGED = sorted(name for name, kind in CONFIGS.items() if issubclass(kind, ManagedConfig))
+
+
+@pytest.fixture
+def given(tmp_path, save_model_of):
+    return {
+        "strategy": {"model": str(save_model_of())},
+        "learner": {"output": str(tmp_path / "learned.yaml")},
+        "demo_recorder": {"output": str(tmp_path / "bag")},
+    }
+
+
+def endpoints(node):
+    kinds = "publishers", "subscriptions", "services", "clients", "timers", "waitables"
+    return {kind: set(getattr(node, kind)) for kind in kinds}
+
+
+@pytest.mark.usefixtures("nav2_server")
+@pytest.mark.parametrize("kind", MANAGED)
+def test_cleanup_leaves_what_there_was_before_the_node_was_configured(kind, given):
+    with node_in_process(kind, managed=True, **given.get(kind, {})) as running:
+        node = running.node
+        for _ in range(2):
+            before, attributes = endpoints(node), set(vars(node))
+            node.trigger_configure()
+            node.trigger_activate()
+            assert endpoints(node)["subscriptions"] > before["subscriptions"]
+            running.call_timers()
+            node.trigger_deactivate()
+            node.trigger_cleanup()
+            assert node.state == "unconfigured"
+            assert endpoints(node) == before
+            assert set(vars(node)) == attributes
+        running.assert_alive()
+
+
+@pytest.mark.usefixtures("nav2_server")
+@pytest.mark.parametrize("kind", MANAGED)
+def test_all_parameters_can_be_set_before_configuration_and_those_alone_afterwards_that_change(
+    kind, given
+):
+    config = CONFIGS[kind]
+    with node_in_process(kind, managed=True, **given.get(kind, {})) as running:
+        node = running.node
+
+        def fixed():
+            fields = config.model_fields
+            return {name for name in fields if node.describe_parameter(name).read_only}
+
+        def set_again(name):
+            return node.set_parameters_atomically([node.get_parameter(name)])
+
+        assert fixed() == {"managed"}
+        for name in config.model_fields:
+            assert set_again(name).successful == (name != "managed"), name
+        node.trigger_configure()
+        assert fixed() == set(config.model_fields) - set(config.changeable)
+        for name in config.model_fields:
+            assert "cannot be set while the node is inactive" in set_again(name).reason
+        node.trigger_activate()
+        for name in fixed():
+            assert f"{name} is fixed while the node runs" in set_again(name).reason
+        running.assert_alive()
+
+
+def test_parameters_follow_the_one_on_which_their_defaults_depend():
+    with node_in_process("local_planner", managed=True) as running:
+        node = running.node
+        before = node.get_parameter("max_vel_x").value
+
+        def set_to(**values):
+            wanted = [Parameter(name, value=value) for name, value in values.items()]
+            return node.set_parameters_atomically(wanted)
+
+        assert set_to(max_vel_x=0.75 * before).successful
+        assert set_to(planner="dwa_smooth").successful
+        assert node.get_parameter("max_vel_x").value == 0.75 * before
+        refused = set_to(scenario="nowhere")
+        assert not refused.successful
+        assert "nowhere" in refused.reason
+        assert set_to(use_sim_time=True, input_timeout_s=0.25).successful
+        assert node.get_parameter("use_sim_time").value
+        node.trigger_configure()
+        assert node.config.max_vel_x == 0.75 * before
+        assert node.config.input_timeout_s == 0.25
+
+
+@pytest.mark.parametrize("step", ["configure", "activate", "deactivate"])
+def test_an_unexpected_exception_in_a_transition_leaves_an_unconfigured_node(step, given):
+    with node_in_process("strategy", managed=True, **given["strategy"]) as running:
+        node, before = running.node, endpoints(running.node)
+        whole = getattr(node, step)
+
+        def fail():
+            whole()
+            raise ZeroDivisionError("by a test")
+
+        setattr(node, step, fail)
+        node.trigger_configure()
+        if step != "configure":
+            node.trigger_activate()
+        if step == "deactivate":
+            node.trigger_deactivate()
+        assert node.state == "unconfigured"
+        assert node._state_machine.current_state[1] == "unconfigured"
+        assert endpoints(node) == before
+        assert node.callbacks.n_internal_errors == 1
+        setattr(node, step, whole)
+        node.trigger_configure()
+        node.trigger_activate()
+        assert node.state == "active"
+
+
+def test_a_refusal_to_activate_leaves_an_inactive_node_and_its_sentence(given, tmp_path):
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "kept").touch()
+    with node_in_process("demo_recorder", managed=True, **given["demo_recorder"]) as running:
+        node = running.node
+        node.trigger_configure()
+        inactive = endpoints(node)
+        node.trigger_activate()
+        assert node.state == "inactive"
+        assert "must be new or empty" in running.sent["diagnostics"].status[0].message
+        assert endpoints(node) == inactive
+        (tmp_path / "bag" / "kept").unlink()
+        node.trigger_activate()
+        assert node.state == "active"
+        running.assert_alive()
+
+
+def test_an_error_while_it_ends_its_work_leaves_an_unconfigured_node(given, monkeypatch):
+    with node_in_process("demo_recorder", managed=True, **given["demo_recorder"]) as running:
+        node, before = running.node, endpoints(running.node)
+        node.trigger_configure()
+        node.trigger_activate()
+        recorder = node._recorder
+
+        def fail():
+            raise BagError("the disk is full; make room")
+
+        monkeypatch.setattr(recorder, "close", fail)
+        node.trigger_deactivate()
+        monkeypatch.undo()
+        recorder.close()
+        assert node.state == "unconfigured"
+        assert endpoints(node) == before
+        reported = running.sent["diagnostics"].status[0]
+        assert reported.message == "deactivate refused: the disk is full; make room"
+
+
+def test_what_was_due_when_its_endpoint_was_destroyed_does_nothing(given):
+    with node_in_process("demo_recorder", managed=True, **given["demo_recorder"]) as running:
+        node = running.node
+        node.trigger_configure()
+        earlier = set(node.services)
+        node.trigger_activate()
+        timers, subscriptions = list(node.timers), list(node.subscriptions)
+        (stop,) = [each for each in set(node.services) - earlier if "stop" in each.srv_name]
+        node.trigger_deactivate()
+        for timer in timers:
+            timer.callback()
+        for subscription in subscriptions:
+            deliver(subscription, b"")
+        response = stop.callback(Trigger.Request(), Trigger.Response())
+        assert not response.message
+        stop.send_response(response, None)
+        assert node.callbacks.n_rejected == 0
+        running.assert_alive()
