@@ -515,5 +515,5 @@ def test_the_recorder_keeps_the_stamps_of_both_sessions(tmp_path):
         for time_s in (START, START + 1e4, 0.5):
             for topic in ("clock", "robot_pose"):
                 running.receive(topic, serialize_message(valid_message(topic, time_s)))
-            assert running.node._clock.now_ns == time_s * 1e9
+            assert running.node._recording_clock.now_ns == time_s * 1e9
         running.assert_alive()
