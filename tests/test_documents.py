@@ -129,7 +129,7 @@ def test_each_picture_is_used(root, folder):
     ("file", "line"),
     [
         ("ros_ws/src/serd_ros/package.xml", r"<version>(.+)</version>"),
-        ("ros_ws/src/serd_ros/setup.py", r'version="(.+)"'),
+        ("ros_ws/src/serd_ros/setup.py", r"version='(.+)'"),
         ("serd_core/__init__.py", r'^__version__ = "(.+)"$'),
         ("CITATION.cff", r"^version: (.+)$"),
         ("CHANGELOG.md", r"^## \[(\d.+)\]"),

@@ -2,8 +2,12 @@
 
 import json
 import re
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
+import rclpy.lifecycle.node
 import yaml
 from catkin_pkg.package import parse_package
 
@@ -81,3 +85,30 @@ def test_the_ros_package_is_valid_and_complete_in_its_folder(root):
     assert f"\n{package.version} (" in (folder / "CHANGELOG.rst").read_text(encoding="utf-8")
     keys = [each.name for each in package.exec_depends]
     assert len(keys) == len(set(keys))
+
+
+@pytest.mark.parametrize("linter", ["ament_flake8", "ament_pep257"])
+def test_the_ros_package_is_clean_by_the_linters_of_ament(linter, root):
+    done = subprocess.run(
+        [sys.executable, "-m", f"{linter}.main", "."],
+        cwd=root / "ros_ws/src/serd_ros",
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_each_file_of_the_ros_package_begins_with_the_licence_as_those_of_ros_do(root):
+    """ament_copyright, which no wheel has, compares with the same text."""
+
+    def after_owner(path):
+        first, *others = path.read_text(encoding="utf-8").splitlines()
+        assert re.fullmatch(r"# Copyright 20\d\d .+", first)
+        return others[:12]
+
+    expected = after_owner(Path(rclpy.lifecycle.node.__file__))
+    assert expected[-1] == "# limitations under the License."
+    found = list((root / "ros_ws/src/serd_ros").rglob("*.py"))
+    assert len(found) > 5
+    for path in found:
+        assert after_owner(path) == expected, path

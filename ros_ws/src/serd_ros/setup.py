@@ -1,4 +1,19 @@
-"""The ROS package: one executable per node, launch files, parameters and layouts.
+# Copyright 2026 The SERD developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The ROS package: one executable per node, launch files, parameters and layouts.
 
 The Python code is the distribution `serd`, installed beside it with pip; this package installs no
 module.
@@ -8,45 +23,45 @@ from pathlib import Path
 
 from setuptools import setup
 
-PACKAGE = "serd_ros"
+PACKAGE = 'serd_ros'
 NODES = (
-    "bag_replay",
-    "demo_recorder",
-    "foxglove_server",
-    "guard",
-    "hallway_sim",
-    "learner",
-    "local_planner",
-    "nav2_bridge",
-    "scripted_expert",
-    "strategy",
-    "teleop_joy",
-    "teleop_keyboard",
-    "teleop_mux",
-    "teleop_page",
-    "watch_page",
+    'bag_replay',
+    'demo_recorder',
+    'foxglove_server',
+    'guard',
+    'hallway_sim',
+    'learner',
+    'local_planner',
+    'nav2_bridge',
+    'scripted_expert',
+    'strategy',
+    'teleop_joy',
+    'teleop_keyboard',
+    'teleop_mux',
+    'teleop_page',
+    'watch_page',
 )
-FOLDERS = ("launch", "config", "rviz", "foxglove")
+FOLDERS = ('launch', 'config', 'rviz', 'foxglove')
 
 
 def files(folder: str) -> list[str]:
-    """The files of a folder."""
-    return sorted(str(path) for path in Path(folder).glob("*") if path.is_file())
+    """Return the files of a folder."""
+    return sorted(str(path) for path in Path(folder).glob('*') if path.is_file())
 
 
 setup(
     name=PACKAGE,
-    version="0.2.0",
-    description="Hallway navigation that learns rewards and dynamics from demonstrations (SERD)",
-    license="Apache-2.0",
+    version='0.2.0',
+    description='Hallway navigation that learns rewards and dynamics from demonstrations (SERD)',
+    license='Apache-2.0',
     packages=[],
     zip_safe=False,
     data_files=[
-        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
-        (f"share/{PACKAGE}", ["package.xml"]),
-        *((f"share/{PACKAGE}/{folder}", files(folder)) for folder in FOLDERS),
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        *((f'share/{PACKAGE}/{folder}', files(folder)) for folder in FOLDERS),
     ],
     entry_points={
-        "console_scripts": [f"{node} = serd_ros.process.executable:main" for node in NODES],
+        'console_scripts': [f'{node} = serd_ros.process.executable:main' for node in NODES],
     },
 )

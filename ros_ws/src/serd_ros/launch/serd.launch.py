@@ -1,53 +1,68 @@
-"""ros2 launch serd_ros serd.launch.py stack:=live seed:=3
+# Copyright 2026 The SERD developers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
 
-Starts a stack of serd_ros/graph/graph.yaml, the description that `serd launch` uses too. The other
-files of this folder start one stack each, with the arguments of its nodes alone. Every
-parameter that a node of the stack has is a launch argument; `node.parameter:=value` is that of one
-node. Empty means the stack's own value. Values of `params_file` override those of the stack, and
-arguments override both. Any other argument is refused, unless another file includes this one, whose
-arguments are visible here.
+"""
+Starts a stack of serd_ros/graph/graph.yaml, the description that `serd launch` uses too.
+
+    ros2 launch serd_ros serd.launch.py stack:=live seed:=3
+
+The other files of this folder start one stack each, with the arguments of its nodes alone. Every
+parameter that a node of the stack has is a launch argument; `node.parameter:=value` is that of
+one node. Empty means the stack's own value. Values of `params_file` override those of the stack,
+and arguments override both. Any other argument is refused, unless another file includes this one,
+whose arguments are visible here.
 """
 
-import sys
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+import sys
 
-import yaml
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import CONFIGS
 from serd_ros.graph.graph import (
-    PACKAGE,
     addressees,
     find_stack,
     full_namespace,
     load_graph,
+    PACKAGE,
 )
 from serd_ros.graph.placement import placed_nodes
 from storage.settings import settings_of
+import yaml
 
 OWN = {
-    "namespace": "of all nodes, and of the clock of a simulator",
-    "use_sim_time": "true or false for all nodes",
-    "params_file": "parameters of the nodes by name, as YAML",
+    'namespace': 'of all nodes, and of the clock of a simulator',
+    'use_sim_time': 'true or false for all nodes',
+    'params_file': 'parameters of the nodes by name, as YAML',
 }
 
 
 def descriptions(nodes=tuple(CONFIGS)):
-    """What each parameter of the nodes sets, by its name."""
+    """Return what each parameter of the nodes sets, by its name."""
     return {each.name: each.description for node in nodes for each in settings_of(CONFIGS[node])}
 
 
 def is_included():
     """Whether `ros2 launch` was called with a file of another package."""
     here = Path(__file__).parent
-    ours = {each.name for each in here.glob("*.launch.py")}
+    ours = {each.name for each in here.glob('*.launch.py')}
     return not any(
         Path(file).name in ours and (package == PACKAGE or Path(file).resolve().parent == here)
         for package, file in pairwise(sys.argv)
@@ -59,7 +74,7 @@ def given_parameters(context, own):
     known, nodes = descriptions(), load_graph().nodes
     given = {}
     for name, text in context.launch_configurations.items():
-        node, dot, _ = name.partition(".")
+        node, dot, _ = name.partition('.')
         ours = name in known or (dot and node in nodes)
         if text and name not in own and (ours or not is_included()):
             given[name] = yaml.safe_load(text)
@@ -67,40 +82,40 @@ def given_parameters(context, own):
 
 
 def layers_of(context, stack, given):
-    """What sets the parameters of a node, the later the stronger."""
-    file = LaunchConfiguration("params_file").perform(context)
-    sim_time = LaunchConfiguration("use_sim_time").perform(context)
+    """Return what sets the parameters of a node, the later the stronger."""
+    file = LaunchConfiguration('params_file').perform(context)
+    sim_time = LaunchConfiguration('use_sim_time').perform(context)
     named = {node: {} for node in stack.nodes}
     for key, value in given.items():
         for node, name in addressees(stack, key):
             named[node][name] = value
 
     def layers(node, parameters):
-        times = [{"use_sim_time": yaml.safe_load(sim_time)}] if sim_time else []
+        times = [{'use_sim_time': yaml.safe_load(sim_time)}] if sim_time else []
         return [parameters, *([file, named[node]] if file else []), *times]
 
     return layers
 
 
-def nodes_of_stack(context, name=""):
+def nodes_of_stack(context, name=''):
     """name: of the stack; empty where an argument has it."""
-    own = OWN if name else ("stack", *OWN)
-    stack = find_stack(name or LaunchConfiguration("stack").perform(context))
+    own = OWN if name else ('stack', *OWN)
+    stack = find_stack(name or LaunchConfiguration('stack').perform(context))
     given = given_parameters(context, own)
-    if "robots" in given:
-        raise NodeError("several robots in one world are started by serd launch; leave robots out")
+    if 'robots' in given:
+        raise NodeError('several robots in one world are started by serd launch; leave robots out')
     layers = layers_of(context, stack, given)
-    namespace = full_namespace(LaunchConfiguration("namespace").perform(context))
+    namespace = full_namespace(LaunchConfiguration('namespace').perform(context))
     return [
         Node(
             package=PACKAGE,
             executable=each.node,
             name=each.node,
-            namespace=LaunchConfiguration("namespace"),
+            namespace=LaunchConfiguration('namespace'),
             parameters=layers(each.node, each.parameters),
             remappings=list(each.remappings.items()),
-            output="screen",
-            on_exit=EmitEvent(event=Shutdown(reason=f"{each.node} ended")),
+            output='screen',
+            on_exit=EmitEvent(event=Shutdown(reason=f'{each.node} ended')),
         )
         for each in placed_nodes(stack, given, namespace)
     ]
@@ -109,13 +124,13 @@ def nodes_of_stack(context, name=""):
 def declared(texts):
     """Arguments that are empty by default."""
     return [
-        DeclareLaunchArgument(name, default_value="", description=text)
+        DeclareLaunchArgument(name, default_value='', description=text)
         for name, text in (*OWN.items(), *sorted(texts.items()))
     ]
 
 
 def description_of(name):
-    """The launch file of one stack."""
+    """Return the launch file of one stack."""
     arguments = declared(descriptions(find_stack(name).nodes))
     return LaunchDescription(
         [*arguments, OpaqueFunction(function=partial(nodes_of_stack, name=name))]
@@ -124,8 +139,8 @@ def description_of(name):
 
 def generate_launch_description():
     stacks = load_graph().stacks
-    about = "; ".join(f"{name}: {stack.about}" for name, stack in stacks.items())
-    chosen = DeclareLaunchArgument("stack", default_value="live", description=about)
+    about = '; '.join(f'{name}: {stack.about}' for name, stack in stacks.items())
+    chosen = DeclareLaunchArgument('stack', default_value='live', description=about)
     return LaunchDescription(
         [chosen, *declared(descriptions()), OpaqueFunction(function=nodes_of_stack)]
     )
