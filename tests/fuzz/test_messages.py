@@ -185,14 +185,14 @@ def memory_mb() -> float:
 
 def raising(guard) -> None:
     """Let unexpected exceptions out, with their traceback, but those of rclpy's own callbacks."""
-    note = guard._note
+    note = guard.note
 
     def out(name, callback, error):
         if not getattr(callback, "__module__", "").startswith("rclpy."):
             raise error
         note(name, callback, error)
 
-    guard._note = out
+    guard.note = out
 
 
 @pytest.fixture
