@@ -331,6 +331,10 @@ def main() -> int:
     parser.add_argument("--demo", type=Path, help="a run of the demo, for the pictures of it alone")
     parser.add_argument("--check", action="store_true", help="draw nothing, fail where one drifted")
     given = parser.parse_args()
+    if given.demo and not DemoFolder(given.demo).model.exists():
+        parser.error(
+            f"--demo must be the folder of a finished demo, got {given.demo}; run serd demo"
+        )
     names = given.names or [*(OF_DEMO if given.demo else DRAWN)]
     with tempfile.TemporaryDirectory() as folder:
         kept = Path(folder) if given.demo and given.check else KEPT
