@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PatchCollection
@@ -21,6 +22,8 @@ from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from sim.scenario.scenario import Scenario
 
+#: Of the outline of cells.
+OUTLINE_DASHES = (0, (2, 1))
 _MARGIN_M = 0.5
 #: From the edge of an area to where its name may stand.
 _BESIDE_M = 0.4
@@ -173,11 +176,14 @@ def draw_areas(axes: Axes, layout: HallwayLayout, *, filled: bool) -> None:
             _label_area(axes, name, polygon, colour, Path(layout.outline_m))
 
 
-def area_legend(figure: Figure, axes: Axes) -> None:
-    """What the outlines of areas in a map are, below all of the figure."""
+def area_legend(figure: Figure, axes: Axes, others: Sequence[Artist] = ()) -> None:
+    """What the outlines of areas in a map are, and others, below all of the figure."""
     areas = [each for each in axes.patches if str(each.get_gid()).startswith("area ")]
-    if areas:
-        figure.legend(handles=areas, loc="outside lower center", ncols=3, handlelength=1.6)
+    handles = [*areas, *others]
+    if handles:
+        figure.legend(
+            handles=handles, loc="outside lower center", ncols=3 + len(others), handlelength=1.6
+        )
 
 
 def cell_squares(centers_m: FloatArray, side_m: float) -> list[Rectangle]:
@@ -239,10 +245,9 @@ def draw_vectors(axes: Axes, from_m: FloatArray, shift_m: FloatArray, **look: An
 def outline_cells(axes: Axes, grid: Grid, states: Sequence[int], colour: str, gid: str) -> None:
     """A dashed line around the given states, one for all that lie side by side."""
     borders = list(_borders(grid, np.asarray(states, dtype=np.int64)))
-    dashes = (0, (2, 1))
     axes.add_collection(
         LineCollection(
-            borders, colors=colour, linewidths=1.3, linestyles=[dashes], zorder=5, gid=gid
+            borders, colors=colour, linewidths=1.3, linestyles=[OUTLINE_DASHES], zorder=5, gid=gid
         )
     )
 

@@ -58,13 +58,15 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
     with style.report_style():
         figure = new_figure(12.0, 6.4)
         panels = figure.subplots(2, (len(curves) + 2) // 2, sharey=True).ravel()
-        for method, curve in curves.items():
+        for number, (method, curve) in enumerate(curves.items()):
             panels[0].step(
                 curve["time_s"],
                 curve["measured"],
                 where="post",
-                color=STYLES[method].colour,
-                linestyle=STYLES[method].line,
+                **STYLES[method].arguments,
+                markersize=4,
+                # Curves that lie on each other have their markers at different times.
+                markevery=(number, len(curves)),
                 label=method,
             )
         panels[0].set_title("measured, all methods", loc="left")

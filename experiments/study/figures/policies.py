@@ -8,12 +8,14 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import Study
 from experiments.study.tables.results import Results
 from report import style
 from report.figures.map_axes import (
+    OUTLINE_DASHES,
     area_legend,
     colour_bar,
     draw_areas,
@@ -66,7 +68,10 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
                 f"{method}\nrepetition {number}: {counted(int(counts[number]), 'trap')}", fontsize=8
             )
         label = "share of repetitions in which the cell is a trap"
-        area_legend(figure, axes[0])
+        trap = Line2D(
+            [], [], color=style.RED, linestyle=OUTLINE_DASHES, label="traps, with arrows in red"
+        )
+        area_legend(figure, axes[0], [trap])
         colour_bar(figure, axes, cells, label, shrink=0.6, pad=0.01, aspect=30)
     return figure
 
