@@ -77,10 +77,12 @@ def draw_intervals(
     place: 0 for no shift; curves of neighbouring places do not cover each other's error bars.
     """
     low, middle, high = (np.asarray(each, dtype=np.float64) for each in values)
+    with np.errstate(invalid="ignore"):  # of infinite values, which are not drawn
+        lengths = [middle - low, high - middle]
     axes.errorbar(
         np.asarray(sizes) * 1.04**place,
         middle,
-        yerr=[middle - low, high - middle],
+        yerr=lengths,
         **STYLES[learner].arguments,
         markersize=5,
         linewidth=1.4,
