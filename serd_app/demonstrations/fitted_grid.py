@@ -1,8 +1,9 @@
-"""A grid for a place without a map: where the robot has been is walkable, and around it."""
+"""A grid for a place without a map: walkable is where the robot has been and around, or an area."""
 
 from collections.abc import Sequence
 
 import numpy as np
+import shapely
 
 from bags.errors import BagError
 from serd_app.drives.recording import Recording
@@ -44,6 +45,30 @@ def grid_around(position_m: FloatArray, cell_size_m: float, margin_cells: int = 
             row - margin_cells : row + margin_cells + 1,
             column - margin_cells : column + margin_cells + 1,
         ] = True
+    return Grid(origin_m, cell_size_m, walkable)
+
+
+def grid_of_area(area: shapely.Polygon, cell_size_m: float) -> Grid:
+    """Grid whose walkable cells have their centre in an area; borders as in `grid_around`."""
+    x_low, y_low, x_high, y_high = np.array(area.bounds) / cell_size_m
+    low = np.floor([x_low, y_low])
+    columns, rows = np.ceil([x_high, y_high]) - low
+    if rows * columns > _MOST_CELLS:
+        raise AppError(
+            f"a grid of the area must have at most {_MOST_CELLS} cells, got {rows * columns:.3g};"
+            " take larger cells"
+        )
+    origin_m = (float(low[0] * cell_size_m), float(low[1] * cell_size_m))
+    x_m, y_m = (
+        start_m + cell_size_m * (np.arange(int(count)) + 0.5)
+        for start_m, count in zip(origin_m, (columns, rows), strict=True)
+    )
+    walkable = shapely.contains_xy(area, *np.meshgrid(x_m, y_m))
+    if not walkable.any():
+        raise AppError(
+            f"cell_size_m must leave a cell whose centre is in the area, got {cell_size_m:g} m;"
+            " take smaller cells"
+        )
     return Grid(origin_m, cell_size_m, walkable)
 
 

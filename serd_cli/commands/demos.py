@@ -12,7 +12,7 @@ import typer
 
 from serd_app.demonstrations.crossing_table import save_crossings
 from serd_app.demonstrations.discretise import OFF_GRID
-from serd_app.demonstrations.fitted_grid import fitted_grid
+from serd_app.demonstrations.fitted_grid import fitted_grid, grid_of_area
 from serd_app.demonstrations.flow_field import flow_from_recordings
 from serd_app.demonstrations.lerobot import save_lerobot
 from serd_app.demonstrations.measured_density import density_of_recordings, save_density
@@ -32,6 +32,7 @@ from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_app.drives.recorded_people import sightings_of_all
 from serd_app.drives.recording import read_recording
 from serd_app.drives.table_drives import is_table
+from serd_app.places.area_file import read_area_m, require_area_file
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.demonstrations import (
@@ -76,6 +77,13 @@ def demos(
             " by default as it moves"
         ),
     ] = None,
+    area: Annotated[
+        Path | None,
+        typer.Option(
+            help="without a scenario: walkable area in place of where the robot was, .wkt or"
+            " .geojson in metres"
+        ),
+    ] = None,
     period_s: Annotated[
         float | None,
         typer.Option(
@@ -117,7 +125,8 @@ def demos(
     the times in cells for 'serd learn --times'.
 
     A place without a scenario gets a grid of cells in which the robot moves
-    about one cell in a period; --cell-size-m and --period-s set others.
+    about one cell in a period; --cell-size-m and --period-s set others, --area
+    what is walkable.
 
     A bag of another robot needs a mapping, which 'serd bag suggest BAG' writes.
     A bag of poses alone needs none: its actions are hidden, and 'serd learn'
@@ -134,9 +143,10 @@ def demos(
     a mapping names others; experts: people takes the people of a bag.
     """
     require_suffix(output, ".csv")
-    require_apart(output, files_beside(output).values(), (scenario, mapping or ""))
-    _require_place(scenario, cell_size_m, period_s)
+    require_apart(output, files_beside(output).values(), (scenario, mapping or "", area or ""))
+    _require_place(scenario, cell_size_m, area, period_s)
     known = load_scenario(scenario) if scenario else None
+    area_m = read_area_m(area) if area else None
     usual_s = _FITTED_PERIOD_S if cell_size_m is None else _USUAL_PERIOD_S
     period = known.decision_period_s if known else (period_s or usual_s)
     kinds = {TableMapping if is_table(bag) else BagMapping for bag in bags}
@@ -156,11 +166,16 @@ def demos(
         )
         for bag, each in zip(bags, mappings, strict=True)
     ]
-    if known is None and cell_size_m is None:
+    if known is None and cell_size_m is None and area is None:
         _require_no_own(bags, mappings)
     drives = [drive for each in recordings for drive in each.drives]
     size_m = cell_size_m or fitting_cell_size_m(drives, period)
-    grid = grid_of(known) if known else fitted_grid(recordings, size_m)
+    if known:
+        grid = grid_of(known)
+    elif area_m is None:
+        grid = fitted_grid(recordings, size_m)
+    else:
+        grid = grid_of_area(area_m, size_m)
     found = demonstrations_of_all(recordings, grid, period)
     _require_decisions(found)
     known_people = chosen if isinstance(chosen, BagMapping) else BagMapping()
@@ -243,12 +258,17 @@ def _require_no_own(bags: list[Path], mappings: Sequence[object]) -> None:
             )
 
 
-def _require_place(scenario: str, cell_size_m: float | None, period_s: float | None) -> None:
-    if scenario and cell_size_m is not None:
-        raise UsageError(
-            "either --scenario or --cell-size-m must be given, got both; give --scenario where"
-            " there is one"
-        )
+def _require_place(
+    scenario: str, cell_size_m: float | None, area: Path | None, period_s: float | None
+) -> None:
+    for name, value in (("--cell-size-m", cell_size_m), ("--area", area)):
+        if scenario and value is not None:
+            raise UsageError(
+                f"either --scenario or {name} must be given, got both; give --scenario where there"
+                " is one"
+            )
+    if area is not None:
+        require_area_file(area)
     if scenario and period_s is not None:
         raise UsageError(
             f"--period-s must be left out with --scenario, got {period_s:g}; the scenario sets it"

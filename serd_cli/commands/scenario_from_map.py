@@ -1,4 +1,4 @@
-"""`serd scenario from-map`: a scenario file from a map of ROS."""
+"""`serd scenario from-map`: a scenario file from a map of ROS, or from an area."""
 
 import math
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from serd_app.places.area_file import is_area_file, read_area_m
 from serd_app.places.free_area import free_area_m
 from serd_app.places.map_scenario import map_scenario_yaml
 from serd_app.places.ros_map import read_map
@@ -16,6 +17,7 @@ from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.scenario import save_plan, scenario_values
 from serd_cli.output.terminal import console, print_json
 from sim.scenario.goal import point_of
+from sim.scenario.occupancy import OccupancyRaster
 from sim.scenario.scenario import Scenario
 from storage.files import atomic_write_text, read_text
 from storage.quantities import counted
@@ -26,7 +28,10 @@ from storage.yaml_config import yaml_model
 def from_map(
     ros_map: Annotated[
         Path,
-        typer.Argument(metavar="MAP", help="map.yaml of nav2_map_server, or bag with a map topic"),
+        typer.Argument(
+            metavar="MAP",
+            help="map.yaml of nav2_map_server, bag with a map topic, or area as .wkt or .geojson",
+        ),
     ],
     output: Annotated[
         Path | None,
@@ -50,6 +55,9 @@ def from_map(
     with a nav_msgs/OccupancyGrid. The largest free area that is connected is
     walkable (with --start the one around it), its borders are the walls. The
     scenario and a plan of it are written; docs/maps.md has all of it.
+
+    A file of polygons in metres (WKT, GeoJSON) is such an area itself, as of a
+    place in which people were tracked.
     """
     path = output or Path(f"{ros_map.stem}-scenario.yaml")
     require_suffix(path, ".yaml", ".yml")
@@ -57,13 +65,13 @@ def from_map(
     require_apart(path, (path, picture), (str(ros_map),))
     settings = validated(PlaceSettings, **options)
     start_m = point_of(start, what="start") if start else None
-    raster = read_map(ros_map, topic)
-    area = free_area_m(raster, start_m)
+    raster = None if is_area_file(ros_map) else read_map(ros_map, topic)
+    area = read_area_m(ros_map, start_m) if raster is None else free_area_m(raster, start_m)
     text = map_scenario_yaml(
         area,
         settings,
         name=ros_map.stem,
-        source=f"Place of the map {ros_map.name}",
+        source=f"Place of the {'area' if raster is None else 'map'} {ros_map.name}",
         goal_m=point_of(goal) if goal else None,
         start_m=start_m,
     )
@@ -74,7 +82,7 @@ def from_map(
     save_plan(made, picture)
     reached_m2 = float(made.cells.walkable.sum()) * made.cell_size_m**2
     values = scenario_values(str(path), made) | {
-        "map_size": list(raster.cells.shape[::-1]),
+        **({} if raster is None else {"map_size": list(raster.cells.shape[::-1])}),
         "free_area_m2": round(float(area.area), 2),
         "cells_area_m2": round(reached_m2, 2),
         "solids": len(made.obstacles),
@@ -85,7 +93,8 @@ def from_map(
     if as_json:
         print_json(values)
         return
-    console.print(_sentence(values, raster.yaw_rad), soft_wrap=True, markup=False)
+    map_of = "" if raster is None else _map_of(raster)
+    console.print(f"{map_of}{_sentence(values)}", soft_wrap=True, markup=False)
     for name in ("file", "picture"):
         console.print(f"{name}: {values[name]}", markup=False, soft_wrap=True)
 
@@ -99,11 +108,15 @@ def _require_unedited(path: Path, text: str) -> None:
         )
 
 
-def _sentence(values: dict[str, Any], yaw_rad: float) -> str:
-    columns, rows = values["map_size"]
-    turned = f", turned by {math.degrees(yaw_rad):.1f} degrees" if yaw_rad else ""
+def _map_of(raster: OccupancyRaster) -> str:
+    rows, columns = raster.cells.shape
+    turned = f", turned by {math.degrees(raster.yaw_rad):.1f} degrees" if raster.yaw_rad else ""
+    return f"map of {columns} x {rows} cells{turned}: "
+
+
+def _sentence(values: dict[str, Any]) -> str:
     return (
-        f"map of {columns} x {rows} cells{turned}: a free area of {values['free_area_m2']:g} m2"
+        f"a free area of {values['free_area_m2']:g} m2"
         f" with {counted(values['walls'], 'wall')} and {counted(values['solids'], 'solid')} in it;"
         f" {counted(values['cells'], 'walkable cell')} of {values['cell_size_m']:g} m cover"
         f" {values['cells_area_m2']:g} m2; a decision every {values['decision_period_s']:g} s"

@@ -1,5 +1,6 @@
 """Mutated files and arguments load or raise SerdError with one line, in bounded time and memory."""
 
+import json
 import os
 from collections.abc import Callable
 from functools import partial
@@ -20,6 +21,7 @@ from serd_app.drives.mapping import BagMapping
 from serd_app.learning.checkpoint import LearnerCheckpoint
 from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arrivals
 from serd_app.navigation.drive_folder import BegunDrive
+from serd_app.places.area_file import read_area_m
 from serd_app.places.ros_map import MapFile
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.node_commands import parse_assignment, stack_processes
@@ -70,6 +72,25 @@ _TEXTS = {
     "joy": _ROOT / "teleop" / "joy.yaml",
     "study": YAML,
 }
+_RINGS = [[[0, 0], [8, 0], [8, 4], [0, 4], [0, 0]], [[2, 1], [3, 1], [3, 2], [2, 2], [2, 1]]]
+_AREAS = {
+    "area.wkt": "POLYGON ((0 0, 8 0, 8 4, 0 4, 0 0), (2 1, 3 1, 3 2, 2 2, 2 1))",
+    "area.geojson": json.dumps({"type": "Polygon", "coordinates": _RINGS}),
+}
+_AREA_PIECES = (
+    "nan",
+    "1e999",
+    "-0",
+    "(",
+    ")",
+    "[",
+    "]",
+    ",",
+    "EMPTY",
+    "MULTIPOLYGON",
+    "null",
+    "8 4",
+)
 _YAML_LOADERS: dict[str, Callable[[Path], object]] = {
     "model": load_model,
     "grid": load_grid,
@@ -181,6 +202,21 @@ def test_a_mutated_table_loads_or_is_refused_in_one_line(name, suffix, tmp_path)
     def check(content: bytes) -> None:
         path.write_bytes(content)
         assert_loads_or_one_line(lambda: load(path))
+
+    check()
+
+
+@pytest.mark.parametrize("name", _AREAS)
+def test_a_mutated_area_is_read_or_refused_in_one_line(name, tmp_path):
+    path, valid = tmp_path / name, _AREAS[name]
+    path.write_text(valid)
+    read_area_m(path)
+
+    @FUZZ
+    @given(mutated_text(valid, _AREA_PIECES).map(_encoded) | mutated_bytes(valid.encode()))
+    def check(content: bytes) -> None:
+        path.write_bytes(content)
+        assert_loads_or_one_line(lambda: read_area_m(path))
 
     check()
 

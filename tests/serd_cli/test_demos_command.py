@@ -490,3 +490,26 @@ def test_people_of_a_bag_can_be_the_experts(serd, people_bag, tmp_path):
     grid, decisions = load_grid(tmp_path / "decisions.grid.yaml"), load_decisions(table)
     assert decisions.hidden.all()
     assert set(decisions.state.tolist()) == {grid.state_at(4.5, 8.5), grid.state_at(1.5, 8.5)}
+
+
+def test_an_area_says_what_is_walkable(serd, tmp_path):
+    """Two people; one leaves the area."""
+    rows = [(1, t, 0.5 + t, 0.5) for t in range(5)] + [(2, t, 1.5, 0.5 + t) for t in range(5)]
+    lines = (",".join(map(str, row)) for row in rows)
+    (tmp_path / "walk.csv").write_text("\n".join(["id,t,x,y", *lines]) + "\n")
+    (tmp_path / "room.wkt").write_text("POLYGON ((0 0, 6 0, 6 3, 0 3, 0 0))")
+    words = ("demos", tmp_path / "walk.csv", "--area", tmp_path / "room.wkt")
+    ended = serd(*words, "--cell-size-m", 1, "--period-s", 1, "--output", "walk.decisions.csv")
+    assert ended.code == 0, ended.err
+    table = tmp_path / "here" / "walk.decisions.csv"
+    grid, decisions = load_grid(table.with_suffix(".grid.yaml")), load_decisions(table)
+    assert (grid.origin_m, grid.walkable.shape, grid.n_states) == ((0.0, 0.0), (3, 6), 18)
+    assert np.bincount(decisions.episode).tolist() == [4, 2]
+    assert "robot off the grid" in ended.out
+    both = serd(*words, "--scenario", "hallway")
+    assert both.code == 2
+    assert "either --scenario or --area must be given, got both" in both.err
+    small = serd(*words, "--cell-size-m", 100)
+    assert "cell_size_m must leave a cell whose centre is in the area, got 100 m" in small.err
+    other = serd("demos", tmp_path / "walk.csv", "--area", tmp_path / "room.png")
+    assert "must end in .wkt, .geojson, .json" in other.err
