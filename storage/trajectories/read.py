@@ -34,12 +34,16 @@ _NO_AGENTS = (
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """One agent: time_s (T,) increasing, position_m (T, 2); kind: what the table calls it."""
+    """One agent: time_s (T,) increasing, position_m (T, 2); kind: what the table calls it.
+
+    divided_from: the agent that this is a part of, empty for one without jumps.
+    """
 
     agent: str
     time_s: FloatArray
     position_m: FloatArray
     kind: str = ""
+    divided_from: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,12 +107,14 @@ def _tracks(
         part, jumps = parts_of_jumps(names, agent, rows, time_s, place * scale)
     kinds = _kinds(cells)
     begins = np.flatnonzero(np.concatenate([[False], ~same | (np.diff(part) != 0)]))
+    divided = np.unique(agent[part > 0])
     tracks = tuple(
         Track(
             names[agent[piece[0]]] + (f" part {part[piece[0]] + 1}" if part[piece[0]] else ""),
             time_s[piece],
             place[piece] * scale,
             kinds[rows[piece[0]]] if kinds else "",
+            names[agent[piece[0]]] if agent[piece[0]] in divided else "",
         )
         for piece in np.split(np.arange(len(rows)), begins)
         if len(piece) > 1

@@ -150,14 +150,16 @@ def _run(path: Path, found: Trajectories, settings: GridSettings) -> Run:
 def _without_jumps(
     path: Path, tracks: Sequence[Track], left_out: dict[str, int]
 ) -> tuple[Track, ...]:
-    kept, speeds = [], []
+    kept, speeds, jumping = [], [], set()
     for track in tracks:
         speed = np.hypot(*np.diff(track.position_m, axis=0).T) / np.diff(track.time_s)
         speeds.append(float(np.median(speed)))
-        if speed.max() > JUMP_MPS:
-            _count(left_out, f"a step faster than {JUMP_MPS:g} m/s")
+        if track.divided_from or speed.max() > JUMP_MPS:
+            jumping.add(track.divided_from or track.agent)
         else:
             kept.append(track)
+    if jumping:
+        left_out[f"a step faster than {JUMP_MPS:g} m/s"] = len(jumping)
     median = float(np.median(speeds))
     if not SLOWEST_MPS <= median <= FASTEST_MPS:
         raise SerdError(
