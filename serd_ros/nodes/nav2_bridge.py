@@ -12,7 +12,6 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
-from rclpy.action import ActionClient
 
 from serd_app.navigation.nav2_goals import Nav2Goals, Target
 from serd_ros.convert.diagnostics import OK, WARN
@@ -41,14 +40,16 @@ class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
         super().__init__("nav2_bridge", Nav2BridgeConfig)
 
     def configure(self) -> None:
-        """Look up the action; its client stays while inactive, to cancel what is accepted late."""
+        """Look up the action."""
         through = self.config.mode == "through_poses"
         kind = ros_type("nav2_msgs.action", "NavigateThroughPoses" if through else "NavigateToPose")
         name = "navigate_through_poses" if through else "navigate_to_pose"
         self._kind = kind
-        self._action, self._client = name, ActionClient(self, kind, name)
+        self._action = name
         self._goals = Nav2Goals(
-            self._client, self._goal_message, timeout_s=self.config.waypoint_timeout_s
+            self.action_client(kind, name),
+            self._goal_message,
+            timeout_s=self.config.waypoint_timeout_s,
         )
 
     def activate(self) -> None:

@@ -47,9 +47,10 @@ _DONE, _REFUSED, _FAILED = (
 
 class ManagedNode(SerdNode[Config], LifecycleNodeMixin):
     """Deactivation destroys the endpoints that `activate` made; cleanup those of `configure`, and
-    deletes the attributes that both set."""
+    deletes the attributes that both set. Action clients stay."""
 
     def __init__(self, kind: str, config_class: type[Config]) -> None:
+        self._action_clients: dict[str, ActionClient] = {}
         super().__init__(kind, config_class)
         self.state = "active"
         #: For each transition upwards, the endpoints there were before it and their lifetime.
@@ -90,6 +91,16 @@ class ManagedNode(SerdNode[Config], LifecycleNodeMixin):
         no_events = PublisherEventCallbacks(use_default_callbacks=False)
         options.setdefault("event_callbacks", no_events)
         return super().create_publisher(msg_type, *args, **options)
+
+    def action_client(self, kind: Any, name: str) -> ActionClient:
+        """The client of an action, made once and kept while the process lives.
+
+        The events executor drops what it keeps of an action client without Python's lock: where
+        one is destroyed while a message waits for it, the process ends by a segmentation fault.
+        """
+        if name not in self._action_clients:
+            self._action_clients[name] = ActionClient(self, kind, name)
+        return self._action_clients[name]
 
     def create_service(self, *args: Any, **options: Any) -> Service:
         """As SerdNode's; a request that waits while its service is destroyed gets no response."""
@@ -215,14 +226,13 @@ class ManagedNode(SerdNode[Config], LifecycleNodeMixin):
         self.report_part("lifecycle", {"state": self.state}, level=level, message=message)
 
     def _endpoints(self) -> list[tuple[Any, Callable[[Any], object]]]:
-        """Each with what destroys it; waitables are action clients."""
+        """Each with what destroys it."""
         kinds = (
             (self.timers, self.destroy_timer),
             (self.subscriptions, self.destroy_subscription),
             (self.services, self.destroy_service),
             (self.clients, self.destroy_client),
             (self.publishers, self.destroy_publisher),
-            (self.waitables, ActionClient.destroy),
         )
         return [(each, destroy) for endpoints, destroy in kinds for each in endpoints]
 
@@ -230,6 +240,7 @@ class ManagedNode(SerdNode[Config], LifecycleNodeMixin):
         """Destroy the endpoints that the last transition upwards made."""
         self.callbacks.lifetime.ended = True
         before, self.callbacks.lifetime = self._before.pop()
+        self.confirm(each for each in self.publishers if each not in before)
         for endpoint, destroy in self._endpoints():
             if endpoint not in before:
                 destroy(endpoint)

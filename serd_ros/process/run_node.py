@@ -53,6 +53,8 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
             if node is not None:
                 node.close()
                 for each in (*node.companions, node):
+                    if rclpy.ok():
+                        each.confirm(each.publishers)
                     each.destroy_node()
         finally:
             rclpy.try_shutdown()

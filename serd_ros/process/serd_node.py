@@ -1,7 +1,8 @@
 """What every node of the stack shares: one config, guarded callbacks, diagnostics, a clean end."""
 
 import sys
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial, wraps
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
@@ -9,6 +10,7 @@ from typing import Any, Generic, TypeVar
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -34,6 +36,7 @@ BAD_INPUT = 2
 _INPUT_REPORT_PERIOD_S = 1.0
 _NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 _FOLLOW_PERIOD_S = 1.0
+_CONFIRMED_WITHIN_S = 0.5
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -175,6 +178,16 @@ class SerdNode(Node, Generic[Config]):
 
     def close(self) -> None:
         """Release what the node holds; called once before it is destroyed."""
+
+    def confirm(self, publishers: Iterable[Publisher]) -> None:
+        """Wait until what they published last has arrived, _CONFIRMED_WITHIN_S in all.
+
+        Subscribers drop what they have not taken yet when they learn that its publisher ended.
+        """
+        end_s = time.monotonic() + _CONFIRMED_WITHIN_S
+        for each in publishers:
+            left_s = max(0.0, end_s - time.monotonic())
+            each.wait_for_all_acked(Duration(seconds=left_s))
 
     def report(
         self,

@@ -12,7 +12,7 @@ from nav_msgs.msg import Odometry
 
 from bags.reader import BagReader
 from serd_cli.node_commands import node_command
-from serd_ros.convert.diagnostics import END, from_episode_message
+from serd_ros.convert.diagnostics import END, from_episode_message, values_of
 from serd_ros.convert.pose import to_pose_stamped
 from serd_ros.endpoints import qos
 from serd_ros.graph.configs import CONFIGS, ManagedConfig
@@ -62,6 +62,8 @@ def test_a_managed_node_goes_through_its_states_and_has_its_topics_while_active(
         described = {f"/{each}" for each in load_graph().nodes[kind].subscribes}
         return described & {name for name, _ in found}
 
+    # Its services may be known before the node is.
+    probe.spin_until(lambda: kind in probe.node.get_node_names())
     assert manager.state == "unconfigured"
     assert {"unconfigured", "inactive", "active", "finalized"} <= manager.states
     assert {label for label, _, _ in manager.transitions()} == {"configure", "shutdown"}
@@ -167,6 +169,33 @@ def test_each_activation_of_the_recorder_has_a_bag_of_what_came_while_it_was_act
         publish()
     manager.go(("cleanup", "unconfigured"), *UP)
     assert (tmp_path / "bag-3").is_dir()
+
+
+@needs_nav2
+def test_the_bridge_may_be_cleaned_up_while_nav2_answers(nodes, probe, start):
+    """An action client that is destroyed while an answer waits ends the process."""
+    script, goals = str(Path(standin_robot.__file__)), []
+    nodes.start([sys.executable, script, "--follow", "nav2"], "standin_robot")
+    bridge = start("nav2_bridge")
+    manager = LifecycleManager(probe, "nav2_bridge")
+    waypoints = probe.node.create_publisher(PoseStamped, "waypoint", qos.COMMAND)
+    probe.node.create_subscription(
+        DiagnosticArray,
+        "diagnostics",
+        lambda message: goals.append(values_of(message, "nav2_bridge") or {}),
+        qos.STATE,
+    )
+
+    def drives():
+        waypoints.publish(to_pose_stamped((30.0, 3.5, 0.0), 0.0))
+        return any(each.get("goal") == "driving" for each in goals)
+
+    for _ in range(20):
+        manager.go(*UP)
+        goals.clear()
+        probe.spin_until(drives)
+        manager.go(*DOWN)
+    assert bridge.poll() is None, nodes.log_of("nav2_bridge")
 
 
 class Drives:
