@@ -21,6 +21,8 @@ from storage.errors import FileError
 from storage.yaml_config import yaml_model
 
 _LOOK_AGAIN_S = 0.05
+#: The middleware loses the response of a server that has not found its client's reader yet.
+_ASK_AGAIN_S = 30.0
 
 
 class EpisodeStarter:
@@ -45,6 +47,9 @@ class EpisodeStarter:
         self._on_ready, self._on_start, self._on_wait = on_ready, on_start, on_wait
         self._readiness = Readiness(node, required_nodes, node.wall_s())
         self._reset = node.create_client(Trigger, topics.RESET)
+        #: The reset that is not answered yet, and when it was requested.
+        self._asked: Future | None = None
+        self._asked_wall_s = 0.0
         self._marks = node.create_publisher(DiagnosticArray, topics.EPISODE, qos.STATE)
         self._look = node.create_timer(
             _LOOK_AGAIN_S, self._continue_when_ready, clock=node.wall_clock, autostart=False
@@ -53,17 +58,21 @@ class EpisodeStarter:
     @property
     def waiting(self) -> bool:
         """Whether it waits for the graph."""
-        return not self._look.is_canceled()
+        return self._asked is None and not self._look.is_canceled()
 
     def wait(self) -> None:
         """Look until all that an episode needs is there, then call `on_ready`."""
+        self._asked = None
         self._look.reset()
 
     def reset_world(self) -> None:
-        """Have the world begin an episode; while it refuses, wait."""
-        self._reset.call_async(Trigger.Request()).add_done_callback(
+        """Have the world begin an episode; while it refuses, wait. Without an answer, ask again."""
+        self._asked_wall_s = self._node.wall_s()
+        self._asked = self._reset.call_async(Trigger.Request())
+        self._asked.add_done_callback(
             self._node.callbacks.of_messages(topics.RESET, self._on_reply)
         )
+        self._look.reset()
 
     def begin(self, episode: EpisodeStart) -> None:
         """An episode begins."""
@@ -88,6 +97,10 @@ class EpisodeStarter:
         self._marks.publish(to_episode_message(mark))
 
     def _continue_when_ready(self) -> None:
+        if self._asked is not None:
+            if self._node.wall_s() - self._asked_wall_s < _ASK_AGAIN_S:
+                return
+            self._wait_again(f"an answer to reset, for {_ASK_AGAIN_S:g} s")
         several = several_worlds(self._node, self._world_topics)
         missing = several or self._readiness.missing(self._node.wall_s())
         if not missing and self._needs_reset and not self._reset.service_is_ready():
@@ -99,7 +112,11 @@ class EpisodeStarter:
             self._on_ready()
 
     def _on_reply(self, future: Future) -> None:
+        if self._asked is None or future is not self._asked:
+            return
         reply = future.result()
+        self._asked = None
+        self._look.cancel()
         if not reply.success:
             self._wait_again(reply.message)
             return
