@@ -1,8 +1,8 @@
 """Which types of experts are found among mixed demonstrations, and what that is worth.
 
 The gridworld of two terrains of `experiments.hidden_actions`. Experts of one to three types, who
-differ in what they seek, demonstrate in one world. Mixtures of up to one type more than there are
-are fitted, and the number of types is chosen by evidence, by BIC and by ICL.
+differ in what they seek, demonstrate in one world. `choose_expert_types` searches the number of
+types as `serd learn --experts auto` does; BIC and ICL choose among the mixtures that it fitted.
 """
 
 from dataclasses import replace
@@ -25,8 +25,12 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import TabularProblem
-from serd_core.mixtures.expectation_maximisation import EmSettings
-from serd_core.mixtures.expert_types import ExpertTypes, fit_mixtures
+from serd_core.mixtures.expert_types import (
+    ExpertTypes,
+    TypeChoice,
+    choose_expert_types,
+    fit_expert_types,
+)
 from serd_core.mixtures.rand_index import adjusted_rand_index
 from serd_core.policies.solved_policy import soft_policy
 from serd_core.selection.evaluation import move_log_likelihood
@@ -44,6 +48,7 @@ MEASURES = {
     "rand_known": "adjusted Rand index of the likeliest types under the true rewards and dynamics",
     "gain": "held-out log-likelihood per decision, mixture less one type",
     "gain_given": "the same, number given",
+    "tried": "mixtures that the search fitted",
 }
 INTERVALS = StatisticsSettings(bootstrap=2000, coverage=0.95)
 
@@ -51,7 +56,7 @@ INTERVALS = StatisticsSettings(bootstrap=2000, coverage=0.95)
 class MixedExpertsConfig(SeededConfig):
     """Experts of known types in random gridworlds of two terrains."""
 
-    n_repetitions: int = setting(24, "worlds with demonstrations, drawn anew", ge=2)
+    n_repetitions: int = setting(48, "worlds with demonstrations, drawn anew", ge=2)
     most_types: int = setting(3, "types of experts, from one up to this", ge=1, le=len(WEIGHTS))
     sizes: Sizes = setting((15, 60), "moves of each expert")
     n_experts: int = setting(24, "experts, shared out among the types", ge=6)
@@ -59,7 +64,6 @@ class MixedExpertsConfig(SeededConfig):
     side: Count = setting(8, "cells along each side", ge=3)
     longest: Count = setting(15, "moves of a demonstration")
     discount: float = setting(0.9, "discount per decision", ge=0, lt=1)
-    n_starts: Count = setting(6, "starts of expectation maximisation")
 
 
 def run_mixed_experts(config: MixedExpertsConfig, session: Session) -> Findings:
@@ -97,17 +101,12 @@ def mix_in_one_world(config: MixedExpertsConfig, number: int) -> list[Row]:
                 ),
             }
             try:
-                found = fit_mixtures(
-                    problem,
-                    shown[0],
-                    range(1, n_types + 2),
-                    experts=shown[1],
-                    settings=EmSettings(config.n_starts, number),
-                )
+                choice = choose_expert_types(problem, shown[0], experts=shown[1])
+                given = _given(choice, problem, *shown, n_types)
             except SerdError as error:
                 rows.append(begin | {"message": str(error)})
                 continue
-            rows.append(begin | _measures(found, n_types, of_experts, others))
+            rows.append(begin | _measures(choice, given, of_experts, others))
     return rows
 
 
@@ -145,26 +144,45 @@ def likeliest_types(
     return np.asarray(np.argmax(by_type, axis=0))
 
 
+def _given(
+    choice: TypeChoice,
+    problem: TabularProblem,
+    decisions: Decisions,
+    experts: IntArray,
+    n_types: int,
+) -> ExpertTypes:
+    """The mixture of the true number of types, fitted where the search ended before it."""
+    if n_types <= len(choice.candidates):
+        return choice.candidates[n_types - 1]
+    return fit_expert_types(problem, decisions, n_types, experts=experts)
+
+
 def _measures(
-    found: list[ExpertTypes], n_types: int, types: IntArray, others: tuple[Decisions, IntArray]
+    choice: TypeChoice, given: ExpertTypes, types: IntArray, others: tuple[Decisions, IntArray]
 ) -> Row:
-    values = {
-        "evidence": [each.log_evidence for each in found],
-        "bic": [each.bic for each in found],
-        "icl": [each.icl for each in found],
+    tried, best = choice.candidates, choice.chosen
+    chosen = {
+        "evidence": best.n_types,
+        "bic": max(tried, key=lambda each: each.bic).n_types,
+        "icl": max(tried, key=lambda each: each.icl).n_types,
     }
-    chosen = {name: int(np.argmax(value)) for name, value in values.items()}
-    held_out = [each.unit_log_likelihoods(*others)[0].sum() / len(others[0]) for each in found]
-    best, given = found[chosen["evidence"]], found[n_types - 1]
+    one, of_best, of_given = (
+        each.unit_log_likelihoods(*others)[0].sum() / len(others[0])
+        for each in (tried[0], best, given)
+    )
     return {
-        **{f"chosen_{name}": place + 1 for name, place in chosen.items()},
-        **{f"right_{name}": float(place + 1 == n_types) for name, place in chosen.items()},
-        "more_evidence": float(chosen["evidence"] + 1 > n_types),
+        **{f"chosen_{name}": number for name, number in chosen.items()},
+        **{f"right_{name}": float(number == given.n_types) for name, number in chosen.items()},
+        "more_evidence": float(best.n_types > given.n_types),
         "rand": adjusted_rand_index(best.type_of_unit, types),
         "rand_given": adjusted_rand_index(given.type_of_unit, types),
-        "gain": float(held_out[chosen["evidence"]] - held_out[0]),
-        "gain_given": float(held_out[n_types - 1] - held_out[0]),
-        "converged": all(each.converged for each in found),
+        "gain": float(of_best - one),
+        "gain_given": float(of_given - one),
+        "tried": float(len(tried)),
+        **{f"log_evidence_{each.n_types}": each.log_evidence for each in tried},
+        "log_evidence_given": given.log_evidence,
+        "fewest_episodes": float(best.n_episodes.min()),
+        "converged": all(each.converged for each in (*tried, given)),
         "message": "",
     }
 
