@@ -89,8 +89,6 @@ def drives_of_table(path: Path, mapping: TableMapping, period_s: float) -> Table
     experts, choice = _experts(path, found.tracks, mapping.experts)
     if choice:
         assumed = (*assumed, choice)
-    if found.n_bad:
-        assumed = (*assumed, f"{found.n_bad} rows without numbers are left out")
     drives = drives_of_tracks(found.tracks, experts, mapping, period_s, f"table {path}")
     crowd = Crowd(found.tracks, experts) if len(found.tracks) > 1 else None
     return TableDrives(drives, crowd, assumed)

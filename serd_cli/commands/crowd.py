@@ -28,6 +28,8 @@ from sim.crowd.corridor_measures import (
     measure_recording,
 )
 from sim.crowd.social_force import model_names
+from sim.crowd.straight_corridor import corridor_people
+from sim.errors import SimError
 from storage.trajectories.columns import TableColumns
 from storage.trajectories.read import read_trajectories
 
@@ -88,14 +90,21 @@ def compare(
 
 def _read(path: Path, fps: float | None, width_m: float | None) -> _Recording:
     people = read_trajectories(path, TableColumns(fps=fps))
-    for sentence in people.assumed:
-        progress_console.print(sentence)
-    corridor = corridor_of(people.tracks, width_m)
+    try:
+        walking = corridor_people(people.tracks)
+        if len(walking.tracks) < 2:
+            raise SimError("people must be at least 2, got 1; give a recording of more people")
+        corridor = corridor_of(walking.tracks, width_m)
+        measures = measure_recording(walking.tracks, corridor)
+    except SimError as error:
+        raise SimError(f"{path}: {error}") from None
+    for sentence in (*people.assumed, *walking.remarks):
+        progress_console.print(f"{path.name}: {sentence}")
     progress_console.print(
-        f"{path.name}: {len(people.tracks)} people, corridor of {corridor.width_m:g} m along "
+        f"{path.name}: {len(walking.tracks)} people, corridor of {corridor.width_m:g} m along "
         f"{'xy'[corridor.axis]}, {corridor.flow}"
     )
-    return path.stem, corridor, measure_recording(people.tracks, corridor)
+    return path.stem, corridor, measures
 
 
 def _compared(recorded: list[_Recording]) -> Iterator[ComparedCrowd]:

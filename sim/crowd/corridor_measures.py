@@ -76,7 +76,7 @@ class CorridorMeasures:
 def corridor_of(tracks: Sequence[Track], width_m: float | None = None) -> Corridor:
     """The corridor that people walked through: along the axis on which they went farther.
 
-    width_m: by the people who walk nearest to its walls where not given.
+    tracks: as of `corridor_people`; width_m: by those nearest to its walls where not given.
     """
     ways_m = np.array([each.position_m[-1] - each.position_m[0] for each in tracks])
     axis = int(np.argmax(np.abs(ways_m).sum(axis=0)))

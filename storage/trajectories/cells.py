@@ -7,6 +7,7 @@ the first line of values does. Parquet: as its columns are named.
 
 import io
 import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from storage.errors import FileError
 from storage.files import read_bytes
+from storage.trajectories.columns import role_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,6 +27,8 @@ _RATE = re.compile(
 )
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+(?:,\d+)?")
 _FEWEST_COLUMNS = 2
+#: Of the roles of columns, those that a line of names has.
+_FEWEST_ROLES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +49,9 @@ def read_cells(path: Path) -> Cells:
     """The cells of a file; FileError where it holds no table."""
     if path.suffix in PARQUET:
         return _parquet(path)
-    text = read_bytes(path).decode("utf-8-sig", errors="replace")
+    content = read_bytes(path)
+    encoding = "utf-16" if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8-sig"
+    text = content.decode(encoding, errors="replace")
     if "\0" in text[:4096]:
         raise FileError(f"{path} must be a table of text or Parquet, it is neither; check the path")
     return _text(path, text)
@@ -143,11 +149,20 @@ def _is_number(text: str) -> bool:
 
 
 def _named_in_comments(comments: Sequence[str], separator: str, count: int) -> list[str]:
-    for line in reversed(comments):
-        text = line.lstrip("#%/ \t")
-        for names in (_split(text, separator), _split(text, " "), _split(text, ",")):
-            if len(names) == count >= _FEWEST_COLUMNS and not any(map(_is_number, names)):
-                return names
+    """Of the comments without numbers, the last with so many names, one of a known role, else the
+    last with three of these, cut to the columns, else the last with so many of any."""
+    texts = [line.lstrip("#%/ \t") for line in reversed(comments)]
+    found = [_split(text, each) for text in texts for each in (separator, " ", ",")]
+    found = [names for names in found if not any(map(_is_number, names))]
+    roles = [len(set(map(role_of, names)) - {None}) for names in found]
+    as_many = [len(names) == count >= _FEWEST_COLUMNS for names in found]
+    for fits in (
+        [same and n > 0 for same, n in zip(as_many, roles, strict=True)],
+        [n >= _FEWEST_ROLES for n in roles],
+        as_many,
+    ):
+        if any(fits):
+            return found[fits.index(True)][:count]
     return []
 
 

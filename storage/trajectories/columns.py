@@ -95,9 +95,11 @@ def _located(where: str, names: Sequence[str], values: FloatArray, wanted: Table
     if "x" in by_name and "y" in by_name and ("time" in by_name or "frame" in by_name):
         return _of_names(names, values, by_name, has_rate=wanted.fps is not None)
     if names or by_name:
-        missing = " and ".join(each for each in ("time", "x", "y") if each not in by_name)
+        known = by_name.keys() | ({"time"} if "frame" in by_name else set())
+        missing = [each for each in ("time", "x", "y") if each not in known]
         raise FileError(
-            f"{where} must have columns of time, x and y, {missing} is not among"
+            f"{where} must have columns of time, x and y, {' and '.join(missing)}"
+            f" {'is' if len(missing) == 1 else 'are'} not among"
             f" {', '.join(names) or 'those named'}; name the columns in a --mapping file"
             " (time:, agent:, x:, y:)"
         )

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from storage.errors import FileError
+from storage.quantities import counted
 from storage.trajectories.agents import with_agents
 from storage.trajectories.cells import Cells, read_cells
 from storage.trajectories.columns import Columns, TableColumns, located, metres_of, times_of
@@ -36,7 +37,8 @@ _NO_AGENTS = (
 class Track:
     """One agent: time_s (T,) increasing, position_m (T, 2); kind: what the table calls it.
 
-    divided_from: the agent that this is a part of, empty for one without jumps.
+    divided_from: the agent that this is a part of, empty for one without jumps; row: its first in
+    the file, from 1.
     """
 
     agent: str
@@ -44,11 +46,13 @@ class Track:
     position_m: FloatArray
     kind: str = ""
     divided_from: str = ""
+    row: int = 1
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectories:
-    """assumed: sentences about what the file does not state; n_bad: rows that were left out."""
+    """assumed: sentences about what the file does not state, or what was left out; n_bad: rows of
+    these."""
 
     tracks: tuple[Track, ...]
     assumed: tuple[str, ...] = ()
@@ -115,14 +119,27 @@ def _tracks(
             place[piece] * scale,
             kinds[rows[piece[0]]] if kinds else "",
             names[agent[piece[0]]] if agent[piece[0]] in divided else "",
+            int(rows[piece].min()) + 1,
         )
         for piece in np.split(np.arange(len(rows)), begins)
         if len(piece) > 1
     )
     if not tracks:
         raise FileError(_NO_AGENTS.format(path=path, n_rows=len(values)))
-    assumed = (*columns.assumed, *units, *faults, *jumps)
+    assumed = (*columns.assumed, *units, *faults, *jumps, *_without_numbers(good, cells.n_skipped))
     return Trajectories(tracks, assumed, int((~good).sum()) + cells.n_skipped)
+
+
+def _without_numbers(good: BoolArray, n_skipped: int) -> tuple[str, ...]:
+    """Sentences about rows that were left out."""
+    bad = np.flatnonzero(~good)
+    found = []
+    if len(bad):
+        others = "" if len(bad) == 1 else f", as do {len(bad) - 1} other rows"
+        found.append(f"row {bad[0] + 1} lacks a number of time, x or y{others}; left out")
+    if n_skipped:
+        found.append(f"{counted(n_skipped, 'row')} with more cells than the first left out")
+    return tuple(found)
 
 
 def _kinds(cells: Cells) -> list[str]:

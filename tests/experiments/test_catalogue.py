@@ -28,7 +28,7 @@ SMALL = {
         n_repetitions=2, most_types=1, sizes=(12,), n_experts=6, n_held_out=3, side=4
     ),
     "next-demonstration": NextDemonstrationConfig(n_repetitions=2, most=2, test_episodes=5),
-    "multi-start": MultiStartConfig(n_sets=2, sizes=(3,)),
+    "multi-start": MultiStartConfig(n_sets=2, sizes=(3,), n_starts=3),
     "early-stopping": EarlyStoppingConfig(side=5, sizes=(3,), n_steps=8, n_repetitions=1),
     "ascents": AscentsConfig(side=4, n_demonstrations=5, n_steps=8, max_steps=50),
     "priors": PriorsConfig(n_points=9, n_angles=720),

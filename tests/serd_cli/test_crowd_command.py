@@ -62,6 +62,30 @@ def test_a_recording_along_y_with_other_frames_is_the_same(serd, recording, tmp_
     assert "corridor of 3 m along y" in ended.err
 
 
+def test_what_cannot_be_compared_is_refused_by_the_name_of_the_file(serd, recording, tmp_path):
+    rows = np.loadtxt(recording)
+    one, far = tmp_path / "one.txt", tmp_path / "far.txt"
+    np.savetxt(one, rows[rows[:, 0] == 0])
+    np.savetxt(far, rows, header="framerate: 25\nid frame x/mm y/mm z/mm")
+    for path, sentence in ((one, "at least 2, got 1"), (far, "check the unit")):
+        words = ("--recording", recording, "--recording", path)
+        ended = serd("crowd", "compare", *words, "--output", tmp_path / "crowd.png")
+        assert ended.code == 2
+        assert f"serd: {path}: " in ended.err
+        assert sentence in " ".join(ended.err.split())
+
+
+def test_people_elsewhere_do_not_widen_the_corridor(serd, recording, tmp_path):
+    rows = np.loadtxt(recording)
+    far = rows[rows[:, 0] == 0] + [9, 0, 0, 4000, 0]
+    path = tmp_path / "far.txt"
+    np.savetxt(path, np.concatenate([rows, far]))
+    ended = serd("crowd", "compare", "--recording", path, "--output", tmp_path / "crowd.png")
+    said = " ".join(ended.err.split())
+    assert "far.txt: agent 9, from row 1201, is more than 2 m away" in said
+    assert "far.txt: 8 people, corridor of 3.2 m along x, two ways" in said
+
+
 def test_without_a_recording_only_weidmann_is_there(serd, tmp_path):
     ended = serd("crowd", "compare", "--output", tmp_path / "crowd.png")
     assert "Weidmann, one way" in ended.out

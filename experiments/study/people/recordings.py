@@ -17,6 +17,8 @@ from serd_core.arrays import FloatArray
 from serd_core.demonstrations.crossings import Crossings, cell_crossings
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
+from sim.crowd.straight_corridor import corridor_people, longest_step_s
+from sim.errors import SimError
 from storage.trajectories.columns import TableColumns
 from storage.trajectories.read import Track, Trajectories, read_trajectories
 
@@ -63,7 +65,7 @@ class Walker:
 class Run:
     """One recording: grid of the measured area, its goal is the last column; width_m of the floor.
 
-    walkers: those who walk through; left_out: how many others, by reason.
+    walkers: those who walk through; left_out: how many others, by reason; assumed: sentences.
     """
 
     name: str
@@ -119,10 +121,13 @@ def read_runs(
 
 def _run(path: Path, found: Trajectories, settings: GridSettings) -> Run:
     left_out: dict[str, int] = {}
-    tracks = _without_jumps(path, found.tracks, left_out)
-    along, across = _axes(path, tracks)
+    tracks, along, remarks = _in_corridor(
+        path, _without_jumps(path, found.tracks, left_out), left_out
+    )
+    across = 1 - along
+    through = _through(tracks, along)
     low, high = np.percentile(
-        np.concatenate([t.position_m[:, across] for t in tracks]), [0.5, 99.5]
+        np.concatenate([t.position_m[:, across] for t in through]), [0.5, 99.5]
     )
     ends = np.array([sorted(t.position_m[[0, -1], along]) for t in tracks])
     origin = np.zeros(2)
@@ -140,11 +145,14 @@ def _run(path: Path, found: Trajectories, settings: GridSettings) -> Run:
         else:
             _count(left_out, "not through the measured area")
     if len(walkers) < _FEWEST_WALKERS:
+        reasons = ", ".join(f"{n} {reason}" for reason, n in left_out.items())
         raise SerdError(
             f"{path} must have at least {_FEWEST_WALKERS} people who walk through, got"
-            f" {len(walkers)} of {len(found.tracks)}; check its columns and units by --mapping"
+            f" {len(walkers)} of {len(found.tracks)}{f' ({reasons})' if reasons else ''}; check its"
+            " columns and units by --mapping, or record more people"
         )
-    return Run(path.stem, grid, width_m, tuple(walkers), left_out, found.assumed)
+    assumed = (*found.assumed, *remarks)
+    return Run(path.stem, grid, width_m, tuple(walkers), left_out, assumed)
 
 
 def _without_jumps(
@@ -152,10 +160,13 @@ def _without_jumps(
 ) -> tuple[Track, ...]:
     kept, speeds, jumping = [], [], set()
     for track in tracks:
-        speed = np.hypot(*np.diff(track.position_m, axis=0).T) / np.diff(track.time_s)
+        step_s = np.diff(track.time_s)
+        speed = np.hypot(*np.diff(track.position_m, axis=0).T) / step_s
         speeds.append(float(np.median(speed)))
         if track.divided_from or speed.max() > JUMP_MPS:
             jumping.add(track.divided_from or track.agent)
+        elif step_s.max() > longest_step_s(track):
+            _count(left_out, "away in between, so maybe two people of one id")
         else:
             kept.append(track)
     if jumping:
@@ -163,25 +174,36 @@ def _without_jumps(
     median = float(np.median(speeds))
     if not SLOWEST_MPS <= median <= FASTEST_MPS:
         raise SerdError(
-            f"{path}: people must walk at {SLOWEST_MPS:g} to {FASTEST_MPS:g} m/s, but half of them"
-            f" are faster than {median:.3g} m/s; state unit: and fps: in a --mapping file"
+            f"{path}: people must walk at {SLOWEST_MPS:g} to {FASTEST_MPS:g} m/s, but the median of"
+            f" their speeds is {median:.3g} m/s; state unit: and fps: in a --mapping file"
         )
     if not kept:
         raise SerdError(
-            f"{path}: every track has a step faster than {JUMP_MPS:g} m/s; check its ids and units"
+            f"{path}: every track has a step faster than {JUMP_MPS:g} m/s or a gap, as agent"
+            f" {tracks[0].agent} from row {tracks[0].row}; give each person an id of its own, and"
+            " check the units"
         )
     return tuple(kept)
 
 
-def _axes(path: Path, tracks: Sequence[Track]) -> tuple[int, int]:
-    moved = np.median([np.abs(t.position_m[-1] - t.position_m[0]) for t in tracks], axis=0)
-    along = int(np.argmax(moved))
-    if moved[along] < 2 * moved[1 - along]:
-        raise SerdError(
-            f"{path} must be of a corridor along x or y, but people move {moved[0]:.1f} m in x and"
-            f" {moved[1]:.1f} m in y; turn the coordinates"
-        )
-    return along, 1 - along
+def _in_corridor(
+    path: Path, tracks: Sequence[Track], left_out: dict[str, int]
+) -> tuple[tuple[Track, ...], int, tuple[str, ...]]:
+    """(those in the corridor, the axis along it, what was turned or left out)."""
+    try:
+        people = corridor_people(tracks)
+    except SimError as error:
+        raise SerdError(f"{path}: {error}") from None
+    if people.n_apart:
+        left_out["away from the corridor"] = people.n_apart
+    return people.tracks, people.axis, people.remarks
+
+
+def _through(tracks: Sequence[Track], along: int) -> list[Track]:
+    """Those who walk at least half as far as usual, so neither stand nor are cut off."""
+    far_m = [float(np.ptp(track.position_m[:, along])) for track in tracks]
+    least_m = float(np.median(far_m)) / 2
+    return [track for track, each_m in zip(tracks, far_m, strict=True) if each_m >= least_m]
 
 
 def _turned(track: Track, along: int, origin: FloatArray) -> tuple[int, FloatArray]:

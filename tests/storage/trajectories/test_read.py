@@ -142,6 +142,7 @@ def test_rows_without_numbers_and_lines_cut_off_are_left_out_and_counted(tmp_pat
     found = read_trajectories(path)
     assert found.tracks[0].position_m.tolist() == [[1.0, 1.0], [2.0, 1.0]]
     assert found.n_bad == 3
+    assert found.assumed[-1] == "row 2 lacks a number of time, x or y, as do 2 other rows; left out"
 
 
 @pytest.mark.parametrize("separator", [";", "\t", " "])
@@ -259,7 +260,9 @@ def test_dates_without_other_numbers_than_places_are_read(tmp_path):
 def test_rows_with_more_cells_than_the_first_are_counted(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text("t,x,y\n0,1,1\n1,2,1\n2,3,1,9\n3,4,1,9\n")
-    assert read_trajectories(path).n_bad == 2
+    found = read_trajectories(path)
+    assert found.n_bad == 2
+    assert found.assumed[-1] == "2 rows with more cells than the first left out"
 
 
 def test_a_column_that_the_first_line_does_not_name_has_its_number(tmp_path):
@@ -279,6 +282,41 @@ def test_an_integer_beyond_all_numbers_is_no_place(tmp_path, text):
     found = read_trajectories(path)
     assert found.n_bad == 1
     assert found.tracks[0].position_m.tolist() == [[1.0, 1.0], [3.0, 1.0]]
+
+
+PETRACK = "# PeTrack project: walk.pet\n# framerate: 25 fps\n# id frame x/cm y/cm z/cm\n"
+
+
+def walked(*last):
+    """Rows of one person at 1.25 m/s along x, with further cells."""
+    return "".join(f"1 {f} {5.0 * f:g} {' '.join(map(str, last))}\n" for f in range(60))
+
+
+@pytest.mark.parametrize("last", [(80,), (80, 170), (80, 170, 1)])
+def test_the_comment_names_the_columns_of_tables_with_fewer_or_more(tmp_path, last):
+    path = tmp_path / "walk.txt"
+    path.write_text(PETRACK + walked(*last))
+    found = read_trajectories(path)
+    assert found.assumed == ()
+    np.testing.assert_allclose(found.tracks[0].position_m[-1], [2.95, 0.8])
+    np.testing.assert_allclose(np.diff(found.tracks[0].time_s), 0.04)
+
+
+def test_a_column_that_the_comment_names_and_the_rows_lack_is_named(tmp_path):
+    path = tmp_path / "walk.txt"
+    path.write_text(PETRACK + walked())
+    with pytest.raises(FileError, match=r"y is not among id, frame, x/cm; name the columns"):
+        read_trajectories(path)
+    path.write_text("t,z\n0,1\n1,2\n")
+    with pytest.raises(FileError, match=r"x and y are not among t, z; name the columns"):
+        read_trajectories(path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
+def test_text_with_a_byte_order_mark_and_windows_line_ends_is_read(tmp_path, encoding):
+    path = tmp_path / "walk.txt"
+    path.write_bytes((PETRACK + walked(80, 170)).replace("\n", "\r\n").encode(encoding))
+    assert len(read_trajectories(path).tracks[0].time_s) == 60
 
 
 def test_the_unit_does_not_depend_on_a_step_shorter_than_a_nanosecond(tmp_path):
@@ -304,7 +342,7 @@ def test_durations_and_a_repeated_index_of_parquet_are_read(tmp_path):
         ("hello\nworld\n", "must have columns of time, x and y, got 1 column"),
         (
             "state,action,next\n1,2,3\n2,3,4\n",
-            "time and x and y is not among state, action, next; na",
+            "time and x and y are not among state, action, next; na",
         ),
         ("id,t,x,y\n1,0,1,1\n2,0,1,1\n", "must hold agents with two places at least"),
         ("1 2\n3 4\n", "got 2 without names; name the columns in its first line"),

@@ -292,6 +292,47 @@ def test_ids_that_jump_are_left_out_and_counted(corridor, tmp_path, jump_cm):
     assert not [walker.name for walker in run.walkers if walker.name.startswith("7")]
 
 
+def test_people_elsewhere_do_not_widen_the_corridor(corridor, tmp_path):
+    path = corridor()
+    alone = People.read(settings_of([path], tmp_path)).runs[0]
+    standing = [f"99 {frame} 0 4000 170" for frame in range(2000)]
+    path.write_text(path.read_text() + "\n".join(standing) + "\n")
+    run = People.read(settings_of([path], tmp_path)).runs[0]
+    assert run.width_m == alone.width_m
+    assert run.grid.walkable.shape == alone.grid.walkable.shape
+    assert run.left_out == {"away from the corridor": 1}
+    assert "agent 99, from row" in run.assumed[-1]
+
+
+def test_a_corridor_at_an_angle_has_the_same_cells(corridor, tmp_path):
+    path = corridor()
+    alone = People.read(settings_of([path], tmp_path)).runs[0]
+    head, rows = path.read_text().splitlines()[:2], np.loadtxt(path)
+    cos, sin = np.cos(0.4), np.sin(0.4)
+    rows[:, 2:4] = rows[:, 2:4] @ np.array([[cos, sin], [-sin, cos]])
+    lines = (f"{i:.0f} {f:.0f} {x:.4f} {y:.4f} {z:g}" for i, f, x, y, z in rows)
+    path.write_text("\n".join([*head, *lines]) + "\n")
+    run = People.read(settings_of([path], tmp_path)).runs[0]
+    assert run.grid.walkable.shape == alone.grid.walkable.shape
+    assert run.width_m == pytest.approx(alone.width_m, abs=0.2)
+    assert len(run.walkers) == len(alone.walkers)
+    assert "23° to the x axis" in run.assumed[-1]
+
+
+def test_ids_of_two_people_are_refused_with_the_row(corridor, tmp_path):
+    path = corridor()
+    lines = path.read_text().splitlines()
+    rows = [line.split() for line in lines[2:]]
+    later = [f"{i} {int(f) + 9000} {x} {y} {z}" for i, f, x, y, z in rows]
+    path.write_text("\n".join([*lines, *later]) + "\n")
+    with pytest.raises(SerdError, match=r"or a gap, as agent 1 from row 1; give each person an id"):
+        People.read(settings_of([path], tmp_path))
+    path.write_text("\n".join([*lines, *later[:50]]) + "\n")
+    run = People.read(settings_of([path], tmp_path)).runs[0]
+    assert run.left_out["away in between, so maybe two people of one id"] == 1
+    assert "1" not in [walker.name for walker in run.walkers]
+
+
 def test_one_person_alone_is_too_few(corridor, tmp_path):
     with pytest.raises(
         SerdError, match="must have at least 10 people who walk through, got 1 of 1"

@@ -1,0 +1,132 @@
+"""People who walk through a straight corridor: which way it leads, and who is elsewhere.
+
+Ways are axes, as people walk to both ends of a corridor. Of ways at the angles phi_n, the mean axis
+is arg(Z) / 2 with Z = mean exp(2i phi_n), and |Z| is 1 for parallel ones (Mardia and Jupp,
+Directional Statistics, 2000, section 9.3).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from serd_core.arrays import BoolArray, FloatArray
+from sim.errors import SimError
+from storage.trajectories.read import Track
+
+#: |Z| of people who walk in one corridor; two equal flows that cross have 0.
+_PARALLEL = 0.8
+#: A corridor at a smaller angle to x or y, or of fewer people, is taken as it is.
+_ALIGNED_RAD, _FEWEST = np.deg2rad(3.0), 10
+#: After a longer step between places, an id is another person.
+AWAY_S, AWAY_STEPS = 2.0, 5.0
+#: People who are farther than that from the ways of all others are not in the corridor.
+_APART_M = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class CorridorPeople:
+    """tracks: of those in the corridor, which is along axis (0: x, 1: y) of their coordinates.
+
+    n_apart: how many are elsewhere; remarks: sentences about what was turned or left out.
+    """
+
+    tracks: tuple[Track, ...]
+    axis: int
+    n_apart: int = 0
+    remarks: tuple[str, ...] = ()
+
+
+def corridor_people(tracks: Sequence[Track]) -> CorridorPeople:
+    """Those who walk in the corridor in which most do, turned where it is not along x or y.
+
+    SimError where people walk in several directions.
+    """
+    remarks, tracks = _divided(tracks)
+    angle_rad = _angle_rad(tracks)
+    axis = round(angle_rad / (np.pi / 2)) % 2
+    off_rad = angle_rad - np.pi / 2 * round(angle_rad / (np.pi / 2))
+    if abs(off_rad) > _ALIGNED_RAD and len(tracks) >= _FEWEST:
+        tracks = [_turned(track, -off_rad) for track in tracks]
+        remarks.append(
+            f"the corridor is at {np.rad2deg(off_rad):.0f}° to the {'xy'[axis]} axis, so places are"
+            " turned by that angle"
+        )
+    inside = _together(tracks, axis)
+    inside[inside] = _together(
+        [t for t, there in zip(tracks, inside, strict=True) if there], 1 - axis
+    )
+    apart = np.flatnonzero(~inside)
+    if len(apart):
+        first = min((tracks[i] for i in apart), key=lambda track: track.row)
+        remarks.append(
+            f"agent {first.agent}, from row {first.row}, is more than {_APART_M:g} m away from all"
+            f" who walk in the corridor{_and_others(len(apart))}; left out"
+        )
+    kept = tuple(track for track, there in zip(tracks, inside, strict=True) if there)
+    return CorridorPeople(kept, axis, len(apart), tuple(remarks))
+
+
+def longest_step_s(track: Track) -> float:
+    """After a longer one, the id may be of another person."""
+    return max(AWAY_S, AWAY_STEPS * float(np.median(np.diff(track.time_s))))
+
+
+def _divided(tracks: Sequence[Track]) -> tuple[list[str], list[Track]]:
+    """A sentence where there are such, and the parts of two places or more between long steps."""
+    parts, away = list[Track](), list[str]()
+    for track in tracks:
+        cuts = np.flatnonzero(np.diff(track.time_s) > longest_step_s(track)) + 1
+        for rows in np.split(np.arange(len(track.time_s)), cuts):
+            if len(rows) > 1:
+                times_s, places_m = track.time_s[rows], track.position_m[rows]
+                parts.append(replace(track, time_s=times_s, position_m=places_m))
+        if len(cuts):
+            away_s = track.time_s[cuts[0]] - track.time_s[cuts[0] - 1]
+            away.append(f"agent {track.agent}, from row {track.row}, is away for {away_s:.0f} s")
+    if not away:
+        return [], parts
+    return [f"{away[0]}{_and_others(len(away))}; another person from there"], parts
+
+
+def _angle_rad(tracks: Sequence[Track]) -> float:
+    """That of the corridor, between -pi / 2 and pi / 2; people who stay count less."""
+    moved_m = np.array([track.position_m[-1] - track.position_m[0] for track in tracks])
+    way_m = np.hypot(*moved_m.T)
+    share = np.minimum(way_m, np.median(way_m))
+    if not share.sum() > 0:
+        raise SimError("people must walk through a corridor, but end where they begin; check rows")
+    mean = np.sum(share * np.exp(2j * np.arctan2(moved_m[:, 1], moved_m[:, 0]))) / share.sum()
+    if abs(mean) < _PARALLEL:
+        east_m, north_m = np.median(np.abs(moved_m), axis=0)
+        raise SimError(
+            "people must walk along one straight corridor, but they walk in several directions"
+            f" (half of them {east_m:.1f} m in x and {north_m:.1f} m in y); give the part of the"
+            " recording in which all walk along one line"
+        )
+    return float(np.angle(mean) / 2)
+
+
+def _turned(track: Track, angle_rad: float) -> Track:
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    return replace(track, position_m=track.position_m @ np.array([[cos, sin], [-sin, cos]]))
+
+
+def _together(tracks: Sequence[Track], axis: int) -> BoolArray:
+    """(N,) mask of the most tracks whose spans along an axis have no wide gap between them."""
+    spans_m = np.array([_span_m(track, axis) for track in tracks])
+    order = np.argsort(spans_m[:, 0], kind="stable")
+    ends_m = np.maximum.accumulate(spans_m[order, 1])
+    gaps = spans_m[order[1:], 0] > ends_m[:-1] + _APART_M
+    group = np.zeros(len(tracks), dtype=np.int64)
+    group[order[1:]] = np.cumsum(gaps)
+    return np.asarray(group == np.argmax(np.bincount(group)))
+
+
+def _span_m(track: Track, axis: int) -> FloatArray:
+    places = track.position_m[:, axis]
+    return np.array([places.min(), places.max()])
+
+
+def _and_others(number: int) -> str:
+    return "" if number == 1 else f", as {'is' if number == 2 else 'are'} {number - 1} more"
