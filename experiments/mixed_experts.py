@@ -56,7 +56,7 @@ INTERVALS = StatisticsSettings(bootstrap=2000, coverage=0.95)
 class MixedExpertsConfig(SeededConfig):
     """Experts of known types in random gridworlds of two terrains."""
 
-    n_repetitions: int = setting(48, "worlds with demonstrations, drawn anew", ge=2)
+    n_repetitions: int = setting(24, "worlds with demonstrations, drawn anew", ge=2)
     most_types: int = setting(3, "types of experts, from one up to this", ge=1, le=len(WEIGHTS))
     sizes: Sizes = setting((15, 60), "moves of each expert")
     n_experts: int = setting(24, "experts, shared out among the types", ge=6)
