@@ -10,7 +10,15 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # The libraries read the variable when they load.
 from benchmarks import bags_throughput, compliance, receipt_times, speed_figure, start_up
-from benchmarks.driving import closed_loop, crowd_peers, drives, latency, lockstep, planners
+from benchmarks.driving import (
+    closed_loop,
+    crowd_peers,
+    drives,
+    latency,
+    lockstep,
+    planners,
+    tracker,
+)
 from benchmarks.faults import kill_matrix
 from benchmarks.learning import (
     belief_choice,
@@ -48,6 +56,7 @@ BENCHMARKS = {
     "solvers": solvers.run,
     "speed_figure": speed_figure.run,
     "start_up": start_up.run,
+    "tracker": tracker.run,
 }
 
 

@@ -16,6 +16,7 @@ from bags.messages.plain import Transform
 from serd_core.arrays import FloatArray
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
+from sim.safety.motion import compose
 from sim.world.observation import Pose
 
 LONGEST_S = 3.0
@@ -135,18 +136,6 @@ class Frames:
             found.append(frame)
             frame = self._edges[frame][0] if frame in self._edges else frame
         return found
-
-
-def compose(outer: Pose, inner: Pose) -> Pose:
-    """The pose `inner`, given in the frame whose pose is `outer`, in the frame of `outer`."""
-    x_m, y_m, yaw_rad = outer
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    yaw = yaw_rad + inner[2]
-    return (
-        float(x_m + cos * inner[0] - sin * inner[1]),
-        float(y_m + sin * inner[0] + cos * inner[1]),
-        float(np.arctan2(np.sin(yaw), np.cos(yaw))),
-    )
 
 
 #: Where no transform is known.

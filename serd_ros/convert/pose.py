@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from bags.messages.plain import yaw_of_quaternion
 from serd_ros.convert.checks import require_finite, require_frame
-from serd_ros.convert.frames import NO_FRAMES, Frames, compose
+from serd_ros.convert.frames import NO_FRAMES, Frames
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
-from sim.safety.motion import STANDING, motion_between
+from sim.safety.motion import STANDING, compose, motion_between
 from sim.scenario.goal import Area
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint

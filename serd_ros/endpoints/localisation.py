@@ -7,14 +7,13 @@ from typing import Any, Protocol
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 
-from serd_ros.convert.frames import compose
 from serd_ros.convert.pose import PlanarPose, from_pose_stamped
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.transforms import follow_transforms
 from serd_ros.errors import MessageError
 from serd_ros.process.serd_node import SerdNode
-from sim.safety.motion import motion_between
+from sim.safety.motion import compose, motion_between
 
 #: Messages of odom among which that of the stamp of an amcl_pose is looked up.
 _KEPT = 200

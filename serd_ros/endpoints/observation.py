@@ -47,7 +47,8 @@ class ObservationSource:
     """Calls back with every observation whose parts have arrived, and reports what is missing.
 
     `node.clock_jumped` is called before an observation after a jump; late ones are left out.
-    needs_people: False for nodes that find people without their topic, or need none.
+    needs_people: False for nodes that find people without their topic, or need none. people_topic:
+    empty for the node that publishes them.
     """
 
     def __init__(
@@ -57,6 +58,7 @@ class ObservationSource:
         callback: Callable[[Observation], None],
         *,
         needs_people: bool = True,
+        people_topic: str = topics.PEDESTRIANS,
         localisation: LocalisationConfig | None = None,
     ) -> None:
         config = localisation if localisation is not None else LocalisationConfig()
@@ -74,9 +76,9 @@ class ObservationSource:
         node.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
         self._people: PeopleTopic | None = None
         if needs_people:
-            self._people = PeopleTopic(node, config.people_topic, self._on_people)
-        else:  # publishers wait for it, as for those of all nodes
-            node.create_subscription(PointCloud2, config.people_topic, lambda _: None, qos.STATE)
+            self._people = PeopleTopic(node, people_topic, self._on_people)
+        elif people_topic:  # publishers wait for it, as for those of all nodes
+            node.create_subscription(PointCloud2, people_topic, lambda _: None, qos.STATE)
         node.create_timer(_LOOK_PERIOD_S, self._look, clock=node.wall_clock)
 
     def _take_pose(self, time_ns: int, pose: PlanarPose) -> None:
@@ -132,8 +134,8 @@ class ObservationSource:
     def _missing(self) -> list[str]:
         """What keeps an observation from being made, one phrase each."""
         pose_topic = self._localisation.topic
-        people_topic = self._people.name if self._people else ""
-        names = {"pose": pose_topic, "odom": topics.ODOM, "people": people_topic}
+        people = self._people.name if self._people else ""
+        names = {"pose": pose_topic, "odom": topics.ODOM, "people": people}
         found, missing = [], self._inbox.missing()
         fault = self._localisation.fault()
         if fault and "pose" not in missing:

@@ -66,6 +66,7 @@ class EpisodeDriverNode(ManagedNode[Config]):
             self.scenario.control_period_s,
             self._on_observation,
             needs_people=self.needs_people,
+            people_topic=self.config.people_topic,
             localisation=self.config,
         )
         self._starter = EpisodeStarter(

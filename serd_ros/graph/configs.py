@@ -3,13 +3,16 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
+from pydantic import model_validator
+
 from bags.recorder_settings import RecorderSettings
 from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.settings import NavigationSettings
 from sim.drivers.catalogue import driver_names
 from sim.episodes.settings import EpisodeSettings, WorldSettings
+from sim.perception.scan_people import WALL_MARGIN_M
 from sim.planning.settings import PlannerSettings
-from sim.safety.settings import GuardSettings
+from sim.safety.settings import GuardSettings, LidarPlace
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.scenario.settings import RobotSettings
 from storage.settings import setting, setting_of
@@ -81,7 +84,7 @@ class HallwaySimConfig(FramesConfig):
 
 
 class LocalisationConfig(FramesConfig):
-    """How nodes put observations of the robot together."""
+    """Where the pose of the robot comes from."""
 
     pose_from: Literal["robot_pose", "amcl_pose", "tf"] = setting(
         "robot_pose",
@@ -96,6 +99,11 @@ class LocalisationConfig(FramesConfig):
         ge=0,
         le=2,
     )
+
+
+class ObservationConfig(LocalisationConfig):
+    """How nodes put observations of the robot and of people together."""
+
     people_topic: str = setting(
         "pedestrians",
         "topic of people: PointCloud2 as hallway_sim publishes it, people_msgs/People,"
@@ -104,7 +112,18 @@ class LocalisationConfig(FramesConfig):
     )
 
 
-class LocalPlannerConfig(PlannerSettings, LocalisationConfig, ManagedConfig):
+class LidarConfig(LidarPlace, FramesConfig):
+    """Where the lidar of the scans is."""
+
+    scan_frame: str = setting(
+        "base_link",
+        "frame of scans whose lidar is at sensor_x, sensor_y and sensor_yaw; scans of other frames"
+        " need its transform on /tf",
+        min_length=1,
+    )
+
+
+class LocalPlannerConfig(PlannerSettings, ObservationConfig, ManagedConfig):
     """Parameters of local_planner; those of `PlannerSettings` default to the scenario's."""
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
@@ -136,6 +155,16 @@ class LocalPlannerConfig(PlannerSettings, LocalisationConfig, ManagedConfig):
         planner = scenario.local_planner.complete(scenario.robot, scenario.control_period_s)
         return defaults | planner.model_dump()
 
+    @model_validator(mode="after")
+    def _scans_fit(self) -> "LocalPlannerConfig":
+        if self.people_from == "scan" and self.stamp_tolerance_s > 0.0:
+            raise ValueError(
+                "people_from must be given or none with stamp_tolerance_s above 0, since it takes"
+                " scans with the stamp of an observation, got scan; run people_tracker and set it"
+                " to given"
+            )
+        return self
+
     def planned_scenario(self) -> Scenario:
         """The scenario with the planner's parameters of this node."""
         planner = PlannerSettings(
@@ -144,20 +173,50 @@ class LocalPlannerConfig(PlannerSettings, LocalisationConfig, ManagedConfig):
         return load_scenario(self.scenario).with_local_planner(planner)
 
 
-class GuardConfig(GuardSettings, FramesConfig):
+class PeopleTrackerConfig(LocalisationConfig, LidarConfig, ManagedConfig):
+    """Parameters of people_tracker."""
+
+    scenario: str = setting_of(
+        EpisodeSettings,
+        "scenario",
+        description="built-in scenario or file of the place, whose walls are no people",
+    )
+    wall_margin: float = setting(
+        WALL_MARGIN_M,
+        "points of scans nearer than this to a wall belong to it; larger where the localisation"
+        " errs more",
+        unit="m",
+        ge=0,
+        le=1,
+    )
+    source_timeout: float = setting_of(
+        GuardSettings,
+        "source_timeout",
+        default=0.5,
+        description="publish no message while the newest scan is this old",
+    )
+    blind_rays: float = setting_of(
+        GuardSettings,
+        "blind_rays",
+        description="share of rays without a range from which a scan shows nobody and no message"
+        " is published",
+    )
+
+    def limits(self) -> GuardSettings:
+        """Limits of the scans as in the guard of the scenario's robot."""
+        guard = GuardSettings.of_scenario(load_scenario(self.scenario), "scan")
+        own = {"source_timeout": self.source_timeout, "blind_rays": self.blind_rays}
+        return guard.model_copy(update=own)
+
+
+class GuardConfig(GuardSettings, LidarConfig):
     """Parameters of guard; those of `GuardSettings` default to the scenario's robot."""
 
     scenario: str = setting(
         "", "built-in scenario or file whose robot is guarded; any other robot when empty"
     )
     people_from: Literal["given", "scan", "none"] = setting_of(LocalPlannerConfig, "people_from")
-    people_topic: str = setting_of(LocalisationConfig, "people_topic")
-    scan_frame: str = setting(
-        "base_link",
-        "frame of scans whose lidar is at sensor_x, sensor_y and sensor_yaw; scans of other frames"
-        " need its transform on /tf",
-        min_length=1,
-    )
+    people_topic: str = setting_of(ObservationConfig, "people_topic")
     lockstep: bool = setting_of(
         HallwaySimConfig, "lockstep", description="answer every command of that stamp with one"
     )
@@ -188,7 +247,7 @@ class GuardConfig(GuardSettings, FramesConfig):
         return GuardSettings(**{name: getattr(self, name) for name in GuardSettings.model_fields})
 
 
-class DriverConfig(EpisodeSettings, LocalisationConfig, ManagedConfig):
+class DriverConfig(EpisodeSettings, ObservationConfig, ManagedConfig):
     """Parameters of the nodes that drive a series of episodes."""
 
     required_nodes: tuple[str, ...] = setting(
@@ -430,6 +489,7 @@ CONFIGS: dict[str, type[NodeConfig]] = {
     "hallway_sim": HallwaySimConfig,
     "local_planner": LocalPlannerConfig,
     "guard": GuardConfig,
+    "people_tracker": PeopleTrackerConfig,
     "scripted_expert": ScriptedExpertConfig,
     "demo_recorder": DemoRecorderConfig,
     "bag_replay": BagReplayConfig,

@@ -11,15 +11,14 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool
 
 from serd_ros.convert.command import from_twist, from_twist_stamped, to_twist, to_twist_stamped
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.pose import from_odometry, from_pose_stamped
-from serd_ros.convert.sensors import from_scan, scan_geometry_of
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.people_topic import PeopleTopic
+from serd_ros.endpoints.scan_topic import ScanTopic
 from serd_ros.endpoints.transforms import follow_transforms
 from serd_ros.graph.configs import GuardConfig
 from serd_ros.graph.readiness import Readiness
@@ -30,7 +29,7 @@ from sim.safety.reasons import Fault, GuardAction, Reason, Source
 from sim.safety.scan import Scan
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.world.command import STOP, Command
-from sim.world.observation import People, Pose
+from sim.world.observation import People
 
 _REPORT_PERIOD_S = 0.5
 _CLOCK_STANDS = GuardOutput(STOP, GuardAction.STOP, (Reason(Source.CLOCK, Fault.STALE),))
@@ -59,8 +58,7 @@ class GuardNode(SerdNode[GuardConfig]):
         self.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
         self.create_subscription(PoseStamped, topics.ROBOT_POSE, self._on_pose, qos.STATE)
         PeopleTopic(self, config.people_topic, self._on_people)
-        profile = qos.STATE if config.lockstep else qos.SENSOR
-        self.create_subscription(LaserScan, topics.SCAN, self._on_scan, profile)
+        ScanTopic(self, config, self._on_scan, qos.STATE if config.lockstep else qos.SENSOR)
         if not config.lockstep:
             self.create_subscription(Bool, topics.GUARD_OVERRIDE, self._on_override, qos.COMMAND)
             period_s = 1.0 / config.controller_frequency
@@ -86,18 +84,8 @@ class GuardNode(SerdNode[GuardConfig]):
         receive = self._guard.receive_people
         self._take(Source.PEOPLE, time_ns, lambda: receive(time_ns * 1e-9, *values))
 
-    def _on_scan(self, message: LaserScan) -> None:
-        time_ns, ranges_m = from_scan(message, frame="")
-        mount = self._mount_of(message.header.frame_id)
-        scan = Scan(time_ns * 1e-9, ranges_m, scan_geometry_of(message), mount)
+    def _on_scan(self, time_ns: int, scan: Scan) -> None:
         self._take(Source.SCAN, time_ns, lambda: self._guard.receive_scan(scan))
-
-    def _mount_of(self, frame: str) -> Pose:
-        """Where the lidar of a scan is in base_link."""
-        config = self.config
-        if frame == config.scan_frame:
-            return config.sensor_x, config.sensor_y, config.sensor_yaw
-        return self.frames.place(frame, topics.BASE_FRAME).pose
 
     def _on_command(self, message: Twist | TwistStamped) -> None:
         if isinstance(message, TwistStamped):

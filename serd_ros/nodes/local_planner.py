@@ -73,6 +73,7 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
             self._scenario.control_period_s,
             self._on_observation,
             needs_people=self.config.people_from == "given",
+            people_topic=self.config.people_topic,
             localisation=self.config,
         )
         self.create_subscription(Vector3Stamped, topics.INTENT, self._on_intent, qos.COMMAND)

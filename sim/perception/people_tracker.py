@@ -35,6 +35,7 @@ class PeopleTracker:
         self.identity: IntArray = np.zeros(0, dtype=np.int64)
         self._seen_s: FloatArray = np.zeros(0)
         self._time_s: float | None = None
+        self._updated_s: float | None = None
         self._next_identity = 0
 
     def predict(self, time_s: float) -> None:
@@ -45,9 +46,10 @@ class PeopleTracker:
 
     def update(self, detections_m: FloatArray, time_s: float) -> None:
         """Take the (K, 2) detections of a scan at a time."""
-        previous_s = self._time_s
+        # Not since the last prediction, which may be later than this scan.
+        step_s = 0.1 if self._updated_s is None else max(time_s - self._updated_s, 1e-3)
+        self._updated_s = time_s
         self.predict(time_s)
-        step_s = 0.1 if previous_s is None else max(time_s - previous_s, 1e-3)
         free = np.ones(len(detections_m), dtype=np.bool_)
         for track, detection in self._pairs(detections_m):
             self._correct(track, detections_m[detection], step_s)

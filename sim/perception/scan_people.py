@@ -14,13 +14,15 @@ from serd_core.arrays import FloatArray
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
 from sim.perception.people_tracker import PeopleTracker
+from sim.safety.motion import compose
+from sim.safety.scan import Scan
 from sim.scenario.occupancy import WallDistanceRaster, wall_distance_raster
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation, make_observation
 
 Pose = tuple[float, float, float]
 
-_WALL_MARGIN_M = 0.12
+WALL_MARGIN_M = 0.12
 _SAME_BODY_M = 0.25
 _SKIPPED_RAYS = 2
 
@@ -31,9 +33,16 @@ def people_in_scan(
     pose: Pose,
     walls: WallDistanceRaster,
     person_radius_m: float,
+    wall_margin_m: float = WALL_MARGIN_M,
 ) -> FloatArray:
-    """(K, 2) estimated centres of people, in the map."""
-    rays, x_m, y_m = _unexplained_points(ranges_m, angles_rad, pose, walls)
+    """(K, 2) estimated centres of people, in the map.
+
+    ranges_m, angles_rad: (n_rays,), not finite where there is no return. pose: of the lidar.
+    wall_margin_m: points nearer than this to a wall belong to it.
+    """
+    rays, x_m, y_m = _end_points(ranges_m, angles_rad, pose)
+    free = walls.at(x_m, y_m) > wall_margin_m
+    rays, x_m, y_m = rays[free], x_m[free], y_m[free]
     if not len(rays):
         return np.zeros((0, 2))
     apart = np.hypot(np.diff(x_m), np.diff(y_m)) > _SAME_BODY_M
@@ -50,17 +59,16 @@ def people_in_scan(
     return np.array(centers).reshape(-1, 2)
 
 
-def _unexplained_points(
-    ranges_m: NDArray[np.float32], angles_rad: FloatArray, pose: Pose, walls: WallDistanceRaster
+def _end_points(
+    ranges_m: NDArray[np.float32], angles_rad: FloatArray, pose: Pose
 ) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
-    """Indices and end points of the rays that end in the open."""
+    """Indices and end points of the rays that have a return."""
     rays = np.flatnonzero(np.isfinite(ranges_m))
     angle = angles_rad[rays] + pose[2]
     reach_m = ranges_m[rays].astype(np.float64)
     x_m: FloatArray = pose[0] + reach_m * np.cos(angle)
     y_m: FloatArray = pose[1] + reach_m * np.sin(angle)
-    free = walls.at(x_m, y_m) > _WALL_MARGIN_M
-    return rays[free], x_m[free], y_m[free]
+    return rays, x_m, y_m
 
 
 def _continues_around(rays: NDArray[np.intp], groups: list[FloatArray], n_rays: int) -> bool:
@@ -90,8 +98,9 @@ def _center_of(body: FloatArray, pose: Pose, person_radius_m: float) -> FloatArr
 class ScanPerception:
     """Replaces the people of observations by those tracked in scans."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, wall_margin_m: float = WALL_MARGIN_M) -> None:
         lidar = scenario.lidar
+        self._wall_margin_m = wall_margin_m
         self.tracker = PeopleTracker()
         self._walls = wall_distance_raster(scenario)
         self._person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
@@ -110,10 +119,25 @@ class ScanPerception:
                 f"ranges_m must have {len(self._angles_rad)} rays as lidar.n_rays of the scenario"
                 f", got {ranges_m.shape}; set lidar.n_rays to those of the sensor"
             )
+        self._track(observation.time_s, ranges_m, self._angles_rad, observation.pose)
+
+    def take_scan(self, scan: Scan, robot: Pose) -> None:
+        """Take a scan of any lidar, with the pose of the robot when it was made."""
+        ranges_m = np.where(scan.valid, scan.ranges_m, np.float32(np.inf))
+        lidar = robot if scan.mount is None else compose(robot, scan.mount)
+        self._track(scan.stamp_s, ranges_m, scan.angles_rad, lidar)
+
+    def _track(
+        self,
+        time_s: float,
+        ranges_m: NDArray[np.float32],
+        angles_rad: FloatArray,
+        lidar: Pose,
+    ) -> None:
         found = people_in_scan(
-            ranges_m, self._angles_rad, observation.pose, self._walls, self._person_radius_m
+            ranges_m, angles_rad, lidar, self._walls, self._person_radius_m, self._wall_margin_m
         )
-        self.tracker.update(found, observation.time_s)
+        self.tracker.update(found, time_s)
 
     def see(self, observation: Observation) -> Observation:
         """The observation with the tracked people, predicted to its time, as its people."""

@@ -11,7 +11,7 @@ from collections import deque
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.safety.motion import OdometryTrack, Pose, motion_between
+from sim.safety.motion import Pose, PoseTrack, motion_between
 from sim.safety.reasons import Fault
 from sim.safety.scan import Scan, shown_by
 from sim.safety.settings import GuardSettings
@@ -74,7 +74,7 @@ class FrozenMonitor:
     robot that stands in a world without motion would never receive the value that ends the fault.
     """
 
-    def __init__(self, settings: GuardSettings, track: OdometryTrack) -> None:
+    def __init__(self, settings: GuardSettings, track: PoseTrack) -> None:
         self._limit_m, self._radius_m = settings.frozen_motion, settings.radius
         self._track = track
         self._value: bytes | None = None
@@ -107,7 +107,7 @@ class FrozenMonitor:
 class PoseMonitor:
     """Compares the motion of the pose with that of odometry."""
 
-    def __init__(self, settings: GuardSettings, track: OdometryTrack) -> None:
+    def __init__(self, settings: GuardSettings, track: PoseTrack) -> None:
         self._settings = settings
         self._frozen = FrozenMonitor(settings, track)
         self._window: deque[tuple[float, Pose, Pose]] = deque()
@@ -164,7 +164,7 @@ class OdometryMonitor:
 
     def __init__(self, settings: GuardSettings) -> None:
         self._settings = settings
-        self.track = OdometryTrack(2.0 * settings.consistency_window)
+        self.track = PoseTrack(2.0 * settings.consistency_window)
         self.speeds = (0.0, 0.0)
         self._stamp_s: float | None = None
         self._n_same = 0
@@ -244,7 +244,7 @@ class PeopleMonitor:
 class ScanMonitor:
     """The share of lost rays, and scans that stay the same while the robot moves."""
 
-    def __init__(self, settings: GuardSettings, track: OdometryTrack) -> None:
+    def __init__(self, settings: GuardSettings, track: PoseTrack) -> None:
         self._settings = settings
         self._frozen = FrozenMonitor(settings, track)
         self.lost_share, self._is_blind = 0.0, False

@@ -1,7 +1,9 @@
-"""Rigid motions in the plane, and the odometry of the last seconds."""
+"""Rigid motions in the plane, and poses of the last seconds."""
 
 import math
 from bisect import bisect_left, bisect_right
+
+import numpy as np
 
 Pose = tuple[float, float, float]
 STANDING: Pose = (0.0, 0.0, 0.0)
@@ -15,18 +17,34 @@ def motion_between(start: Pose, end: Pose) -> Pose:
     return cos * x_m + sin * y_m, cos * y_m - sin * x_m, turn
 
 
+def compose(outer: Pose, inner: Pose) -> Pose:
+    """The pose `inner`, given in the frame whose pose is `outer`, in the frame of `outer`."""
+    x_m, y_m, yaw_rad = outer
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    yaw = yaw_rad + inner[2]
+    return (
+        float(x_m + cos * inner[0] - sin * inner[1]),
+        float(y_m + sin * inner[0] + cos * inner[1]),
+        float(np.arctan2(np.sin(yaw), np.cos(yaw))),
+    )
+
+
 def is_finite(pose: Pose) -> bool:
     """Whether all three are numbers."""
     return all(map(math.isfinite, pose))
 
 
-class OdometryTrack:
-    """Poses by the wheels of the last seconds, by stamp."""
+class PoseTrack:
+    """Poses of the last seconds, by stamp."""
 
     def __init__(self, memory_s: float) -> None:
         self._memory_s = memory_s
         self._stamps_s: list[float] = []
         self._poses: list[Pose] = []
+
+    def covers(self, stamp_s: float) -> bool:
+        """Whether a time is between the first and the newest stamp."""
+        return bool(self._poses) and self._stamps_s[0] <= stamp_s <= self._stamps_s[-1]
 
     def __len__(self) -> int:
         return len(self._poses)

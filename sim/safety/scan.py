@@ -53,10 +53,17 @@ class Scan:
         geometry = self.geometry
         return (self.ranges_m >= geometry.range_min_m) & (self.ranges_m <= geometry.range_max_m)
 
+    @property
+    def angles_rad(self) -> FloatArray:
+        """(n_rays,) directions of the rays in the lidar's frame."""
+        geometry = self.geometry
+        rays = np.arange(len(self.ranges_m), dtype=np.float64)
+        return geometry.angle_min_rad + geometry.angle_increment_rad * rays
+
     def points_within(self, range_m: float) -> FloatArray:
         """(N, 2) ends of the rays of up to that range, in the lidar's frame."""
         rays = np.flatnonzero(self.valid & (self.ranges_m <= range_m))
-        angle = self.geometry.angle_min_rad + self.geometry.angle_increment_rad * rays
+        angle = self.angles_rad[rays]
         reach_m = self.ranges_m[rays].astype(np.float64)
         return np.stack([reach_m * np.cos(angle), reach_m * np.sin(angle)], axis=1)
 
@@ -74,9 +81,8 @@ def shown_by(scan: Scan, place_m: FloatArray, radius_m: float) -> tuple[int, int
     away_m, place_m = away_m[in_view, None], place_m[in_view]
     if not len(place_m):
         return 0, 0
-    angle = geometry.angle_min_rad + geometry.angle_increment_rad * np.arange(len(scan.ranges_m))
     direction = np.arctan2(place_m[:, 1], place_m[:, 0])[:, None]
-    aside = np.abs(np.remainder(angle - direction + np.pi, 2.0 * np.pi) - np.pi)
+    aside = np.abs(np.remainder(scan.angles_rad - direction + np.pi, 2.0 * np.pi) - np.pi)
     near_body = (aside <= np.arcsin(reach_m / away_m)) & scan.valid
     on_body = near_body & (aside <= np.arcsin(radius_m / away_m))
     beyond = np.where(near_body, scan.ranges_m - away_m, np.inf)

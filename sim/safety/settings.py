@@ -17,7 +17,15 @@ _MAP_SOURCES: tuple[Observed, ...] = ("robot_pose", "pedestrians")
 _SCAN_PERIODS = 2.5
 
 
-class GuardSettings(StrictModel):
+class LidarPlace(StrictModel):
+    """Where the lidar is on the robot."""
+
+    sensor_x: float = setting(0.0, "position of the lidar ahead of the centre", unit="m")
+    sensor_y: float = setting(0.0, "position of the lidar left of the centre", unit="m")
+    sensor_yaw: float = setting(0.0, "direction of the lidar's x axis", unit="rad")
+
+
+class GuardSettings(LidarPlace):
     """The footprint, the zones around it, and the limits of each input; SI units."""
 
     observation_sources: tuple[Observed, ...] = setting(
@@ -40,9 +48,6 @@ class GuardSettings(StrictModel):
         _ROBOT.acc_lim_theta_radps2, "acceleration of turns of the robot", unit="rad/s²", gt=0
     )
     controller_frequency: float = setting(20.0, "commands per second", unit="Hz", ge=1, le=1000)
-    sensor_x: float = setting(0.0, "position of the lidar ahead of the centre", unit="m")
-    sensor_y: float = setting(0.0, "position of the lidar left of the centre", unit="m")
-    sensor_yaw: float = setting(0.0, "direction of the lidar's x axis", unit="rad")
 
     reaction_time: float = setting(
         0.05, "approach zone: delay of braking beyond one command", unit="s", ge=0, le=2

@@ -60,6 +60,11 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
         {**OWN_ROBOT, "pose_from": "amcl_pose"},
         {**OWN_ROBOT, "pose_from": "tf"},
     ],
+    "people_tracker": [
+        {},
+        {"pose_from": "amcl_pose", "stamp_tolerance_s": 0.1},
+        {"pose_from": "tf", "stamp_tolerance_s": 0.1},
+    ],
     "guard": [{"lockstep": False}, {"lockstep": True, "required_nodes": [""]}],
     "scripted_expert": [{"episodes": 1_000_000}],
     "strategy": [{"episodes": 1_000_000}, {"episodes": 1_000_000, "reset": False}],

@@ -20,6 +20,7 @@ FILES = {
     "simulation": "live",
     **{each: each for each in ("demonstrate", "learn", "navigate", "teleop", "robot", "nav2")},
     "robot_nav2": "robot_nav2",
+    "robot_people": "robot_people",
 }
 
 

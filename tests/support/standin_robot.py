@@ -6,7 +6,8 @@ All stamps are of the wall clock, and no two topics share one. `odom` and `scan`
 `amcl_pose` is latched and published after some motion only, and map -> odom is stamped ahead, as
 AMCL does. Odometry begins at zero, and the lidar is turned by a quarter. The robot follows
 `cmd_vel`, or goals of navigate_to_pose including their heading, as Nav2's goal checker requires.
-It prints `goal N` for each goal, with how far it had to turn in place at its end.
+It prints `goal N` for each goal, with how far it had to turn in place at its end. With --people it
+is in the built-in hallway, among the `walkers`.
 """
 
 import argparse
@@ -14,6 +15,7 @@ import array
 import math
 import random
 
+import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
 from nav_msgs.msg import Odometry
@@ -28,6 +30,10 @@ from sensor_msgs.msg import LaserScan
 
 from bags.rosbag2.message_types import message_type
 from serd_ros.endpoints.raw_type import raw_message_class
+from sim.robot.lidar import Lidar
+from sim.safety.motion import compose, motion_between
+from sim.scenario.scenario import load_scenario
+from sim.world.observation import People
 
 TF = "tf2_msgs/msg/TFMessage"
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -37,6 +43,8 @@ STEP_S = 0.02
 SPEED_MPS, TURN_RADPS = 0.6, 1.5
 XY_TOLERANCE_M, YAW_TOLERANCE_RAD = 0.1, 0.25
 N_RAYS, WALL_M = 360, 3.0
+MOUNT = -0.04, 0.0, math.pi / 2
+HALLWAY = load_scenario("hallway")
 
 
 class StandIn(Node):
@@ -45,7 +53,7 @@ class StandIn(Node):
     def __init__(self, options):
         super().__init__("standin_robot")
         self.pose = [*options.start, math.pi / 2]
-        self.start = tuple(self.pose)
+        self.start, self.moved_s = tuple(self.pose), self.now_s()
         self.command, self.commanded_s = (0.0, 0.0), 0.0
         self.speeds, self.goal, self.n_goals = (0.0, 0.0), None, 0
         self.turned_rad, self.amcl_at = 0.0, None
@@ -59,8 +67,11 @@ class StandIn(Node):
         self.publish_tf(
             self.tf_static,
             ("base_footprint", "base_link", (0.0, 0.0, 0.0), 0.0),
-            ("base_link", "laser", (-0.04, 0.0, math.pi / 2), 0.0),
+            ("base_link", "laser", MOUNT, 0.0),
         )
+        self.lidar = None
+        if options.people:
+            self.lidar = Lidar(HALLWAY.lidar, HALLWAY.wall_segments_m, 0.25)
         if options.follow == "nav2":
             from nav2_msgs.action import NavigateToPose
 
@@ -133,24 +144,29 @@ class StandIn(Node):
         self.pose[0] += speed * math.cos(self.pose[2]) * STEP_S
         self.pose[1] += speed * math.sin(self.pose[2]) * STEP_S
         self.pose[2] += turn * STEP_S
+        self.moved_s = self.now_s()
 
-    def in_odom(self):
+    def pose_at(self, time_s):
+        """Where the robot is between two steps."""
+        (x, y, yaw), (speed, turn) = self.pose, self.speeds
+        since_s = time_s - self.moved_s
+        moved_m = speed * since_s
+        return x + moved_m * math.cos(yaw), y + moved_m * math.sin(yaw), yaw + turn * since_s
+
+    def in_odom(self, time_s):
         """The odometry's frame lies where the robot was at the start."""
-        x, y, yaw = self.start
-        east, north = self.pose[0] - x, self.pose[1] - y
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        return cos * east + sin * north, cos * north - sin * east, self.pose[2] - yaw
+        return motion_between(self.start, self.pose_at(time_s))
 
     def publish(self):
         now_s = self.now_s()
-        x, y, yaw = self.in_odom()
         message = Odometry()
         fill(message, now_s, "odom")
         message.child_frame_id = "base_footprint"
-        place(message.pose.pose, x, y, yaw)
+        place(message.pose.pose, *self.in_odom(now_s))
         message.twist.twist.linear.x, message.twist.twist.angular.z = self.speeds
         self.odom.publish(message)
-        self.publish_tf(self.tf, ("odom", "base_footprint", (x, y, yaw), now_s + 0.003))
+        base = self.in_odom(now_s + 0.003)
+        self.publish_tf(self.tf, ("odom", "base_footprint", base, now_s + 0.003))
         self.publish_tf(self.tf, ("map", "odom", self.start, now_s + 0.9))
         self.publish_scan(now_s - 0.013)
         moved_m = math.inf if self.amcl_at is None else math.dist(self.amcl_at, self.pose)
@@ -158,14 +174,21 @@ class StandIn(Node):
             self.amcl_at = tuple(self.pose)
             found = PoseWithCovarianceStamped()
             fill(found, now_s - 0.021, "map")
-            place(found.pose.pose, *self.pose)
+            place(found.pose.pose, *self.pose_at(now_s - 0.021))
             self.amcl.publish(found)
+
+    def ranges_m(self, time_s):
+        ranges_m = [WALL_M] * N_RAYS
+        if self.lidar is not None:
+            people_m = walkers(time_s).position_m
+            ranges_m = self.lidar.scan(compose(self.pose_at(time_s), MOUNT), *people_m.T)
+        return [each + random.gauss(0.0, 0.01) for each in ranges_m]
 
     def publish_scan(self, time_s):
         message = LaserScan(
             angle_min=-math.pi, angle_max=math.pi - math.tau / N_RAYS,
             angle_increment=math.tau / N_RAYS, range_min=0.1, range_max=12.0,
-            ranges=array.array("f", [WALL_M + random.gauss(0.0, 0.01) for _ in range(N_RAYS)]),
+            ranges=array.array("f", self.ranges_m(time_s)),
         )  # fmt: skip
         fill(message, time_s, "laser")
         self.scan.publish(message)
@@ -190,6 +213,14 @@ class StandIn(Node):
         publisher.publish(bytes(self.store.serialize_cdr(types[TF](made), TF)))
 
 
+def walkers(time_s):
+    """One who walks along the hallway and one who walks across, to and fro."""
+    phase = math.tau * time_s / 12.0
+    there_m, speed_mps = 1.5 * math.sin(phase), 1.5 * math.tau / 12.0 * math.cos(phase)
+    place_m = np.array([[1.2, 3.5 + there_m], [3.0 + there_m, 6.0]])
+    return People(place_m, np.array([[0.0, speed_mps], [speed_mps, 0.0]]), np.arange(2))
+
+
 def limited(value, limit):
     return max(-limit, min(limit, value))
 
@@ -209,6 +240,7 @@ def main():
     parser.add_argument("--start", type=float, nargs=2, default=(3.5, 1.5))
     parser.add_argument("--period", type=float, default=0.1)
     parser.add_argument("--follow", choices=("cmd_vel", "nav2"), default="cmd_vel")
+    parser.add_argument("--people", action="store_true")
     options = parser.parse_args()
     rclpy.init()
     try:

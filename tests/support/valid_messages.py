@@ -54,7 +54,8 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
         command = Command(0.4, 0.1)
         return to_twist(command) if message_type is Twist else to_twist_stamped(command, time_s)
     mark = EpisodeMark("start", time_s, 1, "scripted_expert", 0, "train")
-    ranges_m = np.full(HALLWAY.lidar.n_rays, 3.0, dtype=np.float32)
+    # No two scans are equal, as of a real lidar.
+    ranges_m = np.full(HALLWAY.lidar.n_rays, 3.0 + 0.01 * (time_s % 1.0), dtype=np.float32)
     counts = {key: float(value) if key.endswith("_m") else 0 for key, value in UNCOUNTED.items()}
     diagnostics = to_diagnostics("hallway_sim", time_s, counts)
     diagnostics.status += to_diagnostics("teleop_mux", time_s, {"e_stop": False}).status

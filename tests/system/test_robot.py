@@ -12,13 +12,11 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 
-from serd_ros.convert.diagnostics import END, from_episode_message
-from serd_ros.convert.pose import to_pose_stamped
 from serd_ros.endpoints import qos
 from support import standin_robot
+from support.goals import Goals
 from support.waiting import wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -37,26 +35,6 @@ def start_robot(nodes):
         return nodes.start([sys.executable, script, *map(str, options)], "standin_robot")
 
     return start
-
-
-class Goals:
-    """Sends goals one after the other and takes how their drives end."""
-
-    def __init__(self, probe):
-        self.probe, self.ends = probe, []
-        self._goals = probe.node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
-        probe.node.create_subscription(DiagnosticArray, "episode", self._take_mark, qos.STATE)
-
-    def _take_mark(self, message):
-        mark = from_episode_message(message)
-        if mark.event == END:
-            self.ends.append(mark.outcome)
-
-    def drive_to(self, place, seen):
-        n_ended = len(self.ends)
-        self.probe.spin_until(lambda: self._goals.get_subscription_count() > 0)
-        self._goals.publish(to_pose_stamped((*place, 0.0), 0.0))
-        self.probe.spin_until(lambda: len(self.ends) > n_ended, seen=seen)
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ NODES = (
     'learner',
     'local_planner',
     'nav2_bridge',
+    'people_tracker',
     'scripted_expert',
     'strategy',
     'teleop_joy',

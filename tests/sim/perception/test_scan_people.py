@@ -61,6 +61,19 @@ def test_a_tracked_walker_gets_the_right_velocity_and_keeps_the_number():
     assert tracker.velocity_mps[0] == pytest.approx([1.3, 0.0], abs=0.1)
 
 
+@pytest.mark.parametrize("later_s", [0.05, 0.13])
+def test_predictions_between_scans_and_beyond_the_next_change_no_velocity(later_s):
+    plain, predicted = PeopleTracker(), PeopleTracker()
+    for step in range(20):
+        place = np.array([[0.1 * step + 0.02 * (step % 2), 2.0]])
+        for tracker in (plain, predicted):
+            tracker.update(place, 0.1 * step)
+        predicted.predict(0.1 * step + later_s)
+    plain.predict(1.9 + later_s)
+    assert predicted.velocity_mps == pytest.approx(plain.velocity_mps)
+    assert predicted.position_m == pytest.approx(plain.position_m)
+
+
 def test_nobody_is_believed_to_walk_faster_than_people_do():
     """Detections that leap by 0.4 m a scan are one track, but not one of 4 m/s."""
     tracker = PeopleTracker()

@@ -1,0 +1,126 @@
+"""The tracker publishes people at each pose, or names why it cannot."""
+
+import math
+
+import numpy as np
+import pytest
+
+from serd_ros.convert.sensors import from_people_message, to_scan
+from sim.robot.lidar import Lidar
+from support.nodes_in_process import node_in_process
+from support.valid_messages import HALLWAY, PLACE_M, valid_message
+
+LIDAR = Lidar(HALLWAY.lidar, HALLWAY.wall_segments_m, 0.25)
+YAW_RAD = 1.5  # of valid poses
+SOMEBODY = np.array([[4.5, 7.5]])
+
+
+def scan_at(time_s, *, people=SOMEBODY, frame="base_link", turned_rad=0.0):
+    pose = *PLACE_M, YAW_RAD + turned_rad
+    ranges_m = LIDAR.scan(pose, people[:, 0], people[:, 1])
+    message = to_scan(ranges_m, HALLWAY.lidar, time_s)
+    message.header.frame_id = frame
+    return message
+
+
+def observe(running, time_s):
+    for topic in ("odom", "robot_pose"):
+        running.receive(topic, valid_message(topic, time_s))
+
+
+def statuses(running):
+    return [(each.name, each.message) for each in running.sent["diagnostics"].status]
+
+
+def test_people_have_the_stamp_of_the_pose_and_the_frame_of_the_map():
+    with node_in_process("people_tracker") as running:
+        running.receive("scan", scan_at(10.0))
+        observe(running, 10.0)
+        message = running.sent["pedestrians"]
+        assert message.header.frame_id == "map"
+        time_ns, people = from_people_message(message)
+        assert time_ns == 10_000_000_000
+        assert people.position_m == pytest.approx(SOMEBODY, abs=0.05)
+        for number in range(1, 5):
+            observe(running, 10.0 + 0.05 * number)
+        assert running.published["pedestrians"] == 5
+        running.assert_alive()
+
+
+def test_it_does_not_take_its_own_people_for_those_of_others():
+    with node_in_process("people_tracker") as running:
+        assert not [each for each in running.node.subscriptions if "pedestrians" in each.topic_name]
+
+
+@pytest.mark.parametrize(
+    ("scan", "fault"),
+    [
+        (None, "scan: no message yet"),
+        (scan_at(9.4), "scan: no message yet"),
+        (scan_at(10.0, people=np.zeros((0, 2))), ""),
+    ],
+)
+def test_without_a_usable_scan_no_people_are_published_and_the_reason_is(scan, fault):
+    with node_in_process("people_tracker") as running:
+        if scan is not None:
+            running.receive("scan", scan)
+        observe(running, 10.0)
+        assert running.published["pedestrians"] == (0 if fault else 1)
+        if fault:
+            assert statuses(running) == [("people_tracker", fault)]
+
+
+def test_faults_are_reported_once_each_and_their_end_too():
+    with node_in_process("people_tracker") as running:
+        running.receive("scan", scan_at(10.0))
+        observe(running, 10.0)
+        assert running.published["diagnostics"] == 0
+        blind = scan_at(10.1)
+        blind.ranges[:200] = type(blind.ranges)("f", [math.inf] * 200)
+        running.receive("scan", blind)
+        for time_s in (10.1, 10.15):
+            observe(running, time_s)
+        assert running.published["pedestrians"] == 1
+        assert statuses(running) == [("people_tracker", "scan: too few valid rays")]
+        assert running.published["diagnostics"] == 1
+        running.receive("scan", scan_at(10.2))
+        observe(running, 10.2)
+        assert running.published["pedestrians"] == 2
+        assert statuses(running) == [("people_tracker", "")]
+        observe(running, 10.7)
+        assert statuses(running) == [("people_tracker", "scan: stamp too old")]
+        running.assert_alive()
+
+
+def test_a_lidar_in_a_frame_of_its_own_is_placed_by_parameters_and_others_need_tf():
+    given = {"scan_frame": "laser", "sensor_yaw": math.pi / 2}
+    with node_in_process("people_tracker", **given) as running:
+        running.receive("scan", scan_at(10.0, frame="laser", turned_rad=math.pi / 2))
+        observe(running, 10.0)
+        _, people = from_people_message(running.sent["pedestrians"])
+        assert people.position_m == pytest.approx(SOMEBODY, abs=0.05)
+        running.receive("scan", scan_at(10.1, frame="other"))
+        assert running.node.callbacks.n_rejected == 1
+        observe(running, 10.1)
+        running.assert_alive()
+
+
+@pytest.mark.parametrize("later_s", [2000.0, 0.0])
+def test_a_jump_of_the_clock_begins_anew(later_s):
+    with node_in_process("people_tracker") as running:
+        for time_s in (1000.0, later_s):
+            running.receive("scan", scan_at(time_s))
+            observe(running, time_s)
+            _, people = from_people_message(running.sent["pedestrians"])
+            assert people.identity.tolist() == [0]
+        assert running.published["pedestrians"] == 2
+        running.assert_alive()
+
+
+def test_a_pose_that_is_missing_is_named():
+    with node_in_process("people_tracker", stamp_tolerance_s=0.3) as running:
+        running.wait(3.0)
+        running.call_timers()
+        ((name, message),) = statuses(running)
+        assert name == "people_tracker: observation"
+        assert message == "robot_pose has no publisher; odom has no publisher"
