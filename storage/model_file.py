@@ -89,6 +89,7 @@ class ModelType(StrictModel):
     share: of the experts; reward_deviations: standard deviations of the posterior; episodes: those
     that are likeliest of this type. pace: by which its times in cells are longer than usual, None
     where that was not measured. drawn_weights: a row per draw of the model's outcome tables.
+    believed: a row per outcome model; none, and then not in the file, where it is the model's.
     """
 
     share: float = Field(gt=0, le=1)
@@ -97,6 +98,14 @@ class ModelType(StrictModel):
     episodes: tuple[int, ...]
     pace: float | None = Field(default=None, gt=0)
     drawn_weights: tuple[tuple[float, ...], ...] = ()
+    believed: tuple[Probabilities, ...] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_no_belief(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        values: dict[str, Any] = handler(self)
+        if not self.believed:
+            values.pop("believed", None)
+        return values
 
 
 #: Of mean times in cells.
@@ -223,6 +232,10 @@ class ModelFile(StrictModel):
                 raise ValueError(
                     f"types[{number}].drawn_weights must have a row of weights per draw"
                 )
+            if each.believed and len(each.believed) != len(self.outcome_models):
+                raise ValueError(f"types[{number}].believed must have a row per outcome model")
+            for row in each.believed:
+                _require_distribution(f"types[{number}].believed", row, self)
         if self.types and abs(sum(each.share for each in self.types) - 1.0) > _SUM_TOLERANCE:
             raise ValueError("types must have shares that sum to 1")
         return self
@@ -248,7 +261,7 @@ class ModelFile(StrictModel):
         return self
 
     def of_expert(self, path: str | Path, number: int) -> "ModelFile":
-        """The model with the rewards of one type of experts, 1 for the most frequent."""
+        """The model with rewards and belief of one type of experts, 1 for the most frequent."""
         if number == 1:
             return self
         if not 1 <= number <= len(self.types):
@@ -258,7 +271,17 @@ class ModelFile(StrictModel):
             )
         chosen = self.types[number - 1]
         draws = self.draws.model_copy(update={"reward_weights": chosen.drawn_weights})
-        return self.model_copy(update={"reward_weights": chosen.reward_weights, "draws": draws})
+        models = tuple(
+            model.model_copy(update={"believed": believed})
+            for model, believed in zip(self.outcome_models, chosen.believed, strict=False)
+        )
+        return self.model_copy(
+            update={
+                "reward_weights": chosen.reward_weights,
+                "draws": draws,
+                "outcome_models": models or self.outcome_models,
+            }
+        )
 
     def times_of(self, lookahead_cells: int) -> CrossingTimes | None:
         """The crossing times of a look-ahead; None where none are known."""

@@ -1,5 +1,6 @@
 """Groups of episodes by the type of their expert, and the model that keeps the types."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -11,20 +12,29 @@ from serd_app.learning.outcome import ExpertGroups, FitOutcome
 from serd_app.learning.recipe import LearningTask, learn, require_enough
 from serd_app.learning.settings import LearningSettings
 from serd_core.arrays import IntArray
+from serd_core.bayes.belief_comparison import NAMES, RELATIONS
 from serd_core.bayes.draws import N_DRAWS
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.covariate_models import CovariateModels
+from serd_core.grid.navigation import NavigationProblem
 from serd_core.mixtures.expert_types import (
     MOST_TYPES,
     ExpertTypes,
+    TypeChoice,
     choose_expert_types,
     fit_mixtures,
 )
 from serd_core.mixtures.pace import has_enough_times, pace_of_types
+from serd_core.posterior.beliefs import Belief, TiedBelief
 from storage.model_file import ModelType, model_of_fit
 
 Wanted = int | Literal["auto"]
-#: The method whose evidence compares numbers of types.
-METHOD = "mdce_serd_evidence"
+#: Methods whose evidence compares numbers of types, with the relations of each type's belief to
+#: the truth that it compares as well.
+METHODS: dict[str, tuple[Belief, ...]] = {
+    "mdce_serd_evidence": (TiedBelief(),),
+    "mdce_serd_belief_evidence": RELATIONS,
+}
 
 
 def wanted_types(text: str) -> Wanted:
@@ -46,13 +56,14 @@ def learn_groups(
     """A model of as many types of experts as wanted, or as evidence chooses.
 
     experts: (N,) number of the expert of each decision, None for each episode by itself. Where
-    there is one type, the model is that of `learn`.
+    there is one type, the model is that of `learn`. The relation of belief and truth is one for all
+    types; each has a belief of its own unless it is the truth.
     """
     require_enough(demonstrations, settings)
-    if settings.method != METHOD:
+    if settings.method not in METHODS:
         raise AppError(
-            f"--experts needs the method {METHOD}, whose evidence compares numbers of types, got"
-            f" {settings.method}; leave out --method or --experts"
+            f"--experts needs the method {' or '.join(METHODS)}, whose evidence compares numbers of"
+            f" types, got {settings.method}; leave out --method or --experts"
         )
     problem, decisions = task.problem, demonstrations.decisions
     if isinstance(problem.outcome_models, CovariateModels):
@@ -60,18 +71,41 @@ def learn_groups(
             "--experts groups episodes under outcomes that do not depend on density, got"
             " --density; leave out one of the two"
         )
-    if wanted == "auto":
-        choice = choose_expert_types(problem, decisions, experts=experts)
-        found, candidates = choice.chosen, choice.candidates
-    else:
-        found = fit_mixtures(problem, decisions, (wanted,), experts=experts)[0]
-        candidates = (found,)
+    choices = {
+        NAMES[type(belief)]: _choice(problem, decisions, wanted, experts, belief)
+        for belief in METHODS[settings.method]
+    }
+    relation = max(choices, key=lambda each: choices[each].chosen.log_evidence)
+    found, candidates = choices[relation].chosen, choices[relation].candidates
     if not np.isfinite(found.log_evidence):
         raise AppError(f"{found.n_types} types of experts: {found.message}; ask for fewer types")
-    groups = ExpertGroups(found, candidates, _types_of(found, demonstrations, experts))
+    kept = _types_of(found, demonstrations, experts, len(problem.model_names))
+    groups = ExpertGroups(found, candidates, kept)
     if found.n_types == 1:
         return replace(learn(task, demonstrations, settings), groups=groups)
-    return _outcome(task, demonstrations, groups, settings)
+    sentence = _compared(relation, choices) if len(choices) > 1 else ""
+    return _outcome(task, demonstrations, groups, settings, sentence)
+
+
+def _choice(
+    problem: NavigationProblem,
+    decisions: Decisions,
+    wanted: Wanted,
+    experts: IntArray | None,
+    belief: Belief,
+) -> TypeChoice:
+    if wanted == "auto":
+        return choose_expert_types(problem, decisions, experts=experts, belief=belief)
+    found = fit_mixtures(problem, decisions, (wanted,), experts=experts, belief=belief)
+    return TypeChoice(tuple(found), minimum_episodes=0.0)
+
+
+def _compared(relation: str, choices: Mapping[str, TypeChoice]) -> str:
+    evidence = ", ".join(
+        f"{name}: {each.chosen.log_evidence:.1f} with {each.chosen.n_types}"
+        for name, each in choices.items()
+    )
+    return f"The beliefs of the types are {relation}; log evidence by belief: {evidence}."
 
 
 def _outcome(
@@ -79,6 +113,7 @@ def _outcome(
     demonstrations: Demonstrations,
     groups: ExpertGroups,
     settings: LearningSettings,
+    belief: str,
 ) -> FitOutcome:
     found = groups.types
     fit = found.fit()
@@ -92,7 +127,7 @@ def _outcome(
         fit,
         task.problem,
         scenario=task.scenario,
-        method=METHOD,
+        method=settings.method,
         prior=f"by evidence, {found.n_types} types of experts",
         decision_period_s=task.decision_period_s,
         n_episodes=len(demonstrations.decisions.episodes),
@@ -108,17 +143,20 @@ def _outcome(
         (),
         scenario_yaml=task.scenario_yaml,
         groups=replace(groups, kept=tuple(kept)),
+        belief=belief,
     )
 
 
 def _types_of(
-    found: ExpertTypes, demonstrations: Demonstrations, experts: IntArray | None
+    found: ExpertTypes, demonstrations: Demonstrations, experts: IntArray | None, n_models: int
 ) -> tuple[ModelType, ...]:
     """What a model file keeps of each type, without draws."""
     decisions = demonstrations.decisions
     labels = decisions.episode if experts is None else experts
     type_of = found.type_of_unit[np.searchsorted(found.units, labels)]
     names = found.objective.problem.feature_names
+    tied = isinstance(found.objective.space.belief, TiedBelief)
+    believed = found.believed_outcome_probabilities[:, :n_models].tolist()
     factors = [None] * found.n_types
     if has_enough_times(decisions):
         factors = pace_of_types(found, decisions, experts).factors.tolist()
@@ -131,6 +169,7 @@ def _types_of(
             ),
             episodes=tuple(np.unique(decisions.episode[type_of == number]).tolist()),
             pace=factors[number],
+            believed=() if tied else believed[number],
         )
         for number in range(found.n_types)
     )

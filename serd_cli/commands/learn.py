@@ -120,7 +120,8 @@ def learn(
     from the people of the scenario they are made in.
 
     --experts auto groups the episodes by types of experts, each with
-    rewards of its own, as many as the evidence is in favour of.
+    rewards of its own, as many as the evidence is in favour of, with
+    --method mdce_serd_belief_evidence also with beliefs of their own.
 
     --times: tables of crossings, which 'serd navigate --output' writes.
     Arrivals of drives with their look-ahead are then predicted by the times

@@ -1,6 +1,7 @@
 """`serd learn --experts`: episodes of two experts are grouped, kept in the model and reported."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.demonstrations.grid_file import save_grid
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
-from serd_app.learning.expert_groups import learn_groups
+from serd_app.learning.expert_groups import METHODS, learn_groups
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.recipe import learn
 from serd_app.learning.settings import LearningSettings
@@ -20,11 +21,12 @@ from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.errors import SerdError
 from serd_core.mixtures.rand_index import adjusted_rand_index
 from serd_core.policies.solved_policy import soft_policy
+from serd_core.posterior.beliefs import BeliefAroundTruth, FreeBelief
 from sim.scenario.grid import grid_of, navigation_problem_of, start_states_of
 from sim.scenario.scenario import load_scenario
 from storage.errors import FileError
-from storage.model_file import load_model
-from storage.yaml_config import model_yaml
+from storage.model_file import ModelFile, load_model
+from storage.yaml_config import model_yaml, yaml_model
 from tests.conftest import OUTCOMES
 
 HALLWAY = load_scenario("hallway")
@@ -198,7 +200,7 @@ def test_navigate_names_a_type_that_a_model_has_not(serd, learned, save_model_of
         (("--experts", "9"), "--experts must be auto or a number from 1 to 5, got '9'"),
         (
             ("--experts", "2", "--method", "mdce_serd"),
-            "--experts needs the method mdce_serd_evidence",
+            "--experts needs the method mdce_serd_evidence or mdce_serd_belief_evidence",
         ),
     ],
 )
@@ -206,6 +208,41 @@ def test_wrong_options_are_named(serd, table, options, message):
     ended = serd("learn", table, *options, "--output", table.parent / "wrong.yaml")
     assert ended.code == 2
     assert message in ended.err
+
+
+def test_each_type_keeps_the_belief_of_the_relation_of_highest_evidence(table, monkeypatch):
+    relations = (BeliefAroundTruth(), FreeBelief())
+    monkeypatch.setitem(METHODS, "mdce_serd_belief_evidence", relations)
+    files = read_learning_files(table, discount=0.99)
+    settings = LearningSettings(method="mdce_serd_belief_evidence")
+    outcome = learn_groups(files.task, files.demonstrations, settings, 2)
+    chosen = outcome.groups.types
+    evidence = dict(
+        re.findall(r"(near|independent of) the truth: (-[\d.]+) with 2", outcome.belief)
+    )
+    best = max(evidence, key=lambda name: float(evidence[name]))
+    assert outcome.belief.startswith(f"The beliefs of the types are {best} the truth;")
+    assert float(evidence[best]) == pytest.approx(chosen.log_evidence, abs=0.06)
+    assert len(evidence) == 2
+    for number in (1, 2):
+        own = outcome.model.of_expert("m", number).believed_outcome_probabilities
+        expected = chosen.believed_outcome_probabilities[number - 1][: len(own)]
+        np.testing.assert_allclose(own, expected)
+        np.testing.assert_allclose(own, outcome.model.types[number - 1].believed)
+    assert yaml_model(model_yaml(outcome.model), ModelFile, name="model") == outcome.model
+
+
+def test_a_belief_of_another_length_or_sum_is_rejected(learned):
+    model = load_model(learned[0])
+    row = model.outcome_models[0].believed
+    for believed, message in (
+        ((row,), "must have a row per outcome model"),
+        (((0.5,) * len(row),) * len(model.outcome_models), "types.0..believed must"),
+    ):
+        types = [each.model_copy(update={"believed": believed}) for each in model.types]
+        values = model.model_dump() | {"types": [each.model_dump() for each in types]}
+        with pytest.raises(ValueError, match=message):
+            type(model).model_validate(values)
 
 
 def test_a_fault_in_paces_is_not_taken_for_short_episodes(table, monkeypatch):

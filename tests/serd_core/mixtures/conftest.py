@@ -25,15 +25,19 @@ class MixedCase:
 
 @pytest.fixture(scope="session")
 def make_mixed():
-    """Factory; experts: per type, each of whom gives so many episodes of 12 decisions."""
+    """Factory; experts: per type, each of whom gives so many episodes of 12 decisions.
 
-    def make(weights, experts=8, episodes=1, seed=1, side=5) -> MixedCase:
+    beliefs: (9, 5) of each type, by default the truth.
+    """
+
+    def make(weights, experts=8, episodes=1, seed=1, side=5, beliefs=()) -> MixedCase:
         problem, truth = gridworld_problem(side, 0.9), gridworld_truth()
+        beliefs = beliefs or (truth,) * len(weights)
         rng, parts = np.random.default_rng(seed), []
         for number, each in enumerate(weights):
             found = sample_decisions(
                 problem.mdp,
-                soft_policy(problem, np.array(each), truth).probabilities,
+                soft_policy(problem, np.array(each), beliefs[number]).probabilities,
                 truth,
                 np.full(side * side, 1.0 / side**2),
                 n_episodes=experts * episodes,

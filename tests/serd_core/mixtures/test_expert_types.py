@@ -16,7 +16,8 @@ from serd_core.mixtures.expert_types import (
 )
 from serd_core.mixtures.pace import has_enough_times, pace_of_types, times_in_cells
 from serd_core.mixtures.rand_index import adjusted_rand_index
-from serd_core.posterior.beliefs import BeliefAroundTruth
+from serd_core.posterior.beliefs import BeliefAroundTruth, TiedBelief
+from tests.serd_core.conftest import gridworld_truth
 
 FEW = EmSettings(n_starts=3)
 
@@ -134,6 +135,35 @@ def test_types_may_have_beliefs_of_their_own(known):
     assert found.believed_outcome_probabilities.shape == (2, 9, 5)
     assert adjusted_rand_index(found.type_of_unit, true_types(known)) >= 0.9
     assert np.isfinite(found.log_evidence)
+
+
+def test_types_that_differ_in_their_belief_alone_are_recovered(make_mixed):
+    """Same rewards; one type knows the world, the other takes the terrains for each other."""
+    truth = gridworld_truth()
+    wrong = np.concatenate([truth[:1], truth[5:], truth[1:5]])
+    case = make_mixed([(0.5, 4.0)] * 2, experts=6, episodes=8, beliefs=(truth, wrong))
+    tied, near = (
+        choose_expert_types(
+            case.problem, case.decisions, experts=case.experts, belief=belief, settings=FEW
+        ).chosen
+        for belief in (TiedBelief(), BeliefAroundTruth())
+    )
+    assert near.converged
+    assert near.n_types == 2
+    assert near.log_evidence > tied.log_evidence + 10
+    assert adjusted_rand_index(near.type_of_unit, true_types(case)) == 1.0
+    drawn = near.draws(np.random.default_rng(0), 400)
+    ahead = np.arange(1, 9), np.tile(np.arange(1, 5), 2)
+    np.testing.assert_allclose(near.outcome_probabilities[ahead], truth[ahead], atol=0.1)
+    for expert, belief in ((0, truth), (6, wrong)):
+        number = near.type_of_unit[expert]
+        away = near.believed_outcome_probabilities[number][ahead] - belief[ahead]
+        deviations = drawn[number].believed_outcome_probabilities.std(axis=0)[ahead]
+        assert np.all(np.abs(away) < 4 * deviations)
+        assert (
+            np.corrcoef(near.believed_outcome_probabilities[number][ahead], belief[ahead])[0, 1]
+            > 0.7
+        )
 
 
 def test_draws_have_shared_dynamics_and_rewards_around_the_mode(choice):
