@@ -51,6 +51,14 @@ class BellmanProblem:
         """(S, A) R + gamma P V, -inf where an action is unavailable."""
         return self.transitions.backed_up(self.rewards, self.discount, value)
 
+    def settled(self, value: FloatArray, whole: int, most: int, smallest: float) -> FloatArray:
+        """(S,) values after Gauss-Seidel sweeps in the order of the states and back by turns.
+
+        whole: sweeps of all states; most: bound of all sweeps, of which the others visit a state
+        only after its value or that of a state that leads to it moved by more than `smallest`.
+        """
+        return self.transitions.settle(self.rewards, self.discount, value, whole, most, smallest)
+
     @property
     def is_fused(self) -> bool:
         """Whether T V is computed without a table of Q."""

@@ -39,6 +39,21 @@ class CompiledRows:
         _back_up_softly(*self._rows, probabilities, rewards, discount, values, target)
         return target
 
+    def settle(
+        self,
+        probabilities: FloatArray,
+        rewards: FloatArray,
+        discount: float,
+        values: FloatArray,
+        whole: int,
+        most: int,
+        smallest: float,
+    ) -> FloatArray:
+        """(S,) values after sweeps of the soft equation (`BellmanProblem.settled`)."""
+        settled = values.copy()
+        _settle(*self._rows, probabilities, rewards, discount, settled, whole, most, smallest)
+        return settled
+
     def flow(self, probabilities: FloatArray, weights: FloatArray, n_states: int) -> FloatArray:
         """(S,) sum_{s,a} P(s' | s, a) weights(s, a)."""
         flow = np.zeros(n_states)
@@ -50,6 +65,21 @@ class CompiledRows:
         sums = np.zeros(size)
         _sum_by_probability(*self._rows, weights, values, sums)
         return sums
+
+    def soft_system_data(
+        self,
+        pattern: PolicyPattern,
+        probabilities: FloatArray,
+        rewards: FloatArray,
+        discount: float,
+        values: FloatArray,
+    ) -> FloatArray:
+        """(nnz,) numbers of I - discount * P_pi for the soft policy of V, without a table of it."""
+        assert isinstance(pattern, SlottedPattern)
+        data = np.zeros(len(pattern.column))
+        structure = pattern.slot, pattern.row_start, pattern.diagonal
+        _fill_system_softly(*self._rows, probabilities, rewards, discount, values, *structure, data)
+        return data
 
     def policy_pattern(self) -> "SlottedPattern":
         """Structure of I - gamma P_pi."""
@@ -134,6 +164,73 @@ def _back_up_softly(successor, first, place, length, p, rewards, discount, value
         for a in range(n_actions):
             total += np.exp(q[a] - highest)
         target[s] = highest + np.log(total)
+
+
+@_compiled
+def _settle(successor, first, place, length, p, rewards, discount, values, whole, most, smallest):  # type: ignore[no-untyped-def]
+    """Gauss-Seidel sweeps; a rise counts the visits to come of the state itself (one Newton step).
+
+    Both keep T V >= V where it holds, and shrink the largest error where it does not.
+    """
+    n_states, n_actions = rewards.shape
+    q, stay = np.empty(n_actions), np.empty(n_actions)
+    due = np.ones(n_states, dtype=np.bool_)
+    for sweep in range(most):
+        visits = 0
+        for i in range(n_states):
+            s = n_states - 1 - i if sweep % 2 else i
+            if sweep >= whole and not due[s]:
+                continue
+            due[s] = False
+            visits += 1
+            highest = -np.inf
+            for a in range(n_actions):
+                ahead, own = 0.0, 0.0
+                for k in range(length[s, a]):
+                    following, chance = successor[first[s, a] + k], p[place[s, a] + k]
+                    ahead += chance * values[following]
+                    if following == s:
+                        own += chance
+                q[a], stay[a] = rewards[s, a] + discount * ahead, own
+                highest = max(highest, q[a])
+            total, staying = 0.0, 0.0
+            for a in range(n_actions):
+                weight = np.exp(q[a] - highest)
+                total += weight
+                staying += weight * stay[a]
+            move = highest + np.log(total) - values[s]
+            if move > 0.0:
+                move /= 1.0 - discount * min(staying / total, 1.0)
+            values[s] += move
+            if abs(move) > smallest:
+                for a in range(n_actions):
+                    for k in range(length[s, a]):
+                        due[successor[first[s, a] + k]] = True
+        if visits == 0:
+            break
+
+
+@_compiled
+def _fill_system_softly(  # type: ignore[no-untyped-def]
+    successor, first, place, length, p, rewards, discount, values, slot, row_start, diagonal, data
+):
+    n_actions = rewards.shape[1]
+    policy = np.empty(n_actions)
+    for s in range(len(values)):
+        highest, total = -np.inf, 0.0
+        for a in range(n_actions):
+            ahead = _expected(successor, first[s, a], p, place[s, a], length[s, a], values)
+            policy[a] = rewards[s, a] + discount * ahead
+            highest = max(highest, policy[a])
+        for a in range(n_actions):
+            policy[a] = np.exp(policy[a] - highest)
+            total += policy[a]
+        start = row_start[s]
+        for a in range(n_actions):
+            weight = -discount * policy[a] / total
+            for k in range(length[s, a]):
+                data[start + slot[first[s, a] + k]] += weight * p[place[s, a] + k]
+        data[diagonal[s]] += 1.0
 
 
 @_compiled

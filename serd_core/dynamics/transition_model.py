@@ -325,6 +325,28 @@ class Transitions:
         assert rows is not None
         return rows.soft_maximum(self._flat, rewards, discount, values)
 
+    def settle(
+        self,
+        rewards: FloatArray,
+        discount: float,
+        values: FloatArray,
+        whole: int,
+        most: int,
+        smallest: float,
+    ) -> FloatArray:
+        """(S,) values after Gauss-Seidel sweeps of the soft Bellman equation, by compiled code."""
+        rows = self.model.compiled_rows
+        assert rows is not None
+        return rows.settle(self._flat, rewards, discount, values, whole, most, smallest)
+
+    def soft_system_data(
+        self, pattern: PolicyPattern, rewards: FloatArray, discount: float, values: FloatArray
+    ) -> FloatArray:
+        """(nnz,) numbers of I - discount * P_pi for the soft policy of V, by compiled code."""
+        rows = self.model.compiled_rows
+        assert rows is not None
+        return rows.soft_system_data(pattern, self._flat, rewards, discount, values)
+
     def system_data(
         self, pattern: PolicyPattern, policy: FloatArray, discount: float
     ) -> FloatArray:

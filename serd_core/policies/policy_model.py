@@ -50,15 +50,19 @@ class PolicyModel(ABC):
 
     def log_probabilities(self, policy_parameters: FloatArray, q: FloatArray) -> FloatArray:
         """(S, A) log pi(a | s); -inf where an action is unavailable."""
-        scaled = (q - largest_per_row(q)[:, None]) / self.temperature(policy_parameters)
-        return np.asarray(scaled - np.log(sum_per_row(np.exp(scaled)))[:, None])
+        scaled = q - largest_per_row(q)[:, None]
+        scaled /= self.temperature(policy_parameters)
+        scaled -= np.log(sum_per_row(np.exp(scaled)))[:, None]
+        return scaled
 
     def q_gradient(
         self, policy_parameters: FloatArray, policy: FloatArray, counts: FloatArray
     ) -> FloatArray:
         """(S, A) derivative by Q of sum_sa n(s,a) log pi(a|s): (n(s,a) - n(s) pi) / temperature."""
-        surprise = counts - sum_per_row(counts)[:, None] * policy
-        return np.asarray(surprise / self.temperature(policy_parameters))
+        surprise = sum_per_row(counts)[:, None] * policy
+        np.subtract(counts, surprise, out=surprise)
+        surprise /= self.temperature(policy_parameters)
+        return surprise
 
 
 @dataclass(frozen=True)

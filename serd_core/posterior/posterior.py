@@ -123,7 +123,10 @@ class Posterior:
         seen, counts = self.observations, expected.observations.state_action
         policy_value = expected_log_policy(self.observations.state_action, log_policy)
         policy = np.exp(log_policy, out=log_policy)
-        gradients = self._q_gradient(parameters, believed, solution, policy, counts)
+        by_q = self.policy_model.q_gradient(parameters.policy, policy, counts)
+        del log_policy, policy  # (S, A) tables that the linear system has no room beside
+        mdp = self.problem.mdp
+        gradients = adjoint(mdp, believed, solution, by_q, self.linear_solver)
         dynamics_value, by_truth = dynamics_log_likelihood(seen, true)
         if seen.hidden:
             _, by_truth = dynamics_log_likelihood(expected.observations, true)
@@ -156,17 +159,6 @@ class Posterior:
     @property
     def _model(self) -> TransitionModel:
         return self.problem.mdp.transitions
-
-    def _q_gradient(
-        self,
-        parameters: Parameters,
-        believed: Transitions,
-        solution: BellmanSolution,
-        policy: FloatArray,
-        counts: FloatArray,
-    ) -> Adjoint:
-        by_q = self.policy_model.q_gradient(parameters.policy, policy, counts)
-        return adjoint(self.problem.mdp, believed, solution, by_q, self.linear_solver)
 
 
 def expected_log_policy(counts: FloatArray, log_policy: FloatArray) -> float:

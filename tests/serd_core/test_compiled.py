@@ -16,15 +16,19 @@ from benchmarks.learning.gridworld_problems import (
     objective_of,
 )
 from serd_core import compiled
+from serd_core.bellman import newton
+from serd_core.bellman.backup import BellmanProblem, backup
 from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.linear.krylov import Krylov, SweptSystem
 from serd_core.bellman.linear.policy_pattern import EntryPattern, policy_pattern
+from serd_core.bellman.value_iteration import ValueIteration
 from serd_core.compiled import HAS_NUMBA
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.learners.start import starting_parameters
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem, usable_features, weights_gradient
+from serd_core.mdp.problem import rewards as reward_table
 from serd_core.policies.solved_policy import soft_policy
 
 pytestmark = pytest.mark.skipif(not HAS_NUMBA, reason="numba (the extra `fast`) is not installed")
@@ -188,3 +192,54 @@ def test_a_large_gradient_is_the_same_with_and_without_numba(monkeypatch):
     assert fast.objective == pytest.approx(plain.objective, rel=1e-12)
     size = np.max(np.abs(plain.gradient.vector))
     np.testing.assert_allclose(fast.gradient.vector, plain.gradient.vector, atol=1e-9 * size)
+
+
+@pytest.mark.usefixtures("everything_compiled")
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 10_000))
+def test_soft_systems_are_those_of_the_soft_policy(random_problem, seed):
+    problem, table = random_problem(seed, 0.95)
+    mdp, rng = problem.mdp, np.random.default_rng(seed)
+    transitions, pattern = transitions_of(mdp.transitions, table), mdp.policy_pattern
+    rewards = np.where(mdp.available, rng.normal(size=mdp.available.shape), -np.inf)
+    values = 10.0 * rng.normal(size=mdp.n_states)
+    policy = SoftBellman().policy(transitions.backed_up(rewards, 0.95, values))
+    np.testing.assert_allclose(
+        transitions.soft_system_data(pattern, rewards, 0.95, values),
+        transitions.system_data(pattern, policy, 0.95),
+        atol=1e-13,
+    )
+
+
+@pytest.mark.usefixtures("everything_compiled")
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 10_000))
+def test_sweeps_shrink_the_largest_error_and_values_that_rise_stay_below_the_solution(
+    random_problem, seed
+):
+    problem, table = random_problem(seed, 0.95)
+    mdp, rng = problem.mdp, np.random.default_rng(seed)
+    rewards = rng.normal(size=mdp.available.shape)
+    posed = BellmanProblem(SoftBellman(), rewards, transitions_of(mdp.transitions, table), mdp)
+    exact = ValueIteration().solve(posed).value
+    far = exact + 10.0 * rng.normal(size=mdp.n_states)
+    error = np.max(np.abs(posed.settled(far, 3, 3, 0.0) - exact))
+    assert error <= 0.95**3 * np.max(np.abs(far - exact)) + 1e-8
+    low = np.full(mdp.n_states, exact.min() - 5.0 / (1.0 - 0.95))
+    assert np.all(backup(posed, low).gap > 0)
+    swept = posed.settled(low, 2, 40, 1e-3)
+    assert np.all(swept >= backup(posed, backup(posed, low).target).target - 1e-9)
+    assert np.all(swept <= exact + 1e-8)
+    np.testing.assert_allclose(posed.settled(exact, 1, 40, 1e-6), exact, atol=1e-8)
+
+
+@pytest.mark.usefixtures("everything_compiled")
+def test_swept_newton_steps_reach_the_solution_in_fewer_steps(monkeypatch):
+    problem = landscape_problem(40, 0.99).problem
+    transitions = transitions_of(problem.mdp.transitions, DYNAMICS)
+    posed = BellmanProblem(SoftBellman(), reward_table(problem, WEIGHTS), transitions, problem.mdp)
+    swept = newton.Newton().solve(posed)
+    monkeypatch.setattr(newton, "QUADRATIC", np.inf)
+    plain = newton.Newton().solve(posed)
+    np.testing.assert_allclose(swept.value, plain.value, atol=swept.error_bound + plain.error_bound)
+    assert swept.linear_solves < 0.8 * plain.linear_solves

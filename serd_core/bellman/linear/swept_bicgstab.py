@@ -25,7 +25,8 @@ class SweptMatrix:
 
     def __init__(self, pattern: PolicyPattern, data: FloatArray) -> None:
         self._diagonal = data[pattern.diagonal]
-        scaled = data / np.repeat(self._diagonal, np.diff(pattern.row_start))
+        scaled = data.copy()
+        _divide_rows(pattern.row_start, self._diagonal, scaled)
         self._stored = (pattern.row_start, pattern.column, scaled, pattern.diagonal)
         self._matrix = pattern.matrix(scaled)
 
@@ -51,6 +52,13 @@ class SweptMatrix:
         )
         _solve_upper(*self._stored, by_rows, solution)
         return solution if by_rows else solution / self._diagonal
+
+
+@_compiled
+def _divide_rows(start, divisor, numbers):  # type: ignore[no-untyped-def]
+    for i in range(len(divisor)):
+        for place in range(start[i], start[i + 1]):
+            numbers[place] /= divisor[i]
 
 
 @_compiled

@@ -41,7 +41,9 @@ def adjoint(
         pattern, transitions.system_data(pattern, solution.policy, mdp.discount)
     )
     state_gradient = system.solve(mdp.discount * transitions.flow(q_gradient), transposed=True)
-    reward_gradient = q_gradient + solution.policy * state_gradient[:, None]
+    del system
+    reward_gradient = solution.policy * state_gradient[:, None]
+    reward_gradient += q_gradient
     return Adjoint(
         reward_gradient=reward_gradient,
         local_gradient=transitions.local_gradient(reward_gradient, solution.value, mdp.discount),
