@@ -40,8 +40,8 @@ KEEP = 0.1
 #: Most sweeps after a step, of which all but one skip states that are settled: where nothing near
 #: moved by more than SETTLED of the residual before the step.
 MOST_SWEEPS, SETTLED = 30, 1e-2
-#: States from which sweeps pay: they save a third of the time at 1,000,000 on a grid, and cost up to
-#: as much again at 30,000.
+#: States from which sweeps pay: on grids of 1,000,000 they save a third of the time; at 30,000
+#: they can double it.
 SWEPT_FROM = 500_000
 #: Residual below which steps converge quadratically and are not swept; the temperature is 1.
 QUADRATIC = 0.1

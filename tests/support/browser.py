@@ -35,6 +35,8 @@ def start_chromium(folder: Path) -> webdriver.Chrome:
     options.set_capability("timeouts", limits_ms)
     browser = webdriver.Chrome(options, webdriver.ChromeService(_CHROMEDRIVER))
     browser.command_executor.client_config.timeout = PATIENCE_S
+    # On a busy machine a browser without a window may start without the focus.
+    browser.execute_cdp_cmd("Emulation.setFocusEmulationEnabled", {"enabled": True})
     return browser
 
 
