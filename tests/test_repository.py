@@ -1,5 +1,6 @@
 """Files around the code, as for containers and CI: valid, and in agreement."""
 
+import ast
 import json
 import re
 import subprocess
@@ -10,6 +11,8 @@ import pytest
 import rclpy.lifecycle.node
 import yaml
 from catkin_pkg.package import parse_package
+
+from serd_ros.endpoints.topic_types import known_topics, topic_type
 
 try:
     import tomllib
@@ -85,6 +88,30 @@ def test_the_ros_package_is_valid_and_complete_in_its_folder(root):
     assert f"\n{package.version} (" in (folder / "CHANGELOG.rst").read_text(encoding="utf-8")
     keys = [each.name for each in package.exec_depends]
     assert len(keys) == len(set(keys))
+
+
+def test_the_ros_package_depends_on_what_nodes_launch_files_and_topics_use(root):
+    folder = root / "ros_ws/src/serd_ros"
+    package = parse_package(str(folder))
+    nodes, launch_files = root.glob("serd_ros/**/*.py"), folder.glob("launch/*.py")
+    texts = [path.read_text(encoding="utf-8") for path in (*nodes, *launch_files)]
+    used = {name for text in texts for name in imported_packages(text)}
+    used -= {*sys.stdlib_module_names, *(path.name for path in root.iterdir())}
+    used |= {name for text in texts for name in re.findall(r'ros_type\("(\w+)\.', text)}
+    kinds = [topic_type(topic, stamped_cmd_vel=False) for topic in known_topics()]
+    used |= {kind.name.partition("/")[0] for kind in kinds}
+    assert {"rclpy", "launch", "launch_ros", "nav2_msgs", "tf2_msgs", "yaml"} <= used
+    keys = {each.name.removesuffix("-pip") for each in package.exec_depends}
+    assert {name for name in used if not {name, f"python3-{name}"} & keys} == set()
+
+
+def imported_packages(text):
+    """First names of the modules that a file imports."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module.partition(".")[0]
 
 
 @pytest.mark.parametrize("linter", ["ament_flake8", "ament_pep257"])

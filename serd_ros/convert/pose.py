@@ -17,8 +17,10 @@ from geometry_msgs.msg import (
 )
 from nav_msgs.msg import Odometry, Path
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from bags.messages.plain import yaw_of_quaternion
+from serd_core.arrays import FloatArray
 from serd_ros.convert.checks import require_finite, require_frame
 from serd_ros.convert.frames import NO_FRAMES, Frames
 from serd_ros.convert.stamp import stamp_ns, to_stamp
@@ -95,6 +97,15 @@ def to_transform(parent: str, child: str, pose: PlanarPose, time_s: float) -> Tr
     message.transform.translation.x = float(pose[0])
     message.transform.translation.y = float(pose[1])
     message.transform.rotation = to_quaternion(pose[2])
+    return message
+
+
+def to_static_transform(parent: str, child: str, placed: FloatArray) -> TransformStamped:
+    """The frame `child` has the (4, 4) pose `placed` in `parent`, at all times."""
+    message = to_transform(parent, child, STANDING, 0.0)
+    moved, turned = message.transform.translation, message.transform.rotation
+    moved.x, moved.y, moved.z = placed[:3, 3].tolist()
+    turned.x, turned.y, turned.z, turned.w = Rotation.from_matrix(placed[:3, :3]).as_quat().tolist()
     return message
 
 

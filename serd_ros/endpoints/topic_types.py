@@ -90,6 +90,7 @@ _TYPES = {
     topics.MARKERS_ARRIVAL: TopicType(_MARKERS, qos.LATCHED),
     topics.TF: TopicType(_TF),
     topics.TF_STATIC: TopicType(_TF),
+    topics.ROBOT_DESCRIPTION: TopicType("std_msgs/msg/String", qos.LATCHED),
 }
 
 

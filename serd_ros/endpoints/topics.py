@@ -43,6 +43,7 @@ LEARN = "learn"
 
 TF = "tf"
 TF_STATIC = "tf_static"
+ROBOT_DESCRIPTION = "robot_description"
 
 MAP_FRAME = "map"
 ODOM_FRAME = "odom"

@@ -4,7 +4,7 @@ They travel as bytes, since tf2_msgs has no wheel; the topics are relative, so t
 namespace has its own.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -13,12 +13,13 @@ from geometry_msgs.msg import TransformStamped
 from bags.errors import BagError
 from bags.messages.plain import Transform, transforms
 from bags.rosbag2.message_types import rosbags_types
-from serd_ros.convert.pose import PlanarPose, odom_in_map, to_transform
+from serd_ros.convert.pose import PlanarPose, odom_in_map, to_static_transform, to_transform
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.errors import MessageError
 from serd_ros.process.serd_node import SerdNode
+from sim.robot.urdf import LinkTransform
 
 TF_TYPE = "tf2_msgs/msg/TFMessage"
 _LOOK_PERIOD_S = 0.5
@@ -79,6 +80,19 @@ class TransformPublisher:
         )
         self._node.frames.add_prefix(message)
         self._tf.publish(bytes(rosbags_types().serialize_cdr(message, TF_TYPE)))
+
+
+def publish_links(node: SerdNode[Any], links: Iterable[LinkTransform]) -> None:
+    """Publish where the links of a robot are on `tf_static`, with the node's prefix, once."""
+    prefix = node.frames.prefix
+    message = _in_rosbags(
+        *(
+            to_static_transform(prefix + parent, prefix + child, placed)
+            for parent, child, placed in links
+        )
+    )
+    publisher = node.create_publisher(TopicType(TF_TYPE).message, topics.TF_STATIC, qos.LATCHED)
+    publisher.publish(bytes(rosbags_types().serialize_cdr(message, TF_TYPE)))
 
 
 def _in_rosbags(*placed: TransformStamped) -> Any:

@@ -1,9 +1,10 @@
-"""The topics of a simulated robot: observation, scan, map, markers, diagnostics; the clock."""
+"""The topics of a simulated robot: observation, scan, map, URDF, markers, diagnostics; clock."""
 
 from nav_msgs.msg import OccupancyGrid
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, LaserScan, PointCloud2
+from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from serd_ros.convert.markers import to_obstacle_markers, to_people_markers
@@ -16,13 +17,15 @@ from serd_ros.convert.sensors import (
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationPublisher
-from serd_ros.endpoints.transforms import TransformPublisher
+from serd_ros.endpoints.transforms import TransformPublisher, publish_links
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.process.serd_node import SerdNode
 from sim.crowd.social_force import model_named
+from sim.robot.urdf import link_transforms
 from sim.world.observation import Observation
 from sim.world.waypoint import is_decision_tick
 from sim.world.world import HallwayWorld
+from storage.files import read_text
 
 
 class ClockPublisher:
@@ -59,8 +62,16 @@ class WorldPublisher:
         self._transforms = TransformPublisher(node) if node.config.publish_tf else None
         self._map = node.create_publisher(OccupancyGrid, topics.MAP, qos.LATCHED)
         self._map.publish(to_occupancy_grid(world.map_raster(), 0.0))
+        self._publish_description()
         model = model_named(world.scenario.pedestrians.model)
         self._person_radius_m = model.body_radius_m
+
+    def _publish_description(self) -> None:
+        """Send the URDF of the robot and where its links are."""
+        path = self._world.scenario.robot.urdf_path
+        publish_links(self._node, link_transforms(path, topics.BASE_FRAME))
+        description = self._node.create_publisher(String, topics.ROBOT_DESCRIPTION, qos.LATCHED)
+        description.publish(String(data=read_text(path)))
 
     def publish(self) -> None:
         """Send the world as it is now."""

@@ -1,4 +1,4 @@
-"""The differential drive of a URDF: two wheel joints on one axis, and bodies that have mass.
+"""A URDF: its differential drive (two wheel joints on one axis, bodies with mass) and its links.
 
 Frames are those of the root link at zero joint angles: x forward, y left, z up.
 """
@@ -16,6 +16,8 @@ from sim.errors import SimError
 from storage.nearest import hint
 
 BUILTIN_URDF = Path(__file__).with_name("hallway_robot.urdf")
+#: Parent link, child link, and the (4, 4) pose of the child's frame in the parent's.
+LinkTransform = tuple[str, str, FloatArray]
 _ON_AXIS_M = 1e-3
 _ON_AXIS = 1e-3
 
@@ -46,9 +48,7 @@ def read_differential_drive(
 ) -> DifferentialDrive:
     """The drive of a URDF; SimError where it cannot drive."""
     root = _parsed(path)
-    joints = {
-        each.get("name", ""): each for each in root.iter("joint") if each.find("child") is not None
-    }
+    joints = _joints(root)
     links = {each.get("name", ""): each for each in root.findall("link")}
     for name, link in links.items():
         _require_massive(path, name, link)
@@ -80,6 +80,46 @@ def read_differential_drive(
         },
         massless=frozenset(name for name in links if links[name].find("inertial") is None),
     )
+
+
+def link_transforms(path: Path, base: str) -> list[LinkTransform]:
+    """One transform per other link, outwards from the link `base`; zero joint angles.
+
+    Joints between the root link and `base` are turned round, so that each link has one parent. The
+    root link is at `base` where no link has that name. SimError where links are no tree.
+    """
+    root = _parsed(path)
+    joints = _joints(root)
+    by_child = {_end(each, "child"): each for each in joints.values()}
+    links = {each.get("name", "") for each in root.findall("link")}
+    roots = sorted(links - by_child.keys())
+    ends = {_end(each, which) for each in joints.values() for which in ("parent", "child")}
+    if len(roots) != 1 or len(by_child) < len(joints) or not ends <= links:
+        raise SimError(
+            f"{path} must have links that joints make one tree, got the roots"
+            f" {', '.join(roots) or 'none'} and {len(joints)} joints for {len(links)} links; repair"
+            " it"
+        )
+    above = list(_chain(by_child[base], by_child)) if base in by_child else []
+    found = []
+    for joint in joints.values():
+        parent, child, placed = _end(joint, "parent"), _end(joint, "child"), _placed(joint)
+        if not np.isfinite(placed).all():
+            raise SimError(
+                f"{path}: the origin of joint {joint.get('name')!r} must be three finite numbers"
+                " each in xyz and rpy; correct it"
+            )
+        if joint in above:
+            parent, child, placed = child, parent, np.asarray(np.linalg.inv(placed), dtype=float)
+        found.append((parent, child, placed))
+    return found if base in links else [(base, roots[0], np.eye(4)), *found]
+
+
+def _joints(root: ET.Element) -> dict[str, ET.Element]:
+    """Joints by name; those of transmissions have no child."""
+    return {
+        each.get("name", ""): each for each in root.iter("joint") if each.find("child") is not None
+    }
 
 
 def _parsed(path: Path) -> ET.Element:
@@ -167,11 +207,15 @@ def _frame_in_root(joint: ET.Element, joints: dict[str, ET.Element]) -> FloatArr
     by_child = {_end(each, "child"): each for each in joints.values()}
     frame = np.eye(4)
     for each in _chain(joint, by_child):
-        origin = np.eye(4)
-        place = each.find("origin")
-        origin[:3, :3] = _rotation(_numbers(place, "rpy", "0 0 0"))
-        origin[:3, 3] = _numbers(place, "xyz", "0 0 0")
-        frame = origin @ frame
+        frame = _placed(each) @ frame
+    return frame
+
+
+def _placed(joint: ET.Element) -> FloatArray:
+    """(4, 4) pose of a joint's frame in its parent link's."""
+    frame, origin = np.eye(4), joint.find("origin")
+    frame[:3, :3] = _rotation(_numbers(origin, "rpy", "0 0 0"))
+    frame[:3, 3] = _numbers(origin, "xyz", "0 0 0")
     return frame
 
 
@@ -200,9 +244,11 @@ def _end(joint: ET.Element, which: str) -> str:
 
 
 def _numbers(element: ET.Element | None, key: str, default: str) -> FloatArray:
-    """The numbers of an attribute; NaN where it holds something else."""
+    """The numbers of an attribute, as many as of the default; NaN where it holds something else."""
     text = default if element is None else element.get(key, default)
+    n_numbers = len(default.split())
     try:
-        return np.array([float(word) for word in text.split()])
+        found = np.array([float(word) for word in text.split()])
     except ValueError:
-        return np.full(len(default.split()), np.nan)
+        found = np.array([])
+    return found if len(found) == n_numbers else np.full(n_numbers, np.nan)

@@ -47,7 +47,11 @@ class RobotSettings(StrictModel):
         "kinematic: the commanded velocity within the limits; physical: a rigid body on wheels with"
         " motors, friction and contacts. The keys below belong to `physical`",
     )
-    urdf: str = setting("", "URDF file of the robot; empty: the built-in robot")
+    urdf: str = setting(
+        "",
+        "URDF file of the robot; empty: the built-in robot. `robot_description` has it with either"
+        " drive",
+    )
     left_wheel_joint: str = setting("left_wheel_joint", "joint of the left wheel in the URDF")
     right_wheel_joint: str = setting("right_wheel_joint", "joint of the right wheel in the URDF")
     wheel_radius_m: float | None = setting(

@@ -22,6 +22,8 @@ RVIZ_TYPES = {
 }
 #: A pose that is sent and not shown.
 SENT = "goal_pose"
+#: Its type, a String, has no display by itself.
+DESCRIPTION = "robot_description"
 
 
 def type_of(topic):
@@ -33,7 +35,9 @@ def shown():
     """Published topics of the types that have a display."""
     nodes = load_graph().nodes.values()
     published = {topic for node in nodes for topic in node.publishes}
-    return {topic for topic in published if type_of(topic).name in RVIZ_TYPES.values()}
+    assert type_of(DESCRIPTION).name == "std_msgs/msg/String"
+    of_types = {topic for topic in published if type_of(topic).name in RVIZ_TYPES.values()}
+    return of_types | ({DESCRIPTION} & published)
 
 
 def test_rviz_shows_each_topic_by_the_display_of_its_type(root, shown):
@@ -41,10 +45,15 @@ def test_rviz_shows_each_topic_by_the_display_of_its_type(root, shown):
     manager = yaml.safe_load(text)["Visualization Manager"]
     found = []
     for each in (*manager["Displays"], *manager["Tools"]):
-        if "Topic" in each:
-            topic, kind = each["Topic"]["Value"], type_of(each["Topic"]["Value"])
-            assert RVIZ_TYPES[each["Class"].partition("/")[2]] == kind.name
-            if each["Topic"].get("Durability Policy") == "Transient Local":
+        shown_by = each["Class"].partition("/")[2]
+        key = "Description Topic" if shown_by == "RobotModel" else "Topic"
+        if key in each:
+            topic, kind = each[key]["Value"], type_of(each[key]["Value"])
+            if shown_by == "RobotModel":
+                assert topic == DESCRIPTION
+            else:
+                assert RVIZ_TYPES[shown_by] == kind.name
+            if each[key].get("Durability Policy") == "Transient Local":
                 assert kind.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL, topic
             found.append(topic)
     assert sorted(found) == sorted(shown | {SENT})

@@ -1,20 +1,33 @@
-"""Whom a world with several robots waits for: before an episode, and before each of its steps."""
+"""Whom a world with several robots waits for: before an episode, before each step; their URDF."""
 
+import math
 from contextlib import contextmanager
+from xml.etree import ElementTree
 
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from bags.messages.plain import transforms
+from bags.rosbag2.message_types import rosbags_types
 from serd_ros.convert.command import to_twist_stamped
+from serd_ros.convert.frames import Frames
 from serd_ros.convert.stamp import stamp_s
+from serd_ros.endpoints import qos
+from serd_ros.endpoints.topic_types import TopicType
+from serd_ros.endpoints.transforms import TF_TYPE
 from serd_ros.errors import NodeError
 from serd_ros.graph.readiness import PATIENCE_S
 from serd_ros.process.serd_node import BAD_INPUT
+from sim.robot.urdf import BUILTIN_URDF
 from sim.world.command import Command
+from storage.yaml_config import model_yaml
 from support.nodes_in_process import NodeInProcess, node_in_process
 from support.waiting import wait_until
+from support.wheeled_robots import physical, urdf_with
 
 ROBOTS = ("robot1", "robot2")
 
@@ -38,6 +51,64 @@ def driver_of(robot):
     wait_until(lambda: robot.node.count_publishers("episode"))
     yield
     driver.destroy_node()
+
+
+@contextmanager
+def viewer():
+    """A node that joins late; returns the messages of a latched topic when its first has come."""
+    node = rclpy.create_node("viewer")
+
+    def received(kind, topic):
+        taken = []
+        node.create_subscription(kind, topic, taken.append, qos.LATCHED, raw=True)
+        wait_until(lambda: taken, turn=lambda: rclpy.spin_once(node, timeout_sec=0.1))
+        return taken
+
+    yield received
+    node.destroy_node()
+
+
+def description_and_frames(received, prefix=""):
+    """Text of `robot_description`, and the frames of /tf_static, as one who joins late has them."""
+    (text,) = received(String, f"{prefix}robot_description")
+    (data,) = received(TopicType(TF_TYPE).message, f"{prefix}tf_static")
+    frames = Frames()
+    for each in transforms(data, TF_TYPE, rosbags_types()):
+        frames.take(each, static=True)
+    return deserialize_message(text, String).data, frames
+
+
+def links_of(text):
+    return {each.get("name") for each in ElementTree.fromstring(text).findall("link")}
+
+
+def test_the_urdf_and_a_path_from_each_of_its_links_to_the_base_are_latched():
+    with node_in_process("hallway_sim", people=0), viewer() as received:
+        text, frames = description_and_frames(received)
+    assert text == BUILTIN_URDF.read_text(encoding="utf-8")
+    placed = {link: frames.place(link, "base_link") for link in links_of(text)}
+    assert len(placed) == 5
+    assert {each.stamp_ns for each in placed.values()} == {None}
+    assert placed["right_wheel"].matrix[:3, 3] == pytest.approx([0.0, -0.16, 0.08])
+
+
+@pytest.mark.parametrize("drive", ["kinematic", "physical"])
+def test_the_urdf_is_that_which_the_scenario_names_with_either_drive(drive, tmp_path):
+    urdf = urdf_with(tmp_path, ('xyz="0.2 0 0.031"', 'xyz="0.2 0 0.031" rpy="0 0.5 0"'))
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text(model_yaml(physical(drive=drive, urdf=str(urdf))))
+    with node_in_process("hallway_sim", scenario=str(scenario)), viewer() as received:
+        text, frames = description_and_frames(received)
+    assert text == urdf.read_text(encoding="utf-8")
+    turned = frames.place("front_caster", "base_link", level=False).matrix
+    assert turned[:3, :3] @ [0.0, 0.0, 1.0] == pytest.approx([math.sin(0.5), 0.0, math.cos(0.5)])
+
+
+def test_frames_of_links_have_the_prefix_of_their_robot_and_the_text_has_none():
+    with world(), viewer() as received:
+        for robot in ROBOTS:
+            text, frames = description_and_frames(received, f"{robot}/")
+            assert {f"{robot}/{link}" for link in links_of(text)} == set(frames.names)
 
 
 def ask(robot):

@@ -1,9 +1,10 @@
-"""What is read of a URDF, and the sentence for one that cannot drive."""
+"""What is read of a URDF, and the sentence for one that cannot drive or has links out of place."""
 
+import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.robot.urdf import BUILTIN_URDF, read_differential_drive
+from sim.robot.urdf import BUILTIN_URDF, link_transforms, read_differential_drive
 from sim.world.command import Command
 from sim.world.world import HallwayWorld
 from support.wheeled_robots import physical, urdf_with
@@ -123,6 +124,64 @@ def test_a_mesh_that_is_missing_is_refused(tmp_path):
                                 '<mesh filename="none.stl"/>'))  # fmt: skip
     with pytest.raises(SerdError, match="must load in PyBullet"):
         HallwayWorld(physical(urdf=str(path)), seed=1)
+
+
+FOOTPRINT = (
+    '<link name="base_link">',
+    '<link name="base_footprint"/><joint name="foot" type="fixed">'
+    '<parent link="base_footprint"/><child link="base_link"/>'
+    '<origin xyz="0.01 0 0.1" rpy="0 0 1.5707963267948966"/></joint><link name="base_link">',
+)
+
+
+def test_links_hang_from_the_base_as_their_joints_have_them():
+    found = {
+        child: (parent, placed)
+        for parent, child, placed in link_transforms(BUILTIN_URDF, "base_link")
+    }
+    assert found.keys() == {"left_wheel", "right_wheel", "front_caster", "rear_caster"}
+    assert {parent for parent, _ in found.values()} == {"base_link"}
+    assert found["left_wheel"][1][:3, 3] == pytest.approx([0.0, 0.16, 0.08])
+    assert found["rear_caster"][1][:3, 3] == pytest.approx([-0.2, 0.0, 0.031])
+
+
+def test_a_link_above_the_base_hangs_from_the_base(tmp_path):
+    """The base is 0.01 m ahead of the footprint and 0.1 m above it, turned to the left."""
+    links = link_transforms(urdf_with(tmp_path, FOOTPRINT), "base_link")
+    ((parent, placed),) = [each[::2] for each in links if each[1] == "base_footprint"]
+    assert parent == "base_link"
+    assert placed @ [0.01, 0.0, 0.1, 1.0] == pytest.approx([0.0, 0.0, 0.0, 1.0])
+    assert placed @ [0.01, 1.0, 0.1, 1.0] == pytest.approx([1.0, 0.0, 0.0, 1.0])
+    assert sorted(child for _, child, _ in links) == [
+        "base_footprint", "front_caster", "left_wheel", "rear_caster", "right_wheel"
+    ]  # fmt: skip
+
+
+def test_the_root_link_is_at_the_base_where_no_link_is_called_so(tmp_path):
+    links = link_transforms(urdf_with(tmp_path, ('"base_link"', '"chassis"')), "base_link")
+    parent, child, placed = links[0]
+    assert (parent, child) == ("base_link", "chassis")
+    assert (placed == np.eye(4)).all()
+    assert {parent for parent, _, _ in links[1:]} == {"chassis"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('<link name="left_wheel">', '<link name="alone"/><link name="left_wheel">',
+         "got the roots alone, base_link and 4 joints for 6 links"),
+        ('<parent link="base_link"/>\n    <child link="left_wheel"/>',
+         '<parent link="body"/>\n    <child link="left_wheel"/>', "joints make one tree"),
+        ('<child link="right_wheel"/>', '<child link="left_wheel"/>', "joints make one tree"),
+        ('xyz="0.2 0 0.031"', 'xyz="0.2 0"', "origin of joint 'front_caster_joint' must be three"),
+        ('xyz="0.2 0 0.031"', 'xyz="0 0 0" rpy="0 0 north"', "must be three finite numbers"),
+        ('xyz="0.2 0 0.031"', 'xyz="0 0 inf"', "must be three finite numbers"),
+    ],
+)  # fmt: skip
+def test_links_that_cannot_be_placed_are_refused_in_one_sentence(tmp_path, old, new, message):
+    path = urdf_with(tmp_path, (old, new))
+    with pytest.raises(SerdError, match=message):
+        link_transforms(path, "base_link")
 
 
 @pytest.mark.parametrize("key", ["wheel_radius_m", "wheel_separation_m", "wheel_torque_nm"])
