@@ -35,6 +35,8 @@ STYLES = {
     "PM SERD, regularised": _SERD,
     "SERD, free belief": _FREE_SERD,
     "free": _FREE_SERD,
+    "SERD, evidence": LearnerStyle(INK, "P"),
+    "SERD, averaged": LearnerStyle(MUTED, "h", ":"),
     "MDCE SERD, mode A": _FREE_SERD,
     "MDCE SERD, mode B": _SERD,
     "MDCE SERD, training part": LearnerStyle(YELLOW, "X", ":"),

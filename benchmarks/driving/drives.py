@@ -69,8 +69,7 @@ def episode(*, seed: int, scenario: str, driver: str, drive: str) -> dict[str, A
 def driven_by(scenario: str, drive: str) -> Scenario:
     """The scenario with that drive and `N_PEOPLE` people."""
     place = load_scenario(scenario).with_pedestrian_count(N_PEOPLE)
-    robot = type(place.robot).model_validate(place.robot.model_dump() | {"drive": drive})
-    return place.model_copy(update={"robot": robot})
+    return place.with_values("robot", drive=drive)
 
 
 def summary(condition: tuple[str, ...], rows: pd.DataFrame) -> dict[str, Any]:

@@ -26,9 +26,10 @@ class StudyWorld:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The scenario with the number of people of the study."""
+        """The scenario with the people of the study."""
         settings = self.settings
-        return load_scenario(settings.scenario).with_pedestrian_count(settings.people)
+        people = {"count": settings.people, "model": settings.crowd}
+        return load_scenario(settings.scenario).with_values("pedestrians", **people)
 
     @cached_property
     def problem(self) -> NavigationProblem:

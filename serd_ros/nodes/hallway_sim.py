@@ -41,6 +41,9 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
             scenario = scenario.with_pedestrian_count(self.config.people)
         scenario = with_goal(scenario, self.config.goal)
         n_robots = max(1, len(names))
+        if n_robots > 1 and scenario.robot.drive == "physical":
+            self.get_logger().info("robots that share a world drive by `drive: kinematic`")
+            scenario = scenario.with_values("robot", drive="kinematic")
         self._world = SharedWorld(
             scenario, seed=self.config.seed, robots=n_robots, gui=self.config.gui
         )

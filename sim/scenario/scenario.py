@@ -211,9 +211,13 @@ class Scenario(StrictModel):
         """The same scenario with another number of people."""
         if count < 0:
             raise SimError(f"the number of people must be at least 0, got {count}; use 0 for none")
-        pedestrians = self.pedestrians.model_dump() | {"count": count}
+        return self.with_values("pedestrians", count=count)
+
+    def with_values(self, part: str, **values: object) -> "Scenario":
+        """The same scenario with other values in a part of it; SimError where they do not fit."""
+        content = self.model_dump()
         try:
-            return type(self).model_validate(self.model_dump() | {"pedestrians": pedestrians})
+            return type(self).model_validate(content | {part: content[part] | values})
         except ValidationError as error:
             raise SimError(sentence_of(error, type(self))) from None
 

@@ -22,6 +22,7 @@ class DensitySettings(StrictModel):
     """Everything that decides what comes out of the density study."""
 
     scenario: str
+    crowd: str
     planner: str
     driver: str
     discount: float = Field(ge=0, lt=1)
@@ -49,7 +50,9 @@ class DensityStudy:
 
     def scenario(self, people: int) -> Scenario:
         """The place with a number of people."""
-        return load_scenario(self.settings.scenario).with_pedestrian_count(people)
+        settings = self.settings
+        crowd = {"count": people, "model": settings.crowd}
+        return load_scenario(settings.scenario).with_values("pedestrians", **crowd)
 
     @cached_property
     def problem(self) -> NavigationProblem:

@@ -19,9 +19,8 @@ PANELS = {
     "dynamics_divergence": ("(c) dynamics", "divergence from the reference"),
 }
 
-_SERD = "MDCE SERD"
-#: All others report the M-estimate; one of them is drawn for all.
-_OWN_DYNAMICS = (_SERD, "MDCE IRL, likelihood")
+#: With dynamics of their own, but for the last: all others report the M-estimate, as it does.
+_DYNAMICS = ("MDCE SERD", "SERD, free belief", "SERD, evidence", "MDCE IRL, likelihood")
 
 
 def rows(results: Results) -> pd.DataFrame:
@@ -47,9 +46,9 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
             above.set_title(title, loc="left")
             above.set_ylabel(label)
             if measure == "dynamics_divergence":
-                _curves(above, panel[panel["method"].isin(_OWN_DYNAMICS)])
+                _curves(above, panel[panel["method"].isin(_DYNAMICS)])
                 above.set(xlabel="demonstrations", yscale="log")
-                above.legend([_SERD, "M-estimate: all others"], loc="upper right")
+                above.legend([*_DYNAMICS[:-1], "M-estimate: all others"], loc="upper right")
             else:
                 below = axes[f"{letter} below"]
                 _curves(above, panel)
@@ -57,14 +56,16 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
                 below.set_xlabel("demonstrations")
                 _break(above, below, panel)
         handles = axes["a"].get_legend_handles_labels()
-        figure.legend(*handles, loc="outside lower center", ncols=6)
+        figure.legend(*handles, loc="outside lower center", ncols=4)
     return figure
 
 
 def _curves(axes: Axes, panel: pd.DataFrame) -> None:
-    for place, (method, curve) in enumerate(panel.groupby("method", sort=False)):
+    curves = list(panel.groupby("method", sort=False))
+    for place, (method, curve) in enumerate(curves):
         values = curve[["lower", "median", "upper"]].to_numpy().T
-        draw_intervals(axes, curve["size"], values, str(method), place - 2.5)
+        shift = place - (len(curves) - 1) / 2
+        draw_intervals(axes, curve["size"], values, str(method), shift)
     axes.set_xscale("log")
     axes.grid(axis="y")
     tick_sizes(axes, sorted(panel["size"].unique()))

@@ -6,7 +6,14 @@ from typing import Any
 import numpy as np
 
 from experiments.running.tables import Row
-from experiments.study.fits.methods import ASSUMPTIONS, METHODS, Learned, Trial, learned_from_fit
+from experiments.study.fits.methods import (
+    ASSUMPTIONS,
+    METHODS,
+    PREDICTORS,
+    Learned,
+    Trial,
+    learned_from_fit,
+)
 from experiments.study.recordings.demonstrations import DemonstrationSets, load_sets
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.recordings.reference import reference_dynamics
@@ -27,7 +34,7 @@ def fit_repetition(study: Study, expert: str, repetition: int) -> dict[str, Any]
     sets = load_sets(study, expert, repetition)
     reference = reference_dynamics(study)
     chosen = study.settings.learning if expert == PEOPLE else study.settings.beliefs
-    methods = METHODS if expert == PEOPLE else ASSUMPTIONS
+    methods = METHODS | PREDICTORS if expert == PEOPLE else ASSUMPTIONS
     measures: list[Row] = []
     candidates: list[Row] = []
     models: dict[str, Any] = {}
@@ -38,7 +45,7 @@ def fit_repetition(study: Study, expert: str, repetition: int) -> dict[str, Any]
             learned = method(trial)
             row = place | {"method": name, "prior_weight": learned.prior_weight}
             measures.append(row | measured(study.problem, sets, reference, learned))
-            if size == max(chosen.sizes):
+            if size == max(chosen.sizes) and name not in PREDICTORS:
                 models[name] = learned.values()
         if expert == PEOPLE:
             candidates += [place | row for row in candidate_rows(trial, sets)]

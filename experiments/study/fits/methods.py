@@ -4,7 +4,7 @@ They are the product's (`serd_app.learning.methods`), an imitator, and one that 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,8 @@ import numpy as np
 from serd_app.learning import methods as product
 from serd_app.learning.methods import FitData, MethodResult
 from serd_core.arrays import FloatArray, IntArray
+from serd_core.bayes.draws import laplace_draws, posterior_policy
+from serd_core.bayes.laplace import laplace
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.behavioural_cloning import clone_behaviour
 from serd_core.learners.fit_result import FitResult
@@ -95,15 +97,27 @@ def behavioural_cloning(trial: Trial) -> Learned:
     )
 
 
+def serd_averaged(trial: Trial) -> Learned:
+    """SERD by evidence, which predicts by the average over its posterior (Laplace)."""
+    found = product.mdce_serd_evidence(trial).fit
+    draws = laplace_draws(laplace(trial.problem, trial.decisions, found), np.random.default_rng(0))
+    return replace(
+        learned_from_fit(trial.problem, found), policy=posterior_policy(trial.problem, draws)
+    )
+
+
 #: Compared on the scripted people's demonstrations (Figs. 5.9 to 5.11).
 METHODS: dict[str, Method] = {
     "MDCE SERD": by(product.mdce_serd),
     "SERD, free belief": by(product.mdce_serd_free),
+    "SERD, evidence": by(product.mdce_serd_evidence),
     "MDCE IRL, likelihood": by(product.mdce_irl),
     "MDCE IRL, entropy": by(product.mdce_irl_entropy),
     "REIRL": by(product.relative_entropy_irl),
     "cloning": behavioural_cloning,
 }
+#: As one of `METHODS` that the robot drives by, with other predictions of the expert's actions.
+PREDICTORS: dict[str, Method] = {"SERD, averaged": serd_averaged}
 #: What may be assumed about the belief of an expert, from most to least.
 ASSUMPTIONS: dict[str, Method] = {
     "fixed (IRL)": by(product.mdce_irl),
