@@ -12,8 +12,9 @@ TOGETHER = (
     ("MDCE SERD", "MDCE IRL", "REIRL"),
     ("MDCE SERD", "MDCE SERD, training part", "MDCE SERD, stopped early"),
     ("PM SERD", "PM SERD, regularised", "MDCE IRL", "REIRL"),
-    ("MDCE SERD", "SERD, free belief", "SERD, evidence", "MDCE IRL, likelihood", "REIRL", "cloning"),
-    ("MDCE SERD", "SERD, averaged", "SERD, evidence", "MDCE IRL, entropy", "REIRL", "cloning"),
+    ("MDCE SERD", "SERD, free belief", "SERD, evidence", "MDCE IRL, likelihood", "REIRL"),
+    ("MDCE SERD", "SERD, free belief", "SERD, evidence", "MDCE IRL, entropy", "cloning"),
+    ("MDCE SERD", "SERD, averaged", "SERD, evidence", "REIRL", "cloning"),
     ("fixed (IRL)", "tied", "coupled", "free", "true dynamics (IRL)"),
 )  # fmt: skip
 
