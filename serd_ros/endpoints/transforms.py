@@ -79,7 +79,7 @@ class TransformPublisher:
             to_transform(topics.ODOM_FRAME, topics.BASE_FRAME, base_in_odom, time_s),
         )
         self._node.frames.add_prefix(message)
-        self._tf.publish(bytes(rosbags_types().serialize_cdr(message, TF_TYPE)))
+        self._tf.publish(_encoded(message))
 
 
 def publish_links(node: SerdNode[Any], links: Iterable[LinkTransform]) -> None:
@@ -92,7 +92,11 @@ def publish_links(node: SerdNode[Any], links: Iterable[LinkTransform]) -> None:
         )
     )
     publisher = node.create_publisher(TopicType(TF_TYPE).message, topics.TF_STATIC, qos.LATCHED)
-    publisher.publish(bytes(rosbags_types().serialize_cdr(message, TF_TYPE)))
+    publisher.publish(_encoded(message))
+
+
+def _encoded(message: Any) -> bytes:
+    return bytes(rosbags_types().serialize_cdr(message, TF_TYPE))
 
 
 def _in_rosbags(*placed: TransformStamped) -> Any:

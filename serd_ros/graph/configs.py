@@ -202,9 +202,9 @@ class PeopleTrackerConfig(LocalisationConfig, LidarConfig, ManagedConfig):
         " is published",
     )
 
-    def limits(self) -> GuardSettings:
+    def limits(self, scenario: Scenario) -> GuardSettings:
         """Limits of the scans as in the guard of the scenario's robot."""
-        guard = GuardSettings.of_scenario(load_scenario(self.scenario), "scan")
+        guard = GuardSettings.of_scenario(scenario, "scan")
         own = {"source_timeout": self.source_timeout, "blind_rays": self.blind_rays}
         return guard.model_copy(update=own)
 

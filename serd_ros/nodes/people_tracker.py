@@ -35,7 +35,8 @@ class PeopleTrackerNode(ManagedNode[PeopleTrackerConfig]):
     def configure(self) -> None:
         """Load the place."""
         self._scenario = load_scenario(self.config.scenario)
-        self._people = LidarPeople(self._scenario, self.config.limits(), self.config.wall_margin)
+        limits = self.config.limits(self._scenario)
+        self._people = LidarPeople(self._scenario, limits, self.config.wall_margin)
 
     def activate(self) -> None:
         """Track from now on."""

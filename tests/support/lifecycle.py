@@ -30,8 +30,7 @@ class LifecycleManager:
     """Of one node; probe: a node of the test's own that can spin. events: labels of states."""
 
     def __init__(self, probe, node):
-        self._probe, self._name = probe, node
-        self.events = []
+        self._probe, self.events = probe, []
         probe.node.create_subscription(
             TransitionEvent,
             f"/{node}/transition_event",

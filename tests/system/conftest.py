@@ -4,6 +4,7 @@ import contextlib
 import math
 import signal
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,7 @@ from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
+from support import standin_robot
 from support.waiting import PATIENCE_S, wait_until
 
 
@@ -110,6 +112,17 @@ def probing(environment: dict[str, str]) -> Iterator[Probe]:
     finally:
         probe.node.destroy_node()
         context.try_shutdown()
+
+
+@pytest.fixture
+def start_robot(nodes: Nodes) -> Callable[..., subprocess.Popen[bytes]]:
+    """Starts the stand-in robot with these options."""
+
+    def start(*options: object) -> subprocess.Popen[bytes]:
+        script = str(Path(standin_robot.__file__))
+        return nodes.start([sys.executable, script, *map(str, options)], "standin_robot")
+
+    return start
 
 
 @pytest.fixture

@@ -2,8 +2,6 @@
 
 import importlib.util
 import signal
-import sys
-from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -12,12 +10,12 @@ from nav_msgs.msg import Odometry
 
 from bags.reader import BagReader
 from serd_cli.node_commands import node_command
-from serd_ros.convert.diagnostics import END, from_episode_message, values_of
+from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.pose import to_pose_stamped
 from serd_ros.endpoints import qos
 from serd_ros.graph.configs import CONFIGS, ManagedConfig
 from serd_ros.graph.graph import load_graph
-from support import standin_robot
+from support.goals import Goals
 from support.lifecycle import DOWN, UP, LifecycleManager
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -172,10 +170,10 @@ def test_each_activation_of_the_recorder_has_a_bag_of_what_came_while_it_was_act
 
 
 @needs_nav2
-def test_the_bridge_may_be_cleaned_up_while_nav2_answers(nodes, probe, start):
+def test_the_bridge_may_be_cleaned_up_while_nav2_answers(nodes, probe, start, start_robot):
     """An action client that is destroyed while an answer waits ends the process."""
-    script, goals = str(Path(standin_robot.__file__)), []
-    nodes.start([sys.executable, script, "--follow", "nav2"], "standin_robot")
+    goals = []
+    start_robot("--follow", "nav2")
     bridge = start("nav2_bridge")
     manager = LifecycleManager(probe, "nav2_bridge")
     waypoints = probe.node.create_publisher(PoseStamped, "waypoint", qos.COMMAND)
@@ -198,28 +196,16 @@ def test_the_bridge_may_be_cleaned_up_while_nav2_answers(nodes, probe, start):
     assert bridge.poll() is None, nodes.log_of("nav2_bridge")
 
 
-class Drives:
-    """Goals and the ends of drives; speeds of the robot."""
+class Drives(Goals):
+    """Goals, and the speeds of the robot."""
 
     def __init__(self, probe):
-        self.probe, self.n_begun, self.ends, self.speeds_mps = probe, 0, [], []
-        self._goals = probe.node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
-        probe.node.create_subscription(DiagnosticArray, "episode", self._take_mark, qos.STATE)
+        super().__init__(probe)
+        self.speeds_mps = []
         probe.node.create_subscription(Odometry, "odom", self._take_odometry, qos.SENSOR)
-
-    def _take_mark(self, message):
-        mark = from_episode_message(message)
-        if mark.event == END:
-            self.ends.append(mark.outcome)
-        else:
-            self.n_begun += 1
 
     def _take_odometry(self, message):
         self.speeds_mps.append(message.twist.twist.linear.x)
-
-    def send(self, place):
-        self.probe.spin_until(lambda: self._goals.get_subscription_count() > 0)
-        self._goals.publish(to_pose_stamped((*place, 0.0), 0.0))
 
     def stands(self):
         """Whether the last five speeds are 0."""
@@ -227,10 +213,9 @@ class Drives:
 
 
 @pytest.mark.parametrize("stack", ["robot", pytest.param("robot_nav2", marks=needs_nav2)])
-def test_a_managed_stack_drives_while_it_is_active(stack, nodes, probe, save_model_of):
+def test_a_managed_stack_drives_while_it_is_active(stack, nodes, probe, start_robot, save_model_of):
     drives, follows = Drives(probe), "nav2" if stack == "robot_nav2" else "cmd_vel"
-    script = str(Path(standin_robot.__file__))
-    nodes.start([sys.executable, script, "--follow", follows], "standin_robot")
+    start_robot("--follow", follows)
     nodes.start_stack(stack, managed=True, model=str(save_model_of()))
     driving = "nav2_bridge" if stack == "robot_nav2" else "local_planner"
     managers = [LifecycleManager(probe, name) for name in (driving, "strategy")]
@@ -240,8 +225,7 @@ def test_a_managed_stack_drives_while_it_is_active(stack, nodes, probe, save_mod
 
     for manager in managers:
         manager.go(*UP)
-    drives.send((3.5, 3.5))
-    probe.spin_until(lambda: drives.ends == ["arrived"], seen=logs)
+    drives.drive_to((3.5, 3.5), logs)
 
     drives.send((3.5, 1.5))
     probe.spin_until(lambda: drives.n_begun == 2 and drives.speeds_mps[-1] > 0.1, seen=logs)
@@ -252,6 +236,6 @@ def test_a_managed_stack_drives_while_it_is_active(stack, nodes, probe, save_mod
 
     for manager in managers:
         manager.go(*UP)
-    drives.send((3.5, 1.5))
-    probe.spin_until(lambda: drives.ends[2:] == ["arrived"], seen=logs)
+    drives.drive_to((3.5, 1.5), logs)
+    assert drives.ends == ["arrived", "discarded", "arrived"]
     assert "internal error" not in logs()

@@ -1,8 +1,5 @@
 """People of the lidar tracker beside the true ones, and a robot with a lidar alone that drives."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
@@ -13,7 +10,6 @@ from serd_cli.node_commands import node_command
 from serd_ros.convert.pose import from_pose_stamped
 from serd_ros.convert.sensors import from_people_message
 from serd_ros.endpoints import qos
-from support import standin_robot
 from support.goals import Goals
 from support.people_in_sight import HeardSightings
 from support.standin_robot import walkers
@@ -64,7 +60,7 @@ def test_in_the_hallway_the_tracker_finds_the_people_of_the_simulator(nodes, pro
 
 
 def test_a_robot_with_a_lidar_only_drives_and_publishes_the_people_around_it(
-    nodes, probe, save_model_of
+    nodes, probe, start_robot, save_model_of
 ):
     """Its lidar is turned, map to odom is stamped ahead, and no two topics have one stamp."""
     places, goals = [], Goals(probe)
@@ -78,8 +74,7 @@ def test_a_robot_with_a_lidar_only_drives_and_publishes_the_people_around_it(
     sightings = HeardSightings(
         probe, lambda _: places[-1] if places else None, lambda at_ns: walkers(at_ns * 1e-9)
     )
-    script = str(Path(standin_robot.__file__))
-    nodes.start([sys.executable, script, "--people", "--period", "0.103"], "standin_robot")
+    start_robot("--people", "--period", 0.103)
     nodes.start_stack("robot_people", model=str(save_model_of()))
     wait_until(lambda: "waiting for a goal" in nodes.log_of("strategy"))
 

@@ -6,16 +6,13 @@ SERD_ROBOT_GOALS sets the number of goals of each drive, 20 for the long form.
 import importlib.util
 import os
 import re
-import sys
 from itertools import cycle, islice
-from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 
 from serd_ros.endpoints import qos
-from support import standin_robot
 from support.goals import Goals
 from support.waiting import wait_until
 
@@ -26,15 +23,6 @@ needs_nav2 = pytest.mark.skipif(
     importlib.util.find_spec("nav2_msgs") is None,
     reason="nav2_msgs is not installed; run make interfaces",
 )
-
-
-@pytest.fixture
-def start_robot(nodes):
-    def start(*options):
-        script = str(Path(standin_robot.__file__))
-        return nodes.start([sys.executable, script, *map(str, options)], "standin_robot")
-
-    return start
 
 
 @pytest.mark.parametrize(
