@@ -39,7 +39,7 @@ from storage.yaml_text import write_yaml
 #: Results that come with the project.
 KEPT = Path(__file__).parents[1] / "results" / "hallway"
 #: The settings that the files of each stage depend on.
-_WORLD = dict.fromkeys(("scenario", "people", "crowd", "planner", "seed"), True)
+_WORLD = dict.fromkeys(("scenario", "people", "crowd", "drive", "planner", "seed"), True)
 REFERENCE_SETTINGS = _WORLD | {"demonstrations": {"driver"}, "reference": True}
 _DEMONSTRATIONS = REFERENCE_SETTINGS | {
     "discount": True,

@@ -70,6 +70,7 @@ class WorldSettings(StrictModel):
     scenario: str
     people: int = Field(ge=1)
     crowd: str
+    drive: str
     planner: str
     discount: float = Field(ge=0, lt=1)
     seed: int = Field(ge=0)

@@ -26,10 +26,10 @@ class StudyWorld:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The scenario with the people of the study."""
+        """The scenario with the robot and the people of the study."""
         settings = self.settings
-        people = {"count": settings.people, "model": settings.crowd}
-        return load_scenario(settings.scenario).with_values("pedestrians", **people)
+        place = load_scenario(settings.scenario).with_values("robot", drive=settings.drive)
+        return place.with_values("pedestrians", count=settings.people, model=settings.crowd)
 
     @cached_property
     def problem(self) -> NavigationProblem:

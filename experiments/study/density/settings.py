@@ -23,6 +23,7 @@ class DensitySettings(StrictModel):
 
     scenario: str
     crowd: str
+    drive: str
     planner: str
     driver: str
     discount: float = Field(ge=0, lt=1)
@@ -51,8 +52,8 @@ class DensityStudy:
     def scenario(self, people: int) -> Scenario:
         """The place with a number of people."""
         settings = self.settings
-        crowd = {"count": people, "model": settings.crowd}
-        return load_scenario(settings.scenario).with_values("pedestrians", **crowd)
+        place = load_scenario(settings.scenario).with_values("robot", drive=settings.drive)
+        return place.with_values("pedestrians", count=people, model=settings.crowd)
 
     @cached_property
     def problem(self) -> NavigationProblem:
