@@ -33,6 +33,12 @@ def find_command(package: str, executable: str, environment: Mapping[str, str]) 
     return [str(prefix / "lib" / package / executable)]
 
 
+def shared_file(package: str, name: str, environment: Mapping[str, str]) -> Path | None:
+    """share/<package>/<name> of the first prefix that has it."""
+    files = (each / "share" / package / name for each in _prefixes(environment))
+    return next((file for file in files if file.is_file()), None)
+
+
 def all_executables(environment: Mapping[str, str]) -> dict[str, list[str]]:
     """Executables by package, of the packages that have any; our own nodes among them."""
     found = {PACKAGE: sorted(load_graph().nodes)}

@@ -23,6 +23,7 @@ class DemoFolder:
         self.decisions = self.root / "decisions.csv"
         self.learning = self.root / "model.learning.csv"
         self.navigation = self.root / "navigation"
+        self.layout = self.root / "foxglove.json"
         self.logs = self.root / "logs"
 
     def demonstrated(self, settings: DemoSettings) -> bool:

@@ -21,10 +21,13 @@ from serd_app.learning.settings import LearningSettings
 from serd_cli.demo.folder import DemoFolder
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.errors import RunError
+from serd_cli.executables import shared_file
 from serd_cli.stack_run import run_stack
+from serd_ros.graph.graph import PACKAGE
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from storage.episode_table import EpisodeResult
+from storage.files import atomic_write_text
 
 
 def demonstrate(
@@ -44,6 +47,9 @@ def demonstrate(
         total = settings.demonstrations
         run_stack("demonstrate", given, environment, total=total, logs=folder.logs)
         _require(folder.demonstrated(settings), "demonstrate")
+    # Installed by pip alone there is no workspace with a layout.
+    if layout := shared_file(PACKAGE, "foxglove/serd.json", environment):
+        atomic_write_text(folder.layout, layout.read_text(encoding="utf-8"))
     return _driven("demonstrate", folder.episodes(folder.demonstrations))
 
 

@@ -28,6 +28,7 @@ from storage.model_file import load_model
 _PACKAGES = ("serd", "numpy", "scipy", "pybullet", "ros-jazzy-rclpy", "rosbags")
 _FILES = (
     FileLink("bag", "rosbag2 recording (MCAP) of all demonstrations"),
+    FileLink("foxglove.json", "layout in which Foxglove shows the recording"),
     FileLink("decisions.csv", "the decisions (s, a, s') learned from"),
     FileLink("model.grid.yaml", "the grid they are on"),
     FileLink("model.yaml", "the learned model"),
@@ -82,7 +83,7 @@ def report_inputs(
         timeout_s=settings.timeout_s,
         snapshot=busy_moment(folder.bag, recording),
         run=_facts(settings, scenario, phases),
-        files=_FILES,
+        files=tuple(each for each in _FILES if (folder.root / each.path).exists()),
         faults=faults_of(folder.decisions),
         knowledge=load_knowledge(outcome_files(folder.model), strategy.problem.grid),
     )

@@ -86,6 +86,8 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
     assert len(re.findall(r"<figure", page)) >= 6
     for name in ("bag/metadata.yaml", "bag.partial-1/metadata.yaml", "model.yaml", "decisions.csv"):
         assert (run / name).is_file(), name
+    assert json.loads((run / "foxglove.json").read_text())["configById"]
+    assert 'href="foxglove.json"' in page
 
     again = [SERD, "demo", "--resume", str(run), "--json"]
     printed = subprocess.run(again, cwd=tmp_path, capture_output=True, check=True).stdout
