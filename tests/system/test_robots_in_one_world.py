@@ -48,8 +48,8 @@ class Driven:
 
 
 def drive_in_process():
-    """(2, N, 2) places of both robots in all episodes."""
-    scenario, places = load_scenario("hallway"), []
+    """(2, N, 2) places of both robots in all episodes; those that share a world are kinematic."""
+    scenario, places = load_scenario("hallway").with_values("robot", drive="kinematic"), []
     with SharedWorld(scenario, seed=SEED, robots=len(ROBOTS)) as shared:
         driven = [Driven(world) for world in shared.worlds]
         for episode in range(EPISODES):

@@ -20,7 +20,7 @@ PANELS = {
 }
 
 #: With dynamics of their own, but for the last: all others report the M-estimate, as it does.
-_DYNAMICS = ("MDCE SERD", "SERD, free belief", "SERD, evidence", "MDCE IRL, likelihood")
+_DYNAMICS = ("MDCE SERD", "SERD, evidence", "MDCE IRL, likelihood")
 
 
 def rows(results: Results) -> pd.DataFrame:
@@ -46,9 +46,11 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
             above.set_title(title, loc="left")
             above.set_ylabel(label)
             if measure == "dynamics_divergence":
-                _curves(above, panel[panel["method"].isin(_DYNAMICS)])
+                drawn = panel[panel["method"].isin(_DYNAMICS)]
+                _curves(above, drawn)
                 above.set(xlabel="demonstrations", yscale="log")
-                above.legend([*_DYNAMICS[:-1], "M-estimate: all others"], loc="upper right")
+                *names, _ = drawn["method"].unique()
+                above.legend([*names, "M-estimate: all others"], loc="upper right")
             else:
                 below = axes[f"{letter} below"]
                 _curves(above, panel)
@@ -56,7 +58,7 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
                 below.set_xlabel("demonstrations")
                 _break(above, below, panel)
         handles = axes["a"].get_legend_handles_labels()
-        figure.legend(*handles, loc="outside lower center", ncols=4)
+        figure.legend(*handles, loc="outside lower center", ncols=len(handles[0]))
     return figure
 
 

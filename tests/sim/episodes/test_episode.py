@@ -93,7 +93,7 @@ def test_a_waiting_policy_times_out_where_it_started():
     assert record.outcome == "timeout"
     assert np.isnan(record.time_of_arrival_s)
     assert record.n_ticks == 200
-    assert record.distance_m < 1e-6
+    assert record.distance_m < 1e-3  # it settles on its casters
     assert len(record.decisions) == 5
 
 

@@ -20,7 +20,8 @@ from sim.world.world import HallwayWorld
 from storage.yaml_config import model_yaml
 from support.observations import observation_at
 
-HALLWAY = load_scenario("hallway").with_pedestrian_count(0)
+KINEMATIC = load_scenario("hallway").with_values("robot", drive="kinematic")
+HALLWAY = KINEMATIC.with_pedestrian_count(0)
 AHEAD = Waypoint(3.0, 12.0)
 
 

@@ -21,7 +21,8 @@ def straight(odometry, n_steps):
 
 
 def test_without_deviations_odometry_is_the_truth_bit_for_bit():
-    with HallwayWorld(EMPTY, seed=1) as world:
+    """Wheels of a physical robot slip."""
+    with HallwayWorld(EMPTY.with_values("robot", drive="kinematic"), seed=1) as world:
         world.reset(0)
         for _ in range(50):
             seen = world.step(Command(0.6, 0.5))

@@ -21,7 +21,7 @@ def test_with_the_guard_the_robot_stands_after_the_scan_stops_and_without_it_dri
     assert guarded["began"] == unguarded["began"] == 1
     assert guarded["zero_s"] <= 0.25
     assert guarded["stood_m"] < 0.6
-    assert guarded["later_m"] == pytest.approx(0.0, abs=1e-9)
+    assert guarded["later_m"] < 1e-3  # the body comes to rest on its casters
     assert unguarded["way_m"] > 5.0
     assert [column.name for column in COLUMNS] == list(guarded)
 

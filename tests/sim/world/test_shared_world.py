@@ -16,7 +16,7 @@ from sim.world.shared_world import SharedWorld
 from sim.world.waypoint import Waypoint
 from sim.world.world import HallwayWorld
 
-HALLWAY = load_scenario("hallway")
+HALLWAY = load_scenario("hallway").with_values("robot", drive="kinematic")
 EMPTY = HALLWAY.with_pedestrian_count(0)
 RADIUS_M = HALLWAY.robot.radius_m
 
