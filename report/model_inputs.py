@@ -57,7 +57,7 @@ def inputs_of_model(
     found = None
     if demonstrations is not None:
         own = scenario if file.scenario else ""
-        found = familiarity_of(model, demonstrations, mapping=mapping, scenario=own)
+        found = familiarity_of(model, [demonstrations], mapping=mapping, scenario=own)
     return ReportInputs(
         title=f"Learned model: {file.scenario or 'fitted grid'}",
         scenario=place,

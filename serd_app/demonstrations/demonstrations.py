@@ -105,15 +105,16 @@ def demonstrations_of_each(
     """Those of each drive of one recording.
 
     seen: see `fresh_from_drive`; agents: the drives are of different agents, of whom two may decide
-    the same at the same times.
+    the same at the same times, so that those of the same places alone are repeated.
     """
     seen = set() if seen is None else seen
     known = frozenset(seen)
     found = []
     for drive in drives:
-        seen_here = set(known) if agents else seen
+        track = drive.pose_time_s.tobytes() + drive.position_m.tobytes()
+        seen_here = set(known if track in known else ()) if agents else seen
         found.append(fresh_from_drive(drive, grid, decision_period_s, seen_here))
-        seen |= seen_here
+        seen |= seen_here | ({track} if agents else set())
     return found
 
 

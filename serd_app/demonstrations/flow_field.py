@@ -86,7 +86,8 @@ def flow_from_recordings(
     seen: set[bytes] = set()
     for each, people in zip(recordings, sightings, strict=True):
         if each.crowd is not None:
-            _add_crowd(estimator, each.crowd, seen)
+            if each.crowd.people:
+                _add_crowd(estimator, each.crowd, seen)
             continue
         for one in people:
             if one.digest not in seen:

@@ -26,6 +26,7 @@ from serd_app.demonstrations.resolution import (
 )
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.recording import Recording
+from serd_app.drives.table_drives import is_table
 from serd_app.places.kept_scenario import (
     keep_scenario,
     kept_scenario_file,
@@ -140,9 +141,8 @@ def demonstrations_of_all(
     seen: set[bytes] = set()
     found = []
     for each in recordings:
-        parts = demonstrations_of_each(
-            each.drives, grid, period_s, seen=seen, agents=each.crowd is not None
-        )
+        agents = each.crowd is not None or is_table(each.bag)
+        parts = demonstrations_of_each(each.drives, grid, period_s, seen=seen, agents=agents)
         here, report = joined_demonstrations(parts)
         n_of_drives = tuple(len(part.decisions) for part, _ in parts)
         tracks = tuple(track for drive in each.drives for track in tracks_of(drive, grid))

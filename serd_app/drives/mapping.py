@@ -77,8 +77,13 @@ class TableMapping(DriveMapping, TableColumns):
     )
     experts: tuple[str, ...] = setting(
         (),
-        "ids of the agents that demonstrate, the others are people; by default those named robot,"
-        " robot_1, ..., else all",
+        "ids or kinds of the agents that demonstrate, * for any text, the others are people; by"
+        " default those with robot, agv, amr or ego in them, else all",
+    )
+    people: str = setting(
+        "",
+        "table of people beside this one, all of whose agents then demonstrate unless experts names"
+        " some; * is the last number in the name of the table",
     )
 
     @classmethod

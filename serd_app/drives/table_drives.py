@@ -4,6 +4,7 @@ among."""
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.unmarked import unmarked_spans, usual_gap_s
 from serd_core.arrays import FloatArray
 from storage.errors import FileError
+from storage.trajectories.columns import TableColumns
 from storage.trajectories.read import Track, read_trajectories
 
 #: Velocities of people are central differences over about this time.
@@ -23,21 +25,32 @@ _VELOCITY_S = 0.4
 #: Steps between places of an agent across which its place is interpolated for others.
 _LONGEST_STEP_S = 1.0
 _TOLERANCE_S = 1e-6
+#: Of the tables that a folder may hold.
+_SUFFIXES = frozenset([".csv", ".txt", ".tsv", ".gz", ".parquet", ".pq"])
 _LISTED = 5
-#: Name of the agent that alone demonstrates where the others have other names.
-_ROBOT = re.compile(r"robots?([ _-]?\d+)?$", re.IGNORECASE)
+#: In the name or the kind of the agents that alone demonstrate where others have other names.
+_ROBOT = re.compile(
+    r"(?<![a-z])(?<!non.)(?<!not.)(?<!no.)(robots?[a-z]?|agv|amr|ego)(?![a-z])", re.IGNORECASE
+)
+#: In the name of a file of people it stands for the number in that of the table.
+_NUMBER, _DIGITS = "*", re.compile(r"\d+")
 
 
 @dataclass(frozen=True, eq=False)
 class Crowd:
-    """The tracks of all agents, and the places in them of those that demonstrate, by drive."""
+    """The tracks of all agents, and the places in them of those that demonstrate, by drive; whether
+    all of them are robots."""
 
     tracks: tuple[Track, ...]
     experts: tuple[int, ...]
+    all_robots: bool = False
 
     @property
     def people(self) -> tuple[Track, ...]:
-        """Those whose flow counts: all where all demonstrate, else the others."""
+        """Those whose flow counts: all where all demonstrate, none of robots alone, else the
+        others."""
+        if self.all_robots:
+            return ()
         if len(self.experts) == len(self.tracks):
             return self.tracks
         return tuple(each for row, each in enumerate(self.tracks) if row not in self.experts)
@@ -52,10 +65,19 @@ class Crowd:
         """(N, 2) likewise."""
         return np.concatenate([_velocity_mps(track) for track in self.people])
 
+    @cached_property
+    def _spans_s(self) -> FloatArray:
+        """(2, N) first and last times of all tracks."""
+        return np.array([track.time_s[[0, -1]] for track in self.tracks]).T
+
     def others_at(self, drive: int, time_s: FloatArray) -> list[FloatArray]:
         """(n, 2) places of all agents but that of a drive, at each of the times (T,)."""
         found = [list[FloatArray]() for _ in time_s]
-        for row, track in enumerate(self.tracks):
+        begin_s, end_s = self._spans_s
+        asked_s = (time_s.min(initial=np.inf), time_s.max(initial=-np.inf))
+        there = (begin_s <= asked_s[1] + _TOLERANCE_S) & (end_s >= asked_s[0] - _TOLERANCE_S)
+        for row in np.flatnonzero(there).tolist():
+            track = self.tracks[row]
             if row == self.experts[drive]:
                 continue
             after = np.searchsorted(track.time_s, time_s - _TOLERANCE_S)
@@ -78,20 +100,72 @@ class TableDrives:
 
 
 def is_table(path: Path) -> bool:
-    """Whether it is a file that is no storage file of a bag."""
+    """Whether it is a file that is no storage file of a bag; FileError for a folder of tables."""
+    if path.is_dir():
+        files = sorted(path.iterdir())
+        tables = [each for each in files if each.suffix.lower() in _SUFFIXES]
+        if tables and not any(each.name == "metadata.yaml" or is_bag_file(each) for each in files):
+            raise FileError(
+                f"{path} must be a recording, it is a folder of tables; give these, as"
+                f" {path}/*{tables[0].suffix}"
+            )
     return path.is_file() and not is_bag_file(path)
 
 
 def drives_of_table(path: Path, mapping: TableMapping, period_s: float) -> TableDrives:
     """A drive of each expert; FileError where the table cannot be read."""
     found = read_trajectories(path, mapping)
-    assumed = found.assumed
-    experts, choice = _experts(path, found.tracks, mapping.experts)
+    assumed, tracks = found.assumed, found.tracks
+    if mapping.people:
+        file = _people_file(path, mapping.people)
+        people = read_trajectories(file, TableColumns(fps=mapping.fps, unit=mapping.unit))
+        experts, choice = _experts(path, tracks, mapping.experts or ("*",))
+        assumed = (*assumed, *(f"{file.name}: {each}" for each in people.assumed))
+        tracks = (*tracks, *people.tracks)
+        _require_one_clock(path, found.tracks, file, people.tracks)
+    else:
+        experts, choice = _experts(path, tracks, mapping.experts)
     if choice:
         assumed = (*assumed, choice)
-    drives = drives_of_tracks(found.tracks, experts, mapping, period_s, f"table {path}")
-    crowd = Crowd(found.tracks, experts) if len(found.tracks) > 1 else None
+    drives = drives_of_tracks(tracks, experts, mapping, period_s, f"table {path}")
+    crowd = Crowd(tracks, experts, all(map(_is_robot, tracks))) if len(tracks) > 1 else None
     return TableDrives(drives, crowd, assumed)
+
+
+def _people_file(path: Path, name: str) -> Path:
+    """Beside the table."""
+    numbers = _DIGITS.findall(path.stem)
+    if _NUMBER in name and not numbers:
+        raise FileError(
+            f"{path} must have a number in its name, which {_NUMBER} stands for in people: {name};"
+            " name the file"
+        )
+    return path.with_name(name.replace(_NUMBER, numbers[-1] if numbers else ""))
+
+
+def _require_one_clock(
+    path: Path, tracks: Sequence[Track], file: Path, people: Sequence[Track]
+) -> None:
+    """FileError where nobody is seen while the robot drives."""
+    (begin_s, end_s), (first_s, last_s) = (
+        (min(each.time_s[0] for each in some), max(each.time_s[-1] for each in some))
+        for some in (tracks, people)
+    )
+    if last_s < begin_s or first_s > end_s:
+        raise FileError(
+            f"{file} must have the clock of {path}, but its times are from {first_s:.10g} to"
+            f" {last_s:.10g} s, those of the table from {begin_s:.10g} to {end_s:.10g} s; give"
+            " times of one clock"
+        )
+
+
+def _is_called(names: Sequence[str], wanted: str) -> bool:
+    """Whether it is one of the names, in which * stands for any text."""
+    return any(name == wanted or fnmatchcase(name, wanted) for name in names)
+
+
+def _is_robot(track: Track) -> bool:
+    return any(_ROBOT.search(each) for each in (track.name or track.agent, *track.kinds))
 
 
 def drives_of_tracks(
@@ -110,7 +184,8 @@ def _experts(
 ) -> tuple[tuple[int, ...], str]:
     """Places of the agents that demonstrate, and a sentence where that was assumed."""
     names = [track.agent for track in tracks]
-    missing = [name for name in wanted if name not in names]
+    called = [(track.agent, track.name, *track.kinds) for track in tracks]
+    missing = [each for each in wanted if not any(_is_called(every, each) for every in called)]
     if missing:
         known = ", ".join(names[:_LISTED]) + (", ..." if len(names) > _LISTED else "")
         raise FileError(
@@ -118,16 +193,19 @@ def _experts(
             " the mapping"
         )
     if wanted:
-        return tuple(row for row, name in enumerate(names) if name in wanted), ""
-    robots = tuple(
-        row
-        for row, name in enumerate(names)
-        if _ROBOT.match(name) or _ROBOT.match(tracks[row].kind)
-    )
+        return tuple(
+            row
+            for row, every in enumerate(called)
+            if any(_is_called(every, each) for each in wanted)
+        ), ""
+    robots = tuple(row for row, track in enumerate(tracks) if _is_robot(track))
     if not robots or len(robots) == len(names):
-        return tuple(range(len(names))), ""
+        choice = f"all {len(names)} agents demonstrate; 'experts:' in a --mapping file names others"
+        return tuple(range(len(names))), "" if robots or len(names) == 1 else choice
     named = ", ".join(names[row] for row in robots[:_LISTED])
-    return robots, f"{named} demonstrates among {len(names) - len(robots)} people ('experts:')"
+    more = ", ..." if len(robots) > _LISTED else ""
+    verb = "demonstrates" if len(robots) == 1 else "demonstrate"
+    return robots, f"{named}{more} {verb} among {len(names) - len(robots)} people ('experts:')"
 
 
 def _drive(track: Track, mapping: TableMapping, period_s: float, source: str) -> RecordedDrive:

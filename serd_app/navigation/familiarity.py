@@ -4,17 +4,20 @@ Trajectories are a table of decisions with the files beside it, or what `serd de
 then put on the grid of the model.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from serd_app.demonstrations.discretise import joined_reports
 from serd_app.demonstrations.flow_field import FlowField, flow_from_recordings
 from serd_app.demonstrations.grid_file import load_grid
 from serd_app.demonstrations.measured_density import density_of_recordings, save_density
 from serd_app.demonstrations.recorded import (
     Place,
+    concatenated,
     demonstrations_of_all,
     files_beside,
     save_demonstrations,
@@ -39,6 +42,7 @@ from sim.scenario.scenario import Scenario, load_scenario
 from storage.errors import FileError
 from storage.model_file import ModelFile, load_model
 
+_MOST_ASSUMED = 5
 #: Methods whose policy is Boltzmann over optimal values.
 _OF_OPTIMAL_VALUES = ("pm_serd", "policy_matching")
 
@@ -65,7 +69,7 @@ class Familiarity:
 
 def familiarity_of(
     model: Path,
-    trajectories: Path,
+    trajectories: Sequence[Path],
     *,
     mapping: DriveMapping | None = None,
     scenario: str = "",
@@ -76,6 +80,7 @@ def familiarity_of(
 ) -> Familiarity:
     """Score trajectories by the policy and dynamics of a model file.
 
+    trajectories: a table of decisions, or bags or tables of trajectories of one place.
     goals_m: in place of the model's own; scenario: name or file, in place of the one that the
     decisions or else the model name; flow: see `read_learning_files`. FileError where cells or
     periods differ from those of the model.
@@ -84,10 +89,11 @@ def familiarity_of(
     files, discretised = _files(model, file, trajectories, mapping, scenario, flow, goals_m)
     task, decisions = files.task, files.demonstrations.decisions
     grid = task.problem.grid
-    require_same_scale(model, file, trajectories, grid.cell_size_m, task.decision_period_s)
+    require_same_scale(model, file, trajectories[0], grid.cell_size_m, task.decision_period_s)
     if not len(decisions):
         raise AppError(
-            f"{trajectories} must hold a decision before the goal, got none; name another --goal"
+            f"{_in_words(trajectories)} must hold a decision before the goal, got none; name"
+            " another --goal"
         )
     policy, outcomes = _policy(model, file, task.problem)
     scores = episode_scores(
@@ -128,22 +134,27 @@ def _policy(
 def _files(
     model: Path,
     file: ModelFile,
-    trajectories: Path,
+    trajectories: Sequence[Path],
     mapping: DriveMapping | None,
     scenario: str,
     flow: FlowSource,
     goals_m: tuple[tuple[float, float], ...],
 ) -> tuple[LearningFiles, str]:
-    is_decisions = files_beside(trajectories)["record"].exists()
-    if is_decisions and mapping is not None:
+    tables = [each for each in trajectories if files_beside(each)["record"].exists()]
+    if tables and mapping is not None:
         raise AppError(
-            f"--mapping must be left out for a table of decisions, got one for {trajectories}"
+            f"--mapping must be left out for a table of decisions, got one for {tables[0]}"
         )
-    if is_decisions:
-        own = load_grid(files_beside(trajectories)["grid"]).fingerprint() == file.grid.fingerprint
+    if tables and len(trajectories) > 1:
+        raise AppError(
+            f"a table of decisions must be compared alone, got {tables[0]} with others; give the"
+            " recordings that it is of"
+        )
+    if tables:
+        own = load_grid(files_beside(tables[0])["grid"]).fingerprint() == file.grid.fingerprint
         goals = goals_m or (file.goals_m if own else ())
         files = read_learning_files(
-            trajectories,
+            tables[0],
             discount=file.discount,
             scenario=scenario,
             flow=flow,
@@ -170,7 +181,7 @@ def _files(
 def _discretise(
     model: Path,
     file: ModelFile,
-    trajectories: Path,
+    trajectories: Sequence[Path],
     mapping: DriveMapping | None,
     scenario: str,
     table: Path,
@@ -178,34 +189,47 @@ def _discretise(
     """Write decisions on the model's grid, with the people of the recording or the model's flow."""
     grid = load_grid(outcome_files(model)["grid"])
     place = Place(grid, file.decision_period_s, load_scenario(scenario) if scenario else None)
-    chosen = mapping or (None if is_table(trajectories) else mapping_of_poses(trajectories))
-    recording = read_recording(
-        trajectories,
-        file.decision_period_s,
-        mapping=chosen,
-        tolerant=False,
-        goal_area_m=place.scenario.goal_area_m if place.scenario else (),
-    )
-    found = demonstrations_of_all([recording], grid, file.decision_period_s)
-    if not len(found[0].decisions):
-        raise AppError(
-            f"{trajectories} holds no decision on the grid of {model}: {found[0].report}; is it of"
-            " the same place?"
+    mappings = [
+        mapping or (None if is_table(each) else mapping_of_poses(each)) for each in trajectories
+    ]
+    recordings = [
+        read_recording(
+            each,
+            file.decision_period_s,
+            mapping=chosen,
+            tolerant=False,
+            goal_area_m=place.scenario.goal_area_m if place.scenario else (),
         )
-    of_people = chosen if isinstance(chosen, BagMapping) else BagMapping()
-    sightings = sightings_of_all([trajectories], of_people.people_topic, frame=of_people.frame)
-    flow = flow_from_recordings([recording], sightings, grid)
+        for each, chosen in zip(trajectories, mappings, strict=True)
+    ]
+    found = demonstrations_of_all(recordings, grid, file.decision_period_s)
+    report = joined_reports([each.report for each in found])
+    if not report.n_decisions:
+        raise AppError(
+            f"{_in_words(trajectories)} holds no decision on the grid of {model}: {report}; is it"
+            " of the same place?"
+        )
+    of_bags = (each for each in mappings if isinstance(each, BagMapping))
+    of_people = next(of_bags, BagMapping())
+    sightings = sightings_of_all(trajectories, of_people.people_topic, frame=of_people.frame)
+    flow = flow_from_recordings(recordings, sightings, grid)
     save_demonstrations(table, place, found, flow or _flow_of_model(model, file, grid))
     if file.with_density:
         density = density_of_recordings(found, sightings, grid)
         if density is None:
             raise AppError(
-                f"{trajectories} must hold people at decisions ('{of_people.people_topic}' of a"
-                f" bag), as outcomes of {model} depend on their density, got none; compare with a"
-                " model learned without --density"
+                f"{_in_words(trajectories)} must hold people at decisions"
+                f" ('{of_people.people_topic}' of a bag), as outcomes of {model} depend on their"
+                " density, got none; compare with a model learned without --density"
             )
-        save_density(table, grid, found[0].decisions, density)
-    return str(found[0].report)
+        save_density(table, grid, concatenated(found), density)
+    assumed = list(dict.fromkeys(line for each in recordings for line in each.assumed))
+    more = [f"and {len(assumed) - _MOST_ASSUMED} more"] if len(assumed) > _MOST_ASSUMED else []
+    return "; ".join([str(report), *assumed[:_MOST_ASSUMED], *more])
+
+
+def _in_words(paths: Sequence[Path]) -> str:
+    return str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} more"
 
 
 def _flow_of_model(model: Path, file: ModelFile, grid: Grid) -> FlowField | None:

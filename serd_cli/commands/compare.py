@@ -53,7 +53,8 @@ def register(app: typer.Typer) -> None:
 def compare(
     model: Annotated[Path, typer.Argument(help="file of a learned model")],
     trajectories: Annotated[
-        Path, typer.Argument(help="table of decisions, bag, or table of trajectories")
+        list[Path],
+        typer.Argument(help="table of decisions, or bags or tables of trajectories"),
     ],
     output: Annotated[Path, typer.Option(help="table to write, ending in .csv")] = Path(
         "compared.csv"
@@ -87,10 +88,11 @@ def compare(
     """
     require_suffix(output, ".csv")
     picture = output.with_suffix(".png")
-    require_apart(output, (picture,), (str(model), str(trajectories), mapping or "", scenario))
+    require_apart(output, (picture,), (model, *trajectories, mapping or "", scenario))
     chosen = None
     if mapping is not None:
-        chosen = load_yaml_model(mapping, TableMapping if is_table(trajectories) else BagMapping)
+        kind = TableMapping if all(map(is_table, trajectories)) else BagMapping
+        chosen = load_yaml_model(mapping, kind)
     found = familiarity_of(
         model,
         trajectories,

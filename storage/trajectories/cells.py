@@ -1,12 +1,15 @@
 """The cells of a table of any layout: separator, comments and names of columns are detected.
 
-Text: values separated by commas, semicolons (then a comma may be the decimal sign), tabs or spaces;
-lines that begin with #, % or // are comments, of which the last that fits names the columns, unless
-the first line of values does. Parquet: as its columns are named.
+Text: values separated by commas, semicolons (then a comma may be the decimal sign), bars, tabs or
+spaces, also compressed by gzip; lines that begin with #, % or // are comments, of which the last
+that fits names the columns, unless the first line of values does, or one below a preamble. Parquet:
+as its columns are named.
 """
 
+import gzip
 import io
 import re
+import zlib
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -25,10 +28,14 @@ _COMMENTS = ("#", "%", "//")
 _RATE = re.compile(
     r"(?:frame\s*-?rate|fps|bildrate)\D{0,5}(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)\s*fps", re.I
 )
+_QUOTED_COMMA = re.compile(r'"[-+]?\d+,\d+"')
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+(?:,\d+)?")
 _FEWEST_COLUMNS = 2
 #: Of the roles of columns, those that a line of names has.
 _FEWEST_ROLES = 3
+_LONGEST_PREAMBLE = 100
+_GZIP, _LARGEST_BYTES = b"\x1f\x8b", 2**30
+_RATE_NAMES = ("fps", "frame_rate", "framerate")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +56,28 @@ def read_cells(path: Path) -> Cells:
     """The cells of a file; FileError where it holds no table."""
     if path.suffix in PARQUET:
         return _parquet(path)
-    content = read_bytes(path)
+    content = _unpacked(path, read_bytes(path))
     encoding = "utf-16" if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8-sig"
     text = content.decode(encoding, errors="replace")
     if "\0" in text[:4096]:
-        raise FileError(f"{path} must be a table of text or Parquet, it is neither; check the path")
+        raise FileError(
+            f"{path} must be a table of text or Parquet, it is neither; unpack archives, else check"
+            " the path"
+        )
     return _text(path, text)
+
+
+def _unpacked(path: Path, content: bytes) -> bytes:
+    """The content of a file of gzip, else as it is."""
+    if not content.startswith(_GZIP):
+        return content
+    try:
+        unpacked = gzip.GzipFile(fileobj=io.BytesIO(content)).read(_LARGEST_BYTES + 1)
+    except (OSError, EOFError, zlib.error) as error:
+        raise FileError(f"{path} must be a file of gzip, but {error}; compress it again") from None
+    if len(unpacked) > _LARGEST_BYTES:
+        raise FileError(f"{path} must hold at most 1 GB of text; divide it, or write Parquet")
+    return unpacked
 
 
 def _parquet(path: Path) -> Cells:
@@ -80,6 +103,7 @@ def _text(path: Path, text: str) -> Cells:
     if not rows:
         raise FileError(f"{path} must hold rows of values, it holds none; check the path")
     separator, decimal = _separator(rows[-1])
+    rows = rows[_preamble(rows, separator) :]
     names = _split(rows[0], separator)
     if _is_values(names, decimal):
         names = _named_in_comments(comments, separator, len(names))
@@ -95,7 +119,28 @@ def _text(path: Path, text: str) -> Cells:
         frame = frame.reindex(columns=range(len(names)))
     elif names:  # further columns have their numbers
         names += map(str, range(len(names) + 1, frame.shape[1] + 1))
-    return Cells(frame, tuple(names), _rate(comments), comments, len(rows) - len(frame))
+    rate = _rate(comments) or _rate_in_rows(frame, names)
+    return Cells(frame, tuple(names), rate, comments, len(rows) - len(frame))
+
+
+def _preamble(rows: Sequence[str], separator: str) -> int:
+    """How many lines of other words come before the line of names."""
+    n_roles = [len(_roles(_split(row, separator))) for row in rows[:_LONGEST_PREAMBLE]]
+    if n_roles[0] >= _FEWEST_ROLES or max(n_roles) < _FEWEST_ROLES:
+        return 0
+    return n_roles.index(max(n_roles))
+
+
+def _roles(names: Sequence[str]) -> set[str]:
+    return {role for name in names if (role := role_of(name))}
+
+
+def _rate_in_rows(frame: "pd.DataFrame", names: Sequence[str]) -> float | None:
+    """That of a column, where all rows have the same."""
+    columns = [row for row, name in enumerate(names) if name.strip().lower() in _RATE_NAMES]
+    rates = set(frame.iloc[:, columns[0]].dropna()) if columns else set()
+    rate = rates.pop() if len(rates) == 1 else None
+    return float(rate) if isinstance(rate, int | float) and rate > 0 else None
 
 
 def _frame(path: Path, rows: Sequence[str], separator: str, decimal: str) -> "pd.DataFrame":
@@ -118,11 +163,13 @@ def _frame(path: Path, rows: Sequence[str], separator: str, decimal: str) -> "pd
 
 def _separator(line: str) -> tuple[str, str]:
     """(separator, decimal sign)."""
-    for each in (";", "\t"):
+    for each in (";", "\t", "|"):
         if each in line:
             return each, "," if "," in line else "."
     if "," not in line:
         return " ", "."
+    if _QUOTED_COMMA.search(line):
+        return ",", ","
     cells = line.split()
     if len(cells) > _FEWEST_COLUMNS and all(map(_DECIMAL_COMMA.fullmatch, cells)):
         return " ", ","
@@ -154,7 +201,7 @@ def _named_in_comments(comments: Sequence[str], separator: str, count: int) -> l
     texts = [line.lstrip("#%/ \t") for line in reversed(comments)]
     found = [_split(text, each) for text in texts for each in (separator, " ", ",")]
     found = [names for names in found if not any(map(_is_number, names))]
-    roles = [len(set(map(role_of, names)) - {None}) for names in found]
+    roles = [len(_roles(names)) for names in found]
     as_many = [len(names) == count >= _FEWEST_COLUMNS for names in found]
     for fits in (
         [same and n > 0 for same, n in zip(as_many, roles, strict=True)],

@@ -18,7 +18,18 @@ from storage.yaml_config import StrictModel
 
 Unit = Literal["m", "cm", "mm"]
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+#: Other spellings of units at the end of names.
+_SPELLINGS = {
+    "m": "m meters metres meter metre",
+    "cm": "cm",
+    "mm": "mm",
+    "s": "s sec secs seconds",
+    "ms": "ms msec millis",
+    "us": "us usec micros",
+    "ns": "ns nsec nanos nanosec",
+}
+_UNIT_OF = {spelling: unit for unit, all_ in _SPELLINGS.items() for spelling in all_.split()}
 _NAMES = {
     "frame": "frame frame_id frame_number frame_num frame_no frame_nr frameid framenumber fr"
     " frameno bild bildnummer einzelbild trame image fotograma cuadro",
@@ -28,24 +39,33 @@ _NAMES = {
     " agentid track track_id trackid tid object object_id obj_id objectid vehicle vehicle_id uid"
     " pid persid pers_id ped_nr person_nr tr_id traj_id trajectory_id name robot robot_id user"
     " user_id walker participant subject personennummer personen_id person_nummer fussgaenger"
-    " fußgänger personne pieton piéton persona peaton peatón",
+    " fußgänger personne pieton piéton persona peaton peatón entity entity_id actor actor_id",
+    "episode": "episode episode_id episode_nr episode_no run run_id run_nr trial trial_id scene"
+    " scene_id sequence sequence_id seq_id session session_id recording recording_id experiment"
+    " experiment_id clip clip_id demo demo_id rollout rollout_id",
     "x": "x pos_x posx px x_pos xpos position_x x_position tx xcenter x_center center_x x_est"
-    " local_x world_x x_world pose_x x_coord coord_x easting utm_x xloc loc_x",
+    " local_x world_x x_world pose_x x_coord coord_x easting utm_x xloc loc_x map_x x_map global_x"
+    " x_global centroid_x",
     "y": "y pos_y posy py y_pos ypos position_y y_position ty ycenter y_center center_y y_est"
-    " local_y world_y y_world pose_y y_coord coord_y northing utm_y yloc loc_y",
+    " local_y world_y y_world pose_y y_coord coord_y northing utm_y yloc loc_y map_y y_map global_y"
+    " y_global centroid_y",
 }
 _ROLE_OF = {name: role for role, names in _NAMES.items() for name in names.split()}
 _POSITION = re.compile(r"(?:^|[./_])(?:position|translation|pos|p_[a-z_]+)[./_ ]+([xy])$")
-UNIT_SUFFIX = re.compile(r"[\[(/]\s*(m|cm|mm|s|sec|ms|us|ns)\s*[\])]?\s*$|_(m|cm|mm|s|ms|us|ns)$")
+_UNITS = "|".join(_UNIT_OF)
+UNIT_SUFFIX = re.compile(rf"[\[(/]\s*({_UNITS})\s*[\])]?\s*$|_({_UNITS})$")
 _LARGEST_FRAME = 1e8
 #: Median times above which they are since 1970, and so their unit is known.
 _SINCE_1970 = 5e8
+_LONGEST_STEP_S = 60.0
 _QUATERNION, _MATRIX = slice(4, 8), 12
 #: Steps between frames, as annotated; each stands for 0.4 s in the ETH and UCY data.
 _ANNOTATED_STEPS, _ANNOTATED_S = (6.0, 10.0, 12.0), 0.4
 _USUAL_FPS, _KITTI_FPS = 25.0, 10.0
-#: Median speeds above which places are in cm, and in mm; nothing on a floor is that fast in m/s.
-_CM_ABOVE, _MM_ABOVE = 40.0, 400.0
+#: Median speeds above which places are in cm, and in mm; nobody on a floor is that fast in m/s.
+_CM_ABOVE, _MM_ABOVE = 12.0, 250.0
+#: Usual steps between whole numbers above which these are times in ms, us and ns.
+_STEPS_OF_UNITS = ((9e6, "ns"), (9e3, "us"), (15.0, "ms"))
 
 
 class TableColumns(StrictModel):
@@ -53,6 +73,7 @@ class TableColumns(StrictModel):
 
     time: str = setting("", "column of times or frames: its name, or its number from 1")
     agent: str = setting("", "column of ids")
+    episode: str = setting("", "column of episodes, in each of which ids and times may begin again")
     x: str = setting("", "column of x")
     y: str = setting("", "column of y")
     fps: float | None = setting(None, "frames per second, where times are frames", unit="Hz", gt=0)
@@ -62,7 +83,8 @@ class TableColumns(StrictModel):
 
 @dataclass(frozen=True)
 class Columns:
-    """Indices of columns; agent: -1 for a single one, time: -1 for one row per frame.
+    """Indices of columns; agent: -1 for a single one, time: -1 for one row per frame, episode: -1
+    for one.
 
     frames: whether the time is a number of frames; time_s, place_m: units, None where unknown.
     """
@@ -75,6 +97,7 @@ class Columns:
     time_s: float | None = None
     place_m: float | None = None
     assumed: tuple[str, ...] = ()
+    episode: int = -1
 
 
 def located(where: str, names: Sequence[str], values: FloatArray, wanted: TableColumns) -> Columns:
@@ -89,7 +112,7 @@ def _located(where: str, names: Sequence[str], values: FloatArray, wanted: Table
     by_name = _by_names(names)
     by_name |= {
         role: _index(where, names, values.shape[1], text, role)
-        for role in ("time", "agent", "x", "y")
+        for role in ("time", "agent", "episode", "x", "y")
         if (text := getattr(wanted, role))
     }
     if "x" in by_name and "y" in by_name and ("time" in by_name or "frame" in by_name):
@@ -107,7 +130,7 @@ def _located(where: str, names: Sequence[str], values: FloatArray, wanted: Table
 
 
 def role_of(name: str) -> str | None:
-    """What the name of a column stands for: frame, time, agent, x or y."""
+    """What the name of a column stands for: frame, time, agent, episode, x or y."""
     plain = UNIT_SUFFIX.sub("", name.strip().lower()).strip(" _%#")
     plain = re.sub(r"[\s-]+", "_", plain)
     position = _POSITION.search(plain)
@@ -147,6 +170,7 @@ def _of_names(
     return Columns(
         time=time,
         agent=found.get("agent", -1),
+        episode=found.get("episode", -1),
         x=found["x"],
         y=found["y"],
         frames=is_frame or (may_count and _are_frames(values[:, time])),
@@ -157,7 +181,7 @@ def _of_names(
 
 def _unit(name: str, known: dict[str, float]) -> float | None:
     found = UNIT_SUFFIX.search(name.strip().lower())
-    return known.get(found[1] or found[2]) if found else None
+    return known.get(_UNIT_OF[found[1] or found[2]]) if found else None
 
 
 def _of_values(where: str, values: FloatArray) -> Columns:
@@ -256,11 +280,16 @@ def times_of(
 
     steps: between rows of one agent, in the units of the file.
     """
-    if not columns.frames:
-        seconds = numbers * (columns.time_s or _scale_of_stamps(numbers))
-        known = columns.time_s is not None or np.nanmedian(np.abs(numbers)) > _SINCE_1970
-        return seconds, {} if known else {"time_unit": "times in s"}
     usual = float(np.median(steps)) if len(steps) else 1.0
+    if not columns.frames:
+        if columns.time_s is not None:
+            return numbers * columns.time_s, {}
+        scale = _scale_of_stamps(numbers)
+        if scale * np.nanmedian(np.abs(numbers)) > _SINCE_1970 and usual * scale < _LONGEST_STEP_S:
+            return numbers * scale, {}
+        units = (unit for least, unit in _STEPS_OF_UNITS if usual > least)
+        unit = next(units, "s") if _are_whole(numbers) else "s"
+        return numbers * _SECONDS[unit], {"time_unit": f"times in {unit}"}
     if fps is not None:
         return numbers / fps, {}
     if columns.time < 0:

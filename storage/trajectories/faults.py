@@ -5,20 +5,24 @@ Rows are counted from 1, below the line of names.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from storage.errors import FileError
 
 #: Share of rows, and number of them, above which places that contradict each other are no accident.
 _MANY, _FEW = 0.01, 3
-#: Median speeds (m/s) above which nothing on a floor moves, and below which hardly anything does.
-_FASTEST_MPS, _SLOWEST_MPS = 40.0, 0.02
+#: Median speeds (m/s) above which nothing on a floor moves, below which hardly anything does, and
+#: below which units are wrong.
+_FASTEST_MPS, _SLOWEST_MPS, _STILL_MPS = 40.0, 0.02, 0.005
 #: A jump is longer and faster than these, and so many times as fast as usual.
 _JUMP_M, _JUMP_MPS, _TIMES_USUAL = 1.0, 12.0, 10.0
 _SAME_PLACE_M = 0.1
+#: Rows between jumps that are no agent of their own.
+_FEW_ROWS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +53,12 @@ def faults_of_rows(
 
     scale: m per unit of places, is_stated: whether the file or the mapping names the units.
     """
+    if 0 < speed_mps < _STILL_MPS:
+        raise FileError(
+            f"{path}: agents must move, but half of their steps are at {speed_mps:.2g} m/s or"
+            " slower; state unit: and time_unit: or fps: in a --mapping file; degrees are no unit"
+            " of places"
+        )
     if speed_mps > _FASTEST_MPS:
         a, b = _usual_step(rows)
         raise FileError(
@@ -103,7 +113,8 @@ def _in_two_places(path: Path, rows: Rows, names: Sequence[str], scale: float) -
     if len(both) > max(_FEW, _MANY * len(order)):
         raise FileError(
             f"{path}: {what}{_and_others(len(both))}; give each agent an id of its own, or name the"
-            " column of ids in a --mapping file (agent:)"
+            " column of ids in a --mapping file (agent:), or of episodes in which ids begin again"
+            " (episode:)"
         )
     return f"{what}{_and_others(len(both))}; the first one counts"
 
@@ -117,10 +128,7 @@ def parts_of_jumps(
     """
     same = np.diff(agent) == 0
     moved_m, step_s = np.hypot(*np.diff(place_m, axis=0).T), np.diff(time_s)
-    speed = np.divide(moved_m, step_s, out=np.zeros_like(moved_m), where=same & (step_s > 0))
-    moving = speed[same & (moved_m > 0)]
-    fastest = max(_JUMP_MPS, _TIMES_USUAL * float(np.median(moving)) if len(moving) else 0.0)
-    jump = same & (moved_m > _JUMP_M) & (speed > fastest)
+    jump = _jumps(same, moved_m, step_s)
     total = np.concatenate([[0], np.cumsum(jump)])
     first = np.concatenate([[0], np.flatnonzero(~same) + 1])
     part = total - total[first][np.cumsum(np.concatenate([[0], ~same]))]
@@ -132,6 +140,47 @@ def parts_of_jumps(
         f"row {row[at + 1] + 1}: agent {names[agent[at]]} jumps {moved_m[at]:.1f} m in"
         f" {step_s[at]:.2g} s{_and_others(len(where))}; it counts as another one from there",
     )
+
+
+def without_strays(
+    agent: IntArray, row: IntArray, time_s: FloatArray, place_m: FloatArray
+) -> tuple[BoolArray, tuple[str, ...]]:
+    """(N,) whether a row is kept, and a sentence about those that are not: a few between jumps, or
+    any number at one place, as -999 or 0 for agents that are lost. Arguments: `parts_of_jumps`."""
+    kept = np.ones(len(agent), dtype=bool)
+    same = np.diff(agent) == 0
+    jump = _jumps(same, np.hypot(*np.diff(place_m, axis=0).T), np.diff(time_s))
+    if not jump.any():
+        return kept, ()
+    edges = np.concatenate([[0], np.flatnonzero(jump | ~same) + 1, [len(agent)]])
+    of_agent: dict[int, list[tuple[int, int]]] = {}
+    for piece in pairwise(edges.tolist()):
+        of_agent.setdefault(int(agent[piece[0]]), []).append(piece)
+    for pieces in of_agent.values():
+        fixed = [bool((np.ptp(place_m[begin:end], axis=0) == 0).all()) for begin, end in pieces]
+        short = [
+            stays or end - begin <= _FEW_ROWS
+            for stays, (begin, end) in zip(fixed, pieces, strict=True)
+        ]
+        if all(short):
+            continue
+        for begin, end in (each for each, few in zip(pieces, short, strict=True) if few):
+            kept[begin:end] = False
+    away = np.sort(row[~kept])
+    if not len(away):
+        return kept, ()
+    return kept, (
+        f"row {away[0] + 1} lies away from where its agent is before and after"
+        f"{_and_others(len(away))}; left out",
+    )
+
+
+def _jumps(same: BoolArray, moved_m: FloatArray, step_s: FloatArray) -> BoolArray:
+    """(N - 1,) steps of an agent that are longer and faster than it moves."""
+    speed = np.divide(moved_m, step_s, out=np.zeros_like(moved_m), where=same & (step_s > 0))
+    moving = speed[same & (moved_m > 0)]
+    fastest = max(_JUMP_MPS, _TIMES_USUAL * float(np.median(moving)) if len(moving) else 0.0)
+    return np.asarray(same & (moved_m > _JUMP_M) & (speed > fastest))
 
 
 def _and_others(number: int) -> str:

@@ -12,7 +12,8 @@ from storage.quantities import counted
 from storage.trajectories.agents import with_agents
 from storage.trajectories.cells import Cells, read_cells
 from storage.trajectories.columns import Columns, TableColumns, located, metres_of, times_of
-from storage.trajectories.faults import Rows, faults_of_rows, parts_of_jumps
+from storage.trajectories.episodes import agents_of_episodes, episodes_of, on_one_clock
+from storage.trajectories.faults import Rows, faults_of_rows, parts_of_jumps, without_strays
 from storage.trajectories.wide import long_cells
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ _LARGEST = 1e20
 _KINDS = frozenset(
     ["type", "class", "category", "kind", "label", "agent_type", "object_type", "obj_type", "role"]
 )
+#: Columns of whether an agent is the robot.
+_FLAGS, _TRUE = frozenset(["is_robot", "isrobot", "is_ego"]), frozenset(["1", "1.0", "true", "yes"])
 #: Half of the shortest step between two stamps.
 _SHORTEST_S = 5e-10
 _NO_AGENTS = (
@@ -35,18 +38,19 @@ _NO_AGENTS = (
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """One agent: time_s (T,) increasing, position_m (T, 2); kind: what the table calls it.
+    """One agent: time_s (T,) increasing, position_m (T, 2); kinds: what the table calls it.
 
     divided_from: the agent that this is a part of, empty for one without jumps; row: its first in
-    the file, from 1.
+    the file, from 1. name: its id in the table, which others may have in other episodes.
     """
 
     agent: str
     time_s: FloatArray
     position_m: FloatArray
-    kind: str = ""
+    kinds: tuple[str, ...] = ()
     divided_from: str = ""
     row: int = 1
+    name: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +82,9 @@ def _tracks(
 ) -> Trajectories:
     time, columns = _time(cells.frame, values, columns)
     place = values[:, [columns.x, columns.y]]
-    columns = with_agents(path, cells, time, place, columns)
-    agent, names = _agents(cells.frame, columns)
+    episode, columns = _divided(path, cells, time, place, columns)
+    agent, ids = _agents(cells.frame, columns)
+    agent, names, ids = agents_of_episodes(cells, columns, agent, ids, episode)
     good = np.isfinite(time) & np.isfinite(place).all(axis=1) & (agent >= 0)
     rows = np.flatnonzero(good)
     if not len(rows):
@@ -93,6 +98,7 @@ def _tracks(
     time, agent, place = time[rows], agent[rows], place[rows]
     same = np.diff(agent) == 0
     time_s, of_time = times_of(columns, time, np.diff(time)[same], wanted.fps or cells.fps)
+    time_s, own_clocks = on_one_clock(time_s, episode[rows])
     speed = _speed(time_s, place, same)
     scale, of_place = metres_of(columns, speed, wanted.unit)
     units = _in_words(of_time | of_place, speed * scale)
@@ -106,6 +112,9 @@ def _tracks(
         has_ids=has_ids,
         is_stated=not of_place,
     )
+    kept, strays = without_strays(agent, rows, time_s, place * scale)
+    rows, agent, place, time_s = rows[kept], agent[kept], place[kept], time_s[kept]
+    same = np.diff(agent) == 0
     part, jumps = np.zeros_like(agent), tuple[str, ...]()
     if has_ids:
         part, jumps = parts_of_jumps(names, agent, rows, time_s, place * scale)
@@ -117,17 +126,34 @@ def _tracks(
             names[agent[piece[0]]] + (f" part {part[piece[0]] + 1}" if part[piece[0]] else ""),
             time_s[piece],
             place[piece] * scale,
-            kinds[rows[piece[0]]] if kinds else "",
+            tuple(each[rows[piece[0]]] for each in kinds),
             names[agent[piece[0]]] if agent[piece[0]] in divided else "",
             int(rows[piece].min()) + 1,
+            ids[agent[piece[0]]],
         )
         for piece in np.split(np.arange(len(rows)), begins)
         if len(piece) > 1
     )
     if not tracks:
         raise FileError(_NO_AGENTS.format(path=path, n_rows=len(values)))
-    assumed = (*columns.assumed, *units, *faults, *jumps, *_without_numbers(good, cells.n_skipped))
-    return Trajectories(tracks, assumed, int((~good).sum()) + cells.n_skipped)
+    left_out = (*_lists(cells), *strays, *_without_numbers(good, cells.n_skipped))
+    assumed = (*columns.assumed, *own_clocks, *units, *faults, *jumps, *left_out)
+    return Trajectories(tracks, assumed, int((~good).sum() + (~kept).sum()) + cells.n_skipped)
+
+
+def _divided(
+    path: Path, cells: Cells, time: FloatArray, place: FloatArray, columns: Columns
+) -> tuple[IntArray, Columns]:
+    """(R,) numbers of episodes, and the columns with that of ids where one divides the rows, which
+    comes before times that go back."""
+    episode, columns = episodes_of(cells, time, columns)
+    by_times = columns.agent < 0 and columns.episode < 0 and bool(episode.any())
+    try:
+        columns = with_agents(path, cells, time, place, columns)
+    except FileError:
+        if not by_times:
+            raise
+    return np.zeros_like(episode) if by_times and columns.agent >= 0 else episode, columns
 
 
 def _without_numbers(good: BoolArray, n_skipped: int) -> tuple[str, ...]:
@@ -142,10 +168,30 @@ def _without_numbers(good: BoolArray, n_skipped: int) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _kinds(cells: Cells) -> list[str]:
-    """What each row's agent is called; empty without such a column."""
-    found = [row for row, name in enumerate(cells.names) if name.strip().lower() in _KINDS]
-    return [str(each) for each in cells.frame.iloc[:, found[0]]] if found else []
+def _lists(cells: Cells) -> tuple[str, ...]:
+    """Sentences about columns of lists, as of the people of a row."""
+    found = []
+    for row, name in enumerate(cells.names):
+        given = cells.frame.iloc[:, row].dropna()
+        if len(given) and str(given.iloc[0]).lstrip().startswith(("[", "{")):
+            found.append(
+                f"column {name} holds lists, which are not read; give people rows or columns of"
+                " their own"
+            )
+    return tuple(found)
+
+
+def _kinds(cells: Cells) -> list[list[str]]:
+    """What each row's agent is called, by each column of that."""
+    found = []
+    for row, name in enumerate(cells.names):
+        plain, cells_of = name.strip().lower(), cells.frame.iloc[:, row]
+        if plain in _KINDS:
+            found.append([str(each) for each in cells_of])
+        elif plain in _FLAGS:
+            given = (str(each).strip().lower() in _TRUE for each in cells_of)
+            found.append(["robot" if each else "" for each in given])
+    return found
 
 
 def _numbers(frame: "pd.DataFrame") -> FloatArray:

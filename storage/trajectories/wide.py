@@ -1,63 +1,116 @@
-"""Tables with columns of their own for each agent, `robot_x, robot_y, person1_x, ...`, as rows of
-time, id, x and y."""
+"""Tables with columns of their own for each agent, `robot_x, robot_y, person1_x, ...`, or for parts
+of a second, as rows of time, id, x and y."""
 
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from storage.trajectories.cells import Cells
 from storage.trajectories.columns import UNIT_SUFFIX, role_of
+from storage.trajectories.episodes import restarts
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_AXIS_LAST = re.compile(r"(?P<agent>.*?[^\W_])[\W_]*(?:pos(?:ition)?[\W_]*)?(?P<axis>[xy])$")
-_AXIS_FIRST = re.compile(r"(?:pos(?:ition)?[\W_]*)?(?P<axis>[xy])[\W_]+(?P<agent>.*[^\W_])$")
+_PLACE = r"(?:(?:p|pose|pos|position|loc|location|cent(?:er|re|roid))[\W_]*)*"
+_AXIS_LAST = re.compile(rf"(?P<agent>.*?[^\W_])[\W_]*{_PLACE}(?P<axis>[xy])$")
+_AXIS_FIRST = re.compile(rf"{_PLACE}(?P<axis>[xy])[\W_]+(?P<agent>.*[^\W_])$")
+#: Of people, beside the columns x and y of a robot.
+_NUMBERED = re.compile(rf"{_PLACE}(?P<axis>[xy])_?(?P<agent>\d+)$")
 #: What agents are called, with or without a number.
 _AGENT = re.compile(
-    r"(robot|ped|pedestrian|person|people|human|agent|walker|obstacle|actor|p|h|id)[\W_]*\d*$"
+    r"(robot|r|ped|pedestrian|person|people|human|agent|walker|obstacle|actor|p|h|id)[\W_]*\d*$"
 )
-#: The agent whose columns have no name.
-_OWN = "robot"
+#: The agent whose columns have no name, or one letter.
+_OWN, _OWN_LETTER = "robot", "r"
+_WHOLE_S = re.compile(r"^(.*?)(?:sec|secs|seconds)$")
+_REST_NS = "{}n{}", "{}nano{}"
 
 
 def long_cells(cells: Cells) -> Cells:
-    """The same where there is one pair of x and y, else a row per agent and time."""
-    pairs = _pairs(cells.names)
-    times = [row for row, name in enumerate(cells.names) if role_of(name) in ("time", "frame")]
-    if len(pairs) < 2 or not times:
+    """The same where x and y have those names alone, else a row per agent and time."""
+    import pandas as pd
+
+    cells = _with_whole_times(cells)
+    roles = [role_of(name) for name in cells.names]
+    pairs = _pairs(cells.names, numbered="agent" not in roles)
+    times = [row for row, role in enumerate(roles) if role in ("time", "frame")]
+    if not pairs or (pairs.keys() == {_OWN} and {"x", "y"} <= set(roles)) or not times:
         return cells
     unit = UNIT_SUFFIX.search(cells.names[pairs[next(iter(pairs))]["x"]].strip().lower())
     suffix = unit[0] if unit else ""
-    names = (cells.names[times[0]], "id", f"x{suffix}", f"y{suffix}")
-    return Cells(_stacked(cells.frame, times[0], pairs), names, cells.fps, cells.comments)
+    begins_again = restarts(
+        pd.to_numeric(cells.frame.iloc[:, times[0]], errors="coerce").to_numpy(dtype=np.float64)
+    )
+    if "episode" not in roles and begins_again.any():
+        numbered_from_1 = cells.frame.assign(**{"episode of times": begins_again + 1})
+        cells = replace(cells, frame=numbered_from_1, names=(*cells.names, "episode"))
+        roles.append("episode")
+    kept = {"time": times[0]} | ({"episode": roles.index("episode")} if "episode" in roles else {})
+    names = (*(cells.names[row] for row in kept.values()), "id", f"x{suffix}", f"y{suffix}")
+    ids = roles.index("agent") if "agent" in roles else None
+    frame = _stacked(cells.frame, kept, pairs, ids)
+    return Cells(frame, names, cells.fps, cells.comments, cells.n_skipped)
 
 
-def _stacked(frame: "pd.DataFrame", time: int, pairs: dict[str, dict[str, int]]) -> "pd.DataFrame":
+def _with_whole_times(cells: Cells) -> Cells:
+    """The same with seconds in one column, where another has their nanoseconds."""
     import pandas as pd
 
-    parts = [
-        pd.DataFrame(
-            {
-                "time": frame.iloc[:, time],
-                "id": agent,
-                "x": frame.iloc[:, axes["x"]],
-                "y": frame.iloc[:, axes["y"]],
-            }
-        ).dropna()
-        for agent, axes in pairs.items()
-    ]
+    plain = [name.strip().lower() for name in cells.names]
+    for row, name in enumerate(plain):
+        found = _WHOLE_S.match(name)
+        end = name[len(found[1]) :] if found else ""
+        rest = [each.format(found[1], end) for each in _REST_NS] if found else []
+        column = next((plain.index(each) for each in rest if each in plain), None)
+        if column is None:
+            continue
+        whole, parts = (
+            pd.to_numeric(cells.frame.iloc[:, each], errors="coerce") for each in (row, column)
+        )
+        frame = cells.frame.copy()
+        frame[frame.columns[row]] = whole + 1e-9 * parts
+        names = (*cells.names[:row], "time [s]", *cells.names[row + 1 :])
+        return replace(cells, frame=frame, names=names)
+    return cells
+
+
+def _stacked(
+    frame: "pd.DataFrame", kept: dict[str, int], pairs: dict[str, dict[str, int]], ids: int | None
+) -> "pd.DataFrame":
+    """ids: column of those of the agents whose names have no number."""
+    import pandas as pd
+
+    parts = []
+    for agent, axes in pairs.items():
+        part = pd.DataFrame({name: frame.iloc[:, row] for name, row in kept.items()})
+        is_several = ids is not None and agent != _OWN and not agent[-1].isdigit()
+        part["id"] = f"{agent} " + frame.iloc[:, ids].astype(str) if is_several else agent
+        part["x"], part["y"] = (frame.iloc[:, axes[axis]] for axis in "xy")
+        parts.append(part.dropna())
     return pd.concat(parts, ignore_index=True)
 
 
-def _pairs(names: tuple[str, ...]) -> dict[str, dict[str, int]]:
-    """The columns of x and y of each agent that has both; none without agents that are named."""
+def _pairs(names: tuple[str, ...], *, numbered: bool) -> dict[str, dict[str, int]]:
+    """The columns of x and y of each agent that has both.
+
+    numbered: whether x1, y1 are of a person, beside x and y of a robot.
+    """
     found: dict[str, dict[str, int]] = {}
+    own = {role for name in names if (role := role_of(name)) in ("x", "y")}
     for column, name in enumerate(names):
         plain = UNIT_SUFFIX.sub("", name.strip().lower()).strip()
-        if (role := role_of(name)) in ("x", "y"):
-            found.setdefault(_OWN, {}).setdefault(role, column)
-            continue
         match = _AXIS_LAST.match(plain) or _AXIS_FIRST.match(plain)
-        if match and _AGENT.match(match["agent"]):
+        number = _NUMBERED.match(plain) if numbered and own == {"x", "y"} else None
+        if match and len(match["agent"]) > 1 and _AGENT.match(match["agent"]):
             found.setdefault(match["agent"], {}).setdefault(match["axis"], column)
+        elif (role := role_of(name)) in ("x", "y"):
+            found.setdefault(_OWN, {}).setdefault(role, column)
+        elif number:
+            found.setdefault(f"person {number['agent']}", {}).setdefault(number["axis"], column)
+        elif match and _AGENT.match(match["agent"]):
+            agent = _OWN if match["agent"] == _OWN_LETTER else match["agent"]
+            found.setdefault(agent, {}).setdefault(match["axis"], column)
     return {agent: axes for agent, axes in found.items() if len(axes) == 2}

@@ -64,6 +64,19 @@ def test_episodes_like_those_learned_from_are_usual_and_others_are_not(serd, mod
     assert "Episodes of the lowest ranks" in serd("compare", model, same, "--output", output).out
 
 
+def test_several_recordings_are_compared_together(serd, model, tmp_path):
+    one, two = (walks(tmp_path / f"run{n}.csv", 0.5, seed=n, n=n) for n in (5, 6))
+    output = tmp_path / "out.csv"
+    alone = [compared(serd, model, each, "--output", output) for each in (one, two)]
+    both = compared(serd, model, one, two, "--output", output)
+    for name in ("n_episodes", "n_decisions"):
+        assert both[name] == sum(each[name] for each in alone)
+    assert "places in m are assumed" in both["discretised"]
+    ended = serd("compare", model, one, tmp_path / "decisions.csv", "--output", output)
+    assert ended.code == 2
+    assert "a table of decisions must be compared alone" in ended.err
+
+
 def test_a_table_of_decisions_is_compared_as_it_is(serd, model, tmp_path):
     output = tmp_path / "out.csv"
     table = tmp_path / "decisions.csv"

@@ -43,7 +43,7 @@ def test_a_demo_with_density_learns_it_from_the_people_of_its_bag(tmp_path):
     assert load_density(folder.decisions, grid, decisions).n_known == len(decisions) > 100
     assert faults_of(folder.decisions).n_decisions == len(decisions)
     # A bag is compared with the density of its own people.
-    found = familiarity_of(folder.model, folder.bag, n_simulated=5)
+    found = familiarity_of(folder.model, [folder.bag], n_simulated=5)
     assert len(found.decisions) == len(found.tails) == len(decisions)
     assert found.decisions.state.max() < grid.n_states
     assert np.isfinite(found.scores.log_likelihood).all()

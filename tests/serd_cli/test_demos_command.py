@@ -513,3 +513,17 @@ def test_an_area_says_what_is_walkable(serd, tmp_path):
     assert "cell_size_m must leave a cell whose centre is in the area, got 100 m" in small.err
     other = serd("demos", tmp_path / "walk.csv", "--area", tmp_path / "room.png")
     assert "must end in .wkt, .geojson, .json" in other.err
+
+
+def test_equal_decisions_of_several_tables_count_and_a_table_given_twice_once(serd, tmp_path):
+    """Times of each table begin at 0, and all robots drive through the same cells."""
+    paths = [tmp_path / f"run{n}.csv" for n in range(3)]
+    for number, path in enumerate(paths):
+        rows = (f"{step / 10},{0.1 * step},{0.01 * number}" for step in range(60))
+        path.write_text("\n".join(["t,x,y", *rows]) + "\n")
+    words = ("--cell-size-m", 1, "--period-s", 1, "--json")
+    one, three, twice = (
+        sum(bag["n_decisions"] for bag in json.loads(serd("demos", *given, *words).out)["bags"])
+        for given in (paths[:1], paths, [paths[0], paths[0]])
+    )
+    assert (one > 0, three, twice) == (True, 3 * one, one)

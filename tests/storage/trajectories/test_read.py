@@ -1,5 +1,6 @@
 """Tables of trajectories in the layouts in which other programs write them."""
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,23 @@ LAYOUTS = {
     + "\n".join(f"{a},{round(t * 1e9) + 17 * 10**17},{x},{y}" for t, a, x, y in rows()),
     "an unknown name of the agent": named("wanderer,time,x,y", ","),
     "exported from ROS": named("name,%time,field.pose.pose.position.x,position.y", ","),
+    "bars": named("id|t|x|y", "|"),
+    "names below a preamble": "Corridor, 2 agents\nOperator: A. B.\n" + named("id,t,x,y", ","),
+    "decimal commas in quotes": "id,t,x,y\n"
+    + "\n".join(f'{a},"{t:.1f}","{x:.2f}","{y:.2f}"'.replace(".", ",") for t, a, x, y in rows()),
+    "times in ms unsaid": "id,t,x,y\n"
+    + "\n".join(f"{a},{round(t * 1e3)},{x},{y}" for t, a, x, y in rows()),
+    "times in us unsaid": "id,t,x,y\n"
+    + "\n".join(f"{a},{round(t * 1e6)},{x},{y}" for t, a, x, y in rows()),
+    "times in ns unsaid": "id,t,x,y\n"
+    + "\n".join(f"{a},{round(t * 1e9) + 10**11},{x},{y}" for t, a, x, y in rows()),
+    "a stamp of ROS": "id,header.stamp.sec,header.stamp.nanosec,pose.position.x,pose.position.y\n"
+    + "\n".join(
+        f"{a},{int(t + 1e-6)},{round((t - int(t + 1e-6)) * 1e9)},{x},{y}" for t, a, x, y in rows()
+    ),
+    "units spelled out": named("actor_id,t_sec,centroid_x_meters,centroid_y_meters", ","),
+    "a column of frames per second": "id,frame,x,y,fps\n"
+    + "\n".join(f"{a},{round(t * 10)},{x},{y},10" for t, a, x, y in rows()),
     "no names, time is no whole number": "\n".join(
         f"{t + 0.05},{a},{x},{y},0" for t, a, x, y in rows()
     ),
@@ -173,7 +191,7 @@ def test_a_rate_in_a_mapping_makes_the_named_time_one_of_frames(tmp_path):
 @pytest.mark.parametrize(
     ("name", "unit", "line"),
     [
-        ("t", None, "times in s and places in m are assumed (then agents move at 0.001 m/s);"),
+        ("t", None, "times in ms and places in m are assumed (then agents move at 1 m/s);"),
         ("t", "ms", "places in m are assumed (then agents move at 1 m/s); 'unit:' in a --mapping"),
         ("t [ms]", None, "places in m are assumed (then agents move at 1 m/s); 'unit:' in a"),
     ],
@@ -184,7 +202,7 @@ def test_units_that_are_not_stated_are_one_line(tmp_path, name, unit, line):
     found = read_trajectories(path, TableColumns(time_unit=unit))
     assert len(found.assumed) == 1
     assert found.assumed[0].startswith(line)
-    assert found.tracks[0].time_s[-1] == (9500.0 if "times" in line else 9.5)
+    assert found.tracks[0].time_s[-1] == 9.5
 
 
 def two_agents(ids, shift_s=0.0):
@@ -379,3 +397,20 @@ def test_real_crowds_walk_at_the_speed_of_people(name, n_agents, fps):
         for track in found.tracks
     ]
     assert 0.3 < np.median(speeds) < 1.5
+
+
+def test_a_table_compressed_by_gzip_is_read(tmp_path):
+    path = tmp_path / "walk.csv.gz"
+    packed = gzip.compress(LAYOUTS["names"].encode())
+    path.write_bytes(packed)
+    assert len(read_trajectories(path).tracks) == 2
+    path.write_bytes(packed[:40])
+    with pytest.raises(FileError, match="must be a file of gzip, but Compressed file ended before"):
+        read_trajectories(path)
+
+
+@pytest.mark.parametrize(("speed", "unit"), [(1.3, "m"), (8.0, "m"), (20, "cm"), (300, "mm")])
+def test_the_unit_of_places_follows_from_the_usual_speed(tmp_path, speed, unit):
+    path = tmp_path / "table.csv"
+    path.write_text("t,x,y\n" + "\n".join(f"{n / 10},{speed * n / 10},0" for n in range(20)))
+    assert f"places in {unit} are assumed" in read_trajectories(path).assumed[0]
