@@ -150,7 +150,7 @@ def test_parameters_of_scenario_and_node_give_the_same_through_ros(nodes, tmp_pa
 
     recorded = places_in(bag, "/robot_pose", lambda message: message.pose.position)
     expected = np.array(seen)
-    assert 0.6 < expected[:, 2].max() <= 0.7
+    assert 0.6 < expected[:, 2].max() <= 0.7 + 1e-3  # wheels overshoot
     assert np.array_equal(recorded[: len(expected)], expected[:, :2])
 
 
