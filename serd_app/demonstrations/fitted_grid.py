@@ -13,15 +13,24 @@ from serd_core.grid.grid import Grid
 
 #: 1 km² in cells of half a metre; anything larger is a pose gone wrong.
 _MOST_CELLS = 4_000_000
+#: People farther from the box around all drives are elsewhere.
+_PEOPLE_NEAR_M = 5.0
 
 
 def fitted_grid(recordings: Sequence[Recording], cell_size_m: float) -> Grid:
-    """Cells wherever one of the robots has been, and around."""
+    """Cells wherever one of the robots, or of the people of a table near them, has been, and
+    around."""
     places = [drive.position_m for recording in recordings for drive in recording.drives]
     if not any(len(each) for each in places):
         names = ", ".join(str(recording.bag) for recording in recordings)
         raise AppError(f"{names} must hold a pose to fit a grid to, got none; record some")
-    return grid_around(np.concatenate(places), cell_size_m)
+    driven_m = np.concatenate(places)
+    crowds = [recording.crowd for recording in recordings if recording.crowd]
+    people = [track.position_m for crowd in crowds for track in crowd.people]
+    people_m = np.concatenate([np.zeros((0, 2)), *people])
+    low_m, high_m = driven_m.min(axis=0) - _PEOPLE_NEAR_M, driven_m.max(axis=0) + _PEOPLE_NEAR_M
+    near = ((people_m >= low_m) & (people_m <= high_m)).all(axis=1)
+    return grid_around(np.concatenate([driven_m, people_m[near]]), cell_size_m)
 
 
 def grid_around(position_m: FloatArray, cell_size_m: float, margin_cells: int = 1) -> Grid:

@@ -527,3 +527,24 @@ def test_equal_decisions_of_several_tables_count_and_a_table_given_twice_once(se
         for given in (paths[:1], paths, [paths[0], paths[0]])
     )
     assert (one > 0, three, twice) == (True, 3 * one, one)
+
+
+def test_cells_where_people_walk_beside_a_robot_are_walkable_and_those_elsewhere_are_not(
+    serd, tmp_path
+):
+    path, output = tmp_path / "drive.csv", tmp_path / "decisions.csv"
+    rows = [
+        (step / 10, who, x_m, y_m)
+        for step in range(60)
+        for who, x_m, y_m in (
+            ("robot", 0.1 * step, 0.5),
+            ("anna", 6 - 0.1 * step, 3.5),
+            ("far", 500 + 0.1 * step, 900.0),
+        )
+    ]
+    path.write_text("t,id,x,y\n" + "".join(f"{t},{who},{x},{y}\n" for t, who, x, y in rows))
+    words = ("--cell-size-m", 1, "--period-s", 1, "--output", output)
+    assert serd("demos", path, *words).code == 0
+    grid = load_grid(output.with_suffix(".grid.yaml"))
+    states = grid.states_at(np.array([[3.0, 3.5], [3.0, 4.5], [3.0, 6.5], [503.0, 900.0]]))
+    assert (states >= 0).tolist() == [True, True, False, False]
