@@ -27,6 +27,7 @@ from report.learners import tick_sizes
 from report.style import BLUE, GREEN, PURPLE, RED, new_figure, report_style
 from serd_core.arrays import FloatArray
 from serd_core.bellman.bellman_solver import BellmanSolution
+from serd_core.bellman.equations import SoftBellman
 from serd_core.bellman.linear.sparse_lu import SparseLu
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import Transitions, transitions_of
@@ -140,9 +141,7 @@ def cost_case(
     transitions = transitions_of(models, rng.dirichlet(np.ones(5), size=4))
     policy = rng.dirichlet(np.ones(n_actions), size=n_states)
     value = rng.normal(size=n_states)
-    solution = BellmanSolution(
-        value, rng.normal(size=policy.shape), policy, 1, 0, 0.0, 0.0, converged=True
-    )
+    solution = BellmanSolution(value, np.log(policy), SoftBellman(), 1, 0, 0.0, 0.0, converged=True)
     immediate = rng.normal(size=(n_states * n_actions, n_parameters))
     mdp.policy_pattern.elimination  # noqa: B018  set up once per MDP, not timed
     dense = transitions.matrix.toarray()

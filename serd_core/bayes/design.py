@@ -74,10 +74,11 @@ def _information_of_starts(problem: Problem, found: Laplace, longest: int) -> Fl
     solution = Newton().solve(
         BellmanProblem(MdcePolicy().equation, reward, believed, problem.mdp), None
     )
+    policy = solution.policy
     one = _of_choices(problem, at, believed, solution, table)
-    one += _of_transitions(true, solution.policy, at, table)
+    one += _of_transitions(true, policy, at, table)
     n_states, size = len(one), one.shape[1]
-    weights = solution.policy.ravel()[:, None]
+    weights = policy.ravel()[:, None]
     step = true.matrix.multiply(weights).tocsr()
     pairs = scipy.sparse.kron(
         scipy.sparse.csr_array(scipy.sparse.identity(n_states)),
@@ -103,8 +104,8 @@ def _of_choices(
     table: FloatArray,
 ) -> FloatArray:
     """(S, d, d) covariance of the derivatives of Q over the actions of a state."""
-    mdp = problem.mdp
-    data = believed.system_data(mdp.policy_pattern, solution.policy, mdp.discount)
+    mdp, policy = problem.mdp, solution.policy
+    data = believed.system_data(mdp.policy_pattern, policy, mdp.discount)
     by_q = sensitivities(
         problem.features,
         mdp.discount,
@@ -114,8 +115,8 @@ def _of_choices(
         Automatic().prepare(mdp.policy_pattern, data),
     ).by_q
     by_u = by_q @ table[: by_q.shape[2]]
-    mean = np.einsum("sa,sau->su", solution.policy, by_u)
-    root = np.sqrt(solution.policy)[:, :, None] * (by_u - mean[:, None, :])
+    mean = np.einsum("sa,sau->su", policy, by_u)
+    root = np.sqrt(policy)[:, :, None] * (by_u - mean[:, None, :])
     return np.asarray(root.transpose(0, 2, 1) @ root)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.bellman.equations import BellmanEquation
-from serd_core.dynamics.transition_model import Transitions
+from serd_core.dynamics.transition_model import Sweeps, Transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
@@ -51,13 +51,9 @@ class BellmanProblem:
         """(S, A) R + gamma P V, -inf where an action is unavailable."""
         return self.transitions.backed_up(self.rewards, self.discount, value)
 
-    def settled(self, value: FloatArray, whole: int, most: int, smallest: float) -> FloatArray:
-        """(S,) values after Gauss-Seidel sweeps in the order of the states and back by turns.
-
-        whole: sweeps of all states; most: bound of all sweeps, of which the others visit a state
-        only after its value or that of a state that leads to it moved by more than `smallest`.
-        """
-        return self.transitions.settle(self.rewards, self.discount, value, whole, most, smallest)
+    def settled(self, value: FloatArray, sweeps: Sweeps) -> FloatArray:
+        """(S,) values after Gauss-Seidel sweeps."""
+        return self.transitions.settle(self.rewards, self.discount, value, sweeps)
 
     @property
     def is_fused(self) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, float_array
 from serd_core.bellman.backup import Backup, BellmanProblem, backup_rounding
+from serd_core.bellman.equations import BellmanEquation
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
@@ -24,7 +25,7 @@ from serd_core.mdp.mdp import Mdp
 class BellmanSolution:
     """The end of a Bellman iteration, converged or not.
 
-    value: (S,); q: (S, A), -inf where unavailable; policy: (S, A) derivative of the maximum.
+    value: (S,); q: (S, A), -inf where unavailable; equation: the one that was solved.
     steps: operator applications; linear_solves: Newton corrections among them.
     residual: max |T V - V|, as computed.
     error_bound: (residual + rounding of one backup) / (1 - gamma) >= max |V - V*|.
@@ -33,12 +34,17 @@ class BellmanSolution:
 
     value: FloatArray
     q: FloatArray
-    policy: FloatArray
+    equation: BellmanEquation
     steps: int
     linear_solves: int
     residual: float
     error_bound: float
     converged: bool
+
+    @property
+    def policy(self) -> FloatArray:
+        """(S, A) derivative of the maximum, a new table each time: large problems keep one less."""
+        return self.equation.policy(self.q)
 
 
 #: Multiple of the rounding unit below which a residual cannot be expected to fall.
@@ -86,12 +92,11 @@ def solution_from(
     problem: BellmanProblem, last: Backup, *, steps: int, linear_solves: int, converged: bool
 ) -> BellmanSolution:
     """Record of a finished iteration; the value is T V, no further from V* than V was."""
-    q = last.q
     certified = last.residual + backup_rounding(problem, last)
     return BellmanSolution(
         value=last.target,
-        q=q,
-        policy=problem.equation.policy(q),
+        q=last.q,
+        equation=problem.equation,
         steps=steps,
         linear_solves=linear_solves,
         residual=last.residual,

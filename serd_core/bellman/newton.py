@@ -29,6 +29,7 @@ from serd_core.bellman.bellman_solver import (
 )
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
+from serd_core.dynamics.transition_model import Sweeps
 
 #: Relative residual an iterative solver may leave in a correction; the next step removes it. A
 #: third fewer products with the matrix than with 1e-3 at 100,000 states.
@@ -43,6 +44,8 @@ MOST_SWEEPS, SETTLED = 30, 1e-2
 #: States from which sweeps pay: on grids of 1,000,000 they save a third of the time; at 30,000
 #: they can double it.
 SWEPT_FROM = 500_000
+#: FORCING there: with 1e-2 single states can be so far off that a step is rejected.
+SWEPT_FORCING = 3e-3
 #: Residual below which steps converge quadratically and are not swept; the temperature is 1.
 QUADRATIC = 0.1
 
@@ -71,6 +74,7 @@ class Newton(BellmanSolver):
         sweeps_due = self.cold_sweeps if initial_value is None else 0
         steps, linear_solves = 1, 0
         swept, unsettled = problem.is_fused and problem.mdp.n_states >= SWEPT_FROM, False
+        forcing = SWEPT_FORCING if swept else FORCING
         system: LinearSystem | None = None
         while not (done := is_accurate(problem, self.accuracy, latest)) and steps < self.max_steps:
             steps += 1
@@ -79,9 +83,9 @@ class Newton(BellmanSolver):
                 continue
             linear_solves += 1
             system = system or _prepared(self.linear_solver, problem, latest)
-            value = latest.value + system.solve(latest.gap, relative_residual=FORCING)
+            value = latest.value + system.solve(latest.gap, relative_residual=forcing)
             if unsettled:
-                value = problem.settled(value, 1, MOST_SWEEPS, SETTLED * latest.residual)
+                value = problem.settled(value, Sweeps(1, MOST_SWEEPS, SETTLED * latest.residual))
             proposed = backup(problem, value)
             good = proposed.residual <= KEEP * latest.residual
             system = system if good and not unsettled else None

@@ -12,7 +12,10 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray, index_type
 from serd_core.bellman.linear.policy_pattern import PolicyPattern
-from serd_core.dynamics.transition_model import RowBlocks
+from serd_core.dynamics.transition_model import RowBlocks, Sweeps
+
+#: exp() of less adds nothing to a sum of at least 1.
+LEAST_EXPONENT = -50.0
 
 _compiled: Any = numba.njit(cache=True, nogil=True, fastmath={"contract"})
 
@@ -22,13 +25,19 @@ class CompiledRows:
 
     def __init__(self, blocks: RowBlocks) -> None:
         self._rows = (blocks.successor, blocks.first, blocks.place, blocks.length)
+        self._longest = int(blocks.length.max())
+
+    @property
+    def _near(self) -> FloatArray:
+        """Work space for values at the successors of a row."""
+        return np.empty(self._longest)
 
     def backed_up(
         self, probabilities: FloatArray, rewards: FloatArray, discount: float, values: FloatArray
     ) -> FloatArray:
         """(S, A) R + discount * P V."""
         q = np.empty(rewards.shape)
-        _back_up(*self._rows, probabilities, rewards, discount, values, q)
+        _back_up(*self._rows, probabilities, rewards, discount, values, self._near, q)
         return q
 
     def soft_maximum(
@@ -36,7 +45,7 @@ class CompiledRows:
     ) -> FloatArray:
         """(S,) log sum_a exp(R + discount * P V), without a table of the summands."""
         target = np.empty(len(rewards))
-        _back_up_softly(*self._rows, probabilities, rewards, discount, values, target)
+        _back_up_softly(*self._rows, probabilities, rewards, discount, values, self._near, target)
         return target
 
     def settle(
@@ -45,13 +54,11 @@ class CompiledRows:
         rewards: FloatArray,
         discount: float,
         values: FloatArray,
-        whole: int,
-        most: int,
-        smallest: float,
+        sweeps: Sweeps,
     ) -> FloatArray:
-        """(S,) values after sweeps of the soft equation (`BellmanProblem.settled`)."""
+        """(S,) values after sweeps of the soft equation."""
         settled = values.copy()
-        _settle(*self._rows, probabilities, rewards, discount, settled, whole, most, smallest)
+        _settle(*self._rows, probabilities, rewards, discount, settled, self._near, sweeps)
         return settled
 
     def flow(self, probabilities: FloatArray, weights: FloatArray, n_states: int) -> FloatArray:
@@ -77,8 +84,9 @@ class CompiledRows:
         """(nnz,) numbers of I - discount * P_pi for the soft policy of V, without a table of it."""
         assert isinstance(pattern, SlottedPattern)
         data = np.zeros(len(pattern.column))
+        given = probabilities, rewards, discount, values, self._near
         structure = pattern.slot, pattern.row_start, pattern.diagonal
-        _fill_system_softly(*self._rows, probabilities, rewards, discount, values, *structure, data)
+        _fill_system_softly(*self._rows, *given, *structure, data)
         return data
 
     def policy_pattern(self) -> "SlottedPattern":
@@ -135,74 +143,85 @@ def boltzmann_rows(q: FloatArray, temperature: float) -> FloatArray:
 
 
 @_compiled
-def _expected(successor, first, p, place, length, values):  # type: ignore[no-untyped-def]
-    expected = 0.0
-    for k in range(length):
-        expected += p[place + k] * values[successor[first + k]]
-    return expected
+def _back_up_state(s, successor, first, place, length, p, rewards, discount, values, near, q):  # type: ignore[no-untyped-def]
+    """q <- (A,) R + discount * P V of state s; returns the largest.
+
+    near: work space for V at the successors of an action, which the next one often shares.
+    """
+    highest, start, known = -np.inf, -1, 0
+    for a in range(len(q)):
+        n_entries = length[s, a]
+        if first[s, a] != start or n_entries > known:
+            start, known = first[s, a], n_entries
+            for k in range(known):
+                near[k] = values[successor[start + k]]
+        ahead = 0.0
+        for k in range(n_entries):
+            ahead += p[place[s, a] + k] * near[k]
+        q[a] = rewards[s, a] + discount * ahead
+        highest = max(highest, q[a])
+    return highest
 
 
 @_compiled
-def _back_up(successor, first, place, length, p, rewards, discount, values, q):  # type: ignore[no-untyped-def]
-    for s in range(q.shape[0]):
-        for a in range(q.shape[1]):
-            ahead = _expected(successor, first[s, a], p, place[s, a], length[s, a], values)
-            q[s, a] = rewards[s, a] + discount * ahead
+def _weigh(q, highest):  # type: ignore[no-untyped-def]
+    """q <- exp(q - highest), without those that rounding of their sum hides; returns the sum."""
+    total = 0.0
+    for a in range(len(q)):
+        below = q[a] - highest
+        q[a] = 1.0 if below == 0.0 else 0.0 if below < LEAST_EXPONENT else np.exp(below)
+        total += q[a]
+    return total
 
 
 @_compiled
-def _back_up_softly(successor, first, place, length, p, rewards, discount, values, target):  # type: ignore[no-untyped-def]
-    n_actions = rewards.shape[1]
-    q = np.empty(n_actions)
+def _back_up(successor, first, place, length, p, rewards, discount, values, near, q):  # type: ignore[no-untyped-def]
+    for s in range(len(q)):
+        _back_up_state(s, successor, first, place, length, p, rewards, discount, values, near, q[s])
+
+
+@_compiled
+def _back_up_softly(  # type: ignore[no-untyped-def]
+    successor, first, place, length, p, rewards, discount, values, near, target
+):
+    q = np.empty(rewards.shape[1])
     for s in range(len(target)):
-        highest = -np.inf
-        for a in range(n_actions):
-            ahead = _expected(successor, first[s, a], p, place[s, a], length[s, a], values)
-            q[a] = rewards[s, a] + discount * ahead
-            highest = max(highest, q[a])
-        total = 0.0
-        for a in range(n_actions):
-            total += np.exp(q[a] - highest)
-        target[s] = highest + np.log(total)
+        highest = _back_up_state(
+            s, successor, first, place, length, p, rewards, discount, values, near, q
+        )
+        target[s] = highest + np.log(_weigh(q, highest))
 
 
 @_compiled
-def _settle(successor, first, place, length, p, rewards, discount, values, whole, most, smallest):  # type: ignore[no-untyped-def]
+def _settle(successor, first, place, length, p, rewards, discount, values, near, sweeps):  # type: ignore[no-untyped-def]
     """Gauss-Seidel sweeps; a rise counts the visits to come of the state itself (one Newton step).
 
     Both keep T V >= V where it holds, and shrink the largest error where it does not.
     """
     n_states, n_actions = rewards.shape
-    q, stay = np.empty(n_actions), np.empty(n_actions)
+    q = np.empty(n_actions)
     due = np.ones(n_states, dtype=np.bool_)
-    for sweep in range(most):
+    for sweep in range(sweeps.most):
         visits = 0
         for i in range(n_states):
             s = n_states - 1 - i if sweep % 2 else i
-            if sweep >= whole and not due[s]:
+            if sweep >= sweeps.whole and not due[s]:
                 continue
             due[s] = False
             visits += 1
-            highest = -np.inf
+            highest = _back_up_state(
+                s, successor, first, place, length, p, rewards, discount, values, near, q
+            )
+            total, staying = _weigh(q, highest), 0.0
             for a in range(n_actions):
-                ahead, own = 0.0, 0.0
                 for k in range(length[s, a]):
-                    following, chance = successor[first[s, a] + k], p[place[s, a] + k]
-                    ahead += chance * values[following]
-                    if following == s:
-                        own += chance
-                q[a], stay[a] = rewards[s, a] + discount * ahead, own
-                highest = max(highest, q[a])
-            total, staying = 0.0, 0.0
-            for a in range(n_actions):
-                weight = np.exp(q[a] - highest)
-                total += weight
-                staying += weight * stay[a]
+                    if successor[first[s, a] + k] == s:
+                        staying += q[a] * p[place[s, a] + k]
             move = highest + np.log(total) - values[s]
             if move > 0.0:
                 move /= 1.0 - discount * min(staying / total, 1.0)
             values[s] += move
-            if abs(move) > smallest:
+            if abs(move) > sweeps.smallest:
                 for a in range(n_actions):
                     for k in range(length[s, a]):
                         due[successor[first[s, a] + k]] = True
@@ -212,21 +231,28 @@ def _settle(successor, first, place, length, p, rewards, discount, values, whole
 
 @_compiled
 def _fill_system_softly(  # type: ignore[no-untyped-def]
-    successor, first, place, length, p, rewards, discount, values, slot, row_start, diagonal, data
+    successor,
+    first,
+    place,
+    length,
+    p,
+    rewards,
+    discount,
+    values,
+    near,
+    slot,
+    row_start,
+    diagonal,
+    data,
 ):
-    n_actions = rewards.shape[1]
-    policy = np.empty(n_actions)
+    policy = np.empty(rewards.shape[1])
     for s in range(len(values)):
-        highest, total = -np.inf, 0.0
-        for a in range(n_actions):
-            ahead = _expected(successor, first[s, a], p, place[s, a], length[s, a], values)
-            policy[a] = rewards[s, a] + discount * ahead
-            highest = max(highest, policy[a])
-        for a in range(n_actions):
-            policy[a] = np.exp(policy[a] - highest)
-            total += policy[a]
+        highest = _back_up_state(
+            s, successor, first, place, length, p, rewards, discount, values, near, policy
+        )
+        total = _weigh(policy, highest)
         start = row_start[s]
-        for a in range(n_actions):
+        for a in range(len(policy)):
             weight = -discount * policy[a] / total
             for k in range(length[s, a]):
                 data[start + slot[first[s, a] + k]] += weight * p[place[s, a] + k]

@@ -13,7 +13,7 @@ table of outcomes per local model), which are a smooth function of its parameter
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.sparse
@@ -286,6 +286,18 @@ class TransitionModel(ABC):
         )
 
 
+class Sweeps(NamedTuple):
+    """Gauss-Seidel sweeps of the soft Bellman equation, by turns in and against the states' order.
+
+    whole: sweeps of all states; most: bound of all sweeps, of which the others visit a state only
+    after its value or that of a state that leads to it moved by more than `smallest`.
+    """
+
+    whole: int
+    most: int
+    smallest: float
+
+
 @dataclass(frozen=True, eq=False)
 class Transitions:
     """A transition model with its local probabilities."""
@@ -330,14 +342,12 @@ class Transitions:
         rewards: FloatArray,
         discount: float,
         values: FloatArray,
-        whole: int,
-        most: int,
-        smallest: float,
+        sweeps: Sweeps,
     ) -> FloatArray:
         """(S,) values after Gauss-Seidel sweeps of the soft Bellman equation, by compiled code."""
         rows = self.model.compiled_rows
         assert rows is not None
-        return rows.settle(self._flat, rewards, discount, values, whole, most, smallest)
+        return rows.settle(self._flat, rewards, discount, values, sweeps)
 
     def soft_system_data(
         self, pattern: PolicyPattern, rewards: FloatArray, discount: float, values: FloatArray

@@ -19,12 +19,14 @@ from serd_core import compiled
 from serd_core.bellman import newton
 from serd_core.bellman.backup import BellmanProblem, backup
 from serd_core.bellman.equations import SoftBellman
+from serd_core.bellman.linear import krylov
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.linear.krylov import Krylov, SweptSystem
+from serd_core.bellman.linear.linear_solver import WithFallback
 from serd_core.bellman.linear.policy_pattern import EntryPattern, policy_pattern
 from serd_core.bellman.value_iteration import ValueIteration
 from serd_core.compiled import HAS_NUMBA
-from serd_core.dynamics.transition_model import transitions_of
+from serd_core.dynamics.transition_model import Sweeps, transitions_of
 from serd_core.learners.start import starting_parameters
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem, usable_features, weights_gradient
@@ -135,20 +137,27 @@ def test_soft_maximum_and_policy_are_those_of_numpy(seed, size):
 
 @pytest.mark.usefixtures("everything_compiled")
 @settings(deadline=None, max_examples=20)
-@given(seed=st.integers(0, 10_000))
-def test_swept_solutions_are_those_of_the_dense_solver(random_problem, seed):
-    problem, table = random_problem(seed, 0.95)
+@given(
+    seed=st.integers(0, 10_000),
+    discount=st.sampled_from([0.95, 0.999, 0.9995]),
+    quick_from=st.sampled_from([0, krylov.QUICK_FROM]),
+)
+def test_swept_solutions_are_those_of_the_dense_solver(random_problem, seed, discount, quick_from):
+    problem, table = random_problem(seed, discount)
     mdp, rng = problem.mdp, np.random.default_rng(seed)
     policy, transitions = random_policy(mdp, rng), transitions_of(mdp.transitions, table)
-    data = transitions.system_data(mdp.policy_pattern, policy, 0.95)
+    data = transitions.system_data(mdp.policy_pattern, policy, discount)
     dense, right_side = mdp.policy_pattern.matrix(data).toarray(), rng.normal(size=mdp.n_states)
-    system = Krylov().prepare(mdp.policy_pattern, data)
-    assert isinstance(system, SweptSystem)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(krylov, "QUICK_FROM", quick_from)
+        system = Krylov().prepare(mdp.policy_pattern, data)
+    assert isinstance(system, WithFallback if quick_from == 0 else SweptSystem)
+    atol = 1e-9 / (1.0 - discount)
     np.testing.assert_allclose(
-        system.solve(right_side), np.linalg.solve(dense, right_side), atol=1e-7
+        system.solve(right_side), np.linalg.solve(dense, right_side), atol=atol
     )
     np.testing.assert_allclose(
-        system.solve(right_side, transposed=True), np.linalg.solve(dense.T, right_side), atol=1e-7
+        system.solve(right_side, transposed=True), np.linalg.solve(dense.T, right_side), atol=atol
     )
 
 
@@ -160,6 +169,25 @@ def test_a_large_system_is_solved_to_the_residual_asked_for():
     right_side = np.random.default_rng(0).normal(size=mdp.n_states)
     system = Automatic(largest_lu_states=0).prepare(pattern, data)
     assert isinstance(system, SweptSystem)
+    for transposed in (False, True):
+        found = system.solve(right_side, transposed=transposed)
+        matrix = pattern.matrix(data)
+        left = right_side - (matrix.T if transposed else matrix) @ found
+        assert np.linalg.norm(left) <= 1e-11 * np.linalg.norm(right_side)
+
+
+@pytest.mark.parametrize("quick_iterations", [krylov.QUICK_ITERATIONS, 3])
+def test_single_precision_is_refined_and_sweeps_follow_where_it_fails(
+    monkeypatch, quick_iterations
+):
+    mdp = landscape_problem(145, 0.99).problem.mdp
+    policy = np.full(mdp.available.shape, 1.0 / mdp.n_actions)
+    pattern = mdp.policy_pattern
+    data = transitions_of(mdp.transitions, DYNAMICS).system_data(pattern, policy, mdp.discount)
+    right_side = np.random.default_rng(0).normal(size=mdp.n_states)
+    monkeypatch.setattr(krylov, "QUICK_FROM", 0)
+    monkeypatch.setattr(krylov, "QUICK_ITERATIONS", quick_iterations)
+    system = Krylov().prepare(pattern, data)
     for transposed in (False, True):
         found = system.solve(right_side, transposed=transposed)
         matrix = pattern.matrix(data)
@@ -223,14 +251,14 @@ def test_sweeps_shrink_the_largest_error_and_values_that_rise_stay_below_the_sol
     posed = BellmanProblem(SoftBellman(), rewards, transitions_of(mdp.transitions, table), mdp)
     exact = ValueIteration().solve(posed).value
     far = exact + 10.0 * rng.normal(size=mdp.n_states)
-    error = np.max(np.abs(posed.settled(far, 3, 3, 0.0) - exact))
+    error = np.max(np.abs(posed.settled(far, Sweeps(3, 3, 0.0)) - exact))
     assert error <= 0.95**3 * np.max(np.abs(far - exact)) + 1e-8
     low = np.full(mdp.n_states, exact.min() - 5.0 / (1.0 - 0.95))
     assert np.all(backup(posed, low).gap > 0)
-    swept = posed.settled(low, 2, 40, 1e-3)
+    swept = posed.settled(low, Sweeps(2, 40, 1e-3))
     assert np.all(swept >= backup(posed, backup(posed, low).target).target - 1e-9)
     assert np.all(swept <= exact + 1e-8)
-    np.testing.assert_allclose(posed.settled(exact, 1, 40, 1e-6), exact, atol=1e-8)
+    np.testing.assert_allclose(posed.settled(exact, Sweeps(1, 40, 1e-6)), exact, atol=1e-8)
 
 
 @pytest.mark.usefixtures("everything_compiled")

@@ -16,10 +16,9 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.bellman.linear.banded_lu import BandedLu
 from serd_core.bellman.linear.krylov import Krylov
-from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem
+from serd_core.bellman.linear.linear_solver import LinearSolver, LinearSystem, WithFallback
 from serd_core.bellman.linear.policy_pattern import PolicyPattern
 from serd_core.bellman.linear.sparse_lu import SparseLu
-from serd_core.errors import SerdError
 
 LU = SparseLu()
 BAND = BandedLu()
@@ -73,7 +72,7 @@ class Automatic(LinearSolver):
         chosen = self.choose(pattern, 0.0 if is_small else _horizon(pattern, data))
         system = chosen.prepare(pattern, data)
         if isinstance(chosen, Krylov) and pattern.n_states <= self.largest_lu_states:
-            return WithFallback(system, pattern, data)
+            return WithFallback(system, lambda: LU.prepare(pattern, data))
         return system
 
     def _is_narrow(self, pattern: PolicyPattern) -> bool:
@@ -103,23 +102,3 @@ def _lu_is_faster_than(limit_s: float, pattern: PolicyPattern) -> bool:
         return False
     work_s = _PER_PRODUCT_S * fill.products + _PER_FILL_S * fill.entries
     return work_s + _PER_STATE_S * n_states <= limit_s
-
-
-@dataclass(frozen=True, eq=False)
-class WithFallback(LinearSystem):
-    """An iterative system with LU as fallback."""
-
-    first: LinearSystem
-    pattern: PolicyPattern
-    data: FloatArray
-
-    def solve(
-        self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
-    ) -> FloatArray:
-        """Solve iteratively, and by LU where that does not converge."""
-        try:
-            return self.first.solve(
-                right_side, transposed=transposed, relative_residual=relative_residual
-            )
-        except SerdError:
-            return LU.prepare(self.pattern, self.data).solve(right_side, transposed=transposed)

@@ -1,9 +1,12 @@
 """Linear systems (I - gamma P_pi) x = b, and with the transposed matrix."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
 
 from serd_core.arrays import FloatArray
 from serd_core.bellman.linear.policy_pattern import PolicyPattern
+from serd_core.errors import SerdError
 
 
 class LinearSystem(ABC):
@@ -25,3 +28,24 @@ class LinearSolver(ABC):
     @abstractmethod
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Prepare the matrix with the given numbers (`PolicyPattern.system_data`)."""
+
+
+@dataclass(frozen=True, eq=False)
+class WithFallback(LinearSystem):
+    """A system that may fail, and what prepares another one for that case."""
+
+    first: LinearSystem
+    prepare_other: Callable[[], LinearSystem]
+
+    def solve(
+        self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
+    ) -> FloatArray:
+        """Solve by the first system, and by the other where that does not converge."""
+        try:
+            return self.first.solve(
+                right_side, transposed=transposed, relative_residual=relative_residual
+            )
+        except SerdError:
+            return self.prepare_other().solve(
+                right_side, transposed=transposed, relative_residual=relative_residual
+            )

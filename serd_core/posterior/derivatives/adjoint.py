@@ -42,7 +42,8 @@ def adjoint(
     )
     state_gradient = system.solve(mdp.discount * transitions.flow(q_gradient), transposed=True)
     del system
-    reward_gradient = solution.policy * state_gradient[:, None]
+    reward_gradient = solution.policy
+    reward_gradient *= state_gradient[:, None]
     reward_gradient += q_gradient
     return Adjoint(
         reward_gradient=reward_gradient,
