@@ -19,13 +19,13 @@ the evidence of counted transitions is exact where outcomes have different succe
 outcome model about which nothing is known adds 0, as it should.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-from scipy.special import gammaln
+from scipy.special import gammaincinv, gammaln, ndtr
 
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
@@ -43,6 +43,8 @@ from serd_core.priors.prior import Prior
 
 #: Longest Newton step, in standard errors, of a point around which the approximation holds.
 LONGEST_STEP = 0.1
+#: Least number whose logarithm an energy may be.
+LEAST = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,29 +132,89 @@ def stirling(
 
     groups: of the belief, that count; None for all.
     """
-    model, parameters = posterior.problem.mdp.transitions, space.parameters(mode)
-    if not isinstance(model, OutcomeModels) or isinstance(model, CovariateModels):
-        return 0.0
-    if model.n_outcomes == 1:
-        return 0.0
-    total, size, start = 0.0, model.n_outcomes, 0
-    for group in space.belief.groups:
-        values = parameters.block(group[0])
-        rows = space.table[start : start + len(values)] @ root
-        start += len(values)
-        counted = groups is None or group in groups
-        if group == (Block.REWARD,) or _around_truth(space, group) or not counted:
-            continue
-        spread = model.beta * rows.reshape(model.n_models, size, -1)
-        total += dirichlet_correction(model.local_probabilities(values), spread)
-    return total
+    return sum(
+        dirichlet_correction(block.table, block.spread)
+        for block in _dirichlet_blocks(posterior, space, mode, root)
+        if groups is None or block.group in groups
+    )
 
 
 def dirichlet_correction(table: FloatArray, spread: FloatArray) -> float:
     """s of (M, K) distributions whose log odds have roots (M, K, d) of their covariance."""
-    centred = spread - np.einsum("mk,mkd->md", table, spread)[:, None]
-    worth = (table.shape[1] - 1) / np.einsum("mk,mkd->m", table, centred**2)
+    worth = _worth(table, spread)
     return float(np.sum(_stirling(worth[:, None] * table).sum(axis=1) - _stirling(worth)))
+
+
+def sample_dirichlet(found: Laplace, n: int, rng: np.random.Generator) -> FloatArray:
+    """(n, d) draws of Laplace's approximation with Dirichlet distributions of the outcomes.
+
+    Normal energies make outcomes that were never seen likelier on average than they are at the
+    mode, the more so the lower the pseudo-count. So draws of outcome models are mapped to those of
+    Dirichlet(r), r = N P*. With e_k their deviations from the mode and z a standard normal number,
+
+        y_k = e_k - sum_j P*_j e_j + z / sqrt(N)
+        P_k = g_k / sum_j g_j,   g_k = Q_k(Phi(sqrt(r_k) y_k)),   Q_k the quantiles of Gamma(r_k)
+
+    Where nothing but counts informs, the y_k are independent with variances 1 / r_k, and P is a
+    draw of the posterior itself. Weights stay normal, and depend on outcomes as before.
+    """
+    space = found.coordinates
+    drawn = found.sample(n, rng) @ space.table.T
+    for block in _dirichlet_blocks(found.posterior, space, found.mode, found.root):
+        table, worth = block.table, _worth(block.table, block.spread)
+        moved = drawn[:, block.place] - space.table[block.place] @ found.mode
+        energies = block.beta * moved.reshape(n, *table.shape)
+        half = rng.standard_normal(((n + 1) // 2, len(worth), 1))
+        total = np.concatenate([half, -half])[:n] / np.sqrt(worth)[:, None]
+        apart = energies - np.einsum("mk,nmk->nm", table, energies)[..., None] + total
+        counts = worth[:, None] * table
+        gamma = gammaincinv(counts, ndtr(np.sqrt(counts) * apart))
+        drawn[:, block.place] = np.log(np.maximum(gamma, LEAST)).reshape(n, -1) / block.beta
+    # The columns of the table are orthogonal; what they leave out is the gauge.
+    return np.asarray(drawn @ (space.table / np.sum(space.table**2, axis=0)))
+
+
+@dataclass(frozen=True, eq=False)
+class _DirichletBlock:
+    """Outcome models whose posterior is close to Dirichlet distributions.
+
+    group: their blocks; place: their rows of the free numbers; table: (M, K) at the mode; spread:
+    (M, K, d) root of the covariance of their log odds; beta: scale of the energies.
+    """
+
+    group: tuple[Block, ...]
+    place: slice
+    table: FloatArray
+    spread: FloatArray
+    beta: float
+
+
+def _dirichlet_blocks(
+    posterior: Posterior, space: Coordinates, mode: FloatArray, root: FloatArray
+) -> Iterator[_DirichletBlock]:
+    """Those without covariates."""
+    model, parameters = posterior.problem.mdp.transitions, space.parameters(mode)
+    if not isinstance(model, OutcomeModels) or isinstance(model, CovariateModels):
+        return
+    if model.n_outcomes == 1:
+        return
+    start = 0
+    for group in space.belief.groups:
+        values = parameters.block(group[0])
+        place = slice(start, start + len(values))
+        start = place.stop
+        if group == (Block.REWARD,) or _around_truth(space, group):
+            continue
+        spread = model.beta * (space.table[place] @ root)
+        spread = spread.reshape(model.n_models, model.n_outcomes, -1)
+        table = model.local_probabilities(values)
+        yield _DirichletBlock(group, place, table, spread, model.beta)
+
+
+def _worth(table: FloatArray, spread: FloatArray) -> FloatArray:
+    """(M,) observations N that the covariances are worth."""
+    centred = spread - np.einsum("mk,mkd->md", table, spread)[:, None]
+    return np.asarray((table.shape[1] - 1) / np.einsum("mk,mkd->m", table, centred**2))
 
 
 def _around_truth(space: Coordinates, group: tuple[Block, ...]) -> bool:

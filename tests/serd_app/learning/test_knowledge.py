@@ -97,7 +97,7 @@ def test_the_model_holds_draws_around_the_fit(outcome):
     assert weights.mean(axis=0) == pytest.approx(fit.reward_weights, rel=1e-6)  # mirrored pairs
     tables = np.array(draws.learned)
     error = tables.std(axis=0) / np.sqrt(N_DRAWS)
-    assert np.all(np.abs(tables.mean(axis=0) - fit.outcome_probabilities) < 0.1 + 4 * error)
+    assert np.all(np.abs(tables.mean(axis=0) - fit.outcome_probabilities) < 0.01 + 4 * error)
     rows = outcome.knowledge.by_model[MODEL_NAMES[WITH_FLOW]]
     low, high = (np.array([getattr(row, end) for row in rows]) for end in ("lower", "upper"))
     inside = (tables[:, WITH_FLOW] >= low) & (tables[:, WITH_FLOW] <= high)

@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.special
+import scipy.stats
 
-from serd_core.bayes.draws import credible_intervals, laplace_draws, posterior_policy
+from serd_core.bayes.draws import (
+    credible_intervals,
+    dirichlet_draws,
+    laplace_draws,
+    posterior_policy,
+)
 from serd_core.bayes.laplace import laplace, laplace_at, log_posterior_of
 from serd_core.bayes.strengths import PriorByEvidence, strengths_of
 from serd_core.demonstrations.decisions import Decisions
@@ -335,6 +341,36 @@ def test_draws_have_the_moments_of_the_approximation(gridworld):
     table = intervals.outcome_probabilities
     assert np.all(table[0] <= fit.outcome_probabilities)
     assert np.all(table[1] >= fit.outcome_probabilities)
+
+
+def test_draws_of_counted_outcomes_are_those_of_the_posterior_itself():
+    """One state is left for one of three by either action; an outcome that was never seen too."""
+    successors = np.tile(np.arange(1, 4), (4, 2, 1))
+    successors[1:] = np.arange(1, 4)[:, None, None]
+    models = OutcomeModels(successors, np.zeros((4, 2), int), np.ones((4, 2), bool), 1, beta=2.0)
+    features = np.zeros((4, 2, 1))
+    features[0, 0] = 1.0
+    problem = TabularProblem(Mdp(models, 0.0), features, ("first",))
+    seen, prior = np.array([30, 0, 4]), GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.2)
+    n = int(seen.sum())
+    following = np.repeat([1, 2, 3], seen)
+    actions = np.arange(n) % 2
+    decisions = Decisions(np.arange(n), np.zeros(n), np.zeros(n, int), actions, following)
+    fit = fit_mdce_serd(problem, decisions, initial_weights=np.zeros(1), prior=prior)
+    found = laplace(problem, decisions, fit)
+    draws = dirichlet_draws(found, np.random.default_rng(0), 4000)
+    counts = seen + 0.2
+    first = slice(2000)  # the others mirror them
+    exact = [scipy.stats.beta(count, counts.sum() - count) for count in counts]
+    for each, share in zip(exact, draws.outcome_probabilities[first, 0].T, strict=True):
+        assert scipy.stats.kstest(share, each.cdf).pvalue > 0.01
+    normal = laplace_draws(found, np.random.default_rng(0), 4000).outcome_probabilities[first, 0]
+    assert scipy.stats.kstest(normal[:, 1], exact[1].cdf).pvalue < 1e-9
+    together = np.cov(draws.outcome_probabilities[:, 0].T)
+    mean = counts / counts.sum()
+    exact_cov = (np.diag(mean) - np.outer(mean, mean)) / (counts.sum() + 1)
+    np.testing.assert_allclose(together, exact_cov, atol=0.06 * exact_cov.max())
+    np.testing.assert_allclose(draws.reward.mean(axis=0), fit.reward_weights, atol=1e-9)
 
 
 def test_the_averaged_policy_is_the_mean_of_the_policies(gridworld):
