@@ -11,6 +11,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # The libraries read the variable when they load.
 from benchmarks import bags_throughput, compliance, receipt_times, speed_figure, start_up
 from benchmarks.driving import (
+    arrival_bands,
     closed_loop,
     crowd_peers,
     drives,
@@ -34,6 +35,7 @@ from benchmarks.learning import (
 from benchmarks.sources import run as sources
 
 BENCHMARKS = {
+    "arrival_bands": arrival_bands.run,
     "bags_throughput": bags_throughput.run,
     "belief_choice": belief_choice.run,
     "belief_recorded": belief_recorded.run,

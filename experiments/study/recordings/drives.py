@@ -27,7 +27,7 @@ from serd_core.grid.navigation import NavigationProblem
 from sim.drivers.catalogue import Driver
 from sim.episodes.episode import EpisodeRecord, run_episode
 from sim.planning.catalogue import make_planner
-from sim.safety.world_guard import no_guard
+from sim.safety.world_guard import CommandFilter, no_guard
 from sim.scenario.scenario import Scenario
 from sim.world.command import Command
 from sim.world.observation import Observation
@@ -100,8 +100,12 @@ def drive_in(
     seed: int,
     starts: Iterable[tuple[int, str]],
     timeout_s: float | None = None,
+    guard: CommandFilter | None = no_guard,
 ) -> Drives:
-    """The same in a scenario. starts: number and start area of each episode."""
+    """The same in a scenario. starts: number and start area of each episode.
+
+    guard: of `run_episode`; without any the shipped bags and the kept results were made.
+    """
     local_planner = make_planner(planner, scenario)
     tables, records, densities, reports = [], [], [], []
     with HallwayWorld(scenario, seed=seed) as world:
@@ -115,7 +119,7 @@ def drive_in(
                 start_area=start_area,
                 timeout_s=timeout_s,
                 observer=track.see,
-                guard=no_guard,  # as when the shipped bags and the kept results were made
+                guard=guard,
             )
             drive = track.drive(record, world.observation)
             found, report = decisions_from_drive(drive, problem.grid, scenario.decision_period_s)
