@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 from serd_core.arrays import FloatArray
 from serd_core.bellman.linear.policy_pattern import PolicyPattern
@@ -32,20 +33,26 @@ class LinearSolver(ABC):
 
 @dataclass(frozen=True, eq=False)
 class WithFallback(LinearSystem):
-    """A system that may fail, and what prepares another one for that case."""
+    """A system that may fail, and what prepares the one that is used from its first failure on."""
 
     first: LinearSystem
     prepare_other: Callable[[], LinearSystem]
+
+    @cached_property
+    def _other(self) -> LinearSystem:
+        return self.prepare_other()
 
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0
     ) -> FloatArray:
         """Solve by the first system, and by the other where that does not converge."""
-        try:
-            return self.first.solve(
-                right_side, transposed=transposed, relative_residual=relative_residual
-            )
-        except SerdError:
-            return self.prepare_other().solve(
-                right_side, transposed=transposed, relative_residual=relative_residual
-            )
+        if "_other" not in vars(self):
+            try:
+                return self.first.solve(
+                    right_side, transposed=transposed, relative_residual=relative_residual
+                )
+            except SerdError:
+                pass
+        return self._other.solve(
+            right_side, transposed=transposed, relative_residual=relative_residual
+        )
