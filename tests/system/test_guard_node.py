@@ -24,7 +24,8 @@ INPUTS = {
     "pedestrians": PointCloud2,
     "scan": LaserScan,
 }
-STOPPED_MPS = 1e-6
+#: A robot that stands rocks on its casters.
+STOPPED_MPS = 1e-3
 SPEED_MPS = 0.3
 
 

@@ -25,7 +25,8 @@ from serd_ros.graph.graph import Stack, find_stack
 from support.waiting import PATIENCE_S, ProcessorWait
 
 pytestmark = pytest.mark.ros
-STOPPED_MPS = 1e-6
+#: A robot that stands rocks on its casters.
+STOPPED_MPS = 1e-3
 
 
 def start(nodes, environment, names, **given):

@@ -36,7 +36,8 @@ from support.browser import needs_chromium, start_chromium
 from support.waiting import PATIENCE_S, ProcessorWait, descendants_of, wait_until
 
 SERD = str(Path(sys.executable).with_name("serd"))
-STOPPED_MPS = 1e-6
+#: A robot that stands rocks on its casters.
+STOPPED_MPS = 1e-3
 STOPPED_RADPS = 1e-6
 SCENARIO = """
 name: bend
