@@ -22,6 +22,7 @@ from benchmarks.driving import (
 )
 from benchmarks.faults import kill_matrix
 from benchmarks.learning import (
+    belief_bound,
     belief_choice,
     belief_recorded,
     calibration,
@@ -37,6 +38,7 @@ from benchmarks.sources import run as sources
 BENCHMARKS = {
     "arrival_bands": arrival_bands.run,
     "bags_throughput": bags_throughput.run,
+    "belief_bound": belief_bound.run,
     "belief_choice": belief_choice.run,
     "belief_recorded": belief_recorded.run,
     "calibration": calibration.run,

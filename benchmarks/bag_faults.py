@@ -8,7 +8,6 @@ recorded and the reader reports no damage.
 python -m benchmarks.bag_faults        # measures for a minute, writes the rows of the table
 """
 
-import re
 import signal
 import subprocess
 import sys
@@ -25,11 +24,9 @@ from mcap.stream_reader import MAGIC_SIZE
 from bags.mcap.records import RECORD_HEAD
 from bags.mcap.scan import McapScan
 from bags.writer import BagWriter
-from storage.files import atomic_write_text, read_text
+from benchmarks.report import markdown_row, write_rows
 
 _DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "bags.md"
-#: The rows below the head of the table.
-_ROWS = re.compile(r"(\| fault \|.*\n\|.*\n)(?:\|.*\n)*")
 _TYPE = "geometry_msgs/msg/PoseStamped"
 _N_TOPICS, _RATE_HZ, _DURATION_S = 20, 50, 6.0
 _FLUSH_PERIOD_S = 0.25
@@ -92,9 +89,7 @@ def main() -> None:
             ("file emptied (0 bytes)", [_of(folder, whole, b"")]),
             ("file overwritten with zeros", [_of(folder, whole, bytes(len(whole.content)))]),
         ]
-    lines = "\n".join(_line(name, losses) for name, losses in rows)
-    page = _ROWS.sub(lambda head: f"{head[1]}{lines}\n", read_text(_DOCUMENT))
-    atomic_write_text(_DOCUMENT, page)
+    write_rows(_DOCUMENT, ["fault"], "".join(_line(name, losses) for name, losses in rows))
     print(f"wrote {_DOCUMENT}")
 
 
@@ -220,10 +215,8 @@ def _line(name: str, losses: Sequence[Loss]) -> str:
     seconds = of(lambda loss: loss.lost_s)
     most = int(max(of(lambda loss: loss.n_lost)))
     undetected = sum(loss.undetected for loss in losses)
-    return (
-        f"| {name} | {len(losses)} | {np.mean(seconds):.2f} | {max(seconds):.2f} | {most} "
-        f"| {undetected} |"
-    )
+    times = f"{np.mean(seconds):.2f}", f"{max(seconds):.2f}"
+    return markdown_row([name, len(losses), *times, most, undetected])
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ make bench ARGS=compliance
 """
 
 import json
-import re
 import shutil
 import subprocess
 import sys
@@ -18,12 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from storage.files import atomic_write_text, read_text
+from benchmarks.report import markdown_row, write_rows
+from storage.files import atomic_write_text
 
 _DOCUMENT = Path(__file__).absolute().parents[1] / "docs" / "compare.md"
 _PICTURE = _DOCUMENT.parent / "pictures" / "compare.png"
-#: The rows below the head of the table.
-_ROWS = re.compile(r"(\| robots \| episodes \|.*\n\|.*\n)(?:\|.*\n)*")
 _LENGTH_M, _WIDTH_M, _PERIOD_S, _SPEED_MPS = 16.0, 4.0, 0.1, 0.9
 #: y of the lane that each kind goes to, and how fast it moves sideways.
 _LANES_M, _SIDEWAYS_MPS = {"compliant": 1.0, "not compliant": 3.0}, 0.3
@@ -69,22 +67,21 @@ def run() -> None:
         ]
         shutil.copy(folder / "c.png", _PICTURE)
     print("".join(rows), end="")
-    text = read_text(_DOCUMENT)
-    atomic_write_text(_DOCUMENT, _ROWS.sub(lambda found: found[1] + "".join(rows), text))
+    write_rows(_DOCUMENT, ["robots", "episodes"], "".join(rows))
 
 
 def _row(title: str, found: dict[str, Any]) -> str:
     share = 100 * found["n_surprising"] / found["n_decisions"]
     cells = (
         title,
-        f"{found['n_episodes']}",
-        f"{found['n_decisions']}",
+        found["n_episodes"],
+        found["n_decisions"],
         *(_number(found[name]) for name in ("log_likelihood", "simulated")),
         f"{found['mean_rank']:.2f}",
         f"{100 * found['n_unusual'] / len(found['episodes']):.0f} %",
         f"{share:.1f} %",
     )
-    return f"| {' | '.join(cells)} |\n"
+    return markdown_row(cells)
 
 
 def _number(value: float | None) -> str:

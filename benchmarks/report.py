@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
@@ -12,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from experiments.running.provenance import code_commit
-from storage.files import atomic_write_text
+from storage.files import atomic_write_text, read_text
 
 RESULTS = Path(__file__).with_name("results")
 Row = Mapping[str, Any]
@@ -66,6 +67,19 @@ def measured_rows(
                 file.write(json.dumps(done[0]) + "\n")
         rows.append(done[0])
     return rows
+
+
+def markdown_row(cells: Iterable[object]) -> str:
+    """A line of a Markdown table."""
+    return f"| {' | '.join(map(str, cells))} |\n"
+
+
+def write_rows(document: Path, first_columns: Sequence[str], lines: str) -> None:
+    """Replace the rows of a document's Markdown tables with these first columns."""
+    head = re.escape(markdown_row(first_columns).rstrip())
+    text = read_text(document)
+    pattern = rf"^({head}.*\n\|.*\n)(?:\|.*\n)*"
+    atomic_write_text(document, re.sub(pattern, lambda found: found[1] + lines, text, flags=re.M))
 
 
 def _text(value: Any) -> str:

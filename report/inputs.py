@@ -9,9 +9,9 @@ import numpy as np
 
 from report.errors import ReportError
 from serd_app.demonstrations.discretise import Faults
-from serd_app.demonstrations.resolution import ResolutionAdvice
+from serd_app.demonstrations.grid.resolution import ResolutionAdvice
 from serd_app.learning.knowledge import Knowledge
-from serd_app.navigation.familiarity import Familiarity
+from serd_app.navigation.evaluation.familiarity import Familiarity
 from serd_core.arrays import BoolArray, FloatArray, first_index, float_array, require_index
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import Decisions

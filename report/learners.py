@@ -53,16 +53,14 @@ STYLES = {
 }
 
 
-def draw_band(
-    axes: Axes, sizes: Sequence[int], curve: Mapping[str, Any], learner: str, label: str = ""
-) -> None:
+def draw_band(axes: Axes, sizes: Sequence[int], curve: Mapping[str, Any], learner: str) -> None:
     """Draw columns `median`, `lower` and `upper` over the sizes: a line with a band around it."""
     style = STYLES[learner]
     axes.plot(
         sizes,
         curve["median"],
         **style.arguments,
-        label=label or learner,
+        label=learner,
         markeredgecolor=INK,
         markeredgewidth=0.4,
     )

@@ -12,13 +12,13 @@ import numpy as np
 
 from report.errors import ReportError
 from report.inputs import ExpertGroup, Forecast, ReportInputs, RunFacts
+from serd_app.demonstrations.grid.resolution import ResolutionAdvice
 from serd_app.demonstrations.recorded import faults_of, files_beside, load_advice
-from serd_app.demonstrations.resolution import ResolutionAdvice
 from serd_app.drives.mapping import DriveMapping
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
-from serd_app.navigation.comparison import predicted_law
-from serd_app.navigation.familiarity import familiarity_of
+from serd_app.navigation.evaluation.comparison import predicted_law
+from serd_app.navigation.evaluation.familiarity import familiarity_of
 from serd_app.navigation.strategy import Strategy, load_strategy, start_distribution
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_core.arrays import FloatArray

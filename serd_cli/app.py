@@ -1,7 +1,9 @@
 """The subcommands of `serd` and their exit codes."""
 
 import os
+import signal
 import sys
+from threading import Timer
 from typing import Annotated, Any
 
 import typer
@@ -92,8 +94,13 @@ def _options(
     """Nothing is done without a subcommand."""
 
 
+#: After this, an interrupt that Python ignored is repeated.
+_REPEATED_AFTER_S = 0.05
+
+
 def run(app: typer.Typer) -> int:
     """Run the command; its exit code. An error of the project is one line on stderr."""
+    sys.unraisablehook = _repeat_interrupt
     try:
         return int(app(standalone_mode=True) or 0)
     except KeyboardInterrupt:
@@ -104,6 +111,14 @@ def run(app: typer.Typer) -> int:
         return error.exit_code if isinstance(error, RunError) else BAD_INPUT
     finally:
         _flush_output()
+
+
+def _repeat_interrupt(ignored: Any) -> None:
+    """Python ignores exceptions, also Ctrl-C, in `__del__` and callbacks of weak references."""
+    if issubclass(ignored.exc_type, KeyboardInterrupt):
+        Timer(_REPEATED_AFTER_S, os.kill, (os.getpid(), signal.SIGINT)).start()
+    else:
+        sys.__unraisablehook__(ignored)
 
 
 def _flush_output() -> None:

@@ -16,7 +16,8 @@ from bags.errors import BagError
 from bags.playback import Excerpt, Playback
 from bags.reader import BagReader
 from bags.topic import CDR, RawMessage, topics_named
-from serd_app.drives.episode_spans import END, START, marks_of
+from serd_app.drives.episode_mark import END, START
+from serd_app.drives.episode_spans import marks_of
 from serd_app.navigation.overlay import overlay_of
 from serd_app.navigation.strategy import load_strategy
 from serd_cli.errors import UsageError

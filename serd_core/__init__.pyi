@@ -13,7 +13,6 @@ from serd_core.ascent.trust_region import TrustRegion as TrustRegion
 from serd_core.bayes.belief_comparison import compare_beliefs as compare_beliefs
 from serd_core.bayes.design import expected_information_gain as expected_information_gain
 from serd_core.bayes.draws import credible_intervals as credible_intervals
-from serd_core.bayes.draws import dirichlet_draws as dirichlet_draws
 from serd_core.bayes.draws import laplace_draws as laplace_draws
 from serd_core.bayes.draws import posterior_policy as posterior_policy
 from serd_core.bayes.information import outcome_information as outcome_information

@@ -107,11 +107,11 @@ def _layers(pyproject: Path, is_wanted: Callable[[str], bool]) -> list[list[str]
     return []
 
 
-def packages_picture(root: Path = ROOT) -> Picture:
+def packages_picture() -> Picture:
     """Packages in layers; an arrow goes to each package of the next layer down."""
-    layers = package_layers(root / "pyproject.toml")
+    layers = package_layers(ROOT / "pyproject.toml")
     nodes = {
-        name: f"{_PACKAGE_LOOK}, label=<{_package_label(name, root)}>"
+        name: f"{_PACKAGE_LOOK}, label=<{_package_label(name)}>"
         for layer in layers
         for name in layer
     }
@@ -122,12 +122,12 @@ def packages_picture(root: Path = ROOT) -> Picture:
     return Picture("TB", nodes, edges, tuple(map(tuple, layers)), caption)
 
 
-def journey_picture(root: Path = ROOT) -> Picture:
+def journey_picture() -> Picture:
     """The modules of JOURNEY from top to bottom; each arrow has what is passed on."""
     names = [JOURNEY_START, *(module for module, _ in JOURNEY)]
     modules = {
         name: f"{_PACKAGE_LOOK}, "
-        f"label=<{_label(name, root.joinpath(*name.split('.')).with_suffix('.py'))}>"
+        f"label=<{_label(name, ROOT.joinpath(*name.split('.')).with_suffix('.py'))}>"
         for name, _ in JOURNEY
     }
     edges = tuple(pairwise(names))
@@ -186,10 +186,10 @@ def draw(picture: Picture, path: Path) -> None:
         raise SystemExit("draw_architecture needs Graphviz: apt-get install graphviz") from None
 
 
-def _package_label(name: str, root: Path) -> str:
+def _package_label(name: str) -> str:
     """Name, first line of the package and, where a contract orders them, its subpackages."""
-    label = _label(name, root / name / "__init__.py")
-    parts = " → ".join(package_parts(root / "pyproject.toml", name))
+    label = _label(name, ROOT / name / "__init__.py")
+    parts = " → ".join(package_parts(ROOT / "pyproject.toml", name))
     return f'{label}<br/><font point-size="12">{parts}</font>' if parts else label
 
 

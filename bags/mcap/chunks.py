@@ -35,10 +35,10 @@ class ChunkHead(NamedTuple):
     data_size: int
 
 
-def chunk_head(record: bytes, at: int = 0) -> ChunkHead:
-    """The head of the chunk record that begins there; BagError where it is none."""
+def chunk_head(record: bytes) -> ChunkHead:
+    """The head of a chunk record; BagError where it is none."""
     try:
-        start = at + RECORD_HEAD.size
+        start = RECORD_HEAD.size
         _, _, size, checksum, name_size = _FIELDS.unpack_from(record, start)
         if name_size > _LONGEST_NAME:
             raise BagError("the head of a chunk is damaged")
@@ -48,7 +48,7 @@ def chunk_head(record: bytes, at: int = 0) -> ChunkHead:
         (data_size,) = _SIZE.unpack_from(record, start)
     except struct.error:
         raise BagError("the head of a chunk is cut off") from None
-    return ChunkHead(size, checksum, name, start + _SIZE.size - at, data_size)
+    return ChunkHead(size, checksum, name, start + _SIZE.size, data_size)
 
 
 def unpack_chunk(head: ChunkHead, block: bytes, at: int) -> tuple[bytes, int]:

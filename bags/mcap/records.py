@@ -19,7 +19,6 @@ from bags.limits import LARGEST_DEFINITION
 RECORD_HEAD = struct.Struct("<BQ")
 #: opcode, length; channel, sequence, log time, publish time
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")
-MESSAGE_FIELDS_SIZE = MESSAGE_HEAD.size - RECORD_HEAD.size
 
 AnyRecord = TypeVar("AnyRecord", bound=McapRecord)
 

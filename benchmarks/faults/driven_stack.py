@@ -7,7 +7,6 @@ held key (teleop), intents that this process publishes (live).
 
 import asyncio
 import math
-import re
 import signal
 import subprocess
 import threading
@@ -33,12 +32,14 @@ from serd_ros.convert.diagnostics import OK
 from serd_ros.convert.pose import from_odometry, from_pose_stamped, to_pose_stamped
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
+from serd_ros.process.progress import VARIABLE, parse_progress
 
 #: The source of intents of the stack live, which this process is.
 SOURCE = "source of intents"
 _STANDS_MPS = 1e-3
 _PATIENCE_S = 300.0
 _WATCHED_S = 10.0
+_RESUMED_S = 3.0
 _TRIES = 20
 _SILENCE_S = 2.0
 _INTENT_PERIOD_S = 0.5
@@ -152,7 +153,7 @@ class DrivenStack:
         self, stack: str, given: Mapping[str, Any], environment: Mapping[str, str], folder: Path
     ) -> None:
         self._stack, self._folder = stack, folder
-        self._environment = dict(environment)
+        self._environment = {**environment, VARIABLE: "1"}
         self._page: HeldKey | None = None
         self._publishes = True
         self.fault_time_s = math.nan
@@ -214,13 +215,13 @@ class DrivenStack:
         self._spin(lambda: condition() or time.monotonic() - self.motion.heard_s > _SILENCE_S)
         return condition()
 
-    def resume(self, node: str, watched_s: float = 3.0) -> bool:
+    def resume(self, node: str) -> bool:
         """Continue a stopped node; whether the robot drives within some simulated seconds."""
         self._nodes[node].send_signal(signal.SIGCONT)
         motion = self.motion
         self._spin(lambda: motion.time_s >= 0.0 and time.monotonic() - motion.heard_s < 0.1, 10.0)
         since_s = motion.time_s
-        self._spin(lambda: motion.speed_mps > 0.1 or motion.time_s > since_s + watched_s, 30.0)
+        self._spin(lambda: motion.speed_mps > 0.1 or motion.time_s > since_s + _RESUMED_S, 30.0)
         return motion.speed_mps > 0.1
 
     def _begin(self) -> None:
@@ -231,16 +232,14 @@ class DrivenStack:
             self._spin(goals.get_subscription_count)
             goals.publish(to_pose_stamped((*_GOAL_M, 0.0), 0.0))
         elif self._stack == "teleop":
-            url = self._spin_for(
-                lambda: re.search(r"the page is at (\S+)", self._log("teleop_page"))
-            )
-            if url is None:
-                raise RuntimeError(f"teleop_page must name its address, see {self._folder}")
-            self._page = HeldKey(url[1])
+            if not self._spin(self._page_address):
+                raise RuntimeError(f"teleop_page must report its address, see {self._folder}")
+            self._page = HeldKey(self._page_address())
 
-    def _spin_for(self, find: Callable[[], Any]) -> Any:
-        self._spin(find)
-        return find()
+    def _page_address(self) -> str:
+        """What teleop_page has reported, empty before it has."""
+        lines = (self._folder / "teleop_page.log").read_text().splitlines()
+        return next((each.address for line in lines if (each := parse_progress(line))), "")
 
     def _spin(self, condition: Callable[[], object], limit_s: float = _PATIENCE_S) -> bool:
         def publish_and_look() -> object:
@@ -260,6 +259,3 @@ class DrivenStack:
             return subprocess.Popen(
                 command, env=self._environment, stdout=log, stderr=subprocess.STDOUT
             )
-
-    def _log(self, name: str) -> str:
-        return (self._folder / f"{name}.log").read_text()

@@ -11,11 +11,12 @@ where it is undecided.
 """
 
 import argparse
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from benchmarks.learning.fresh_worlds import FAMILIES
+from benchmarks.learning.fresh_worlds import World, grid_world, random_world, relative_world
 from benchmarks.report import measured_rows, save
 from serd_core.arrays import FloatArray
 from serd_core.bayes.belief_comparison import BeliefComparison, compare_beliefs
@@ -23,6 +24,12 @@ from serd_core.bayes.draws import laplace_draws, posterior_policy
 from serd_core.posterior.beliefs import BeliefAroundTruth, FreeBelief, TiedBelief
 
 SIZES = (25, 6)
+#: With the first of the seeds of each: the first two have the same worlds.
+FAMILIES: dict[str, tuple[int, Callable[..., World]]] = {
+    "gridworlds": (0, grid_world),
+    "gridworlds, relative outcomes": (0, relative_world),
+    "random MDPs": (1, random_world),
+}
 EXPERTS = {"knows": False, "believes others": True}
 N_WORLDS = 100
 #: First of the seeds; those of development have others.
@@ -46,9 +53,7 @@ def measure(
     family: str, expert: str, demonstrations: int, world: int, seed: int = SEED
 ) -> dict[str, Any]:
     """Probability of each relation, and log-likelihoods of tied, free and the choice."""
-    place = (sorted(FAMILIES).index(family), list(EXPERTS).index(expert))
-    rng = np.random.default_rng([seed, *place, demonstrations, world])
-    fresh = FAMILIES[family](rng, wrong_belief=EXPERTS[expert])
+    fresh, rng = fresh_world(family, expert, demonstrations, world, seed)
     found = compare_beliefs(fresh.problem, fresh.demonstrations(demonstrations, rng))
     shares = zip(found.relations, found.probabilities.tolist(), strict=True)
     return (
@@ -59,6 +64,16 @@ def measure(
         }
         | {"left out": list(found.left_out)}
     )
+
+
+def fresh_world(
+    family: str, expert: str, demonstrations: int, world: int, seed: int = SEED
+) -> tuple[World, np.random.Generator]:
+    """A world, and the generator of its demonstrations."""
+    first, draw = FAMILIES[family]
+    place = (first, list(EXPERTS).index(expert))
+    rng = np.random.default_rng([seed, *place, demonstrations, world])
+    return draw(rng, wrong_belief=EXPERTS[expert]), rng
 
 
 def policies_of(found: BeliefComparison) -> dict[str, FloatArray]:

@@ -75,11 +75,11 @@ def _sampled(
 ) -> PosteriorDraws:
     """Draws of the sampler, thinned at random to the number that is ranked.
 
-    Chains that did not mix are run again, four times as long.
+    Chains that did not mix are run again, twice as long.
     """
     modes = posterior_modes(problem, decisions, fit, rng, n_starts=3)
     try:
-        found = sample_posterior(problem, modes, rng, n_draws=200, n_warm_up=50)
+        found = sample_posterior(problem, modes, rng, n_draws=400, n_warm_up=50)
     except SerdError:
         found = sample_posterior(problem, modes, rng, n_draws=800)
     kept = rng.choice(len(found.draws), N_RANKED, replace=False)

@@ -4,7 +4,7 @@ Each has demonstrations of a soft expert, and another task with the same rewards
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.ndimage
@@ -75,6 +75,18 @@ def grid_world(rng: np.random.Generator, *, wrong_belief: bool = False) -> World
     return World(_grid_problem(rng), _grid_problem(rng), weights, truth, belief)
 
 
+def relative_world(rng: np.random.Generator, *, wrong_belief: bool = False) -> World:
+    """A gridworld described by 3 outcome models, as outcomes are relative to the move."""
+    world = grid_world(rng, wrong_belief=wrong_belief)
+    return replace(
+        world,
+        problem=_by_relative_outcomes(world.problem),
+        transfer=_by_relative_outcomes(world.transfer),
+        truth=world.truth[::4],
+        belief=world.belief[::4],
+    )
+
+
 def random_world(rng: np.random.Generator, *, wrong_belief: bool = False) -> World:
     """25 states, 4 actions, 10 outcome models of 4 outcomes, 4 features."""
     truth = rng.dirichlet(np.full(4, 0.5), N_MODELS)
@@ -95,9 +107,21 @@ def _relative_moves(rng: np.random.Generator) -> FloatArray:
         other = (1.0 - ahead) * rng.dirichlet(np.array([1.0, 1.0, 0.3, 1.0]))
         stay, right, back, left = other
         for move in range(4):
-            places = [0] + [1 + (move + turn) % 4 for turn in range(4)]
-            table[terrain * 4 + move, places] = [stay, ahead, right, back, left]
+            table[terrain * 4 + move, _outcomes(move)] = [stay, ahead, right, back, left]
     return 0.98 * table + 0.02 / 5
+
+
+def _outcomes(move: int) -> list[int]:
+    """Which of stay, up, right, down, left it is to stay, and to go ahead, right, back, left."""
+    return [0] + [1 + (move + turn) % 4 for turn in range(4)]
+
+
+def _by_relative_outcomes(problem: TabularProblem) -> TabularProblem:
+    models = problem.mdp.transitions
+    assert isinstance(models, OutcomeModels)
+    successors = np.stack([models.successors[:, m, _outcomes(m)] for m in range(4)], axis=1)
+    relative = OutcomeModels(successors, models.model_of // 4, models.available, N_TERRAINS)
+    return TabularProblem(Mdp(relative, DISCOUNT), problem.features, problem.feature_names)
 
 
 def _grid_problem(rng: np.random.Generator) -> TabularProblem:

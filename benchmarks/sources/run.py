@@ -8,7 +8,6 @@ make bench ARGS=sources
 """
 
 import json
-import re
 import subprocess
 import sys
 import tempfile
@@ -18,17 +17,18 @@ from pathlib import Path
 
 from rosbags.rosbag2 import StoragePlugin
 
+from benchmarks.report import markdown_row, write_rows
 from benchmarks.sources import written
 from benchmarks.sources.likelihood import held_out
 from serd_core.errors import SerdError
-from storage.files import atomic_write_text, read_text
+from storage.files import atomic_write_text
 
 _ROOT = Path(__file__).absolute().parents[2]
 _DOCUMENT = _ROOT / "docs" / "sources.md"
 _REAL = _ROOT.parent / "shared" / "data"
 _OWN = _ROOT / "bags" / "data" / "hallway" / "test"
-#: The rows below the head of the table.
-_ROWS = re.compile(r"(\| source \| kind \|.*\n\|.*\n)(?:\|.*\n)*")
+#: Of the table that is written.
+_FIRST_COLUMNS = "source", "kind"
 _REAL_BAG = _REAL / "bags" / "test-bag"
 _CORRIDOR = _REAL / "pedestrians" / "bi_corr_400_b_03.txt"
 _HALL = ("--scenario", "hallway")
@@ -122,12 +122,12 @@ class Row:
             source.kind,
             "real" if source.real else "generated",
             "yes" if not self.error else f"no: {self.error}",
-            f"{self.n_decisions}",
-            f"{self.n_episodes}",
-            f"{self.n_moving_waits}",
+            self.n_decisions,
+            self.n_episodes,
+            self.n_moving_waits,
             self.likelihood,
         )
-        return f"| {' | '.join(cells)} |\n"
+        return markdown_row(cells)
 
 
 def run() -> None:
@@ -137,13 +137,7 @@ def run() -> None:
         with tempfile.TemporaryDirectory() as folder:
             rows.append(_measured(each, Path(folder)))
         print(rows[-1].line(), end="", flush=True)
-    write("".join(row.line() for row in rows))
-
-
-def write(lines: str) -> None:
-    """Replace the rows of the document."""
-    text = read_text(_DOCUMENT)
-    atomic_write_text(_DOCUMENT, _ROWS.sub(lambda found: found[1] + lines, text))
+    write_rows(_DOCUMENT, _FIRST_COLUMNS, "".join(row.line() for row in rows))
 
 
 def _measured(source: Source, folder: Path) -> Row:

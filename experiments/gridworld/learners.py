@@ -73,6 +73,11 @@ def _mdce_serd(given: LearnerInput) -> Estimate:
     )
 
 
+def _serd_by_evidence(given: LearnerInput) -> Estimate:
+    """The default of the library, which the thesis leaves to future work."""
+    return Estimate.of(fit_mdce_serd(given.problem, given.decisions))
+
+
 def _pm_serd(prior: Prior, given: LearnerInput) -> Estimate:
     problem, seen = given.problem, given.decisions
     first = fit_pm_serd(problem, seen, rng=given.rng, belief=FIXED, prior=prior, ascent=PM_ASCENT)
@@ -107,7 +112,7 @@ def _relative_entropy(given: LearnerInput) -> Estimate:
 
 IRL_LEARNERS: dict[str, Learner] = {"MDCE IRL": _mdce_irl, "REIRL": _relative_entropy}
 EXPERTS: dict[str, dict[str, Learner]] = {
-    "mdce": {"MDCE SERD": _mdce_serd} | IRL_LEARNERS,
+    "mdce": {"MDCE SERD": _mdce_serd, "SERD, evidence": _serd_by_evidence} | IRL_LEARNERS,
     "pm": {
         "PM SERD": partial(_pm_serd, PM_SCALE),
         "PM SERD, regularised": partial(_pm_serd, REGULARISATION),

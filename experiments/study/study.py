@@ -17,6 +17,12 @@ from sim.scenario.scenario import Scenario, load_scenario
 TRAIN_AREA, TRANSFER_AREA = "train", "transfer"
 
 
+def scenario_with(name: str, people: int, *, crowd: str, drive: str) -> Scenario:
+    """A scenario with a number of people of a crowd model, and the drive of its robot."""
+    place = load_scenario(name).with_values("robot", drive=drive)
+    return place.with_values("pedestrians", count=people, model=crowd)
+
+
 @dataclass(frozen=True)
 class StudyWorld:
     """Where a study is recorded; folder: of its stages."""
@@ -28,8 +34,9 @@ class StudyWorld:
     def scenario(self) -> Scenario:
         """The scenario with the robot and the people of the study."""
         settings = self.settings
-        place = load_scenario(settings.scenario).with_values("robot", drive=settings.drive)
-        return place.with_values("pedestrians", count=settings.people, model=settings.crowd)
+        return scenario_with(
+            settings.scenario, settings.people, crowd=settings.crowd, drive=settings.drive
+        )
 
     @cached_property
     def problem(self) -> NavigationProblem:

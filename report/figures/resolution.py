@@ -9,7 +9,7 @@ from matplotlib.patches import Rectangle
 from report import style
 from report.figures.map_axes import colour_bar
 from report.style import new_figure, percent
-from serd_app.demonstrations.resolution import MOST_FAR, ResolutionAdvice, ResolutionRow
+from serd_app.demonstrations.grid.resolution import MOST_FAR, ResolutionAdvice, ResolutionRow
 
 
 def draw_resolution(advice: ResolutionAdvice) -> Figure:

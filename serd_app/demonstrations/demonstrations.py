@@ -79,12 +79,9 @@ def demonstrations_of_drives(
     decision_period_s: float,
     *,
     seen: set[bytes] | None = None,
-    agents: bool = False,
 ) -> tuple[Demonstrations, DiscretisationReport]:
     """Those of all drives of one recording, at least one; see `demonstrations_of_each`."""
-    return joined_demonstrations(
-        demonstrations_of_each(drives, grid, decision_period_s, seen=seen, agents=agents)
-    )
+    return joined_demonstrations(demonstrations_of_each(drives, grid, decision_period_s, seen=seen))
 
 
 def joined_demonstrations(

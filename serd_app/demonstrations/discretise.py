@@ -19,7 +19,8 @@ from typing import Protocol
 import numpy as np
 
 from bags.errors import BagError
-from serd_app.drives.episode_spans import CUT_OFF, DISCARDED, RETURN, EpisodeSpan
+from serd_app.drives.episode_mark import DISCARDED
+from serd_app.drives.episode_spans import CUT_OFF, RETURN, EpisodeSpan
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions

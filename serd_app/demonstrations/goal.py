@@ -39,7 +39,7 @@ def _ends(decisions: Decisions) -> dict[int, int]:
 
 
 def _neighbouring(states: IntArray, grid: Grid) -> list[IntArray]:
-    """The states in groups, between which there are two cells or more."""
+    """The states in groups, between which there are three cells or more."""
     picture = np.zeros(grid.walkable.shape, dtype=bool)
     rows, columns = grid.cells[states].T
     picture[rows, columns] = True

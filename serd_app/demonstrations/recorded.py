@@ -15,10 +15,10 @@ from serd_app.demonstrations.concatenate import concatenate_renumbered
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import demonstrations_of_each, joined_demonstrations
 from serd_app.demonstrations.discretise import DiscretisationReport, Faults
-from serd_app.demonstrations.flow_field import FlowField
-from serd_app.demonstrations.flow_table import save_flow
-from serd_app.demonstrations.grid_file import save_grid
-from serd_app.demonstrations.resolution import (
+from serd_app.demonstrations.grid.flow_field import FlowField
+from serd_app.demonstrations.grid.flow_table import save_flow
+from serd_app.demonstrations.grid.grid_file import save_grid
+from serd_app.demonstrations.grid.resolution import (
     ResolutionAdvice,
     load_resolution,
     resolution_advice,

@@ -12,11 +12,10 @@ import numpy as np
 
 from bags.errors import BagError
 from bags.messages.plain import diagnostic_array
+from serd_app.drives.episode_mark import DISCARDED, END, EPISODE, SAVED, START, EpisodeMark
 from serd_core.arrays import FloatArray
 
-EPISODE = "episode"
-START, END = "start", "end"
-CUT_OFF, DISCARDED, SAVED, RETURN = "cut_off", "discarded", "saved", "return"
+CUT_OFF, RETURN = "cut_off", "return"
 _MOST_DIGITS = 9
 
 
@@ -39,25 +38,17 @@ class EpisodeSpan:
         return self.outcome not in (DISCARDED, RETURN)
 
 
-@dataclass(frozen=True)
-class EpisodeMark:
-    """event: start or end; outcome: empty at the start."""
-
-    time_s: float
-    event: str
-    number: int
-    outcome: str = ""
-
-
 def marks_of(data: bytes, time_ns: int | None = None) -> list[EpisodeMark]:
-    """Those in a diagnostic_msgs/DiagnosticArray, whose other statuses are left.
+    """Those in a diagnostic_msgs/DiagnosticArray, with event, number and outcome alone.
 
-    time_ns: in place of the stamp.
+    Other statuses are ignored. time_ns: in place of the stamp.
     """
     report = diagnostic_array(data)
     time_s = (report.header.stamp_ns if time_ns is None else time_ns) / 1e9
     return [
-        EpisodeMark(time_s, each.message, _number(each.values), each.values.get("outcome", ""))
+        EpisodeMark(
+            each.message, time_s, _number(each.values), outcome=each.values.get("outcome", "")
+        )
         for each in report.statuses
         if each.name == EPISODE and each.message in (START, END)
     ]
@@ -95,7 +86,7 @@ class _Spans:
         if mark.event == START:
             self.cut_off(mark.time_s)
             self._open = mark
-        elif self._open is not None and mark.number == self._open.number:
+        elif self._open is not None and mark.episode == self._open.episode:
             self._close(self._open, mark.time_s, mark.outcome)
         elif not (mark.outcome in (DISCARDED, SAVED) and self._judge_again(mark)):
             self.cut_off(mark.time_s)
@@ -111,17 +102,17 @@ class _Spans:
         self._close(self._open, max(until_s, start_s), CUT_OFF)
 
     def _close(self, start: EpisodeMark, end_s: float, outcome: str) -> None:
-        number = self._highest + 1 if start.number in self._numbers else start.number
+        number = self._highest + 1 if start.episode in self._numbers else start.episode
         self._numbers.add(number)
         self._highest = max(self._highest, number)
-        self.closed.append((start.number, EpisodeSpan(number, start.time_s, end_s, outcome)))
+        self.closed.append((start.episode, EpisodeSpan(number, start.time_s, end_s, outcome)))
         self._open = None
 
     def _judge_again(self, mark: EpisodeMark) -> bool:
         """Give the latest episode with the mark's number its outcome; whether there is one."""
         for row in reversed(range(len(self.closed))):
             number, span = self.closed[row]
-            if number == mark.number:
+            if number == mark.episode:
                 self.closed[row] = number, replace(span, outcome=mark.outcome)
                 return True
         return False

@@ -14,7 +14,8 @@ from bags.errors import BagError
 from bags.messages.fields import FieldReader, field_reader, store_of
 from bags.reader import BagReader
 from bags.topic import RawMessage, Topic, topic_named
-from serd_app.drives.episode_spans import EpisodeMark, EpisodeSpan, marks_of, spans_of_marks
+from serd_app.drives.episode_mark import EpisodeMark
+from serd_app.drives.episode_spans import EpisodeSpan, marks_of, spans_of_marks
 from serd_app.drives.mapped_actions import MappedActions, PoseTrack
 from serd_app.drives.mapped_poses import MappedPoses
 from serd_app.drives.mapping import BagMapping

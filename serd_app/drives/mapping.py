@@ -1,6 +1,6 @@
 """The mapping file: which topics of a bag, or columns of a table, hold what; where episodes end."""
 
-from typing import Literal, Self
+from typing import Literal
 
 from pydantic import model_validator
 
@@ -62,7 +62,7 @@ class DriveMapping(StrictModel):
             )
         return self
 
-    def with_goal_area(self, area_m: tuple[tuple[float, float], ...]) -> Self:
+    def with_goal_area(self, area_m: tuple[tuple[float, float], ...]) -> "DriveMapping":
         """The mapping with the goal area of a scenario, where it states no goal itself."""
         if self.goals_m or self.goal_area_m:
             return self

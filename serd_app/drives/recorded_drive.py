@@ -9,7 +9,8 @@ import numpy as np
 
 from bags.errors import BagError
 from bags.messages.plain import vector3_stamped
-from serd_app.drives.episode_spans import EpisodeMark, EpisodeSpan, marks_of, spans_of_marks
+from serd_app.drives.episode_mark import EpisodeMark
+from serd_app.drives.episode_spans import EpisodeSpan, marks_of, spans_of_marks
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.grid import action_of_direction
 

@@ -16,7 +16,8 @@ from bags.message_times import TimesOnClock, agrees, placed_s
 from bags.messages.plain import message_stamp_ns, pose_position
 from bags.reader import BagReader
 from bags.topic import RawMessage, topic_named
-from serd_app.drives.episode_spans import END, EPISODE, marks_of
+from serd_app.drives.episode_mark import END, EPISODE
+from serd_app.drives.episode_spans import marks_of
 from serd_app.drives.recorded_drive import INTENT, POSE, DriveBuilder, RecordedDrive, source_of
 from serd_core.arrays import FloatArray
 

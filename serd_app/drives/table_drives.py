@@ -1,5 +1,4 @@
-"""Drives of agents: each expert is a demonstration, and all agents are the people that others walk
-among."""
+"""Drives of the agents of a table: each expert demonstrates among all other agents."""
 
 import re
 from collections.abc import Sequence
@@ -25,21 +24,23 @@ _VELOCITY_S = 0.4
 #: Steps between places of an agent across which its place is interpolated for others.
 _LONGEST_STEP_S = 1.0
 _TOLERANCE_S = 1e-6
-#: Of the tables that a folder may hold.
+#: Of tables in a folder.
 _SUFFIXES = frozenset([".csv", ".txt", ".tsv", ".gz", ".parquet", ".pq"])
 _LISTED = 5
-#: In the name or the kind of the agents that alone demonstrate where others have other names.
+#: In the name or class of a robot. Where some agents are robots, only these demonstrate.
 _ROBOT = re.compile(
     r"(?<![a-z])(?<!non.)(?<!not.)(?<!no.)(robots?[a-z]?|agv|amr|ego)(?![a-z])", re.IGNORECASE
 )
-#: In the name of a file of people it stands for the number in that of the table.
+#: In the name of a file of people `*` stands for the number in the name of the table.
 _NUMBER, _DIGITS = "*", re.compile(r"\d+")
 
 
 @dataclass(frozen=True, eq=False)
 class Crowd:
-    """The tracks of all agents, and the places in them of those that demonstrate, by drive; whether
-    all of them are robots."""
+    """tracks: of all agents; experts: the indices of those that demonstrate, by drive.
+
+    all_robots: whether all agents are robots.
+    """
 
     tracks: tuple[Track, ...]
     experts: tuple[int, ...]
@@ -47,8 +48,7 @@ class Crowd:
 
     @property
     def people(self) -> tuple[Track, ...]:
-        """Those whose flow counts: all where all demonstrate, none of robots alone, else the
-        others."""
+        """Agents of the flow: none of robots alone, all where all demonstrate, else the rest."""
         if self.all_robots:
             return ()
         if len(self.experts) == len(self.tracks):
@@ -57,12 +57,12 @@ class Crowd:
 
     @cached_property
     def position_m(self) -> FloatArray:
-        """(N, 2) of the people at all times."""
+        """(N, 2) of the people at all their times."""
         return np.concatenate([track.position_m for track in self.people])
 
     @cached_property
     def velocity_mps(self) -> FloatArray:
-        """(N, 2) likewise."""
+        """(N, 2) of the people at all their times."""
         return np.concatenate([_velocity_mps(track) for track in self.people])
 
     @cached_property
@@ -100,7 +100,7 @@ class TableDrives:
 
 
 def is_table(path: Path) -> bool:
-    """Whether it is a file that is no storage file of a bag; FileError for a folder of tables."""
+    """Whether a path is a file other than a bag's; FileError for a folder of tables."""
     if path.is_dir():
         files = sorted(path.iterdir())
         tables = [each for each in files if each.suffix.lower() in _SUFFIXES]
@@ -133,7 +133,7 @@ def drives_of_table(path: Path, mapping: TableMapping, period_s: float) -> Table
 
 
 def _people_file(path: Path, name: str) -> Path:
-    """Beside the table."""
+    """The file of people beside the table."""
     numbers = _DIGITS.findall(path.stem)
     if _NUMBER in name and not numbers:
         raise FileError(
@@ -146,7 +146,7 @@ def _people_file(path: Path, name: str) -> Path:
 def _require_one_clock(
     path: Path, tracks: Sequence[Track], file: Path, people: Sequence[Track]
 ) -> None:
-    """FileError where nobody is seen while the robot drives."""
+    """FileError where the times of the two files do not overlap."""
     (begin_s, end_s), (first_s, last_s) = (
         (min(each.time_s[0] for each in some), max(each.time_s[-1] for each in some))
         for some in (tracks, people)
@@ -182,7 +182,7 @@ def drives_of_tracks(
 def _experts(
     path: Path, tracks: Sequence[Track], wanted: Sequence[str]
 ) -> tuple[tuple[int, ...], str]:
-    """Places of the agents that demonstrate, and a sentence where that was assumed."""
+    """Indices of the agents that demonstrate, and a sentence where that was assumed."""
     names = [track.agent for track in tracks]
     called = [(track.agent, track.name, *track.kinds) for track in tracks]
     missing = [each for each in wanted if not any(_is_called(every, each) for every in called)]

@@ -21,7 +21,7 @@ _LONGEST_S, _FARTHEST_M = 1.0, 0.5
 
 
 def crowd_of_sightings(sightings: Sequence[Sighting], source: str) -> Crowd:
-    """All people as experts; AppError where nobody is seen twice."""
+    """All people as experts; AppError where no person is seen twice."""
     tracks = tracks_of_sightings(sightings)
     if not tracks:
         raise AppError(

@@ -9,9 +9,9 @@ import numpy as np
 
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.demonstrations.flow_table import load_flow
 from serd_app.demonstrations.goal import ending_in, n_reaching, until_goal, usual_goal_states
-from serd_app.demonstrations.grid_file import load_grid
+from serd_app.demonstrations.grid.flow_table import load_flow
+from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.measured_density import load_density
 from serd_app.demonstrations.recorded import DemonstrationRecord, files_beside
 from serd_app.errors import AppError

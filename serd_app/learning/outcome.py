@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_app.demonstrations.grid_file import save_grid
+from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_app.learning.knowledge import Knowledge, save_knowledge
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file
 from serd_core.arrays import FloatArray
@@ -60,7 +60,7 @@ class FitOutcome:
     validation decision of each candidate weight, empty where none was chosen. knowledge: None where
     the fit has no posterior. scenario_yaml: see `LearningTask`. groups: None where types of experts
     were not asked for; with several types, fit and weights are those of the most frequent. belief:
-    what the evidence says about the expert's belief, empty where relations were not compared.
+    the evidence about the expert's belief, empty where relations were not compared.
     """
 
     fit: FitResult

@@ -14,7 +14,7 @@ from serd_core.priors.divergence import KldPrior
 from serd_core.priors.prior import Prior
 
 
-def uniform_prior(problem: NavigationProblem, block: Block, pseudo_count: float = 1.0) -> KldPrior:
+def uniform_prior(problem: NavigationProblem, block: Block, pseudo_count: float) -> KldPrior:
     """Prior of one block of dynamics; it leaves out models that act nowhere."""
     models = problem.outcome_models
     n_distinct = 1 + (np.diff(np.sort(models.successors, axis=2)) != 0).sum(axis=2)
@@ -32,7 +32,7 @@ def uniform_prior(problem: NavigationProblem, block: Block, pseudo_count: float 
     )
 
 
-def uniform_prior_on_both(problem: NavigationProblem, pseudo_count: float = 1.0) -> Prior:
+def uniform_prior_on_both(problem: NavigationProblem, pseudo_count: float) -> Prior:
     """The same on the truth and on the belief, where these are two blocks."""
     truth = uniform_prior(problem, Block.TRUTH, pseudo_count)
     return truth + uniform_prior(problem, Block.BELIEF, pseudo_count)

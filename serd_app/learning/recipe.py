@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.demonstrations.flow_table import load_flow
+from serd_app.demonstrations.grid.flow_table import load_flow
 from serd_app.errors import AppError
 from serd_app.learning.knowledge import knowledge_of, posterior_of
 from serd_app.learning.methods import (
@@ -19,7 +19,7 @@ from serd_app.learning.outcome import FitOutcome
 from serd_app.learning.settings import LearningSettings
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_core.arrays import FloatArray
-from serd_core.bayes.draws import dirichlet_draws
+from serd_core.bayes.draws import laplace_draws
 from serd_core.dynamics.covariate_models import CovariateModels
 from serd_core.grid.navigation import NavigationProblem
 from sim.scenario.grid import grid_of, navigation_problem_of
@@ -87,7 +87,7 @@ def learn(
     if found.beliefs is not None:
         posterior, draws = found.beliefs.approximations[0], found.beliefs.draws(rng)
     elif posterior is not None:
-        draws = dirichlet_draws(posterior, rng)
+        draws = laplace_draws(posterior, rng)
     model = model_of_fit(
         found.fit,
         problem,

@@ -4,8 +4,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from serd_app.navigation.arrival_records import ArrivalRecords
-from serd_app.navigation.crossing_log import CrossingLog
+from serd_app.navigation.arrival_log import ArrivalRecords
+from serd_app.navigation.evaluation.crossing_log import CrossingLog
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.settings import NavigationSettings
 from serd_core.grid.grid import Action

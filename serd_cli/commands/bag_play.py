@@ -1,7 +1,6 @@
 """`serd bag play`: publishes a recording on its topics."""
 
 import os
-import re
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -18,6 +17,7 @@ from serd_cli.stack_run import require_free
 from serd_cli.supervisor import Process, run_together
 from serd_cli.workspace import ros_environment
 from serd_ros.graph.configs import BagReplayConfig
+from serd_ros.process.progress import VARIABLE, parse_progress
 
 _NODE = "bag_replay"
 
@@ -74,20 +74,22 @@ def play(
     if not as_json:
         os.execve(command[0], command, environment)
     played = _Played()
-    run_together([Process(_NODE, command)], environment, played.hear)
+    run_together([Process(_NODE, command)], environment | {VARIABLE: "1"}, played.hear)
     print_json({"bag": bag.resolve(), "messages": played.n_messages})
 
 
 class _Played:
-    """How many messages the node played, from its last line; all lines go to stderr."""
+    """How many messages the node reports to have played; its other lines go to stderr."""
 
     n_messages = 0
 
     def hear(self, _: str, line: str) -> None:
         """Print a line of the node."""
-        print(line, file=sys.stderr, flush=True)
-        if match := re.search(r"played (\d+) messages of ", line):
-            self.n_messages = int(match[1])
+        progress = parse_progress(line)
+        if progress is None:
+            print(line, file=sys.stderr, flush=True)
+        elif progress.n_messages is not None:
+            self.n_messages = progress.n_messages
 
 
 def _remappings(pairs: list[str] | tuple[str, ...]) -> dict[str, str]:

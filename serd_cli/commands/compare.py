@@ -15,7 +15,7 @@ from report.style import save_figure
 from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_app.drives.table_drives import is_table
 from serd_app.learning.learning_files import FlowSource
-from serd_app.navigation.familiarity import Familiarity, familiarity_of
+from serd_app.navigation.evaluation.familiarity import Familiarity, familiarity_of
 from serd_cli.options import AsJson
 from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import console, print_json

@@ -8,14 +8,20 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
+import shapely
 import typer
 
 from serd_app.demonstrations.crossing_table import save_crossings
 from serd_app.demonstrations.discretise import OFF_GRID
-from serd_app.demonstrations.fitted_grid import fitted_grid, grid_of_area
-from serd_app.demonstrations.flow_field import flow_from_recordings
+from serd_app.demonstrations.grid.fitted_grid import fitted_grid, grid_of_area
+from serd_app.demonstrations.grid.flow_field import FlowField, flow_from_recordings
+from serd_app.demonstrations.grid.resolution import ResolutionAdvice, fitting_cell_size_m
 from serd_app.demonstrations.lerobot import save_lerobot
-from serd_app.demonstrations.measured_density import density_of_recordings, save_density
+from serd_app.demonstrations.measured_density import (
+    MeasuredDensity,
+    density_of_recordings,
+    save_density,
+)
 from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,
@@ -26,11 +32,8 @@ from serd_app.demonstrations.recorded import (
     save_demonstrations,
 )
 from serd_app.demonstrations.recorded_crossings import crossings_of_recordings
-from serd_app.demonstrations.resolution import fitting_cell_size_m
-from serd_app.demonstrations.suggestion.suggest import mapping_of_poses
+from serd_app.demonstrations.recordings import Recordings, read_recordings
 from serd_app.drives.mapping import BagMapping, TableMapping
-from serd_app.drives.recorded_people import sightings_of_all
-from serd_app.drives.recording import read_recording
 from serd_app.drives.table_drives import is_table
 from serd_app.places.area_file import read_area_m, require_area_file
 from serd_cli.errors import UsageError
@@ -46,6 +49,7 @@ from serd_cli.output.demonstrations import (
 )
 from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import console, print_json
+from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NO_FLOW
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
@@ -153,36 +157,16 @@ def demos(
     if mapping and len(kinds) > 1:
         raise UsageError(f"--mapping must be for bags or for tables, got {mapping} for both")
     chosen = load_yaml_model(mapping, kinds.pop()) if mapping else None
-    hidden = actions == "hidden"
-    mappings = [chosen or (None if is_table(bag) else mapping_of_poses(bag)) for bag in bags]
-    recordings = [
-        read_recording(
-            bag,
-            period,
-            mapping=each,
-            tolerant=tolerant,
-            hidden=hidden,
-            goal_area_m=known.goal_area_m if known else (),
-        )
-        for bag, each in zip(bags, mappings, strict=True)
-    ]
-    if known is None and cell_size_m is None and area is None:
-        _require_no_own(bags, mappings)
-    drives = [drive for each in recordings for drive in each.drives]
-    size_m = cell_size_m or fitting_cell_size_m(drives, period)
-    if known:
-        grid = grid_of(known)
-    elif area_m is None:
-        grid = fitted_grid(recordings, size_m)
-    else:
-        grid = grid_of_area(area_m, size_m)
-    found = demonstrations_of_all(recordings, grid, period)
-    _require_decisions(found)
-    known_people = chosen if isinstance(chosen, BagMapping) else BagMapping()
-    sightings = sightings_of_all(
-        bags, known_people.people_topic, frame=known_people.frame, tolerant=tolerant
+    recordings = read_recordings(
+        bags, period, mapping=chosen, scenario=known, tolerant=tolerant, hidden=actions == "hidden"
     )
-    flow = flow_from_recordings(recordings, sightings, grid)
+    if known is None and cell_size_m is None and area is None:
+        _require_no_own(recordings)
+    grid = grid_of(known) if known else _grid(recordings, cell_size_m, area_m, period)
+    found = demonstrations_of_all(recordings.all, grid, period)
+    _require_decisions(found)
+    sightings = recordings.sightings()
+    flow = flow_from_recordings(recordings.all, sightings, grid)
     density = density_of_recordings(found, sightings, grid)
     place = Place(grid, period, known)
     advice = advice_of_all(found, place)
@@ -195,25 +179,46 @@ def demos(
     save_pictures(output, place, found, flow, advice)
     if lerobot is not None:
         _require_actions(found)
-        save_lerobot(lerobot, drives, period)
+        save_lerobot(lerobot, recordings.drives, period)
     files = {name: path for name, path in files_beside(output).items() if path.exists()}
     files |= {"LeRobot dataset": lerobot} if lerobot is not None else {}
     if as_json:
-        written = {name: str(path.resolve()) for name, path in files.items()}
-        bags_found = [each.values() for each in found]
-        flow_found = flow_values(flow, place.flow)
         moves = {} if advice is None else {"used": asdict(advice.used), "best": asdict(advice.best)}
-        density_found = None if density is None else density_values(density)
-        print_json(
-            {
-                "bags": bags_found,
-                "flow": flow_found,
-                "density": density_found,
-                "resolution": moves,
-                "files": written,
-            }
-        )
+        values = {
+            "bags": [each.values() for each in found],
+            "flow": flow_values(flow, place.flow),
+            "density": None if density is None else density_values(density),
+            "resolution": moves,
+            "files": {name: str(path.resolve()) for name, path in files.items()},
+        }
+        print_json(values)
         return
+    _print(found, place, flow, density, advice)
+    for name, path in files.items():
+        console.print(f"{name}: {path.resolve()}", markup=False, soft_wrap=True)
+    console.print(
+        f"next: serd learn {shlex.quote(str(output))} --report report", markup=False, soft_wrap=True
+    )
+
+
+def _grid(
+    recordings: Recordings,
+    cell_size_m: float | None,
+    area_m: shapely.Polygon | None,
+    period_s: float,
+) -> Grid:
+    """Fitted to where the robot was, or of an area."""
+    size_m = cell_size_m or fitting_cell_size_m(recordings.drives, period_s)
+    return fitted_grid(recordings.all, size_m) if area_m is None else grid_of_area(area_m, size_m)
+
+
+def _print(
+    found: Sequence[RecordedDemonstrations],
+    place: Place,
+    flow: FlowField | None,
+    density: MeasuredDensity | None,
+    advice: ResolutionAdvice | None,
+) -> None:
     console.print(decisions_table(found))
     for line in remarks(found):
         console.print(line, style="yellow", soft_wrap=True, markup=False)
@@ -224,11 +229,6 @@ def demos(
     console.print(flow_in_words(flow, place.flow), soft_wrap=True)
     if density is not None:
         console.print(density_in_words(density), soft_wrap=True)
-    for name, path in files.items():
-        console.print(f"{name}: {path.resolve()}", markup=False, soft_wrap=True)
-    console.print(
-        f"next: serd learn {shlex.quote(str(output))} --report report", markup=False, soft_wrap=True
-    )
 
 
 def _require_decisions(found: list[RecordedDemonstrations]) -> None:
@@ -248,13 +248,13 @@ def _require_actions(found: list[RecordedDemonstrations]) -> None:
         )
 
 
-def _require_no_own(bags: list[Path], mappings: Sequence[object]) -> None:
+def _require_no_own(recordings: Recordings) -> None:
     """UsageError for a recording of ours, which was made in a scenario."""
-    for bag, mapping in zip(bags, mappings, strict=True):
-        if mapping is None and not is_table(bag):
+    for each, mapping in zip(recordings.all, recordings.mappings, strict=True):
+        if mapping is None and not is_table(each.bag):
             raise UsageError(
-                f"either --scenario or --cell-size-m must be given for {bag}, got neither; give the"
-                " scenario that it was recorded in"
+                f"either --scenario or --cell-size-m must be given for {each.bag}, got neither;"
+                " give the scenario that it was recorded in"
             )
 
 

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from report.style import save_figure
-from serd_app.navigation.comparison import compare
 from serd_app.navigation.drive import DriveSettings, drive, finished_episodes
 from serd_app.navigation.drive_folder import claim_folder
+from serd_app.navigation.evaluation.comparison import compare
 from serd_app.navigation.settings import NavigationSettings
 from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_app.places.kept_scenario import scenario_of_model

@@ -20,6 +20,7 @@ from serd_cli.teleop.settings import TeleopSettings, require_a_way_to_drive
 from serd_cli.teleop.summary import summarise_session
 from serd_cli.teleop.terminal_output import DriverLines, restored_terminal
 from serd_cli.workspace import ros_environment
+from serd_ros.process.progress import VARIABLE
 from sim.scenario.grid import grid_of, start_states_of
 from sim.scenario.scenario import load_scenario
 from storage.files import atomic_write_text
@@ -64,7 +65,7 @@ def _run(settings: TeleopSettings, folder: Path, *, as_json: bool) -> None:
     progress_console.print(f"recording into {bag}", soft_wrap=True)
     try:
         with restored_terminal(sys.stdin), DriverLines(folder / "logs" / "nodes.log") as lines:
-            run_together(processes, environment, lines.hear)
+            run_together(processes, environment | {VARIABLE: "1"}, lines.hear)
     except KeyboardInterrupt:
         pass  # the usual end
     finally:

@@ -1,7 +1,6 @@
 """`serd watch`: a running stack or a recording on a web page that drives nothing."""
 
 import os
-import re
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +18,7 @@ from serd_cli.watch import BagWatch, layers_of, serve_bag
 from serd_cli.workspace import ros_environment
 from serd_ros.graph.configs import BagReplayConfig, WatchPageConfig
 from serd_ros.graph.graph import full_namespace
+from serd_ros.process.progress import VARIABLE, parse_progress
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from storage.model_file import load_model
@@ -118,12 +118,13 @@ def _watch_stack(settings: WatchPageConfig, namespace: str, *, as_json: bool) ->
     command = node_command(_NODE, settings.model_dump(), remappings, environment)
 
     def print_line(_: str, line: str) -> None:
-        if match := re.search(r"the page is at (http://\S+)", line):
-            _print_address(match[1], as_json=as_json)
-        else:
+        progress = parse_progress(line)
+        if progress is None:
             print(line, file=sys.stderr, flush=True)
+        elif progress.address:
+            _print_address(progress.address, as_json=as_json)
 
-    run_together([Process(_NODE, command)], environment, print_line)
+    run_together([Process(_NODE, command)], environment | {VARIABLE: "1"}, print_line)
 
 
 def _print_address(url: str, *, as_json: bool) -> None:

@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping
 
 from report.inputs import PhaseTiming
-from serd_app.demonstrations.flow_field import PEDESTRIANS
+from serd_app.demonstrations.grid.flow_field import PEDESTRIANS
 from serd_app.demonstrations.measured_density import density_of_recordings, save_density
 from serd_app.demonstrations.recorded import (
     Place,

@@ -8,9 +8,9 @@ from rich.table import Table
 
 from report.figures.arrival import draw_arrival, measured_curve, predicted_curve, shown_until_s
 from serd_app.learning.crossing_times import unseen_sentence
-from serd_app.navigation.comparison import Comparison, predicted_law
 from serd_app.navigation.crossing_forecast import CrossingForecast
 from serd_app.navigation.drive import DriveSettings
+from serd_app.navigation.evaluation.comparison import Comparison, predicted_law
 from serd_app.navigation.strategy import Strategy
 from storage.episode_table import EpisodeResult
 from storage.model_file import CrossingTimes

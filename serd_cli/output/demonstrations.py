@@ -13,7 +13,8 @@ from report.figures.maps import draw_flow_map, draw_visitation
 from report.figures.resolution import draw_resolution
 from report.style import save_figure
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID, Faults
-from serd_app.demonstrations.flow_field import FlowField
+from serd_app.demonstrations.grid.flow_field import FlowField
+from serd_app.demonstrations.grid.resolution import ResolutionAdvice
 from serd_app.demonstrations.measured_density import MeasuredDensity
 from serd_app.demonstrations.recorded import (
     Place,
@@ -21,7 +22,6 @@ from serd_app.demonstrations.recorded import (
     concatenated,
     files_beside,
 )
-from serd_app.demonstrations.resolution import ResolutionAdvice
 from serd_app.drives.recording import Recording
 from serd_app.drives.unmarked import BUTTON, GAP, GOAL, STOP, TURN
 from serd_core.arrays import IntArray

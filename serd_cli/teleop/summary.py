@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
-from serd_app.drives.episode_spans import DISCARDED
+from serd_app.drives.episode_mark import DISCARDED
 from serd_app.drives.sessions import read_drives
 from serd_core.errors import SerdError
 from sim.scenario.grid import grid_of

@@ -11,9 +11,9 @@ from rich.markup import escape
 
 from serd_cli.output.terminal import progress_console
 from serd_cli.teleop.settings import KEYBOARD, PAGE
+from serd_ros.process.progress import parse_progress
 
 _ROS_PREFIX = re.compile(r"^\[(\w+)\] \[[\d.]+\] \[[\w.]+\]: ")
-_ADDRESS = re.compile(r"the page is at (http://\S+)")
 _SHOWN = (KEYBOARD, PAGE, "teleop_mux")
 _FATAL = "FATAL"
 
@@ -45,7 +45,12 @@ class DriverLines:
         match = _ROS_PREFIX.match(line)
         if match and match[1] == _FATAL:
             self._broken.add(node)
-        if node in _SHOWN and node not in self._broken:
+        progress = parse_progress(line)
+        if progress is not None:
+            if progress.address:
+                at = f"drive at [bold]{progress.address}[/bold]   (Ctrl-C ends)"
+                progress_console.print(at)
+        elif node in _SHOWN and node not in self._broken:
             self._show(line[match.end() :] if match else line)
 
     def _show(self, text: str) -> None:
@@ -53,10 +58,7 @@ class DriverLines:
         if text == self._shown:
             return
         self._shown = text
-        if match := _ADDRESS.search(text):
-            progress_console.print(f"drive at [bold]{match[1]}[/bold]   (Ctrl-C ends)")
-        else:
-            progress_console.print(escape(text), soft_wrap=True)
+        progress_console.print(escape(text), soft_wrap=True)
 
 
 @contextmanager

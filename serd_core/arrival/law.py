@@ -6,8 +6,10 @@ With U in (0, D] the time from the beginning of the last period to the entry,
 
     T = (N - 1) D + U,    P(T <= t) = sum_n P(N = n) P(U <= t - (n - 1) D)
 
-where U is taken as independent of N. Its distribution is that of the entry times seen in
-demonstrations, each as likely as the other. The thesis is the case U = D.
+where U is taken as independent of N. If the next entry is exchangeable with the n that were seen in
+demonstrations, it falls into each of the n + 1 gaps that these leave in (0, D] with probability
+1 / (n + 1), whatever their distribution (Hill, J. Am. Stat. Assoc. 63, 1968). Within a gap it is
+taken as uniform. The thesis is the case U = D.
 """
 
 from dataclasses import dataclass, replace
@@ -22,6 +24,8 @@ from serd_core.errors import SerdError
 
 # A time that was meant to be a step of the law may miss it by rounding.
 SAME_TIME_S = 1e-9
+#: Steps of a period by which a law that climbs evenly within gaps is written.
+N_STEPS = 40
 
 
 def steps_within(time_s: float, step_s: float) -> int:
@@ -68,21 +72,36 @@ def law_in_seconds(
     _require_period(period_s)
     entry_s = _checked_entries(entry_times_s, period_s)
     begun = np.arange(len(arrival.cdf) - 1)
-    # Within period n the CDF climbs from F(n-1) to F(n), by equal steps at the entry times.
-    distinct_s, counts = np.unique(entry_s, return_counts=True)
-    share = np.cumsum(counts) / len(entry_s)
+    # Within period n the CDF climbs from F(n-1) to F(n), as that of the entry does.
+    within_s, share = _entry_law(entry_s, period_s)
 
     def climbing(cdf: FloatArray) -> FloatArray:
         steps = cdf[..., :-1, None] + np.diff(cdf)[..., None] * share
         return np.concatenate([cdf[..., :1], steps.reshape(*cdf.shape[:-1], -1)], axis=-1)
 
-    times_s = period_s * begun[:, None] + distinct_s[None, :]
+    times_s = period_s * begun[:, None] + within_s[None, :]
     return ArrivalLaw(
         times_s=np.concatenate([[0.0], times_s.ravel()]),
         cdf=climbing(arrival.cdf),
         arrival_probability=arrival.arrival_probability,
         cdf_draws=None if arrival.cdf_draws is None else climbing(arrival.cdf_draws),
     )
+
+
+def _entry_law(entry_s: FloatArray, period_s: float) -> tuple[FloatArray, FloatArray]:
+    """Times within a period, and P(U <= time) there; the end of the period alone without entries.
+
+    Of equal entries the gaps between them have no width, so the law jumps there.
+    """
+    if not len(entry_s):
+        return np.array([period_s]), np.ones(1)
+    ends_s = np.concatenate([[0.0], np.sort(entry_s), [period_s]])
+    even_s = period_s * np.arange(1, N_STEPS + 1) / N_STEPS
+    times_s = np.unique(np.concatenate([even_s, entry_s]))
+    gap = np.searchsorted(ends_s[1:-1], times_s, side="right")
+    width_s = ends_s[gap + 1] - ends_s[gap]
+    part = np.divide(times_s - ends_s[gap], width_s, out=np.ones_like(times_s), where=width_s > 0)
+    return times_s, (gap + part) / (len(entry_s) + 1)
 
 
 def largest_gap(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
@@ -131,11 +150,10 @@ def _require_period(period_s: float) -> None:
 
 def _checked_entries(entry_times_s: ArrayLike, period_s: float) -> FloatArray:
     given = float_array("entry_times_s", entry_times_s, (None,))
-    entry_s = given if given.size else np.array([period_s])
-    bad = first_index(~((entry_s > 0) & (entry_s <= period_s + SAME_TIME_S)))
+    bad = first_index(~((given > 0) & (given <= period_s + SAME_TIME_S)))
     if bad is not None:
         raise SerdError(
             f"entry_times_s{list(bad)} must be above 0 and at most period_s = {period_s},"
-            f" got {entry_s[bad]}; measure from the beginning of the last decision period"
+            f" got {given[bad]}; measure from the beginning of the last decision period"
         )
-    return entry_s
+    return np.minimum(given, period_s)

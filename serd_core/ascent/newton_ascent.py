@@ -64,11 +64,13 @@ def newton_step(gradient: FloatArray, curvatures: FloatArray, directions: FloatA
     size = float(np.max(np.abs(curvatures), initial=0.0))
     known = curvatures > FLAT * size
     slopes = directions[:, known].T @ gradient
+    # Where all of a curved surface is flat, what is left of the gradient bends it by as much.
+    rising = curvatures < -FLAT * size - np.linalg.norm(gradient)
     return NewtonStep(
         standard_errors=float(np.sqrt(np.sum(slopes**2 / curvatures[known]))),
         move=directions[:, known] @ (slopes / curvatures[known]),
-        flat=directions[:, np.abs(curvatures) <= FLAT * size].T,
-        rising=directions[:, curvatures < -FLAT * size].T,
+        flat=directions[:, ~(known | rising)].T,
+        rising=directions[:, rising].T,
     )
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.bayes.laplace import Laplace, sample_dirichlet
+from serd_core.bayes.laplace import Laplace
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.transition_model import transitions_of
@@ -65,15 +65,10 @@ def draws_at(problem: Problem, space: Coordinates, coordinates: FloatArray) -> P
 
 
 def laplace_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
-    """n draws of Laplace's approximation."""
+    """n draws of Laplace's approximation, outcome models by Dirichlet distributions."""
     if n < 2:
         raise SerdError(f"n must be at least 2, got {n}; use {N_DRAWS}")
     return draws_at(found.problem, found.coordinates, found.sample(n, rng))
-
-
-def dirichlet_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
-    """n draws of `sample_dirichlet`, from which predictions of outcomes are made."""
-    return draws_at(found.problem, found.coordinates, sample_dirichlet(found, n, rng))
 
 
 def credible_intervals(draws: PosteriorDraws, mass: float = 0.9) -> CredibleIntervals:

@@ -67,9 +67,39 @@ class Laplace:
         return self.posterior.problem
 
     def sample(self, n: int, rng: np.random.Generator) -> FloatArray:
-        """(n, d) draws, in pairs that mirror each other, so that their mean is the mode."""
+        """(n, d) draws, whose outcome models have Dirichlet distributions.
+
+        Normal energies make outcomes that were never seen likelier on average than they are at the
+        mode, the more so the lower the pseudo-count. So normal draws of outcome models are mapped
+        to those of Dirichlet(r), r = N P*. With e_k their deviations from the mode and z a standard
+        normal number,
+
+            y_k = e_k - sum_j P*_j e_j + z / sqrt(N)
+            P_k = g_k / sum_j g_j,   g_k = Q_k(Phi(sqrt(r_k) y_k)),   Q_k quantiles of Gamma(r_k)
+
+        Where nothing but counts informs, the y_k are independent with variances 1 / r_k, and P is a
+        draw of the posterior itself. Weights stay normal, and depend on outcomes as before; so do
+        energies with covariates. Normal draws are in pairs that mirror each other, so that the mean
+        of the weights is their mode.
+        """
+        table, drawn = self.coordinates.table, self._sample_normal(n, rng)
+        free = drawn @ table.T
+        for block in _dirichlet_blocks(self.posterior, self.coordinates, self.mode, self.root):
+            worth, shape = _worth(block.table, block.spread), block.table.shape
+            moved = (drawn - self.mode) @ table[block.place].T
+            energies = block.beta * moved.reshape(n, *shape)
+            total = _mirrored(n, rng.standard_normal(((n + 1) // 2, shape[0], 1)))
+            apart = energies - np.einsum("mk,nmk->nm", block.table, energies)[..., None]
+            counts = worth[:, None] * block.table
+            normal = np.sqrt(counts) * (apart + total / np.sqrt(worth)[:, None])
+            gamma = gammaincinv(counts, ndtr(normal))
+            free[:, block.place] = np.log(np.maximum(gamma, LEAST)).reshape(n, -1) / block.beta
+        # The columns of the table are orthogonal; what they leave out is the gauge.
+        return np.asarray(free @ (table / np.sum(table**2, axis=0)))
+
+    def _sample_normal(self, n: int, rng: np.random.Generator) -> FloatArray:
         half = rng.standard_normal(((n + 1) // 2, len(self.mode)))
-        return np.asarray(self.mode + np.concatenate([half, -half])[:n] @ self.root.T)
+        return np.asarray(self.mode + _mirrored(n, half) @ self.root.T)
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -130,12 +160,14 @@ def stirling(
 ) -> float:
     """What the approximation lacks of the integrals over outcome models, without covariates.
 
-    groups: of the belief, that count; None for all.
+    groups: of the belief, that count; None for all. The prior of a belief around the truth is
+    normal.
     """
+    around = (Block.BELIEF,) if isinstance(space.belief, BeliefAroundTruth) else ()
     return sum(
         dirichlet_correction(block.table, block.spread)
         for block in _dirichlet_blocks(posterior, space, mode, root)
-        if groups is None or block.group in groups
+        if block.group != around and (groups is None or block.group in groups)
     )
 
 
@@ -145,38 +177,13 @@ def dirichlet_correction(table: FloatArray, spread: FloatArray) -> float:
     return float(np.sum(_stirling(worth[:, None] * table).sum(axis=1) - _stirling(worth)))
 
 
-def sample_dirichlet(found: Laplace, n: int, rng: np.random.Generator) -> FloatArray:
-    """(n, d) draws of Laplace's approximation with Dirichlet distributions of the outcomes.
-
-    Normal energies make outcomes that were never seen likelier on average than they are at the
-    mode, the more so the lower the pseudo-count. So draws of outcome models are mapped to those of
-    Dirichlet(r), r = N P*. With e_k their deviations from the mode and z a standard normal number,
-
-        y_k = e_k - sum_j P*_j e_j + z / sqrt(N)
-        P_k = g_k / sum_j g_j,   g_k = Q_k(Phi(sqrt(r_k) y_k)),   Q_k the quantiles of Gamma(r_k)
-
-    Where nothing but counts informs, the y_k are independent with variances 1 / r_k, and P is a
-    draw of the posterior itself. Weights stay normal, and depend on outcomes as before.
-    """
-    space = found.coordinates
-    drawn = found.sample(n, rng) @ space.table.T
-    for block in _dirichlet_blocks(found.posterior, space, found.mode, found.root):
-        table, worth = block.table, _worth(block.table, block.spread)
-        moved = drawn[:, block.place] - space.table[block.place] @ found.mode
-        energies = block.beta * moved.reshape(n, *table.shape)
-        half = rng.standard_normal(((n + 1) // 2, len(worth), 1))
-        total = np.concatenate([half, -half])[:n] / np.sqrt(worth)[:, None]
-        apart = energies - np.einsum("mk,nmk->nm", table, energies)[..., None] + total
-        counts = worth[:, None] * table
-        gamma = gammaincinv(counts, ndtr(np.sqrt(counts) * apart))
-        drawn[:, block.place] = np.log(np.maximum(gamma, LEAST)).reshape(n, -1) / block.beta
-    # The columns of the table are orthogonal; what they leave out is the gauge.
-    return np.asarray(drawn @ (space.table / np.sum(space.table**2, axis=0)))
+def _mirrored(n: int, half: FloatArray) -> FloatArray:
+    return np.concatenate([half, -half])[:n]
 
 
 @dataclass(frozen=True, eq=False)
 class _DirichletBlock:
-    """Outcome models whose posterior is close to Dirichlet distributions.
+    """Outcome models whose posterior is taken as close to Dirichlet distributions.
 
     group: their blocks; place: their rows of the free numbers; table: (M, K) at the mode; spread:
     (M, K, d) root of the covariance of their log odds; beta: scale of the energies.
@@ -203,7 +210,7 @@ def _dirichlet_blocks(
         values = parameters.block(group[0])
         place = slice(start, start + len(values))
         start = place.stop
-        if group == (Block.REWARD,) or _around_truth(space, group):
+        if group == (Block.REWARD,):
             continue
         spread = model.beta * (space.table[place] @ root)
         spread = spread.reshape(model.n_models, model.n_outcomes, -1)
@@ -215,11 +222,6 @@ def _worth(table: FloatArray, spread: FloatArray) -> FloatArray:
     """(M,) observations N that the covariances are worth."""
     centred = spread - np.einsum("mk,mkd->md", table, spread)[:, None]
     return np.asarray((table.shape[1] - 1) / np.einsum("mk,mkd->m", table, centred**2))
-
-
-def _around_truth(space: Coordinates, group: tuple[Block, ...]) -> bool:
-    """Whether the prior of the group is normal, so that no Dirichlet distribution is near."""
-    return isinstance(space.belief, BeliefAroundTruth) and Block.TRUTH not in group
 
 
 def _stirling(x: FloatArray) -> FloatArray:

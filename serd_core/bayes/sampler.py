@@ -11,7 +11,7 @@ SerdError, where rank-normalised R-hat or effective sample sizes (Vehtari et al.
 import importlib
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any
 
@@ -21,12 +21,15 @@ from serd_core.arrays import FloatArray
 from serd_core.bayes.draws import PosteriorDraws, draws_at
 from serd_core.bayes.laplace import Laplace
 from serd_core.bayes.modes import PosteriorModes
+from serd_core.bellman.newton import Newton
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.coordinates import LogPosterior
 
 #: Vehtari et al. (2021): chains mixed, and means and quantiles are known well enough.
 LARGEST_R_HAT, LEAST_SAMPLES = 1.01, 400
+#: Values to 1e-8 take a third fewer steps, and change no probability of acceptance by more.
+SOLVER = Newton(accuracy=1e-8)
 #: Share of the draws after warm-up whose trajectory may diverge.
 DIVERGED_SHARE = 0.01
 
@@ -95,6 +98,7 @@ def _chains(
 ) -> tuple[FloatArray, FloatArray]:
     """(chains, draws, d) coordinates and (chains, draws) whether the trajectory diverged."""
     mici = _library("mici")
+    objective = replace(objective, posterior=replace(objective.posterior, solver=SOLVER))
     top = objective.evaluate(around.mode)[0]
 
     def loss(z: FloatArray) -> float:

@@ -11,12 +11,14 @@ the equation as given: with these rewards and transitions, whose rows sum to 1.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from serd_core.arrays import FloatArray, float_array
 from serd_core.bellman.backup import Backup, BellmanProblem, backup_rounding
 from serd_core.bellman.equations import BellmanEquation
+from serd_core.compiled import SMALLEST_COMPILED
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
@@ -43,8 +45,16 @@ class BellmanSolution:
 
     @property
     def policy(self) -> FloatArray:
-        """(S, A) derivative of the maximum, a new table each time: large problems keep one less."""
-        return self.equation.policy(self.q)
+        """(S, A) derivative of the maximum; a new table each time where problems are large."""
+        if len(self.q) >= SMALLEST_COMPILED:
+            return self.equation.policy(self.q)
+        return self._kept_policy
+
+    @cached_property
+    def _kept_policy(self) -> FloatArray:
+        policy = self.equation.policy(self.q)
+        policy.flags.writeable = False
+        return policy
 
 
 #: Multiple of the rounding unit below which a residual cannot be expected to fall.

@@ -44,8 +44,9 @@ MOST_SWEEPS, SETTLED = 30, 1e-2
 #: States from which sweeps pay: on grids of 1,000,000 they save a third of the time; at 30,000
 #: they can double it.
 SWEPT_FROM = 500_000
-#: FORCING there: with 1e-2 single states can be so far off that a step is rejected.
-SWEPT_FORCING = 3e-3
+#: FORCING and KEEP there: with 1e-2 single states can be so far off that a step is rejected, and a
+#: matrix costs a third of a solution.
+SWEPT_FORCING, SWEPT_KEEP = 3e-3, 1e-2
 #: Residual below which steps converge quadratically and are not swept; the temperature is 1.
 QUADRATIC = 0.1
 
@@ -74,21 +75,24 @@ class Newton(BellmanSolver):
         sweeps_due = self.cold_sweeps if initial_value is None else 0
         steps, linear_solves = 1, 0
         swept, unsettled = problem.is_fused and problem.mdp.n_states >= SWEPT_FROM, False
-        forcing = SWEPT_FORCING if swept else FORCING
+        forcing, keep = (SWEPT_FORCING, SWEPT_KEEP) if swept else (FORCING, KEEP)
         system: LinearSystem | None = None
+        solver = self.linear_solver
         while not (done := is_accurate(problem, self.accuracy, latest)) and steps < self.max_steps:
             steps += 1
             if sweeps_due > 0:
                 latest, sweeps_due = backup(problem, latest.target), sweeps_due - 1
                 continue
             linear_solves += 1
-            system = system or _prepared(self.linear_solver, problem, latest)
+            system = system or _prepared(solver, problem, latest)
             value = latest.value + system.solve(latest.gap, relative_residual=forcing)
+            solver = system.solver_of_next(solver)
             if unsettled:
                 value = problem.settled(value, Sweeps(1, MOST_SWEEPS, SETTLED * latest.residual))
             proposed = backup(problem, value)
             good = proposed.residual <= KEEP * latest.residual
-            system = system if good and not unsettled else None
+            kept = proposed.residual <= keep * latest.residual and not unsettled
+            system = system if kept else None
             unsettled = swept and (unsettled or not good) and proposed.residual > QUADRATIC
             if good or _acceptable(proposed, latest):
                 latest = proposed

@@ -4,6 +4,7 @@ Entry k of row (s, a) is found by `RowBlocks`: its successor in a table that act
 probability in a list that states may share. The arrays have the smallest indices that fit.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray, index_type
 from serd_core.bellman.linear.policy_pattern import PolicyPattern
+from serd_core.compiled import halves, side_by_side
 from serd_core.dynamics.transition_model import RowBlocks, Sweeps
 
 #: exp() of less adds nothing to a sum of at least 1.
@@ -32,12 +34,28 @@ class CompiledRows:
         """Work space for values at the successors of a row."""
         return np.empty(self._longest)
 
+    def _rows_of(self, low: int, high: int) -> tuple[IntArray, ...]:
+        """The rows of states low to high - 1."""
+        successor, *tables = self._rows
+        return successor, *(table[low:high] for table in tables)
+
+    def _in_parts(self, work: Callable[[tuple[int, int]], None]) -> None:
+        """Do work on the states of each part, which changes no sum."""
+        with side_by_side(halves(len(self._rows[1]))) as in_parts:
+            in_parts(work)
+
     def backed_up(
         self, probabilities: FloatArray, rewards: FloatArray, discount: float, values: FloatArray
     ) -> FloatArray:
         """(S, A) R + discount * P V."""
         q = np.empty(rewards.shape)
-        _back_up(*self._rows, probabilities, rewards, discount, values, self._near, q)
+
+        def work(part: tuple[int, int]) -> None:
+            low, high = part
+            given = probabilities, rewards[low:high], discount, values, self._near
+            _back_up(*self._rows_of(low, high), *given, q[low:high])
+
+        self._in_parts(work)
         return q
 
     def soft_maximum(
@@ -45,7 +63,13 @@ class CompiledRows:
     ) -> FloatArray:
         """(S,) log sum_a exp(R + discount * P V), without a table of the summands."""
         target = np.empty(len(rewards))
-        _back_up_softly(*self._rows, probabilities, rewards, discount, values, self._near, target)
+
+        def work(part: tuple[int, int]) -> None:
+            low, high = part
+            given = probabilities, rewards[low:high], discount, values, self._near
+            _back_up_softly(*self._rows_of(low, high), *given, target[low:high])
+
+        self._in_parts(work)
         return target
 
     def settle(
@@ -84,9 +108,14 @@ class CompiledRows:
         """(nnz,) numbers of I - discount * P_pi for the soft policy of V, without a table of it."""
         assert isinstance(pattern, SlottedPattern)
         data = np.zeros(len(pattern.column))
-        given = probabilities, rewards, discount, values, self._near
-        structure = pattern.slot, pattern.row_start, pattern.diagonal
-        _fill_system_softly(*self._rows, *given, *structure, data)
+
+        def work(part: tuple[int, int]) -> None:
+            low, high = part
+            given = probabilities, rewards[low:high], discount, values, self._near
+            structure = pattern.slot, pattern.row_start[low:high], pattern.diagonal[low:high]
+            _fill_system_softly(*self._rows_of(low, high), *given, *structure, data)
+
+        self._in_parts(work)
         return data
 
     def policy_pattern(self) -> "SlottedPattern":
@@ -246,7 +275,7 @@ def _fill_system_softly(  # type: ignore[no-untyped-def]
     data,
 ):
     policy = np.empty(rewards.shape[1])
-    for s in range(len(values)):
+    for s in range(len(diagonal)):
         highest = _back_up_state(
             s, successor, first, place, length, p, rewards, discount, values, near, policy
         )

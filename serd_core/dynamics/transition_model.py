@@ -27,6 +27,9 @@ from serd_core.posterior.derivatives.differences import gradient_differences
 if TYPE_CHECKING:
     from serd_core.dynamics.compiled_rows import CompiledRows
 
+#: By which a probability or a sum of them may be off.
+_ROUNDING = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class TransitionGroups:
@@ -267,14 +270,14 @@ class TransitionModel(ABC):
         """SerdError naming the first (s, a) whose probabilities are no distribution."""
         self.require_stochastic(self.entries(local_probabilities))
 
-    def require_stochastic(self, entries: FloatArray, tolerance: float = 1e-9) -> None:
+    def require_stochastic(self, entries: FloatArray) -> None:
         """The same for (E,) entries."""
-        bad = np.flatnonzero(~(np.isfinite(entries) & (entries >= -tolerance)))
+        bad = np.flatnonzero(~(np.isfinite(entries) & (entries >= -_ROUNDING)))
         if bad.size:
             self._reject(int(self.row[bad[0]]), f"has an entry of {entries[bad[0]]}")
         lengths = np.diff(self.row_start)
         sums = np.bincount(self.row, weights=entries, minlength=len(lengths))
-        wrong = np.flatnonzero((lengths > 0) & (np.abs(sums - 1.0) > tolerance))
+        wrong = np.flatnonzero((lengths > 0) & (np.abs(sums - 1.0) > _ROUNDING))
         if wrong.size:
             self._reject(int(wrong[0]), f"sums to {sums[wrong[0]]}")
 

@@ -15,7 +15,7 @@ Each person counts as a normal distribution of standard deviation h on the floor
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import gamma
+from scipy.special import gammainc
 
 from serd_core.arrays import FloatArray, IntArray, float_array
 from serd_core.demonstrations.decisions import Decisions
@@ -89,28 +89,26 @@ def full_table(rows: FloatArray) -> FloatArray:
     return np.asarray(weights / weights.sum(axis=-1, keepdims=True))
 
 
-def in_random_crowds(table: FloatArray, kernel_m: float = KERNEL_M) -> FloatArray:
+def in_random_crowds(table: FloatArray) -> FloatArray:
     """(..., D * M, K) outcomes where only the mean density is known, from those at a density.
 
     In a crowd of independent people (Poisson) the density of the kernel has the variance
     rho / (4 pi h^2) (Campbell's theorem). It is taken as gamma distributed, in the same steps.
     """
-    share = _shares_of_steps(kernel_m)
+    share = _shares_of_steps()
     shape = (*table.shape[:-2], len(DENSITIES_PM2), -1, table.shape[-1])
     mixed = np.einsum("ij,...jmk->...imk", share, table.reshape(shape))
     return np.asarray(mixed.reshape(table.shape))
 
 
-def _shares_of_steps(kernel_m: float) -> FloatArray:
+def _shares_of_steps() -> FloatArray:
     """(D, D) probability of each density where the mean is that of the row."""
-    scale = 1.0 / (4 * np.pi * kernel_m**2)
+    scale = 1.0 / (4 * np.pi * KERNEL_M**2)
     ends = np.concatenate([_ASCENDING[:-1] + STEP_PM2 / 2, [np.inf]])
     shares = np.eye(len(DENSITIES_PM2))
     for row, mean in enumerate(DENSITIES_PM2):
         if mean > 0:
-            shares[row, _PLACE_OF_STEP] = np.diff(
-                gamma.cdf(ends, mean / scale, scale=scale), prepend=0
-            )
+            shares[row, _PLACE_OF_STEP] = np.diff(gammainc(mean / scale, ends / scale), prepend=0)
     return shares
 
 

@@ -33,7 +33,11 @@ class Parameters:
     @property
     def vector(self) -> FloatArray:
         """All blocks in a row: reward, belief, truth, policy."""
-        return np.concatenate([self.reward, self.belief, self.truth, self.policy])
+        return np.concatenate(self._blocks)
+
+    @property
+    def _blocks(self) -> tuple[FloatArray, ...]:
+        return self.reward, self.belief, self.truth, self.policy
 
     def with_vector(self, vector: FloatArray) -> "Parameters":
         """Blocks of these lengths filled from such a row."""
@@ -61,7 +65,7 @@ class Parameters:
 
     def zeros(self) -> "Parameters":
         """Blocks of the same lengths filled with zeros."""
-        return Parameters(*(np.zeros(len(self.block(name))) for name in Block))
+        return Parameters(*map(np.zeros_like, self._blocks))
 
     def __add__(self, other: "Parameters") -> "Parameters":
-        return Parameters(*(self.block(name) + other.block(name) for name in Block))
+        return Parameters(*map(np.add, self._blocks, other._blocks))

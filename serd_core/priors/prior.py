@@ -96,9 +96,9 @@ class SumOfPriors(Prior):
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
         """Sum of values and of gradients."""
-        value, gradient = 0.0, parameters.zeros()
-        for term in self.terms:
-            part = term.evaluate(model, parameters)
+        first, *others = (term.evaluate(model, parameters) for term in self.terms)
+        value, gradient = first.value, first.gradient
+        for part in others:
             value, gradient = value + part.value, gradient + part.gradient
         return LogPrior(value, gradient)
 

@@ -1,12 +1,12 @@
 """diagnostic_msgs/DiagnosticArray: the health and numbers of nodes, and the marks of episodes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from serd_app.drives.episode_mark import END, EPISODE, OUTCOMES, START, EpisodeMark
 from serd_ros.convert.checks import require_one_of
 from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
 from serd_ros.errors import MessageError
@@ -98,27 +98,6 @@ def repr_of(value: object) -> str:
     return repr(float(value)) if isinstance(value, float) else str(value)
 
 
-START, END = "start", "end"
-_OUTCOMES = ("", "arrived", "timeout", "aborted", "saved", "discarded")
-
-
-@dataclass(frozen=True)
-class EpisodeMark:
-    """event: "start" or "end"; outcome: one of _OUTCOMES, empty at the start.
-
-    reason: why the driver gave up, empty where it did not.
-    """
-
-    event: str
-    time_s: float
-    episode: int
-    driver: str
-    seed: int
-    start_area: str
-    outcome: str = ""
-    reason: str = ""
-
-
 def to_episode_message(mark: EpisodeMark) -> DiagnosticArray:
     """The mark as one status named `episode`."""
     values = {
@@ -131,7 +110,7 @@ def to_episode_message(mark: EpisodeMark) -> DiagnosticArray:
     }
     status = DiagnosticStatus(
         level=DiagnosticStatus.OK,
-        name="episode",
+        name=EPISODE,
         message=mark.event,
         hardware_id=mark.driver,
         values=[KeyValue(key=key, value=value) for key, value in values.items()],
@@ -143,7 +122,7 @@ def to_episode_message(mark: EpisodeMark) -> DiagnosticArray:
 
 def from_episode_message(message: DiagnosticArray) -> EpisodeMark:
     """The mark of a message; MessageError where a part of it is missing or is none."""
-    status = _status_named(message, "episode")
+    status = _status_named(message, EPISODE)
     if status is None:
         names = ", ".join(status.name for status in message.status) or "none"
         raise MessageError("status must have one named 'episode'", names, "publish marks there")
@@ -155,6 +134,6 @@ def from_episode_message(message: DiagnosticArray) -> EpisodeMark:
         driver=_text(values, "driver"),
         seed=_number(values, "seed", int),
         start_area=_text(values, "start_area"),
-        outcome=require_one_of("outcome", _text(values, "outcome"), _OUTCOMES),
+        outcome=require_one_of("outcome", _text(values, "outcome"), OUTCOMES),
         reason=values.get("reason", ""),
     )

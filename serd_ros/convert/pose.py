@@ -17,7 +17,6 @@ from geometry_msgs.msg import (
 )
 from nav_msgs.msg import Odometry, Path
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from bags.messages.plain import yaw_of_quaternion
 from serd_core.arrays import FloatArray
@@ -102,6 +101,8 @@ def to_transform(parent: str, child: str, pose: PlanarPose, time_s: float) -> Tr
 
 def to_static_transform(parent: str, child: str, placed: FloatArray) -> TransformStamped:
     """The frame `child` has the (4, 4) pose `placed` in `parent`, at all times."""
+    from scipy.spatial.transform import Rotation  # 0.2 s of every node's start
+
     message = to_transform(parent, child, STANDING, 0.0)
     moved, turned = message.transform.translation, message.transform.rotation
     moved.x, moved.y, moved.z = placed[:3, 3].tolist()

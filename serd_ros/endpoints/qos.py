@@ -13,43 +13,24 @@ from bags.rosbag2.qos import QosProfile
 STATE_DEPTH = 2000
 COMMAND_DEPTH = 10
 
-STATE = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=STATE_DEPTH,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
-COMMAND = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=COMMAND_DEPTH,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
-CLOCK = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-    durability=DurabilityPolicy.VOLATILE,
-)
+
+def _last(depth: int, *, reliable: bool = True, latched: bool = False) -> QoSProfile:
+    """Keeps the last messages; latched: for readers that come later too."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+STATE = _last(STATE_DEPTH)
+COMMAND = _last(COMMAND_DEPTH)
+CLOCK = _last(1, reliable=False)
 #: What lidars publish with; it receives from reliable publishers too.
-SENSOR = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=COMMAND_DEPTH,
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-    durability=DurabilityPolicy.VOLATILE,
-)
-TF = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=100,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
-LATCHED = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
+SENSOR = _last(COMMAND_DEPTH, reliable=False)
+TF = _last(100)
+LATCHED = _last(1, latched=True)
 #: For readers that must not miss a message: a full one accepts no more, and a publisher that waits
 #: for acknowledgements, as bag_replay does, waits for it. (With KEEP_LAST it drops the oldest.)
 LOSSLESS = QoSProfile(
@@ -85,14 +66,9 @@ def recording_qos(profile: QoSProfile) -> QoSProfile:
 
 def replay_qos(recorded: QosProfile) -> QoSProfile:
     """Profile of a replay: as recorded, and deep enough for bursts of reliable messages."""
-    reliable = recorded.reliability == "reliable"
     latched = recorded.durability == "transient_local"
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=recorded.depth if latched else max(recorded.depth, STATE_DEPTH),
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
+    depth = recorded.depth if latched else max(recorded.depth, STATE_DEPTH)
+    return _last(depth, reliable=recorded.reliability == "reliable", latched=latched)
 
 
 def common_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
@@ -100,11 +76,7 @@ def common_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
     profiles = tuple(offered)
     reliable = all(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles)
     latched = all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles)
-    return QoSProfile(
-        depth=STATE_DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
+    return _last(STATE_DEPTH, reliable=reliable, latched=latched)
 
 
 def requests_too_much(requested: QoSProfile, offered: QoSProfile) -> bool:

@@ -9,12 +9,13 @@ from typing import TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 
+from serd_app.drives.episode_mark import END, START
 from serd_core.grid.grid import Action
-from serd_ros.convert.diagnostics import END, START, from_world_report
+from serd_ros.convert.diagnostics import from_world_report
 from serd_ros.convert.stamp import Jump, stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.observation import ObservationSource
-from serd_ros.endpoints.worlds import several_worlds
+from serd_ros.endpoints.world.worlds import several_worlds
 from serd_ros.episodes.starter import EpisodeStarter
 from serd_ros.graph.configs import DriverConfig
 from serd_ros.process.managed_node import ManagedNode

@@ -10,15 +10,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 from numpy.typing import NDArray
 
+from serd_app.drives.episode_mark import START, EpisodeMark
 from serd_core.grid.grid import Action, Grid
 from serd_ros.convert.command import from_intent
-from serd_ros.convert.diagnostics import (
-    START,
-    EpisodeMark,
-    from_episode_message,
-    from_learner_report,
-    values_of,
-)
+from serd_ros.convert.diagnostics import from_episode_message, from_learner_report, values_of
 from serd_ros.convert.markers import from_obstacle_markers
 from serd_ros.convert.pose import from_odometry, from_pose_stamped, from_waypoint_message
 from serd_ros.convert.sensors import from_people_message, from_scan

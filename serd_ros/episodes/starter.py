@@ -11,9 +11,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from serd_ros.convert.diagnostics import EpisodeMark, to_episode_message
+from serd_app.drives.episode_mark import EpisodeMark
+from serd_ros.convert.diagnostics import to_episode_message
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.worlds import WORLD_TOPICS, several_worlds
+from serd_ros.endpoints.world.worlds import WORLD_TOPICS, several_worlds
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode
 from sim.episodes.result import EpisodeStart

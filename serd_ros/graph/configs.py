@@ -198,7 +198,7 @@ class PeopleTrackerConfig(LocalisationConfig, LidarConfig, ManagedConfig):
     blind_rays: float = setting_of(
         GuardSettings,
         "blind_rays",
-        description="share of rays without a range from which a scan shows nobody and no message"
+        description="share of rays without a range from which a scan shows no people and no message"
         " is published",
     )
 

@@ -20,6 +20,7 @@ from serd_ros.endpoints.replay_publishers import ReplayPublishers
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import BagReplayConfig
 from serd_ros.graph.readiness import Readiness
+from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from teleop.replay_keys import RATE_FACTORS, ReplayKey, ReplayKeys
@@ -169,7 +170,9 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         if self._sound.damage:
             self.fail(self._sound.damage)
             return
-        self.get_logger().info(f"played {self._n_sent} messages of {self.config.bag}")
+        text = f"played {self._n_sent} messages of {self.config.bag}"
+        self.get_logger().info(text)
+        write_progress(Progress(text=text, n_messages=self._n_sent))
         if self.config.exit_when_done:
             self.finish(0)
         else:

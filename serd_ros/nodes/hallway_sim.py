@@ -9,10 +9,10 @@ import sys
 from std_srvs.srv import SetBool
 
 from serd_ros.endpoints import topics
-from serd_ros.endpoints.simulated_robot import SimulatedRobot
-from serd_ros.endpoints.world_loop import LiveLoop, LockstepLoop, WorldLoop
-from serd_ros.endpoints.world_publisher import ClockPublisher
-from serd_ros.endpoints.worlds import OtherClocks
+from serd_ros.endpoints.world.simulated_robot import SimulatedRobot
+from serd_ros.endpoints.world.world_loop import LiveLoop, LockstepLoop, WorldLoop
+from serd_ros.endpoints.world.world_publisher import ClockPublisher
+from serd_ros.endpoints.world.worlds import OtherClocks
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.graph.graph import full_namespace
@@ -23,7 +23,7 @@ from sim.episodes.result import EpisodeStart
 from sim.errors import SimError
 from sim.scenario.goal import with_goal
 from sim.scenario.scenario import load_scenario
-from sim.world.shared_world import SharedWorld
+from sim.world.shared_world import SharedWorld, sharable
 
 
 class HallwaySim(SerdNode[HallwaySimConfig]):
@@ -41,9 +41,10 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
             scenario = scenario.with_pedestrian_count(self.config.people)
         scenario = with_goal(scenario, self.config.goal)
         n_robots = max(1, len(names))
-        if n_robots > 1 and scenario.robot.drive == "physical":
-            self.get_logger().info("robots that share a world drive by `drive: kinematic`")
-            scenario = scenario.with_values("robot", drive="kinematic")
+        if n_robots > 1 and (shared := sharable(scenario)) is not scenario:
+            drive = shared.robot.drive
+            self.get_logger().info(f"robots that share a world drive by `drive: {drive}`")
+            scenario = shared
         self._world = SharedWorld(
             scenario, seed=self.config.seed, robots=n_robots, gui=self.config.gui
         )

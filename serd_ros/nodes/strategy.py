@@ -13,8 +13,8 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 
-from serd_app.navigation.arrival_records import ArrivalRecords
-from serd_app.navigation.crossing_log import CrossingLog
+from serd_app.navigation.arrival_log import ArrivalRecords
+from serd_app.navigation.evaluation.crossing_log import CrossingLog
 from serd_app.navigation.navigator import Navigator
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action

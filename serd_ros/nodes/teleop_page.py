@@ -17,6 +17,7 @@ from serd_ros.episodes.hand_driver import HandDriverNode
 from serd_ros.episodes.learned_overlay import LearnedOverlay
 from serd_ros.episodes.page_view import PageView, episode_values
 from serd_ros.graph.configs import TeleopPageConfig
+from serd_ros.process.progress import report_address
 from serd_ros.process.run_node import run_node
 from sim.world.command import Command
 from teleop.errors import TeleopError
@@ -55,7 +56,7 @@ class TeleopPageNode(HandDriverNode[TeleopPageConfig]):
         scene = scene_of(self.scenario, self._view.grid)
         self._server = PageServer(scene, access, config.port)
         self._overlay = LearnedOverlay(self, self.scenario, self._server)
-        self.get_logger().info(f"the page is at {self._server.url}")
+        report_address(self._server.url, self.get_logger().info)
 
     def close(self) -> None:
         """End the server."""

@@ -8,6 +8,7 @@ import sys
 from serd_ros.episodes.learned_overlay import LearnedOverlay
 from serd_ros.episodes.page_view import WatchView
 from serd_ros.graph.configs import WatchPageConfig
+from serd_ros.process.progress import report_address
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode
 from sim.scenario.scenario import load_scenario
@@ -32,7 +33,7 @@ class WatchPageNode(SerdNode[WatchPageConfig]):
         self._view.subscribe(self)
         self._overlay = LearnedOverlay(self, scenario, self._server)
         self.create_timer(_PERIOD_S, self._show, clock=self.wall_clock)
-        self.get_logger().info(f"the page is at {self._server.url}")
+        report_address(self._server.url, self.get_logger().info)
 
     def close(self) -> None:
         """End the server."""

@@ -12,7 +12,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-from serd_ros.endpoints.worlds import (
+from serd_ros.endpoints.world.worlds import (
     FIX,
     LONGEST_END_S,
     publishers_of,

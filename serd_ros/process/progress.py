@@ -1,12 +1,12 @@
-"""Progress of a node for the command that started it: one line of JSON on stderr per report.
+"""What a node reports to the command that started it: one line of JSON on stderr per report.
 
-A command that shows progress sets the environment variable `SERD_PROGRESS`; without it a node
+A command that takes reports sets the environment variable `SERD_PROGRESS`; without it a node
 writes no such lines.
 """
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable
 
 from pydantic import ValidationError
 
@@ -17,16 +17,30 @@ _MARK = "serd-progress "
 
 
 class Progress(StrictModel):
-    """done: finished parts, None when unknown; text: what the node does now."""
+    """done: finished parts, None when unknown; text: what the node does now.
+
+    address: URL of the page that the node serves; n_messages: those it has played.
+    """
 
     text: str
     done: int | None = None
+    address: str = ""
+    n_messages: int | None = None
 
 
-def write_progress(progress: Progress, environment: Mapping[str, str] = os.environ) -> None:
-    """Write the line where the command wants it."""
-    if environment.get(VARIABLE):
+def write_progress(progress: Progress) -> bool:
+    """Write the line where the command wants it; returns whether it does."""
+    wanted = bool(os.environ.get(VARIABLE))
+    if wanted:
         print(_MARK + progress.model_dump_json(), file=sys.stderr, flush=True)
+    return wanted
+
+
+def report_address(address: str, log: Callable[[str], object]) -> None:
+    """Give the address of a page to the command that started the node, or else to the log."""
+    progress = Progress(text=f"the page is at {address}", address=address)
+    if not write_progress(progress):
+        log(progress.text)
 
 
 def parse_progress(line: str) -> Progress | None:

@@ -10,7 +10,7 @@ from sim.crowd.corridor_measures import Corridor, CorridorMeasures, measure_simu
 from sim.crowd.ring_corridor import weidmann_speed_mps
 
 DENSITIES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
-#: Fewer recorded speeds (of persons at moments) at a density say too little.
+#: Fewest recorded speeds (of persons at moments) at a density that are compared.
 _LEAST_RECORDED = 100
 _UNKNOWN = float("nan")
 

@@ -25,6 +25,8 @@ _MOMENT_S = 0.2
 #: People's centres keep about this distance to walls.
 _CLEAR_OF_WALL_M = 0.2
 _PEOPLE_IN_RING = 100
+#: Densities that differ by less are about the same.
+_NEAR_PM2 = 0.13
 _STEP_S, _STEPS_PER_FRAME = 0.05, 2
 
 
@@ -59,10 +61,10 @@ class CorridorMeasures:
     person_speed_mps: FloatArray
     nearest_m: FloatArray
 
-    def near_density(self, density_pm2: float, tolerance_pm2: float = 0.13) -> "CorridorMeasures":
+    def near_density(self, density_pm2: float) -> "CorridorMeasures":
         """The moments of about that density."""
-        moments = np.abs(self.density_pm2 - density_pm2) < tolerance_pm2
-        near = np.abs(self.person_density_pm2 - density_pm2) < tolerance_pm2
+        moments = np.abs(self.density_pm2 - density_pm2) < _NEAR_PM2
+        near = np.abs(self.person_density_pm2 - density_pm2) < _NEAR_PM2
         return CorridorMeasures(
             self.density_pm2[moments],
             self.speed_mps[moments],

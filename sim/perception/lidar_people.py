@@ -1,8 +1,8 @@
 """People round a robot by its own lidar, whose scans and poses have stamps of their own.
 
 Each scan is taken at the pose that the robot had at its stamp, interpolated between poses. A scan
-that is old, mostly without ranges, or unchanged while the robot moves shows nobody and not that
-nobody is there: the answer is then the fault.
+that is old, mostly without ranges, or unchanged while the robot moves shows no people, which does
+not mean that there are none: the answer is then the fault.
 """
 
 from collections import deque

@@ -14,6 +14,8 @@ from sim.scenario.scenario import Scenario
 _HIGHEST_M = 1.75
 _FILLED = 0.96
 _FITTING_PASSES = 40
+#: Of the camera that follows the robot.
+_BEHIND_M = 6.0
 
 
 @dataclass(frozen=True)
@@ -76,13 +78,13 @@ def _nearer_fit(camera: Camera, points_m: FloatArray) -> Camera:
     )
 
 
-def chase_camera(pose: tuple[float, float, float], distance_m: float = 6.0) -> Camera:
+def chase_camera(pose: tuple[float, float, float]) -> Camera:
     """A camera behind the robot that looks at a point ahead of it, the way it goes."""
     x_m, y_m, yaw_rad = pose
-    ahead_m = 0.25 * distance_m
+    ahead_m = 0.25 * _BEHIND_M
     return Camera(
         target_m=(x_m + ahead_m * math.cos(yaw_rad), y_m + ahead_m * math.sin(yaw_rad), 0.5),
-        distance_m=distance_m,
+        distance_m=_BEHIND_M,
         yaw_deg=math.degrees(yaw_rad) - 90.0,
         pitch_deg=-35.0,
     )

@@ -14,7 +14,6 @@ import numpy as np
 
 from sim.crowd.social_force import model_named
 from sim.planning.local_planner import LocalPlanner, PlannerStatus
-from sim.planning.progress_checker import ProgressChecker
 from sim.planning.settings import PlannerSettings
 from sim.robot.unicycle import limited_velocity
 from sim.scenario.occupancy import wall_distance_raster
@@ -47,6 +46,36 @@ def behaviours_of(settings: PlannerSettings, limits: RobotSettings) -> tuple[Beh
     if back_mps <= 0.0:
         return spin, wait
     return Behaviour(Command(-back_mps, 0.0), settings.backup_dist / back_mps), spin, wait
+
+
+class ProgressChecker:
+    """A robot is stuck that has not moved by the radius within the time allowance.
+
+    The rule of Nav2's SimpleProgressChecker.
+    """
+
+    def __init__(self, required_movement_radius_m: float, movement_time_allowance_s: float) -> None:
+        self.n_moves = 0
+        self._radius_m = required_movement_radius_m
+        self._allowance_s = movement_time_allowance_s
+        self._place: tuple[float, float] | None = None
+        self._since_s = 0.0
+
+    def reset(self) -> None:
+        """Start again with the next observation."""
+        self._place = None
+
+    def allow_more_time(self, observation: Observation) -> None:
+        """Restart the time allowance, without counting a move."""
+        self._since_s = observation.time_s
+
+    def is_stuck(self, observation: Observation) -> bool:
+        """Take an observation; returns whether the allowance has passed since the last move."""
+        here = (observation.x_m, observation.y_m)
+        if self._place is None or math.dist(here, self._place) > self._radius_m:
+            self.n_moves += 1
+            self._place, self._since_s = here, observation.time_s
+        return observation.time_s - self._since_s > self._allowance_s
 
 
 class RecoveringPlanner:

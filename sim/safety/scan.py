@@ -60,12 +60,16 @@ class Scan:
         rays = np.arange(len(self.ranges_m), dtype=np.float64)
         return geometry.angle_min_rad + geometry.angle_increment_rad * rays
 
+    @property
+    def directions(self) -> FloatArray:
+        """(n_rays, 2) directions of the rays in the lidar's frame."""
+        angle = self.angles_rad
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
     def points_within(self, range_m: float) -> FloatArray:
         """(N, 2) ends of the rays of up to that range, in the lidar's frame."""
         rays = np.flatnonzero(self.valid & (self.ranges_m <= range_m))
-        angle = self.angles_rad[rays]
-        reach_m = self.ranges_m[rays].astype(np.float64)
-        return np.stack([reach_m * np.cos(angle), reach_m * np.sin(angle)], axis=1)
+        return self.ranges_m[rays, None].astype(np.float64) * self.directions[rays]
 
 
 def shown_by(scan: Scan, place_m: FloatArray, radius_m: float) -> tuple[int, int]:
@@ -81,10 +85,10 @@ def shown_by(scan: Scan, place_m: FloatArray, radius_m: float) -> tuple[int, int
     away_m, place_m = away_m[in_view, None], place_m[in_view]
     if not len(place_m):
         return 0, 0
-    direction = np.arctan2(place_m[:, 1], place_m[:, 0])[:, None]
-    aside = np.abs(np.remainder(scan.angles_rad - direction + np.pi, 2.0 * np.pi) - np.pi)
-    near_body = (aside <= np.arcsin(reach_m / away_m)) & scan.valid
-    on_body = near_body & (aside <= np.arcsin(radius_m / away_m))
+    # Rays that meet a circle go along it at least as far as its tangent from the lidar is long.
+    along_m = place_m @ scan.directions.T
+    near_body = (along_m >= np.sqrt(away_m**2 - reach_m**2)) & scan.valid
+    on_body = near_body & (along_m >= np.sqrt(away_m**2 - radius_m**2))
     beyond = np.where(near_body, scan.ranges_m - away_m, np.inf)
     is_ray = on_body.any(axis=1)
     seen = is_ray & (np.abs(beyond) <= reach_m).any(axis=1)

@@ -17,6 +17,16 @@ from sim.world.observation import Observation
 from sim.world.other_robots import OtherRobots
 from sim.world.world import HallwayWorld
 
+#: How robots drive that share a world; forces between bodies need one physics engine for all.
+_DRIVE = "kinematic"
+
+
+def sharable(scenario: Scenario) -> Scenario:
+    """The scenario with a robot that drives as several robots in one world must."""
+    if scenario.robot.drive == _DRIVE:
+        return scenario
+    return scenario.with_values("robot", drive=_DRIVE)
+
 
 class SharedWorld:
     """worlds: of each robot; do not call their `reset`, `step` and `restore`."""
@@ -80,11 +90,11 @@ class SharedWorld:
 
 def _require_sharing(scenario: Scenario, *, gui: bool) -> None:
     """SimError where several robots cannot share a world of the scenario."""
-    if scenario.robot.drive != "kinematic" or gui:
+    if scenario.robot.drive != _DRIVE or gui:
         got = "gui: true" if gui else f"drive: {scenario.robot.drive}"
         raise SimError(
-            "robots that share a world must have the drive kinematic and no window,"
-            f" got {got}; give drive: kinematic and gui: false"
+            f"robots that share a world must have the drive {_DRIVE} and no window,"
+            f" got {got}; give drive: {_DRIVE} and gui: false"
         )
     person_m = model_named(scenario.pedestrians.model).body_radius_m
     if scenario.robot.radius_m > person_m:

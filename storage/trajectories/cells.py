@@ -31,7 +31,7 @@ _RATE = re.compile(
 _QUOTED_COMMA = re.compile(r'"[-+]?\d+,\d+"')
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+(?:,\d+)?")
 _FEWEST_COLUMNS = 2
-#: Of the roles of columns, those that a line of names has.
+#: Fewest known roles in a line of names.
 _FEWEST_ROLES = 3
 _LONGEST_PREAMBLE = 100
 _GZIP, _LARGEST_BYTES = b"\x1f\x8b", 2**30
@@ -68,7 +68,7 @@ def read_cells(path: Path) -> Cells:
 
 
 def _unpacked(path: Path, content: bytes) -> bytes:
-    """The content of a file of gzip, else as it is."""
+    """The content, decompressed where it is gzip."""
     if not content.startswith(_GZIP):
         return content
     try:
@@ -124,7 +124,7 @@ def _text(path: Path, text: str) -> Cells:
 
 
 def _preamble(rows: Sequence[str], separator: str) -> int:
-    """How many lines of other words come before the line of names."""
+    """How many lines precede the line of names."""
     n_roles = [len(_roles(_split(row, separator))) for row in rows[:_LONGEST_PREAMBLE]]
     if n_roles[0] >= _FEWEST_ROLES or max(n_roles) < _FEWEST_ROLES:
         return 0
@@ -136,7 +136,7 @@ def _roles(names: Sequence[str]) -> set[str]:
 
 
 def _rate_in_rows(frame: "pd.DataFrame", names: Sequence[str]) -> float | None:
-    """That of a column, where all rows have the same."""
+    """The rate in a column of rates, where all rows have the same."""
     columns = [row for row, name in enumerate(names) if name.strip().lower() in _RATE_NAMES]
     rates = set(frame.iloc[:, columns[0]].dropna()) if columns else set()
     rate = rates.pop() if len(rates) == 1 else None
@@ -196,8 +196,11 @@ def _is_number(text: str) -> bool:
 
 
 def _named_in_comments(comments: Sequence[str], separator: str, count: int) -> list[str]:
-    """Of the comments without numbers, the last with so many names, one of a known role, else the
-    last with three of these, cut to the columns, else the last with so many of any."""
+    """Names of the columns from the comments without numbers, cut to `count`; empty without any.
+
+    Preferred, each time the last: as many names as columns, one of a known role; three known roles;
+    as many names as columns.
+    """
     texts = [line.lstrip("#%/ \t") for line in reversed(comments)]
     found = [_split(text, each) for text in texts for each in (separator, " ", ",")]
     found = [names for names in found if not any(map(_is_number, names))]

@@ -1,4 +1,4 @@
-"""Episodes of a table in which ids and times begin again: by a column, or where times go back."""
+"""Episodes of a table in which ids and times restart: by a column, or where times go back."""
 
 from dataclasses import replace
 
@@ -8,19 +8,21 @@ from serd_core.arrays import FloatArray, IntArray
 from storage.trajectories.cells import Cells
 from storage.trajectories.columns import Columns
 
-#: Rows per episode below which a column is none of episodes, but of rows.
+#: Fewest rows per episode; a column with more values than that does not number episodes.
 _FEWEST_ROWS = 5
-#: Share of times that come twice above which an episode is of several agents.
+#: Share of repeated times above which an episode has several agents.
 _FEW_REPEATED = 0.01
-#: Share of an episode by which time goes back where another one begins.
+#: Smallest share of an episode by which time goes back where the next one begins.
 _BACK = 0.5
-#: Between episodes whose times overlap: nobody of one is seen in another.
+#: Pause put between episodes whose times overlap, so that agents of one are not seen in another.
 _APART_S = 100.0
 
 
 def episodes_of(cells: Cells, time: FloatArray, columns: Columns) -> tuple[IntArray, Columns]:
-    """(R,) number of the episode of each row, all 0 without several; where one has a single
-    agent, its number is that of the agent. time (R,)."""
+    """(R,) number of the episode of each row, all 0 where there is one.
+
+    Where each episode has a single agent, the column of episodes becomes that of agents. time (R,).
+    """
     import pandas as pd
 
     none = np.zeros(len(time), dtype=np.int64)
@@ -39,8 +41,10 @@ def episodes_of(cells: Cells, time: FloatArray, columns: Columns) -> tuple[IntAr
 
 
 def restarts(time: FloatArray) -> IntArray:
-    """(R,) number of the episode of rows without ids (R,), by where the time goes back to the
-    start; all 0 where it never does."""
+    """(R,) number of the episode of each row without ids, counted where the time (R,) goes back.
+
+    All 0 where it never goes back near to the start of the episode before.
+    """
     episode = np.zeros(len(time), dtype=np.int64)
     back = np.flatnonzero(np.diff(time) < 0) + 1
     if not len(back) or len(time) < _FEWEST_ROWS * (len(back) + 1):
@@ -82,7 +86,7 @@ def agents_of_episodes(
 
 
 def on_one_clock(time_s: FloatArray, episode: IntArray) -> tuple[FloatArray, tuple[str, ...]]:
-    """(N,) times, of which those of two episodes (N,) never overlap; a sentence where they did."""
+    """(N,) times without overlaps of the episodes (N,), and a sentence where there were some."""
     if not episode.any():
         return time_s, ()
     count = int(episode.max()) + 1

@@ -1,4 +1,4 @@
-"""Rows of a table that contradict each other, or no motion: each a sentence with its row.
+"""Faults of the rows of a table: contradictions and impossible motion, a sentence for each.
 
 Rows are counted from 1, below the line of names.
 """
@@ -13,15 +13,15 @@ import numpy as np
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from storage.errors import FileError
 
-#: Share of rows, and number of them, above which places that contradict each other are no accident.
+#: Share of rows, and number of them, above which ids that are in two places are rejected.
 _MANY, _FEW = 0.01, 3
-#: Median speeds (m/s) above which nothing on a floor moves, below which hardly anything does, and
-#: below which units are wrong.
+#: Median speeds (m/s): the highest accepted, the one below which a warning is given, and the lowest
+#: accepted.
 _FASTEST_MPS, _SLOWEST_MPS, _STILL_MPS = 40.0, 0.02, 0.005
-#: A jump is longer and faster than these, and so many times as fast as usual.
+#: A jump exceeds all of these; the last is a multiple of the median speed.
 _JUMP_M, _JUMP_MPS, _TIMES_USUAL = 1.0, 12.0, 10.0
 _SAME_PLACE_M = 0.1
-#: Rows between jumps that are no agent of their own.
+#: Most rows between two jumps that are left out as strays.
 _FEW_ROWS = 3
 
 
@@ -49,7 +49,7 @@ def faults_of_rows(
     has_ids: bool,
     is_stated: bool,
 ) -> tuple[str, ...]:
-    """Sentences; FileError where agents cannot be told apart, or their speed is impossible.
+    """Sentences; FileError where one id is in two places too often, or a speed is impossible.
 
     scale: m per unit of places, is_stated: whether the file or the mapping names the units.
     """
@@ -94,7 +94,7 @@ def _out_of_order(rows: Rows, names: Sequence[str]) -> str:
         return ""
     return (
         f"row {late[0] + 1}, of agent {names[rows.agent[late[0]]]}, goes back in time"
-        f"{_and_others(len(late))}; rows are sorted by time"
+        f"{and_others(len(late))}; rows are sorted by time"
     )
 
 
@@ -112,11 +112,11 @@ def _in_two_places(path: Path, rows: Rows, names: Sequence[str], scale: float) -
     )
     if len(both) > max(_FEW, _MANY * len(order)):
         raise FileError(
-            f"{path}: {what}{_and_others(len(both))}; give each agent an id of its own, or name the"
+            f"{path}: {what}{and_others(len(both))}; give each agent an id of its own, or name the"
             " column of ids in a --mapping file (agent:), or of episodes in which ids begin again"
             " (episode:)"
         )
-    return f"{what}{_and_others(len(both))}; the first one counts"
+    return f"{what}{and_others(len(both))}; the first one counts"
 
 
 def parts_of_jumps(
@@ -138,15 +138,18 @@ def parts_of_jumps(
     at = int(where[0])
     return part, (
         f"row {row[at + 1] + 1}: agent {names[agent[at]]} jumps {moved_m[at]:.1f} m in"
-        f" {step_s[at]:.2g} s{_and_others(len(where))}; it counts as another one from there",
+        f" {step_s[at]:.2g} s{and_others(len(where))}; it counts as another one from there",
     )
 
 
 def without_strays(
     agent: IntArray, row: IntArray, time_s: FloatArray, place_m: FloatArray
 ) -> tuple[BoolArray, tuple[str, ...]]:
-    """(N,) whether a row is kept, and a sentence about those that are not: a few between jumps, or
-    any number at one place, as -999 or 0 for agents that are lost. Arguments: `parts_of_jumps`."""
+    """(N,) whether a row is kept, and a sentence about those that are not.
+
+    Left out between jumps: a few rows, or any number at one place, as -999 or 0 for a lost agent.
+    Arguments: as of `parts_of_jumps`.
+    """
     kept = np.ones(len(agent), dtype=bool)
     same = np.diff(agent) == 0
     jump = _jumps(same, np.hypot(*np.diff(place_m, axis=0).T), np.diff(time_s))
@@ -171,17 +174,17 @@ def without_strays(
         return kept, ()
     return kept, (
         f"row {away[0] + 1} lies away from where its agent is before and after"
-        f"{_and_others(len(away))}; left out",
+        f"{and_others(len(away))}; left out",
     )
 
 
 def _jumps(same: BoolArray, moved_m: FloatArray, step_s: FloatArray) -> BoolArray:
-    """(N - 1,) steps of an agent that are longer and faster than it moves."""
+    """(N - 1,) whether the step from a row to the next is a jump."""
     speed = np.divide(moved_m, step_s, out=np.zeros_like(moved_m), where=same & (step_s > 0))
     moving = speed[same & (moved_m > 0)]
     fastest = max(_JUMP_MPS, _TIMES_USUAL * float(np.median(moving)) if len(moving) else 0.0)
     return np.asarray(same & (moved_m > _JUMP_M) & (speed > fastest))
 
 
-def _and_others(number: int) -> str:
+def and_others(number: int) -> str:
     return "" if number == 1 else f", as do {number - 1} other rows"

@@ -13,20 +13,26 @@ from storage.trajectories.agents import with_agents
 from storage.trajectories.cells import Cells, read_cells
 from storage.trajectories.columns import Columns, TableColumns, located, metres_of, times_of
 from storage.trajectories.episodes import agents_of_episodes, episodes_of, on_one_clock
-from storage.trajectories.faults import Rows, faults_of_rows, parts_of_jumps, without_strays
+from storage.trajectories.faults import (
+    Rows,
+    and_others,
+    faults_of_rows,
+    parts_of_jumps,
+    without_strays,
+)
 from storage.trajectories.wide import long_cells
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _TRANSPOSED_ROWS, _LEAST_TRANSPOSED = 4, 20
-#: Larger numbers are none of a table; stamps in ns are smaller.
+#: Larger numbers are discarded; stamps in ns are smaller.
 _LARGEST = 1e20
-#: Names of columns of what agents are.
+#: Names of columns that classify agents.
 _KINDS = frozenset(
     ["type", "class", "category", "kind", "label", "agent_type", "object_type", "obj_type", "role"]
 )
-#: Columns of whether an agent is the robot.
+#: Names of columns that mark the robot, and the values that do.
 _FLAGS, _TRUE = frozenset(["is_robot", "isrobot", "is_ego"]), frozenset(["1", "1.0", "true", "yes"])
 #: Half of the shortest step between two stamps.
 _SHORTEST_S = 5e-10
@@ -38,10 +44,10 @@ _NO_AGENTS = (
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """One agent: time_s (T,) increasing, position_m (T, 2); kinds: what the table calls it.
+    """One agent: time_s (T,) increasing, position_m (T, 2); kinds: its classes in the table.
 
-    divided_from: the agent that this is a part of, empty for one without jumps; row: its first in
-    the file, from 1. name: its id in the table, which others may have in other episodes.
+    divided_from: the agent that this is a part of, empty where its track has no jump. row: its
+    first row in the file, from 1. name: its id in the table; ids may repeat in other episodes.
     """
 
     agent: str
@@ -55,8 +61,7 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Trajectories:
-    """assumed: sentences about what the file does not state, or what was left out; n_bad: rows of
-    these."""
+    """assumed: sentences about assumptions and rows that were left out; n_bad: number of these."""
 
     tracks: tuple[Track, ...]
     assumed: tuple[str, ...] = ()
@@ -144,8 +149,10 @@ def _tracks(
 def _divided(
     path: Path, cells: Cells, time: FloatArray, place: FloatArray, columns: Columns
 ) -> tuple[IntArray, Columns]:
-    """(R,) numbers of episodes, and the columns with that of ids where one divides the rows, which
-    comes before times that go back."""
+    """(R,) numbers of episodes, and the columns, with a column of ids where one divides the rows.
+
+    Ids take precedence over times that go back.
+    """
     episode, columns = episodes_of(cells, time, columns)
     by_times = columns.agent < 0 and columns.episode < 0 and bool(episode.any())
     try:
@@ -161,7 +168,7 @@ def _without_numbers(good: BoolArray, n_skipped: int) -> tuple[str, ...]:
     bad = np.flatnonzero(~good)
     found = []
     if len(bad):
-        others = "" if len(bad) == 1 else f", as do {len(bad) - 1} other rows"
+        others = and_others(len(bad))
         found.append(f"row {bad[0] + 1} lacks a number of time, x or y{others}; left out")
     if n_skipped:
         found.append(f"{counted(n_skipped, 'row')} with more cells than the first left out")
@@ -182,7 +189,7 @@ def _lists(cells: Cells) -> tuple[str, ...]:
 
 
 def _kinds(cells: Cells) -> list[list[str]]:
-    """What each row's agent is called, by each column of that."""
+    """The class of each row's agent, by each column of classes."""
     found = []
     for row, name in enumerate(cells.names):
         plain, cells_of = name.strip().lower(), cells.frame.iloc[:, row]
@@ -195,7 +202,7 @@ def _kinds(cells: Cells) -> list[list[str]]:
 
 
 def _numbers(frame: "pd.DataFrame") -> FloatArray:
-    """(R, C) with NaN for text, and for numbers that are neither times nor places."""
+    """(R, C) with NaN for text and for numbers above `_LARGEST`."""
     columns = [_numeric(frame[name]) for name in frame.columns]
     numbers = np.column_stack([column.to_numpy(dtype=np.float64) for column in columns])
     return np.where(np.abs(numbers) <= _LARGEST, numbers, np.nan)

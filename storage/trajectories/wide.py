@@ -1,5 +1,5 @@
-"""Tables with columns of their own for each agent, `robot_x, robot_y, person1_x, ...`, or for parts
-of a second, as rows of time, id, x and y."""
+"""Tables with a pair of columns per agent (`robot_x, robot_y, person1_x, ...`) as rows of time, id,
+x and y; seconds and nanoseconds in two columns become one."""
 
 import re
 from dataclasses import replace
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
 _PLACE = r"(?:(?:p|pose|pos|position|loc|location|cent(?:er|re|roid))[\W_]*)*"
 _AXIS_LAST = re.compile(rf"(?P<agent>.*?[^\W_])[\W_]*{_PLACE}(?P<axis>[xy])$")
 _AXIS_FIRST = re.compile(rf"{_PLACE}(?P<axis>[xy])[\W_]+(?P<agent>.*[^\W_])$")
-#: Of people, beside the columns x and y of a robot.
+#: Columns of people beside x and y of a robot: x1, y1, ...
 _NUMBERED = re.compile(rf"{_PLACE}(?P<axis>[xy])_?(?P<agent>\d+)$")
-#: What agents are called, with or without a number.
+#: Names of agents, with or without a number.
 _AGENT = re.compile(
     r"(robot|r|ped|pedestrian|person|people|human|agent|walker|obstacle|actor|p|h|id)[\W_]*\d*$"
 )
-#: The agent whose columns have no name, or one letter.
+#: The agent whose columns are x and y alone, and the letter that may stand for it.
 _OWN, _OWN_LETTER = "robot", "r"
 _WHOLE_S = re.compile(r"^(.*?)(?:sec|secs|seconds)$")
 _REST_NS = "{}n{}", "{}nano{}"
 
 
 def long_cells(cells: Cells) -> Cells:
-    """The same where x and y have those names alone, else a row per agent and time."""
+    """A row per agent and time; the same cells where x and y are columns of one agent."""
     import pandas as pd
 
     cells = _with_whole_times(cells)
@@ -56,7 +56,7 @@ def long_cells(cells: Cells) -> Cells:
 
 
 def _with_whole_times(cells: Cells) -> Cells:
-    """The same with seconds in one column, where another has their nanoseconds."""
+    """The cells with seconds and their nanoseconds added in one column."""
     import pandas as pd
 
     plain = [name.strip().lower() for name in cells.names]
@@ -80,7 +80,7 @@ def _with_whole_times(cells: Cells) -> Cells:
 def _stacked(
     frame: "pd.DataFrame", kept: dict[str, int], pairs: dict[str, dict[str, int]], ids: int | None
 ) -> "pd.DataFrame":
-    """ids: column of those of the agents whose names have no number."""
+    """A row per agent and time. ids: column with the ids of agents whose names have no number."""
     import pandas as pd
 
     parts = []
@@ -96,7 +96,7 @@ def _stacked(
 def _pairs(names: tuple[str, ...], *, numbered: bool) -> dict[str, dict[str, int]]:
     """The columns of x and y of each agent that has both.
 
-    numbered: whether x1, y1 are of a person, beside x and y of a robot.
+    numbered: whether x1, y1 belong to a person where x and y belong to a robot.
     """
     found: dict[str, dict[str, int]] = {}
     own = {role for name in names if (role := role_of(name)) in ("x", "y")}

@@ -3,22 +3,21 @@
 import numpy as np
 import pytest
 
+from benchmarks.report import markdown_row, write_rows
 from benchmarks.sources import likelihood, run
 from serd_core.demonstrations.decisions import HIDDEN, Decisions
 from serd_core.grid.grid import Action, Grid
 from serd_core.grid.navigation import NO_FLOW, build_navigation_problem
 
 
-def test_only_the_rows_of_the_measured_table_are_replaced(tmp_path, monkeypatch):
+def test_only_the_rows_of_the_measured_table_are_replaced(tmp_path):
     document = tmp_path / "sources.md"
     before = "| source | command |\n| --- | --- |\n| a | b |\n\n"
     head = "| source | kind | rest |\n| --- | --- | --- |\n"
     document.write_text(f"{before}{head}| old | x | y |\n\nEnd\n")
-    monkeypatch.setattr(run, "_DOCUMENT", document)
-    run.write("| new | 1 | 2 |\n")
+    write_rows(document, run._FIRST_COLUMNS, "| new | 1 | 2 |\n")
     assert document.read_text() == f"{before}{head}| new | 1 | 2 |\n\nEnd\n"
-    real = run._ROOT / "docs" / "sources.md"
-    assert len(run._ROWS.findall(real.read_text())) == 1
+    assert run._DOCUMENT.read_text().count("\n" + markdown_row(run._FIRST_COLUMNS).rstrip()) == 1
 
 
 def test_folds_are_whole_episodes_or_of_few_a_quarter_of_the_time():

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from experiments.study.settings import YAML, study_settings
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_app.demonstrations.flow_table import load_flow, save_flow
-from serd_app.demonstrations.grid_file import load_grid, save_grid
+from serd_app.demonstrations.grid.flow_table import load_flow, save_flow
+from serd_app.demonstrations.grid.grid_file import load_grid, save_grid
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.drives.mapping import BagMapping
 from serd_app.learning.checkpoint import LearnerCheckpoint

@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
+from serd_app.drives.episode_mark import EpisodeMark
 from serd_core.grid.grid import Action
-from serd_ros.convert.diagnostics import EpisodeMark, to_episode_message
+from serd_ros.convert.diagnostics import to_episode_message
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import Received
@@ -164,8 +165,7 @@ class Session:
             if rng.random() < 0.25:
                 self.running.call_timers()
         except Exception as error:
-            error.add_note(f"{subscription.topic_name}: {str(message)[:3000]}")
-            raise
+            raise AssertionError(f"{subscription.topic_name}: {str(message)[:3000]}") from error
 
     def assert_recorded(self) -> None:
         """A recorder has every message but those without a stamp."""

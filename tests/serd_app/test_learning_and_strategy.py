@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
-from serd_app.demonstrations.flow_table import save_flow
+from serd_app.demonstrations.grid.flow_table import save_flow
 from serd_app.errors import AppError
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.methods import FitProgress

@@ -1,6 +1,7 @@
 """`serd bag play` executes the node, and rejects a bag that cannot be played before that."""
 
 import json
+import sys
 
 import pytest
 
@@ -58,7 +59,9 @@ def test_a_clock_must_have_no_other_publisher(
 
 
 def test_with_json_the_result_is_printed_when_the_node_has_ended(serd, drive_bag, monkeypatch):
-    node = ["/bin/echo", "played 12 messages of a bag"]
+    code = "from serd_ros.process.progress import *; "
+    code += "print('played 12 messages of a bag'); write_progress(Progress(text='', n_messages=12))"
+    node = [sys.executable, "-c", code]
     monkeypatch.setattr(bag_play, "node_command", lambda *_: node)
     ended = serd("bag", "play", bag := drive_bag(), "--json")
     assert ended.code == 0, ended.err

@@ -9,10 +9,10 @@ from bags.messages.plain import message_stamp_ns
 from bags.reader import BagReader
 from bags.writer import BagWriter
 from serd_app.demonstrations.decision_table import load_decisions
-from serd_app.demonstrations.grid_file import load_grid
+from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.measured_density import load_density
 from serd_app.demonstrations.recorded import faults_of
-from serd_app.navigation.familiarity import familiarity_of
+from serd_app.navigation.evaluation.familiarity import familiarity_of
 from serd_cli.demo.folder import DemoFolder
 from serd_cli.demo.phases import learn
 from serd_cli.demo.settings import DemoSettings

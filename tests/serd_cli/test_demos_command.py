@@ -11,8 +11,8 @@ from bags.writer import BagWriter
 from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.demonstrations.discretise import Faults
-from serd_app.demonstrations.flow_table import load_flow
-from serd_app.demonstrations.grid_file import load_grid
+from serd_app.demonstrations.grid.flow_table import load_flow
+from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.measured_density import load_density
 from serd_app.demonstrations.recorded import DemonstrationRecord, faults_of
 from serd_app.drives.mapping import BagMapping, TableMapping

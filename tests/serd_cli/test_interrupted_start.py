@@ -1,4 +1,4 @@
-"""Ctrl-C while a command or a node is still being imported ends it with 130 and without a word."""
+"""Ctrl-C ends a command with 130: during imports without a word, and where Python ignores it."""
 
 import os
 import signal
@@ -44,3 +44,32 @@ def test_afterwards_ctrl_c_is_what_it_was_before():
     with starting():
         assert signal.getsignal(signal.SIGINT) is not before
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_ctrl_c_in_a_finaliser_ends_the_command(root):
+    program = """
+import os, signal, sys, time
+from serd_cli.app import run
+
+class Interrupted:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        while True:
+            time.sleep(0.01)
+
+def command(standalone_mode):
+    Interrupted()
+    while True:
+        time.sleep(0.01)
+
+sys.exit(run(command))
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": str(root)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE_S,
+    )
+    assert (ended.returncode, ended.stderr) == (130, "interrupted\n")

@@ -9,8 +9,8 @@ import pytest
 
 from serd_app.demonstrations.crossing_table import load_crossings
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_app.demonstrations.flow_table import save_flow
-from serd_app.demonstrations.grid_file import save_grid
+from serd_app.demonstrations.grid.flow_table import save_flow
+from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_app.demonstrations.measured_density import MeasuredDensity, save_density
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.learning.learning_files import read_learning_files

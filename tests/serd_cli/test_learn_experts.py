@@ -10,7 +10,7 @@ import pytest
 from serd_app.demonstrations.concatenate import concatenate_renumbered
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.demonstrations.grid_file import save_grid
+from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
 from serd_app.learning.expert_groups import METHODS, learn_groups
 from serd_app.learning.learning_files import read_learning_files

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.resolution import COLUMNS, ResolutionRow
+from serd_app.demonstrations.grid.resolution import COLUMNS, ResolutionRow
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.navigation.strategy import load_strategy
 from sim.scenario.scenario import load_scenario

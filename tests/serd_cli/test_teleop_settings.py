@@ -14,6 +14,7 @@ from serd_cli.output.paths import free_folder
 from serd_cli.teleop.settings import TeleopSettings, require_a_way_to_drive
 from serd_cli.teleop.summary import SessionSummary, summarise_session
 from serd_cli.teleop.terminal_output import DriverLines, restored_terminal
+from serd_ros.process.progress import VARIABLE, report_address
 from storage.errors import FileError
 from teleop.errors import TeleopError
 
@@ -90,10 +91,14 @@ def test_every_run_gets_a_folder_of_its_own(tmp_path):
         free_folder(file, "session")
 
 
-def test_the_driver_sees_its_own_lines_once_and_everything_goes_into_the_log(tmp_path, capsys):
+def test_the_driver_sees_its_own_lines_once_and_everything_goes_into_the_log(
+    tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setenv(VARIABLE, "1")
     prefix = "[INFO] [1795249906.32] [teleop_page]: "
     with DriverLines(tmp_path / "logs" / "nodes.log") as lines:
-        lines.hear("teleop_page", prefix + "the page is at http://127.0.0.1:9/")
+        report_address("http://127.0.0.1:9/", print)
+        lines.hear("teleop_page", capsys.readouterr().err.strip())
         lines.hear("teleop_page", prefix + "episode 1 arrived")
         lines.hear("teleop_keyboard", "episode 1 arrived")
         lines.hear("hallway_sim", "[INFO] [1.0] [hallway_sim]: nothing of interest")

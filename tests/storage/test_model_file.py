@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.grid_file import save_grid
+from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_core.grid.grid import Grid
 from storage.errors import FileError
 from storage.model_file import (

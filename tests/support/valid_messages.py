@@ -1,16 +1,20 @@
 """One sound message of every topic that a node subscribes to, at a time of the simulated world."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
 from nav_msgs.msg import OccupancyGrid
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, String
 
+from serd_app.drives.episode_mark import EpisodeMark
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent, to_joy, to_twist, to_twist_stamped
-from serd_ros.convert.diagnostics import EpisodeMark, to_diagnostics, to_episode_message
+from serd_ros.convert.diagnostics import to_diagnostics, to_episode_message
 from serd_ros.convert.markers import to_obstacle_markers
 from serd_ros.convert.pose import (
     to_goal_area_message,
@@ -41,6 +45,8 @@ HALLWAY = load_scenario("hallway")
 PLACE_M = 3.5, 6.5
 GOAL_M = 3.5, 18.5
 REST = ImuReading((0.0, 0.0, 0.0), (0.0, 0.0, 9.81))
+GOAL = goal_at(HALLWAY, *GOAL_M)
+TOUCH = Touch(0.4, (0.17, 0.0), 0.3, by_robot=True)
 OBSTACLE_M = np.array([[1.0, 5.0], [1.4, 5.0], [1.0, 5.4]])
 
 
@@ -53,40 +59,55 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
     if topic.startswith("cmd_vel"):
         command = Command(0.4, 0.1)
         return to_twist(command) if message_type is Twist else to_twist_stamped(command, time_s)
-    mark = EpisodeMark("start", time_s, 1, "scripted_expert", 0, "train")
-    # No two scans are equal, as of a real lidar.
-    ranges_m = np.full(HALLWAY.lidar.n_rays, 3.0 + 0.01 * (time_s % 1.0), dtype=np.float32)
-    counts = {key: float(value) if key.endswith("_m") else 0 for key, value in UNCOUNTED.items()}
-    diagnostics = to_diagnostics("hallway_sim", time_s, counts)
-    diagnostics.status += to_diagnostics("teleop_mux", time_s, {"e_stop": False}).status
-    diagnostics.status += to_diagnostics("demo_recorder", time_s, {"messages": 7}).status
-    amcl_pose = PoseWithCovarianceStamped()
-    amcl_pose.header = to_pose_stamped(observation.pose, time_s).header
-    amcl_pose.pose.pose = to_pose(observation.pose)
-    messages = {
-        "clock": Clock(clock=to_stamp(time_s)),
-        "robot_pose": to_pose_stamped(observation.pose, time_s),
-        "amcl_pose": amcl_pose,
-        "odom": to_odometry(observation, (1.0, 2.0, 0.5)),
-        "pedestrians": to_people_message(observation.people, time_s),
-        "scan": to_scan(ranges_m, HALLWAY.lidar, time_s),
-        "intent": to_intent(Action.NORTH, time_s),
-        "waypoint": to_waypoint_message(Waypoint(x_m, y_m + 1.0), time_s),
-        "plan": to_path(np.array([[x_m, y_m], [x_m, y_m + 1.0]]), time_s),
-        "goal_pose": to_pose_stamped((*GOAL_M, 0.0), time_s),
-        "goal_area": to_goal_area_message(goal_at(HALLWAY, *GOAL_M).goal_area_m, time_s),
-        "joy": to_joy([0.5] * 8, [1] * 12, time_s),
-        "driver_gone": Bool(data=False),
-        "guard_override": Bool(data=False),
-        "e_stop": Bool(data=False),
-        "e_stop_engaged": Bool(data=False),
-        "episode": to_episode_message(mark),
-        "diagnostics": diagnostics,
-        "imu": to_imu_message(REST, HALLWAY.imu, HALLWAY.control_period_s, time_s),
-        "bumper": to_bumper_message([Touch(0.4, (0.17, 0.0), 0.3, by_robot=True)], time_s),
-        "markers/obstacles": to_obstacle_markers([OBSTACLE_M], time_s),
-        "map": OccupancyGrid(),
-        "tf": transforms_message(("map", "odom", 0.5, 1.0), ("odom", "base_link", 2.0, 1.0)),
-        "model": String(data="scenario: hallway"),
+    # Functions, since a long test of one topic needs the messages of no other.
+    messages: dict[str, Callable[[], Any]] = {
+        "clock": lambda: Clock(clock=to_stamp(time_s)),
+        "robot_pose": lambda: to_pose_stamped(observation.pose, time_s),
+        "amcl_pose": lambda: _amcl_pose(observation.pose, time_s),
+        "odom": lambda: to_odometry(observation, (1.0, 2.0, 0.5)),
+        "pedestrians": lambda: to_people_message(observation.people, time_s),
+        "scan": lambda: _scan(time_s),
+        "intent": lambda: to_intent(Action.NORTH, time_s),
+        "waypoint": lambda: to_waypoint_message(Waypoint(x_m, y_m + 1.0), time_s),
+        "plan": lambda: to_path(np.array([[x_m, y_m], [x_m, y_m + 1.0]]), time_s),
+        "goal_pose": lambda: to_pose_stamped((*GOAL_M, 0.0), time_s),
+        "goal_area": lambda: to_goal_area_message(GOAL.goal_area_m, time_s),
+        "joy": lambda: to_joy([0.5] * 8, [1] * 12, time_s),
+        "driver_gone": lambda: Bool(data=False),
+        "guard_override": lambda: Bool(data=False),
+        "e_stop": lambda: Bool(data=False),
+        "e_stop_engaged": lambda: Bool(data=False),
+        "episode": lambda: to_episode_message(
+            EpisodeMark("start", time_s, 1, "scripted_expert", 0, "train")
+        ),
+        "diagnostics": lambda: _diagnostics(time_s),
+        "imu": lambda: to_imu_message(REST, HALLWAY.imu, HALLWAY.control_period_s, time_s),
+        "bumper": lambda: to_bumper_message([TOUCH], time_s),
+        "markers/obstacles": lambda: to_obstacle_markers([OBSTACLE_M], time_s),
+        "map": OccupancyGrid,
+        "tf": lambda: transforms_message(
+            ("map", "odom", 0.5, 1.0), ("odom", "base_link", 2.0, 1.0)
+        ),
+        "model": lambda: String(data="scenario: hallway"),
     }
-    return messages[topic]
+    return messages[topic]()
+
+
+def _scan(time_s: float) -> LaserScan:
+    """No two scans are equal, as of a real lidar."""
+    ranges_m = np.full(HALLWAY.lidar.n_rays, 3.0 + 0.01 * (time_s % 1.0), dtype=np.float32)
+    return to_scan(ranges_m, HALLWAY.lidar, time_s)
+
+
+def _diagnostics(time_s: float) -> DiagnosticArray:
+    counts = {key: float(value) if key.endswith("_m") else 0 for key, value in UNCOUNTED.items()}
+    found = to_diagnostics("hallway_sim", time_s, counts)
+    found.status += to_diagnostics("teleop_mux", time_s, {"e_stop": False}).status
+    found.status += to_diagnostics("demo_recorder", time_s, {"messages": 7}).status
+    return found
+
+
+def _amcl_pose(pose: tuple[float, float, float], time_s: float) -> PoseWithCovarianceStamped:
+    found = PoseWithCovarianceStamped(header=to_pose_stamped(pose, time_s).header)
+    found.pose.pose = to_pose(pose)
+    return found

@@ -16,6 +16,7 @@ from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
 from support.waiting import ProcessorWait
+from support.wheeled_robots import STOPPED_MPS
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 INPUTS = {
@@ -24,8 +25,6 @@ INPUTS = {
     "pedestrians": PointCloud2,
     "scan": LaserScan,
 }
-#: A robot that stands rocks on its casters.
-STOPPED_MPS = 1e-3
 SPEED_MPS = 0.3
 
 

@@ -17,10 +17,9 @@ from serd_ros.convert.pose import from_odometry, from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from support.waiting import ProcessorWait
+from support.wheeled_robots import STOPPED_MPS
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
-#: A robot that stands rocks on its casters.
-STOPPED_MPS = 1e-3
 
 
 class Robot:

@@ -11,10 +11,11 @@ from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
 from serd_app.demonstrations.crossing_table import load_crossings
+from serd_app.drives.episode_mark import END
 from serd_app.navigation.arrival_log import load_arrivals
 from serd_app.navigation.drive import DriveSettings, drive
 from serd_app.navigation.settings import NavigationSettings
-from serd_ros.convert.diagnostics import END, from_episode_message, values_of
+from serd_ros.convert.diagnostics import from_episode_message, values_of
 from serd_ros.convert.pose import from_pose, to_pose_stamped
 from serd_ros.endpoints import qos
 from storage.episode_table import load_episodes

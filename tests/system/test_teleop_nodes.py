@@ -23,10 +23,9 @@ from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import Stack, find_stack
 from support.waiting import PATIENCE_S, ProcessorWait
+from support.wheeled_robots import STOPPED_MPS
 
 pytestmark = pytest.mark.ros
-#: A robot that stands rocks on its casters.
-STOPPED_MPS = 1e-3
 
 
 def start(nodes, environment, names, **given):

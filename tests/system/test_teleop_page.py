@@ -34,10 +34,9 @@ from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from support.browser import needs_chromium, start_chromium
 from support.waiting import PATIENCE_S, ProcessorWait, descendants_of, wait_until
+from support.wheeled_robots import STOPPED_MPS
 
 SERD = str(Path(sys.executable).with_name("serd"))
-#: A robot that stands rocks on its casters.
-STOPPED_MPS = 1e-3
 STOPPED_RADPS = 1e-6
 SCENARIO = """
 name: bend

@@ -10,10 +10,11 @@ from geometry_msgs.msg import PoseStamped
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
+from serd_app.drives.episode_mark import END
 from serd_cli.node_commands import node_command
-from serd_ros.convert.diagnostics import END, from_episode_message
+from serd_ros.convert.diagnostics import from_episode_message
 from serd_ros.endpoints import qos
-from serd_ros.endpoints.worlds import FIX
+from serd_ros.endpoints.world.worlds import FIX
 from storage.episode_table import load_episodes
 from support.waiting import PATIENCE_S, wait_until
 

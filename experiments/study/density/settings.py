@@ -9,9 +9,10 @@ from pydantic import Field
 
 from experiments.running.statistics import StatisticsSettings
 from experiments.study.settings import merged_settings
+from experiments.study.study import scenario_with
 from serd_core.grid.navigation import NavigationProblem
 from sim.scenario.grid import navigation_problem_of
-from sim.scenario.scenario import Scenario, load_scenario
+from sim.scenario.scenario import Scenario
 from storage.yaml_config import StrictModel
 
 YAML = Path(__file__).parent / "density_study.yaml"
@@ -52,8 +53,7 @@ class DensityStudy:
     def scenario(self, people: int) -> Scenario:
         """The place with a number of people."""
         settings = self.settings
-        place = load_scenario(settings.scenario).with_values("robot", drive=settings.drive)
-        return place.with_values("pedestrians", count=people, model=settings.crowd)
+        return scenario_with(settings.scenario, people, crowd=settings.crowd, drive=settings.drive)
 
     @cached_property
     def problem(self) -> NavigationProblem:

@@ -29,8 +29,6 @@ from experiments.study.recordings.reference import reference_tasks
 from experiments.study.run import REFERENCE_SETTINGS, described
 from sim.episodes.execution import Execution
 
-#: Results that come with the project.
-KEPT = Path(__file__).parents[2] / "results" / "detour"
 ROLES = ("training", "transfer")
 #: The settings that the files of each stage depend on.
 _DEMONSTRATIONS: dict[str, Any] = REFERENCE_SETTINGS | {

@@ -5,6 +5,7 @@ They are the product's (`serd_app.learning.methods`), an imitator, and one that 
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,11 @@ class Trial(FitData):
 
     reference: FloatArray
 
+    @cached_property
+    def by_evidence(self) -> FitResult:
+        """SERD by evidence, which two ways of predicting share."""
+        return product.mdce_serd_evidence(self).fit
+
 
 Method = Callable[[Trial], Learned]
 
@@ -97,9 +103,14 @@ def behavioural_cloning(trial: Trial) -> Learned:
     )
 
 
+def serd_by_evidence(trial: Trial) -> Learned:
+    """SERD with the prior of highest evidence."""
+    return learned_from_fit(trial.problem, trial.by_evidence)
+
+
 def serd_averaged(trial: Trial) -> Learned:
     """SERD by evidence, which predicts by the average over its posterior (Laplace)."""
-    found = product.mdce_serd_evidence(trial).fit
+    found = trial.by_evidence
     draws = laplace_draws(laplace(trial.problem, trial.decisions, found), np.random.default_rng(0))
     return replace(
         learned_from_fit(trial.problem, found), policy=posterior_policy(trial.problem, draws)
@@ -110,7 +121,7 @@ def serd_averaged(trial: Trial) -> Learned:
 METHODS: dict[str, Method] = {
     "MDCE SERD": by(product.mdce_serd),
     "SERD, free belief": by(product.mdce_serd_free),
-    "SERD, evidence": by(product.mdce_serd_evidence),
+    "SERD, evidence": serd_by_evidence,
     "MDCE IRL, likelihood": by(product.mdce_irl),
     "MDCE IRL, entropy": by(product.mdce_irl_entropy),
     "REIRL": by(product.relative_entropy_irl),

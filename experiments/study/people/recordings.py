@@ -29,6 +29,8 @@ JUMP_MPS = 8.0
 #: Between centres and walls.
 BODY_RADIUS_M = 0.2
 _FEWEST_WALKERS = 10
+#: Over which a velocity is the mean.
+_BEFORE_S = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +55,11 @@ class Walker:
         """(N, 2) where at the begin of the track and after each period."""
         return self.at(np.arange(self.time_s[0], self.time_s[-1], period_s))
 
-    def velocity_mps(self, time_s: float, over_s: float = 0.4) -> FloatArray:
-        """(2,) mean velocity over the time before."""
-        since_s = max(time_s - over_s, float(self.time_s[0]))
+    def velocity_mps(self, time_s: float) -> FloatArray:
+        """(2,) mean velocity over the 0.4 s before."""
+        since_s = max(time_s - _BEFORE_S, float(self.time_s[0]))
         if time_s <= since_s:
-            since_s, time_s = time_s, min(time_s + over_s, float(self.time_s[-1]))
+            since_s, time_s = time_s, min(time_s + _BEFORE_S, float(self.time_s[-1]))
         return np.asarray((self.at(time_s) - self.at(since_s)) / max(time_s - since_s, 1e-9))
 
 

@@ -9,13 +9,13 @@ import numpy as np
 from bags.errors import BagError
 from bags.reader import BagReader
 from bags.topic import RawMessage, Topic, topics_named
-from serd_app.demonstrations.fitted_grid import grid_around
+from serd_app.demonstrations.grid.fitted_grid import grid_around
 from serd_app.demonstrations.suggestion.names import (
     command_candidates,
     pose_candidates,
     robot_frames,
 )
-from serd_app.drives.episode_spans import EPISODE
+from serd_app.drives.episode_mark import EPISODE
 from serd_app.drives.mapped_actions import MappedActions, PoseTrack
 from serd_app.drives.mapped_drive import MappedMessages, mapped_messages
 from serd_app.drives.mapped_poses import MappedPoses

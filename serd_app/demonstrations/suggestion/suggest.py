@@ -17,7 +17,7 @@ from bags.errors import BagError
 from bags.reader import BagReader
 from bags.topic import Topic, topics_named
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, DiscretisationReport
-from serd_app.demonstrations.fitted_grid import fitted_grid
+from serd_app.demonstrations.grid.fitted_grid import fitted_grid
 from serd_app.demonstrations.recorded import demonstrations_of_all
 from serd_app.demonstrations.suggestion.candidates import (
     PERIOD_S,
@@ -28,7 +28,7 @@ from serd_app.demonstrations.suggestion.candidates import (
 )
 from serd_app.demonstrations.suggestion.command_fit import USUAL_HOLD_S, CommandFit, fit_commands
 from serd_app.demonstrations.suggestion.names import in_one_namespace
-from serd_app.drives.episode_spans import EPISODE
+from serd_app.drives.episode_mark import EPISODE
 from serd_app.drives.mapped_actions import MappedActions
 from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping
 from serd_app.drives.recorded_drive import INTENT

@@ -72,7 +72,7 @@ class Automatic(LinearSolver):
         chosen = self.choose(pattern, 0.0 if is_small else _horizon(pattern, data))
         system = chosen.prepare(pattern, data)
         if isinstance(chosen, Krylov) and pattern.n_states <= self.largest_lu_states:
-            return WithFallback(system, lambda: LU.prepare(pattern, data))
+            return WithFallback(system, LU, pattern, data)
         return system
 
     def _is_narrow(self, pattern: PolicyPattern) -> bool:

@@ -3,7 +3,8 @@
 States reordered by reverse Cuthill-McKee lie near their successors: in a hallway of w cells across
 the band is about w wide, in a square of n states sqrt(n). The work n * width^2 grows faster than
 that of a sparse factor with little fill, but it is plain arithmetic without any bookkeeping, which
-is what small and narrow problems would spend their time on.
+is what small and narrow problems would spend their time on. The transpose is factorised: it is
+diagonally dominant by columns, so that no rows are exchanged and the band stays narrow.
 """
 
 from dataclasses import dataclass
@@ -37,7 +38,7 @@ class BandedLu(LinearSolver):
 
 @dataclass(frozen=True, eq=False)
 class BandedFactor(LinearSystem):
-    """Factor of the reordered band, as LAPACK keeps it."""
+    """Factor of the reordered, transposed band, as LAPACK keeps it."""
 
     factor: FloatArray
     pivots: IntArray
@@ -50,6 +51,6 @@ class BandedFactor(LinearSystem):
         del relative_residual
         band, given = self.band, right_side[self.band.order]
         reordered, _ = scipy.linalg.lapack.dgbtrs(
-            self.factor, band.below, band.above, given, self.pivots, int(transposed)
+            self.factor, band.below, band.above, given, self.pivots, int(not transposed)
         )
         return np.asarray(reordered[band.rank])

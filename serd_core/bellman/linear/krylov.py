@@ -5,7 +5,8 @@ by rounding. An incomplete LU factor may precondition; discounts near one and gr
 need it, others do without. Where numba is installed, large systems without such a factor are
 preconditioned by Gauss-Seidel sweeps (`serd_core.bellman.linear.swept_bicgstab`), and from
 QUICK_FROM states on by a factor without fill in single precision, which halves the iterations on
-large grids. It fails where policies drift to and fro over long horizons, and sweeps follow then.
+large grids. It fails where policies drift to and fro over long horizons, and sweeps follow then,
+as they do from the start on graphs that are not local.
 """
 
 from abc import abstractmethod
@@ -26,7 +27,7 @@ from serd_core.errors import SerdError
 #: What one run of BiCGSTAB is asked to gain before it is restarted.
 GAIN_PER_RUN = 1e-6
 #: States from which single precision and the fill are tried first: the share of the fill, and most
-#: iterations of a run. On small graphs without distances that takes three times the iterations.
+#: iterations of a run. On graphs without distances that takes three times the iterations.
 QUICK_FROM, LUMPED, QUICK_ITERATIONS = 500_000, 0.95, 300
 #: Name of the bound on the relative residual, another one before SciPy 1.12.
 _BOUND = "rtol" if "rtol" in signature(scipy.sparse.linalg.bicgstab).parameters else "tol"
@@ -49,18 +50,13 @@ class Krylov(LinearSolver):
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Keep the matrix, and an incomplete factor of it where one is used."""
-        if self.sweeps(pattern.n_states):
-            from serd_core.bellman.linear.swept_bicgstab import SweptMatrix
-
-            if pattern.n_states < QUICK_FROM:
-                return SweptSystem(self, SweptMatrix(pattern, data))
-            quick = SweptMatrix(pattern, data, LUMPED, np.float32)
-            return WithFallback(
-                SweptSystem(replace(self, max_iterations=QUICK_ITERATIONS), quick),
-                lambda: SweptSystem(self, SweptMatrix(pattern, data)),
-            )
-        matrix = pattern.matrix(data)
-        return PlainSystem(self, matrix, self._incomplete(matrix))
+        if not self.sweeps(pattern.n_states):
+            matrix = pattern.matrix(data)
+            return PlainSystem(self, matrix, self._incomplete(matrix))
+        if pattern.n_states < QUICK_FROM or not pattern.is_local:
+            return Swept(self).prepare(pattern, data)
+        quick = Swept(replace(self, max_iterations=QUICK_ITERATIONS), LUMPED, np.float32)
+        return WithFallback(quick.prepare(pattern, data), Swept(self), pattern, data)
 
     def sweeps(self, n_states: int) -> bool:
         """Whether systems of this size are preconditioned by compiled sweeps."""
@@ -72,6 +68,21 @@ class Krylov(LinearSolver):
         return scipy.sparse.linalg.spilu(
             matrix.tocsc(), drop_tol=self.drop, fill_factor=self.fill, diag_pivot_thresh=0.0
         )
+
+
+@dataclass(frozen=True)
+class Swept(LinearSolver):
+    """Preconditioned by compiled sweeps; lumped, kind: as in `SweptMatrix`."""
+
+    settings: Krylov
+    lumped: float = 0.0
+    kind: Any = np.float64
+
+    def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
+        """Scale the rows of the matrix."""
+        from serd_core.bellman.linear.swept_bicgstab import SweptMatrix
+
+        return SweptSystem(self.settings, SweptMatrix(pattern, data, self.lumped, self.kind))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,6 @@
 """Linear systems (I - gamma P_pi) x = b, and with the transposed matrix."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,6 +21,10 @@ class LinearSystem(ABC):
         An iterative solver may stop at |b - A x| <= relative_residual |b|; 0 asks for its best.
         """
 
+    def solver_of_next(self, solver: "LinearSolver") -> "LinearSolver":
+        """The solver for another matrix of the same kind, where `solver` prepared this one."""
+        return solver
+
 
 class LinearSolver(ABC):
     """A way to solve such systems."""
@@ -33,14 +36,20 @@ class LinearSolver(ABC):
 
 @dataclass(frozen=True, eq=False)
 class WithFallback(LinearSystem):
-    """A system that may fail, and what prepares the one that is used from its first failure on."""
+    """A system that may fail, and the solver that is used from its first failure on."""
 
     first: LinearSystem
-    prepare_other: Callable[[], LinearSystem]
+    fallback: LinearSolver
+    pattern: PolicyPattern
+    data: FloatArray
 
     @cached_property
     def _other(self) -> LinearSystem:
-        return self.prepare_other()
+        return self.fallback.prepare(self.pattern, self.data)
+
+    def solver_of_next(self, solver: LinearSolver) -> LinearSolver:
+        """The fallback from the first failure on."""
+        return self.fallback if "_other" in vars(self) else solver
 
     def solve(
         self, right_side: FloatArray, *, transposed: bool = False, relative_residual: float = 0.0

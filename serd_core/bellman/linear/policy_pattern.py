@@ -17,11 +17,16 @@ import scipy.sparse.csgraph
 import scipy.sparse.linalg
 
 from serd_core.arrays import FloatArray, IntArray
+from serd_core.compiled import halves
 
 #: Size of a factor, in entries of the matrix, beyond which it is not counted to the end.
 _MOST_FILL = 80
 #: Neighbours per root of the number of states, from which a state is a hub.
 _MANY_NEIGHBOURS = 10.0
+#: Share of the entries between the halves of the states up to which a graph is local.
+_MOST_CROSSING = 0.01
+#: Share of the states in a seam that one thread may work on alone.
+_WIDEST_SEAM = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +62,43 @@ class PolicyPattern(ABC):
         return scipy.sparse.csr_array((ones, self.column, self.row_start), shape=shape)
 
     @cached_property
+    def _between_halves(self) -> tuple[IntArray, IntArray]:
+        """(C,) rows and columns of the entries from one half of the states to the other."""
+        middle = self.n_states // 2
+        start = int(self.row_start[middle])
+        there = np.flatnonzero(self.column[:start] >= middle)
+        back = np.flatnonzero(self.column[start:] < middle) + start
+        place = np.concatenate([there, back])
+        row = np.searchsorted(self.row_start, place, side="right") - 1
+        return row, self.column[place]
+
+    @property
+    def is_local(self) -> bool:
+        """Whether few entries lead from one half of the states to the other, as on grids."""
+        return len(self._between_halves[0]) <= _MOST_CROSSING * len(self.column)
+
+    @cached_property
+    def seam(self) -> "Seam":
+        """The states between two parts of a large problem that are worked on side by side."""
+        n_states = self.n_states
+        if len(halves(n_states)) > 1 and self.is_local:
+            ends: IntArray = np.concatenate(self._between_halves)
+            middle = n_states // 2
+            seam = Seam(
+                int(ends.min(initial=middle)), middle, int(ends.max(initial=middle)) + 1, n_states
+            )
+            if seam.end - seam.first <= _WIDEST_SEAM * n_states:
+                return seam
+        return Seam(n_states, n_states, n_states, n_states)
+
+    @cached_property
     def band(self) -> "Band":
-        """The pattern reordered symmetrically for a narrow band, found once."""
+        """The transposed pattern reordered symmetrically for a narrow band, found once."""
         matrix = self.matrix(np.ones(len(self.column)))
         order = scipy.sparse.csgraph.reverse_cuthill_mckee(matrix, symmetric_mode=False)
         rank = np.argsort(order)
         row = np.repeat(np.arange(self.n_states), np.diff(self.row_start))
-        return _band(np.asarray(order, dtype=np.int64), rank, rank[row], rank[self.column])
+        return _band(np.asarray(order, dtype=np.int64), rank, rank[self.column], rank[row])
 
     @cached_property
     def elimination(self) -> "Elimination":
@@ -114,6 +149,30 @@ class PolicyPattern(ABC):
             end = 1 + int(np.searchsorted(rank_of_parent, end))
             levels += 1
         return levels
+
+
+@dataclass(frozen=True)
+class Seam:
+    """Where the halves of the states meet: entries between them lead to and from first to end - 1.
+
+    middle: first state of the second half; the states from it on are worked on after both sides.
+    """
+
+    first: int
+    middle: int
+    end: int
+    n_states: int
+
+    @property
+    def part(self) -> tuple[int, int, int]:
+        """Its first state and end, and the middle."""
+        return self.middle, self.end, self.middle
+
+    @property
+    def sides(self) -> tuple[tuple[int, int, int], ...]:
+        """The same of both sides, of which no entry leads to the other; of one without a seam."""
+        sides = (0, self.middle, self.middle), (self.end, self.n_states, self.middle)
+        return sides if self.end < self.n_states else sides[:1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +255,7 @@ class Fill:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Reordered structure as LAPACK stores bands: entry (i, j) in row below + above + i - j.
+    """Reordered transpose as LAPACK stores bands: entry (i, j) in row below + above + i - j.
 
     State `order[i]` is the i-th unknown and `rank` the inverse; below, above: diagonals on either
     side of the main one; place: (nnz,) position of each number of the pattern in the flat band.

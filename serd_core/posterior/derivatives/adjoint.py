@@ -12,6 +12,8 @@ the number of parameters.
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from serd_core.arrays import FloatArray
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.linear.linear_solver import LinearSolver
@@ -42,8 +44,10 @@ def adjoint(
     )
     state_gradient = system.solve(mdp.discount * transitions.flow(q_gradient), transposed=True)
     del system
-    reward_gradient = solution.policy
-    reward_gradient *= state_gradient[:, None]
+    policy = solution.policy
+    # A table that is not kept has room for the product.
+    room = policy if policy.flags.writeable else None
+    reward_gradient = np.multiply(policy, state_gradient[:, None], out=room)
     reward_gradient += q_gradient
     return Adjoint(
         reward_gradient=reward_gradient,

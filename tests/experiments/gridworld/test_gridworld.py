@@ -42,6 +42,12 @@ def test_serd_explains_new_demonstrations_better_than_irl(rows):
         )
 
 
+def test_the_default_by_evidence_is_compared_too_and_predicts_better_than_irl(rows):
+    assert median(rows, "SERD, evidence", "log_likelihood") > median(
+        rows, "MDCE IRL", "log_likelihood"
+    )
+
+
 def test_the_truth_has_no_divergence_and_the_best_likelihood(rows):
     training, transfer = scenes(SMALL)
     truth = Estimate(np.array(SMALL.weights), true_dynamics(), None, converged=True)
@@ -70,7 +76,7 @@ def test_repetitions_are_independent_and_reproducible(tmp_path, rows):
     table = all_measures(config, Session(tmp_path, Execution(n_jobs=1), lambda *_: None))
     table = table.to_dict("records")
     assert table == rows[: len(table)]
-    assert table[0]["log_likelihood"] != table[3]["log_likelihood"]
+    assert table[0]["log_likelihood"] != table[4]["log_likelihood"]
 
 
 def test_quartiles_and_welch_are_those_of_the_textbook(rows):
@@ -83,7 +89,7 @@ def test_quartiles_and_welch_are_those_of_the_textbook(rows):
     (test,) = welch_test(pd.DataFrame(rows), "log_likelihood", "MDCE SERD", "MDCE IRL")
     assert test["mean_difference"] > 0
     assert 0 <= test["p_value"] <= 1
-    (lonely,) = welch_test(pd.DataFrame(rows[:3]), "log_likelihood", "MDCE SERD", "MDCE IRL")
+    (lonely,) = welch_test(pd.DataFrame(rows[:4]), "log_likelihood", "MDCE SERD", "MDCE IRL")
     assert lonely["p_value"] is None
 
 

@@ -1,5 +1,7 @@
 """Decisions from drives: hand-made cases, and laws that hold for every drive."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,10 +14,13 @@ from serd_app.demonstrations import discretise
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.demonstrations.discretise import (
     OFF_GRID,
+    REPEATED,
     UNEXPLAINED,
     DiscretisationReport,
     Faults,
     decisions_from_drive,
+    joined_reports,
+    next_state_of,
 )
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.recorded_drive import NOT_FINITE, DriveBuilder, RecordedDrive
@@ -77,6 +82,7 @@ def test_the_next_state_is_the_cell_one_period_later(end_m, next_m):
         ((1.5, 1.5), (2.8, 2.1), (1.5, 2.5), 1, 0),  # farther east, but that cell is a wall
         ((0.5, 0.5), (2.6, 0.5), (1.5, 0.5), 0, 1),
         ((0.5, 0.5), (3.5, 2.5), (1.5, 0.5), 0, 1),
+        ((3.5, 2.5), (0.9, 2.2), (2.5, 2.5), 0, 1),
     ],
 )
 def test_diagonal_and_far_moves_count_as_the_neighbour_of_the_larger_displacement(
@@ -122,6 +128,13 @@ def test_a_discarded_episode_gives_nothing():
     decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
     assert len(decisions) == 0
     assert report.dropped == {discretise.IN_DISCARDED: 2}
+
+
+def test_a_way_back_gives_nothing():
+    recorded = drive([(0.5, 0.5)] * 5, [(0.0, 1), (2.0, 1)], outcome="return")
+    decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
+    assert len(decisions) == 0
+    assert report.dropped == {discretise.ON_WAY_BACK: 2}
 
 
 def test_walls_outside_and_gaps_are_dropped_with_their_reason():
@@ -290,3 +303,102 @@ def test_faults_of_several_recordings_are_added_and_their_share_has_a_sentence()
     assert Faults(0, 0, 0, 0).share == 0.0
     dropped = DiscretisationReport(9, 1, 0, 0, {UNEXPLAINED: 1, OFF_GRID: 5})
     assert Faults.of(dropped) == Faults(0, 0, 1, 10)
+
+
+def test_reports_of_several_drives_are_added_count_by_count():
+    one = DiscretisationReport(9, 1, 2, 3, {OFF_GRID: 5}, 1, 2, 3, 4)
+    other = DiscretisationReport(1, 2, 1, 1, {OFF_GRID: 1, UNEXPLAINED: 7}, 10, 20, 30, 40)
+    both = DiscretisationReport(10, 3, 3, 4, {OFF_GRID: 6, UNEXPLAINED: 7}, 11, 22, 33, 44)
+    assert joined_reports([one, other]) == both
+
+
+def test_decisions_of_known_episodes_are_counted_as_repeated():
+    """Of 5 decisions, 4 of them waits while moving, the 2 of one episode remain."""
+    report = DiscretisationReport(5, 2, 1, 1, {OFF_GRID: 3}, n_bad_poses=2, n_moving_waits=4)
+    decisions, _ = decisions_from_drive(drive([(0.5, 0.5)] * 5, [(0.0, 0), (2.0, 0)]), GRID, 2.0)
+    dropped = {OFF_GRID: 3, REPEATED: 3}
+    fresh = DiscretisationReport(2, 1, 1, 1, dropped, n_bad_poses=2, n_moving_waits=2)
+    assert report.without_repeated(decisions) == fresh
+    assert fresh.without_repeated(decisions) is fresh
+
+
+@pytest.mark.parametrize(("moved_m", "n_moving"), [(0.375, 0), (0.5, 1), (0.625, 1)])
+def test_a_wait_moves_from_the_least_speed_over_its_period_on(moved_m, n_moving):
+    recorded = drive([(2.25, 0.5), (2.25, 0.5), (2.25 + moved_m, 0.5)], [(0.0, Action.WAIT)])
+    recorded = dataclasses.replace(recorded, minimum_speed_mps=0.25)
+    assert only(recorded)[1].n_moving_waits == n_moving
+
+
+def test_reasons_that_were_counted_while_reading_stay_counted():
+    recorded = drive([(0.5, 0.5)] * 4, [(-1.0, 1), (0.0, 1)])
+    recorded = dataclasses.replace(recorded, dropped={discretise.OUTSIDE_EPISODE: 2})
+    assert only(recorded)[1].dropped == {discretise.OUTSIDE_EPISODE: 3}
+
+
+def test_an_intent_at_the_start_of_an_episode_is_in_it_and_one_at_its_end_is_not():
+    recorded = drive([(0.5, 0.5)] * 7, [(0.0, 1), (2.0, 1), (4.0, 1)])
+    spans = (EpisodeSpan(3, 0.0, 2.0, "arrived"), EpisodeSpan(4, 4.0, 6.0, "arrived"))
+    decisions, report = decisions_from_drive(
+        dataclasses.replace(recorded, episodes=spans), GRID, PERIOD_S
+    )
+    assert decisions.episode.tolist() == [3, 4]
+    assert report.dropped == {discretise.OUTSIDE_EPISODE: 1}
+
+
+def test_an_intent_after_an_episode_was_cut_off_is_counted_as_that():
+    recorded = drive([(0.5, 0.5)] * 5, [(0.0, 1), (3.0, 1)], end_s=2.0, outcome="cut_off")
+    assert only(recorded)[1].dropped == {discretise.AFTER_CUT_OFF: 1}
+
+
+def test_a_move_of_which_both_directions_are_walls_is_explained_by_no_neighbour():
+    alone = Grid((0.0, 0.0), 1.0, np.array([[1, 0], [0, 1]], dtype=bool))
+    found = next_state_of(alone, alone.state_at(0.5, 0.5), alone.state_at(1.5, 1.5), np.ones(2))
+    assert found == (-1, discretise.Move.DIAGONAL)
+
+
+def test_a_move_to_a_neighbour_is_adjacent():
+    here, east = GRID.state_at(0.5, 0.5), GRID.state_at(1.5, 0.5)
+    end_m = np.array([1.5, 0.5])
+    assert next_state_of(GRID, here, east, end_m) == (east, discretise.Move.ADJACENT)
+
+
+def test_the_period_must_be_above_0():
+    recorded = drive([(0.5, 0.5)] * 4, [(0.0, 1), (1.0, 1)])
+    assert len(decisions_from_drive(recorded, GRID, 1.0)[0]) == 2
+    with pytest.raises(BagError, match=r"^decision_period_s must be above 0, got 0.0$"):
+        decisions_from_drive(recorded, GRID, 0.0)
+
+
+def test_what_was_left_out_while_reading_is_in_the_report_and_its_sentence():
+    counts = {"n_bad_poses": 2, "n_unplaced_poses": 3, "n_bad_commands": 4}
+    recorded = dataclasses.replace(drive([(0.5, 0.5)] * 4, [(0.0, 1), (9.0, 1)]), **counts)
+    report = dataclasses.replace(only(recorded)[1], n_moving_waits=5)
+    assert {name: getattr(report, name) for name in counts} == counts
+    assert str(dataclasses.replace(report, dropped={"a": 1, "b": 2})) == (
+        "1 decisions in 1 episodes; assigned to a neighbour: 0 diagonal and 0 far moves;"
+        " dropped: 1 a, 2 b; 2 poses not finite; 3 poses without /tf; 4 commands not finite;"
+        " 5 waits while moving"
+    )
+
+
+def test_each_move_to_a_neighbour_is_counted_also_into_the_first_cell():
+    beside = [(1.5, 0.5), (0.8, 0.8), (0.1, 1.1), (1.5, 0.5), (1.5, 0.5), (0.8, 0.8), (0.1, 1.1)]
+    recorded = drive(beside, [(0.0, Action.WEST), (4.0, Action.WEST)])
+    decisions, report = decisions_from_drive(recorded, GRID, PERIOD_S)
+    assert decisions.next_state.tolist() == [0, 0]
+    assert (report.n_diagonal, report.dropped) == (2, {})
+
+
+def test_a_move_that_no_neighbour_explains_is_dropped_as_that():
+    alone = Grid((0.0, 0.0), 1.0, np.array([[1, 0], [0, 1]], dtype=bool))
+    recorded = drive([(0.5, 0.5), (0.5, 0.5), (1.5, 1.5)], [(0.0, Action.EAST)])
+    assert decisions_from_drive(recorded, alone, PERIOD_S)[1].dropped == {UNEXPLAINED: 1}
+
+
+def test_places_are_known_between_poses_up_to_the_longest_gap_and_not_after_the_last():
+    """Poses come every 0.25 s until 3 s."""
+    recorded = drive([(0.5, 0.5)] * 4, [(0.1, 1), (2.2, 1)], end_s=5.0)
+    for longest_gap_s, reasons in ((0.25, 1), (0.2, 2)):
+        with_gaps = dataclasses.replace(recorded, longest_gap_s=longest_gap_s)
+        report = decisions_from_drive(with_gaps, GRID, PERIOD_S)[1]
+        assert report.dropped == {discretise.NO_POSE: reasons}

@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from serd_app.demonstrations.goal import (
+    _neighbouring,
     ending_in,
     goal_entries_s,
     n_reaching,
@@ -56,10 +57,19 @@ def test_of_episodes_there_and_back_the_way_with_more_decisions_counts():
     assert ending_in(decisions, goal).episodes.tolist() == [0, 1, 2]
 
 
+def test_ends_with_at_most_two_cells_between_them_are_in_one_group():
+    room = Grid((0.0, 0.0), 1.0, np.ones((8, 12), dtype=bool))
+    near, far = [(3.5, 0.5), (6.5, 3.5)], [(0.5, 7.5), (10.5, 0.5)]
+    states = np.array([room.state_at(*place) for place in (*near, *far)])
+    groups = {tuple(each.tolist()) for each in _neighbouring(states, room)}
+    assert groups == {tuple(states[:2].tolist()), *((each,) for each in states[2:].tolist())}
+
+
 def test_what_follows_the_goal_is_left_out_also_where_the_decision_in_it_was_dropped():
     ones = np.ones(3, int)
     decisions = Decisions(0 * ones, np.arange(3), np.array([0, 1, 2]), ones, np.array([1, 3, 1]))
     assert until_goal(decisions, np.array([3])).state.tolist() == [0, 1]
+    assert until_goal(decisions, np.array([2])).state.tolist() == [0, 1]
 
 
 def test_episodes_reach_the_goal_that_come_to_it_from_elsewhere():
@@ -92,3 +102,9 @@ def test_it_is_the_time_from_the_last_decision_to_the_arrival():
 
 def test_without_decisions_there_is_none():
     assert len(goal_entries_s(SPANS, decisions_at([]), 2.0)) == 0
+
+
+def test_the_last_decision_is_that_of_the_episode_and_not_of_its_neighbours():
+    """At its start, and not at its end, where the next one begins."""
+    spans = EpisodeSpan(0, 10.0, 12.0, "arrived"), EpisodeSpan(1, 12.0, 13.0, "arrived")
+    assert goal_entries_s(spans, decisions_at([10.0, 12.0]), 2.0).tolist() == [2.0, 1.0]

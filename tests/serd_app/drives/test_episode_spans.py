@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bags.errors import BagError
-from serd_app.drives.episode_spans import EpisodeMark, EpisodeSpan, marks_of, spans_of_marks
+from serd_app.drives.episode_mark import EpisodeMark
+from serd_app.drives.episode_spans import EpisodeSpan, marks_of, spans_of_marks
 
 GAP_S = 0.5
 STEADY_S = np.arange(0.0, 20.01, 0.1)
@@ -14,11 +15,11 @@ WITH_GAP_S = STEADY_S[(STEADY_S < 3.05) | (STEADY_S > 7.95)]
 
 
 def start(time_s, number):
-    return EpisodeMark(time_s, "start", number)
+    return EpisodeMark("start", time_s, number)
 
 
 def end(time_s, number, outcome="arrived"):
-    return EpisodeMark(time_s, "end", number, outcome)
+    return EpisodeMark("end", time_s, number, outcome=outcome)
 
 
 def spans(*marks, pose_time_s=STEADY_S):
@@ -124,9 +125,9 @@ def test_no_moment_of_one_episode_is_ever_given_the_outcome_of_another(numbers, 
 
 def test_marks_are_read_by_name_and_their_numbers_checked(messages):
     assert marks_of(messages.mark(1.5, "end", 7, "timeout")) == [
-        EpisodeMark(1.5, "end", 7, "timeout")
+        EpisodeMark("end", 1.5, 7, outcome="timeout")
     ]
-    assert marks_of(messages.mark(1.0, "start", 7), 2 * 10**9) == [EpisodeMark(2.0, "start", 7)]
+    assert marks_of(messages.mark(1.0, "start", 7), 2 * 10**9) == [EpisodeMark("start", 2.0, 7)]
     assert marks_of(messages.mark(1.5, "pause", 7)) == []
     with pytest.raises(BagError, match=r"must carry the episode's number, .*, got '12345678901'"):
         marks_of(messages.mark(1.5, "end", 12345678901))

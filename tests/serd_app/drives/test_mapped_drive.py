@@ -15,7 +15,7 @@ from bags.reader import BagReader
 from bags.rosbag2.message_types import message_type, typestore_of
 from bags.writer import BagWriter
 from serd_app.demonstrations.discretise import decisions_from_drive
-from serd_app.demonstrations.fitted_grid import grid_around
+from serd_app.demonstrations.grid.fitted_grid import grid_around
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.mapped_actions import NO_COMMAND, actions_of_velocities, actions_of_waypoints
 from serd_app.drives.mapped_drive import mapped_drive_in

@@ -10,7 +10,7 @@ from bags.errors import BagError
 from bags.messages.people import SightedIds, people_of
 from bags.reader import BagReader
 from bags.writer import BagWriter
-from serd_app.demonstrations.flow_field import flow_from_recordings
+from serd_app.demonstrations.grid.flow_field import flow_from_recordings
 from serd_app.drives.recorded_people import recorded_sightings, sightings_of_all
 from serd_app.drives.recording import Recording
 from serd_core.grid.grid import Grid

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from serd_app.navigation.arrival_records import arrival_row, prediction_of
+from serd_app.navigation.arrival_log import arrival_row, prediction_of
 from serd_app.navigation.forecast import traps_text
 from serd_app.navigation.give_up import GiveUp
 from serd_app.navigation.navigator import Navigator
@@ -170,7 +170,7 @@ def test_too_little_time_left_is_given_up_where_the_settings_say_so(save_model_o
 def test_the_remaining_time_grows_shorter_on_the_way_and_its_chances_fall_with_the_clock(
     save_model_of,
 ):
-    navigator = navigator_of(save_model_of(goal_entry_s=(0.9, 1.1)), timeout_s=120.0)
+    navigator = navigator_of(save_model_of(goal_entry_s=(0.9,) * 50 + (1.1,) * 50), timeout_s=120.0)
     navigator.begin(0)
     medians, chances = [], []
     for step in range(8):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from serd_app.navigation.comparison import predicted_law
+from serd_app.navigation.evaluation.comparison import predicted_law
 from serd_app.navigation.predicted_density import predicted_density
 from serd_app.navigation.strategy import load_strategy
 from serd_core.grid.density import DENSITY_MODEL_NAMES, crowd_shares

@@ -34,35 +34,42 @@ def test_without_entry_times_arrivals_are_at_the_ends_of_periods_as_in_the_thesi
     assert law.arrival_probability == 0.75
 
 
-def test_entry_times_spread_each_arrival_within_its_period():
-    law = law_in_seconds(counted([0.0, 0.5, 0.5]), period_s=2.0, entry_times_s=(1.5, 0.5))
-    np.testing.assert_allclose(law.times_s, [0, 0.5, 1.5, 2.5, 3.5])
-    np.testing.assert_allclose(law.cdf, [0, 0.25, 0.5, 0.75, 1.0])
+def test_entry_times_spread_each_arrival_evenly_over_the_gaps_between_them():
+    law = law_in_seconds(counted([0.0, 0.4, 0.6]), period_s=2.0, entry_times_s=(1.5, 0.5))
+    asked = [0.25, 0.5, 1.0, 1.5, 1.75, 2.0, 2.5, 3.5, 4.0]
+    shares = np.array([1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6, 1, 4 / 3, 5 / 3, 2])
+    expected = np.where(shares <= 1, 0.4 * shares, 0.4 + 0.6 * (shares - 1))
+    np.testing.assert_allclose(law.probability_by(asked), expected)
 
 
-@settings(deadline=None, max_examples=40)
-@given(arrivals(), st.floats(0.0, 30.0))
-def test_the_law_is_the_sum_over_periods_of_the_share_of_entries(case, time_s):
-    """P(T <= t) = sum_n P(N = n) P(U <= t - (n - 1) D), written out."""
-    arrival, entries = case
-    law = law_in_seconds(arrival, period_s=2.0, entry_times_s=entries)
-    mass = np.diff(arrival.cdf, prepend=0.0)
-    expected = mass[0]
-    for n in range(1, len(mass)):
-        for entry_s in entries or (2.0,):
-            reached = 2.0 * (n - 1) + entry_s <= time_s + 1e-9
-            expected += mass[n] * reached / len(entries or (2.0,))
-    assert float(law.probability_by(time_s)) == pytest.approx(expected, abs=1e-12)
+def test_equal_entry_times_are_one_jump_of_the_law():
+    law = law_in_seconds(counted([0.0, 1.0]), period_s=2.0, entry_times_s=(1.0, 1.0, 1.0))
+    np.testing.assert_allclose(law.probability_by([0.999, 1.0, 2.0]), [0.2375, 0.75, 1.0])
+
+
+def test_entries_not_seen_fall_beyond_the_seen_ones_as_often_as_hill_states():
+    """Of 5 entries and a sixth from one distribution, the sixth is the earliest once in 6 times."""
+    rng = np.random.default_rng(0)
+    level = []
+    for sample in rng.beta(30.0, 25.0, size=(2000, 6)) * 2.0:
+        law = law_in_seconds(counted([0.0, 1.0]), period_s=2.0, entry_times_s=sample[:5])
+        # Between steps of 0.05 s the law is a straight line.
+        level.append(np.interp(sample[5], law.times_s, law.cdf))
+    shares = np.bincount((np.array(level) * 6.0).astype(int), minlength=6) / 2000
+    np.testing.assert_allclose(shares, 1 / 6, atol=4 * np.sqrt(5 / 36 / 2000))
 
 
 @settings(deadline=None, max_examples=20)
 @given(arrivals(), st.integers(0, 1000))
 def test_drawn_arrivals_follow_the_law(case, seed):
+    """A period by its probability, one of the gaps between entries, and a time within it."""
     arrival, entries = case
     rng = np.random.default_rng(seed)
     mass = np.diff(arrival.cdf, prepend=0.0)
     periods = rng.choice(len(mass) + 1, size=4000, p=np.append(mass, max(0, 1 - mass.sum())))
-    entry_s = rng.choice(entries or (2.0,), size=4000)
+    ends_s = np.sort([0.0, *entries, 2.0])
+    gap = rng.integers(len(entries) + 1, size=4000)
+    entry_s = rng.uniform(ends_s[gap], ends_s[gap + 1]) if entries else np.full(4000, 2.0)
     times_s = np.where(periods == 0, 0.0, 2.0 * (periods - 1) + entry_s)
     times_s[periods == len(mass)] = np.inf
     law = law_in_seconds(arrival, period_s=2.0, entry_times_s=entries)
@@ -123,10 +130,9 @@ def test_an_arrival_before_the_first_period_has_no_entry_time(time_s):
 
 def test_a_law_takes_the_entry_times_of_measured_arrivals_as_they_come():
     measured_s = [0.5, 3.0, 7.5, 2.0 + 5e-10]
-    law = law_in_seconds(
-        counted([0.0, 1.0]), period_s=2.0, entry_times_s=entry_times_s(measured_s, 2.0)
-    )
-    np.testing.assert_allclose(law.times_s, [0, 0.5, 1.0, 1.5, 2.0])
+    entry_s = entry_times_s(measured_s, 2.0)
+    law = law_in_seconds(counted([0.0, 1.0]), period_s=2.0, entry_times_s=entry_s)
+    np.testing.assert_allclose(law.probability_by([0.5, 1.0, 1.5, 2.0]), [0.2, 0.4, 0.6, 1.0])
 
 
 @pytest.mark.parametrize("times_s", [[], [1.0, np.nan]])

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from visualization_msgs.msg import Marker
 
+from serd_app.drives.episode_mark import EpisodeMark
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
 from serd_ros.convert.arrival import to_arrival_message
@@ -20,7 +21,6 @@ from serd_ros.convert.command import (
     to_twist_stamped,
 )
 from serd_ros.convert.diagnostics import (
-    EpisodeMark,
     from_episode_message,
     from_learner_report,
     to_diagnostics,

@@ -8,7 +8,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from serd_ros.endpoints import qos
-from serd_ros.endpoints.worlds import several_worlds
+from serd_ros.endpoints.world.worlds import several_worlds
 from support.nav2_server import answered
 from support.nodes_in_process import node_in_process
 from support.waiting import wait_until

@@ -4,8 +4,9 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
 
+from serd_app.drives.episode_mark import EpisodeMark
 from serd_app.errors import AppError
-from serd_ros.convert.diagnostics import EpisodeMark, to_diagnostics, to_episode_message
+from serd_ros.convert.diagnostics import to_diagnostics, to_episode_message
 from support.nodes_in_process import node_in_process
 from support.valid_messages import valid_message
 from support.waiting import wait_until

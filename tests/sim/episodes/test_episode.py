@@ -81,7 +81,8 @@ def test_the_same_seed_repeats_an_episode_exactly():
 
 
 def test_a_waiting_policy_times_out_where_it_started():
-    with HallwayWorld(HALLWAY, seed=2) as world:
+    kinematic = HALLWAY.with_values("robot", drive="kinematic")  # a body settles on its casters
+    with HallwayWorld(kinematic, seed=2) as world:
         probabilities = np.tile([1.0, 0, 0, 0, 0], (world.grid.n_states, 1))
         record = run_episode(
             world,
@@ -93,7 +94,7 @@ def test_a_waiting_policy_times_out_where_it_started():
     assert record.outcome == "timeout"
     assert np.isnan(record.time_of_arrival_s)
     assert record.n_ticks == 200
-    assert record.distance_m < 1e-3  # it settles on its casters
+    assert record.distance_m < 1e-6
     assert len(record.decisions) == 5
 
 

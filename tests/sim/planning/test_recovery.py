@@ -1,8 +1,7 @@
 """Progress check, recoveries and status."""
 
 from sim.planning.local_planner import PlannerStatus
-from sim.planning.progress_checker import ProgressChecker
-from sim.planning.recovery import RecoveringPlanner
+from sim.planning.recovery import ProgressChecker, RecoveringPlanner
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP, Command
 from sim.world.waypoint import Waypoint

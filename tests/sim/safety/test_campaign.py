@@ -8,20 +8,28 @@ import pytest
 from sim.episodes.batch import EpisodeTask
 from sim.safety.campaign import COLUMNS, run_fault, tasks_of
 from sim.safety.campaign_summary import arrival_price, summarise_faults
+from sim.scenario.scenario import load_scenario
+from storage.yaml_config import model_yaml
 
 CONDITION = EpisodeTask("hallway", 0, n_people=2)
 
 
-def _row(fault, guarded):
-    return run_fault(tasks_of([fault], CONDITION, [1])[guarded])
+def _row(fault, guarded, condition=CONDITION):
+    return run_fault(tasks_of([fault], condition, [1])[guarded])
 
 
-def test_with_the_guard_the_robot_stands_after_the_scan_stops_and_without_it_drives_on():
-    guarded, unguarded = _row("scan_stops", 1), _row("scan_stops", 0)
+@pytest.mark.parametrize(("drive", "rocking_m"), [("kinematic", 1e-9), ("physical", 1e-3)])
+def test_with_the_guard_the_robot_stands_after_the_scan_stops_and_without_it_drives_on(
+    drive, rocking_m, tmp_path
+):
+    path = tmp_path / "hallway.yaml"
+    path.write_text(model_yaml(load_scenario("hallway").with_values("robot", drive=drive)))
+    condition = replace(CONDITION, scenario=str(path))
+    guarded, unguarded = (_row("scan_stops", each, condition) for each in (1, 0))
     assert guarded["began"] == unguarded["began"] == 1
     assert guarded["zero_s"] <= 0.25
     assert guarded["stood_m"] < 0.6
-    assert guarded["later_m"] < 1e-3  # the body comes to rest on its casters
+    assert guarded["later_m"] == pytest.approx(0.0, abs=rocking_m)
     assert unguarded["way_m"] > 5.0
     assert [column.name for column in COLUMNS] == list(guarded)
 

@@ -9,7 +9,7 @@ import pytest
 
 from bags.reader import BagReader
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS
-from serd_app.demonstrations.fitted_grid import fitted_grid
+from serd_app.demonstrations.grid.fitted_grid import fitted_grid
 from serd_app.demonstrations.recorded import demonstrations_of_all
 from serd_app.demonstrations.suggestion.names import robot_frames
 from serd_app.demonstrations.suggestion.suggest import suggest_mapping

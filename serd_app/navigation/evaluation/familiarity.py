@@ -12,8 +12,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from serd_app.demonstrations.discretise import joined_reports
-from serd_app.demonstrations.flow_field import FlowField, flow_from_recordings
-from serd_app.demonstrations.grid_file import load_grid
+from serd_app.demonstrations.grid.flow_field import FlowField, flow_from_recordings
+from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.measured_density import density_of_recordings, save_density
 from serd_app.demonstrations.recorded import (
     Place,
@@ -22,11 +22,8 @@ from serd_app.demonstrations.recorded import (
     files_beside,
     save_demonstrations,
 )
-from serd_app.demonstrations.suggestion.suggest import mapping_of_poses
-from serd_app.drives.mapping import BagMapping, DriveMapping
-from serd_app.drives.recorded_people import sightings_of_all
-from serd_app.drives.recording import read_recording
-from serd_app.drives.table_drives import is_table
+from serd_app.demonstrations.recordings import read_recordings
+from serd_app.drives.mapping import DriveMapping
 from serd_app.errors import AppError
 from serd_app.learning.learning_files import FlowSource, LearningFiles, read_learning_files
 from serd_app.learning.outcome import outcome_files
@@ -189,41 +186,29 @@ def _discretise(
     """Write decisions on the model's grid, with the people of the recording or the model's flow."""
     grid = load_grid(outcome_files(model)["grid"])
     place = Place(grid, file.decision_period_s, load_scenario(scenario) if scenario else None)
-    mappings = [
-        mapping or (None if is_table(each) else mapping_of_poses(each)) for each in trajectories
-    ]
-    recordings = [
-        read_recording(
-            each,
-            file.decision_period_s,
-            mapping=chosen,
-            tolerant=False,
-            goal_area_m=place.scenario.goal_area_m if place.scenario else (),
-        )
-        for each, chosen in zip(trajectories, mappings, strict=True)
-    ]
-    found = demonstrations_of_all(recordings, grid, file.decision_period_s)
+    recordings = read_recordings(
+        trajectories, file.decision_period_s, mapping=mapping, scenario=place.scenario
+    )
+    found = demonstrations_of_all(recordings.all, grid, file.decision_period_s)
     report = joined_reports([each.report for each in found])
     if not report.n_decisions:
         raise AppError(
             f"{_in_words(trajectories)} holds no decision on the grid of {model}: {report}; is it"
             " of the same place?"
         )
-    of_bags = (each for each in mappings if isinstance(each, BagMapping))
-    of_people = next(of_bags, BagMapping())
-    sightings = sightings_of_all(trajectories, of_people.people_topic, frame=of_people.frame)
-    flow = flow_from_recordings(recordings, sightings, grid)
+    sightings = recordings.sightings()
+    flow = flow_from_recordings(recordings.all, sightings, grid)
     save_demonstrations(table, place, found, flow or _flow_of_model(model, file, grid))
     if file.with_density:
         density = density_of_recordings(found, sightings, grid)
         if density is None:
             raise AppError(
                 f"{_in_words(trajectories)} must hold people at decisions"
-                f" ('{of_people.people_topic}' of a bag), as outcomes of {model} depend on their"
-                " density, got none; compare with a model learned without --density"
+                f" ('{recordings.people.people_topic}' of a bag), as outcomes of {model} depend on"
+                " their density, got none; compare with a model learned without --density"
             )
         save_density(table, grid, concatenated(found), density)
-    assumed = list(dict.fromkeys(line for each in recordings for line in each.assumed))
+    assumed = list(dict.fromkeys(line for each in recordings.all for line in each.assumed))
     more = [f"and {len(assumed) - _MOST_ASSUMED} more"] if len(assumed) > _MOST_ASSUMED else []
     return "; ".join([str(report), *assumed[:_MOST_ASSUMED], *more])
 

@@ -74,8 +74,6 @@ def flow_from_recordings(
     recordings: Sequence[Recording],
     sightings: Sequence[Sequence[Sighting]],
     grid: Grid,
-    *,
-    rule: FlowRule | None = None,
 ) -> FlowField | None:
     """The flow of the people seen in all bags, and of the agents of all tables; None where there
     are none.
@@ -93,7 +91,7 @@ def flow_from_recordings(
             if one.digest not in seen:
                 seen.add(one.digest)
                 estimator.add(one.people.position_m[:, :2], one.people.velocity_mps[:, :2])
-    return estimator.field(rule) if seen else None
+    return estimator.field() if seen else None
 
 
 def _add_crowd(estimator: FlowEstimator, crowd: Crowd, seen: set[bytes]) -> None:

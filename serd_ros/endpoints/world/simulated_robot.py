@@ -7,7 +7,7 @@ from std_srvs.srv import Trigger
 
 from serd_ros.convert.pose import from_goal_area_message
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.world_publisher import WorldPublisher
+from serd_ros.endpoints.world.world_publisher import WorldPublisher
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode

@@ -17,8 +17,8 @@ from geometry_msgs.msg import Twist, TwistStamped
 from serd_ros.convert.command import from_twist, from_twist_stamped
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.simulated_robot import SimulatedRobot
-from serd_ros.endpoints.world_publisher import ClockPublisher
+from serd_ros.endpoints.world.simulated_robot import SimulatedRobot
+from serd_ros.endpoints.world.world_publisher import ClockPublisher
 from serd_ros.graph.configs import HallwaySimConfig
 from serd_ros.process.serd_node import SerdNode
 from sim.world.command import STOP, Command, CommandGuard

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from serd_app.demonstrations.flow_table import load_flow, save_flow
+from serd_app.demonstrations.grid.flow_table import load_flow, save_flow
 from serd_core.grid.grid import Grid
 from storage.errors import FileError
 from storage.grid_picture import flow_of_picture, flow_picture

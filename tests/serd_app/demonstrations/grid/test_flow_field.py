@@ -9,7 +9,7 @@ from bags.damage import Losses
 from bags.errors import BagError
 from bags.messages.plain import decode, points_of
 from bags.writer import BagWriter
-from serd_app.demonstrations.flow_field import FlowEstimator, FlowRule, flow_from_recordings
+from serd_app.demonstrations.grid.flow_field import FlowEstimator, FlowRule, flow_from_recordings
 from serd_app.drives.recorded_people import sightings_of_all
 from serd_app.drives.recording import Recording
 from serd_core.grid.grid import Action, Grid

@@ -1,0 +1,1 @@
+"""How well models predict: forecasts beside measurements, and how usual trajectories are."""

@@ -1,0 +1,1 @@
+"""The simulated world as nodes meet it: its clock, its robots, and other worlds."""
