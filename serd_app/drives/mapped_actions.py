@@ -10,7 +10,7 @@ Motion: the direction from the place of the robot to that one period later, WAIT
 
 from array import array
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from bags.messages.fields import POSES, VECTORS, VELOCITIES, FieldReader, field_
 from bags.topic import RawMessage, Topic
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.mapping import BagMapping, TableMapping
-from serd_app.drives.recorded_drive import NOT_FINITE, actions_of_directions
+from serd_app.drives.recorded_drive import NOT_FINITE, RecordedDrive, actions_of_directions
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Action, action_of_direction
@@ -185,6 +185,12 @@ def hidden_intents(spans: tuple[EpisodeSpan, ...], period_s: float) -> MappedInt
     """A decision every period, without its action."""
     time_s = decision_times(spans, period_s)
     return MappedIntents(time_s, np.full(len(time_s), HIDDEN, dtype=np.int64))
+
+
+def with_hidden_actions(drive: RecordedDrive, period_s: float) -> RecordedDrive:
+    """The drive without its intents: a decision every period from the start of each episode."""
+    found = hidden_intents(drive.episodes, period_s)
+    return replace(drive, intent_time_s=found.time_s, intent_action=found.action, dropped={})
 
 
 def decision_times(spans: tuple[EpisodeSpan, ...], period_s: float) -> FloatArray:

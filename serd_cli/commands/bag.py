@@ -1,5 +1,6 @@
-"""`serd bag`: inspect, check, repair, convert and play recordings."""
+"""`serd bag`: inspect, check, repair, convert, map and play recordings."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,10 +17,13 @@ from bags.command.commands import (
     show_contents,
 )
 from bags.command.results import Line, Table
+from serd_app.demonstrations.suggestion.suggest import Suggestion, suggest_mapping
 from serd_cli.commands.bag_play import play
-from serd_cli.commands.bag_suggest import suggest
 from serd_cli.options import AsJson
+from serd_cli.output.paths import require_suffix
 from serd_cli.output.terminal import console, print_json, progress_console
+from storage.files import atomic_write_text
+from storage.quantities import counted
 
 Bags = Annotated[
     list[Path], typer.Argument(metavar="BAG", help="bag folders, or .mcap, .db3 or .bag files")
@@ -97,6 +101,47 @@ def convert(
     are copied too. Exit code 1 where messages had to be left out, as those that are not CDR.
     """
     raise typer.Exit(convert_bags(bags, output, compression, RichScreen(as_json=as_json)))
+
+
+def suggest(
+    bag: Annotated[Path, typer.Argument(metavar="BAG", help="bag folder, or file of one")],
+    output: Annotated[Path, typer.Option(help="mapping file to write, ending in .yaml")] = Path(
+        "mapping.yaml"
+    ),
+    as_json: AsJson = False,
+) -> None:
+    """Write a mapping file for 'serd demos' from the topics of a bag of another robot.
+
+    serd bag suggest BAG --output mapping.yaml
+
+    Poses and velocity commands are found by type and name, and tested against each other: how long
+    does the robot follow a command, after what delay, and how often do command and motion disagree?
+    Where commands do not explain the motion, the motion is the action. The file states as comments
+    what was found and assumed.
+    """
+    require_suffix(output, ".yaml")
+    found = suggest_mapping(bag)
+    text = found.yaml(output)
+    atomic_write_text(output, text)
+    if as_json:
+        reports = {str(period_s): asdict(each) for period_s, each in found.reports.items()}
+        values = {"bag": bag, "mapping": found.mapping.model_dump(mode="json")}
+        print_json({**values, "comments": found.comments, "reports": reports, "file": output})
+        return
+    console.print(text, markup=False, soft_wrap=True)
+    for line in _given(found):
+        console.print(line, markup=False, soft_wrap=True)
+    console.print(f"mapping: {output.resolve()}", markup=False, soft_wrap=True)
+    console.print(f"next: {found.command(output)}", markup=False, soft_wrap=True)
+
+
+def _given(found: Suggestion) -> list[str]:
+    """What the mapping gives with each decision period."""
+    return [
+        f"with a period of {period_s:g} s: {counted(each.n_decisions, 'decision')},"
+        f" {each.n_moving_waits} of them waits while the robot moves"
+        for period_s, each in found.reports.items()
+    ]
 
 
 class RichScreen:

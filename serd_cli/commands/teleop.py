@@ -3,13 +3,17 @@
 import os
 import shlex
 import sys
-from dataclasses import asdict
+from collections import Counter
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from serd_app.demonstrations.demonstrations import demonstrations_of_drives
+from serd_app.drives.episode_mark import DISCARDED
 from serd_app.drives.mapping import BagMapping
+from serd_app.drives.sessions import read_drives
 from serd_cli.node_commands import stack_processes
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.paths import free_folder
@@ -17,13 +21,14 @@ from serd_cli.output.terminal import print_json, progress_console
 from serd_cli.stack_run import require_free_domain
 from serd_cli.supervisor import run_together
 from serd_cli.teleop.settings import TeleopSettings, require_a_way_to_drive
-from serd_cli.teleop.summary import summarise_session
 from serd_cli.teleop.terminal_output import DriverLines, restored_terminal
 from serd_cli.workspace import ros_environment
+from serd_core.errors import SerdError
 from serd_ros.process.progress import VARIABLE
 from sim.scenario.grid import grid_of, start_states_of
 from sim.scenario.scenario import load_scenario
 from storage.files import atomic_write_text
+from storage.quantities import counted
 from storage.yaml_config import model_yaml
 
 _VELOCITIES = BagMapping(action_from="velocity", action_topic="cmd_vel", episode_topic="episode")
@@ -94,3 +99,40 @@ def _decisions_command(settings: TeleopSettings, folder: Path, bag: Path) -> str
         atomic_write_text(mapping, model_yaml(_VELOCITIES))
         words += ["--mapping", str(mapping)]
     return shlex.join([*words, "--output", str(folder / "decisions.csv")])
+
+
+@dataclass(frozen=True)
+class SessionSummary:
+    """outcomes: of all episodes; n_decisions: of those that were not discarded."""
+
+    outcomes: dict[str, int]
+    n_decisions: int
+
+    @property
+    def n_kept(self) -> int:
+        """Episodes that were not discarded."""
+        return sum(self.outcomes.values()) - self.outcomes.get(DISCARDED, 0)
+
+    def __str__(self) -> str:
+        """The counts in words."""
+        kept = sorted(
+            (name.replace("_", " "), n) for name, n in self.outcomes.items() if name != DISCARDED
+        )
+        how = ", ".join(f"{count} {name}" for name, count in kept)
+        return (
+            f"{counted(self.n_kept, 'episode')} kept{f' ({how})' if how else ''}, "
+            f"{self.outcomes.get(DISCARDED, 0)} discarded; "
+            f"{counted(self.n_decisions, 'decision')} by directions"
+        )
+
+
+def summarise_session(bag: Path, scenario: str) -> SessionSummary | None:
+    """The bag's episodes and decisions; None where nothing readable was recorded."""
+    place = load_scenario(scenario)
+    try:
+        drives = read_drives(bag, tolerant=True)
+        _, report = demonstrations_of_drives(drives, grid_of(place), place.decision_period_s)
+    except SerdError:
+        return None
+    outcomes = Counter(span.outcome for drive in drives for span in drive.episodes)
+    return SessionSummary(dict(outcomes), report.n_decisions)

@@ -1,1 +1,1 @@
-"""What `serd teleop` is made of: its settings, its terminal output, and its summary."""
+"""What `serd teleop` is made of: its settings and its terminal output."""

@@ -1,22 +1,28 @@
 """All tables of the study that are not of a figure, and its main numbers."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import pandas as pd
 
 from experiments.running.statistics import mean_interval, paired_family
 from experiments.running.tables import Row, quantile
+from experiments.study.arrival.distances import ArrivalTables, distance_row
 from experiments.study.fits.methods import BASELINE, OURS
 from experiments.study.recordings.demonstrations import ROLES, load_sets
 from experiments.study.recordings.experts import BELIEFS, EXPERTS, PEOPLE
 from experiments.study.recordings.reference import reference_table
-from experiments.study.tables.arrival import arrival_distances, arrival_scores
 from experiments.study.tables.hindsight import hindsight_table
 from experiments.study.tables.results import Results
 from report.summary import decisions_per_model
+from serd_core.arrays import FloatArray
 from serd_core.arrival.trap_states import trap_states
 
+#: Scores of a method, (R,) each; the worlds of a repetition are the same for all methods.
+_SCORES: dict[str, Callable[[ArrivalTables], FloatArray]] = {
+    "crps_s": lambda tables: tables.scores,
+    "measured_mean_s": lambda tables: tables.measured_means_s,
+}
 MEASURES = ("test_log_likelihood", "transfer_log_likelihood", "dynamics_divergence")
 
 
@@ -99,6 +105,46 @@ def beliefs(results: Results) -> pd.DataFrame:
         both[name] = (-both[tested]).where(is_other, 0.0)
     place_columns = ["expert", "assumption", "measure", "size", "n", "mean", "lower", "upper"]
     return both[[*place_columns, "difference", "difference_lower", "difference_upper", "p_holm"]]
+
+
+def arrival_distances(results: Results) -> pd.DataFrame:
+    """Distances of predicted from measured times of arrival, for every expert and method."""
+    rng = np.random.default_rng([results.settings.seed, 3])
+    table: list[Row] = []
+    for expert in EXPERTS:
+        for method in results.methods(expert):
+            tables = results.arrival_tables(expert, method)
+            predictions = pd.DataFrame(results.predictions(expert, method))
+            sampled = np.array(predictions["sampled_cdf"].tolist())
+            table.append(
+                {
+                    "expert": expert,
+                    "method": method,
+                    **distance_row(tables, results.settings.statistics, rng),
+                    "sampled_gap": float(np.abs(sampled - tables.predicted).max()),
+                    "chain_ms": predictions["chain_ms"].median(),
+                    "sampled_ms": predictions["sampled_ms"].median(),
+                }
+            )
+    return pd.DataFrame(table)
+
+
+def arrival_scores(results: Results) -> pd.DataFrame:
+    """Differences of scores between methods, within repetitions.
+
+    One family of tests: all other methods, for one measure.
+    """
+    rng = np.random.default_rng([results.settings.seed, 4])
+    table: list[Row] = []
+    for expert in EXPERTS:
+        first = OURS if expert == PEOPLE else BASELINE
+        tables = {name: results.arrival_tables(expert, name) for name in results.methods(expert)}
+        for measure, values_of in _SCORES.items():
+            values = pd.DataFrame({name: values_of(each) for name, each in tables.items()})
+            place: Row = {"expert": expert, "measure": measure, "first": first}
+            family = paired_family(values, first, results.settings.statistics, rng)
+            table += [place | row for row in family]
+    return pd.DataFrame(table)
 
 
 def traps(results: Results) -> pd.DataFrame:

@@ -1,13 +1,14 @@
-"""The strategy's brain without ROS: decisions, goals and models that change, giving up."""
+"""Drives by a learned model without ROS: decisions, goals and models that change, giving up."""
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from serd_app.navigation.arrival_log import arrival_row, prediction_of
 from serd_app.navigation.forecast import traps_text
-from serd_app.navigation.give_up import GiveUp
-from serd_app.navigation.navigator import Navigator
+from serd_app.navigation.navigator import GiveUp, Navigator, ProgressMonitor
 from serd_app.navigation.settings import NavigationSettings
+from serd_core.arrival.chain import ArrivalByState
 from serd_core.grid.grid import Action
 from sim.errors import SimError
 from sim.scenario.scenario import load_scenario
@@ -231,3 +232,52 @@ def test_a_drive_is_compared_with_the_forecast_of_its_first_decision(save_model_
     assert (row.goal_x_m, row.goal_y_m) == (12.0, 18.0)
     late = arrival_row(prediction, result("aborted", reason="no progress"))
     assert np.isnan(late.predicted_share)
+
+
+#: States 0, 1, 2 have a mean of 3, 2, 1 periods to go; the goal is state 3.
+CDF = np.array(
+    [[0, 0, 0, 1], [0, 0, 1, 1], [0, 1, 1, 1], [1, 1, 1, 1], [1, 1, 1, 1]], dtype=np.float64
+)
+ARRIVAL = ArrivalByState(CDF, np.ones(4))
+
+
+def rules(patience_periods, minimum_arrival_probability):
+    return NavigationSettings(
+        patience_periods=patience_periods, minimum_arrival_probability=minimum_arrival_probability
+    )
+
+
+def reasons(settings, states, left=10):
+    monitor = ProgressMonitor(settings)
+    return [monitor.update(ARRIVAL, state, left) for state in states]
+
+
+def test_means_of_this_case_are_what_they_are_meant_to_be():
+    assert ARRIVAL.mean_periods.tolist() == [3, 2, 1, 0]
+
+
+def test_going_to_and_fro_is_no_progress():
+    assert reasons(rules(3, 0.0), [0, 1, 0, 1, 0]) == [None] * 4 + [GiveUp.NO_PROGRESS]
+
+
+def test_every_new_minimum_counts_as_progress():
+    assert reasons(rules(2, 0.0), [0, 0, 1, 1, 2, 2]) == [None] * 6
+
+
+def test_off_the_grid_there_is_no_progress_but_no_chance_to_judge_either():
+    assert reasons(rules(3, 0.9), [0, -1, -1]) == [None] * 3
+    assert reasons(rules(2, 0.9), [0, -1, -1]) == [None, None, GiveUp.NO_PROGRESS]
+
+
+def test_too_few_periods_left_make_an_arrival_unlikely():
+    unlikely = rules(0, 0.5)
+    assert reasons(unlikely, [0], left=3) == [None]
+    assert reasons(unlikely, [0], left=2) == [GiveUp.UNLIKELY]
+    assert reasons(unlikely, [0], left=-1) == [GiveUp.UNLIKELY]
+
+
+def test_rules_out_of_range_are_refused():
+    with pytest.raises(ValidationError, match=r"patience_periods\n.*greater than or equal to 0"):
+        rules(-1, 0.0)
+    with pytest.raises(ValidationError, match=r"probability\n.*less than or equal to 1"):
+        rules(1, 7.0)

@@ -10,8 +10,13 @@ from experiments.running.tables import plain_rows
 from experiments.study.arrival.distances import ArrivalTables
 from experiments.study.fits.methods import BASELINE, OURS
 from experiments.study.recordings.experts import EXPERTS, PEOPLE
-from experiments.study.tables.arrival import arrival_scores
-from experiments.study.tables.catalogue import MEASURES, beliefs, paired_tests, traps
+from experiments.study.tables.catalogue import (
+    MEASURES,
+    arrival_scores,
+    beliefs,
+    paired_tests,
+    traps,
+)
 
 N = 6
 OTHER, ASSUMED = "MDCE IRL, likelihood", "tied"
