@@ -39,6 +39,21 @@ class Rows:
     by_agent: IntArray
 
 
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Rows with numbers, sorted by agent and increasing time: row (N,) in the file, agent (N,),
+    time_s (N,), place_m (N, 2)."""
+
+    row: IntArray
+    agent: IntArray
+    time_s: FloatArray
+    place_m: FloatArray
+
+    def select(self, kept: BoolArray) -> "Points":
+        """Those kept (N,)."""
+        return Points(self.row[kept], self.agent[kept], self.time_s[kept], self.place_m[kept])
+
+
 def faults_of_rows(
     path: Path,
     rows: Rows,
@@ -119,16 +134,9 @@ def _in_two_places(path: Path, rows: Rows, names: Sequence[str], scale: float) -
     return f"{what}{and_others(len(both))}; the first one counts"
 
 
-def parts_of_jumps(
-    names: Sequence[str], agent: IntArray, row: IntArray, time_s: FloatArray, place_m: FloatArray
-) -> tuple[IntArray, tuple[str, ...]]:
-    """(N,) number of the part of each agent's track, which jumps divide, and a sentence.
-
-    Rows are sorted by agent and time; row: (N,) where each is in the file.
-    """
-    same = np.diff(agent) == 0
-    moved_m, step_s = np.hypot(*np.diff(place_m, axis=0).T), np.diff(time_s)
-    jump = _jumps(same, moved_m, step_s)
+def parts_of_jumps(names: Sequence[str], points: Points) -> tuple[IntArray, tuple[str, ...]]:
+    """(N,) number of the part of each agent's track, which jumps divide, and a sentence."""
+    same, moved_m, step_s, jump = _steps(points)
     total = np.concatenate([[0], np.cumsum(jump)])
     first = np.concatenate([[0], np.flatnonzero(~same) + 1])
     part = total - total[first][np.cumsum(np.concatenate([[0], ~same]))]
@@ -137,22 +145,20 @@ def parts_of_jumps(
         return part, ()
     at = int(where[0])
     return part, (
-        f"row {row[at + 1] + 1}: agent {names[agent[at]]} jumps {moved_m[at]:.1f} m in"
-        f" {step_s[at]:.2g} s{and_others(len(where))}; it counts as another one from there",
+        f"row {points.row[at + 1] + 1}: agent {names[points.agent[at]]} jumps"
+        f" {moved_m[at]:.1f} m in {step_s[at]:.2g} s{and_others(len(where))};"
+        " it counts as another one from there",
     )
 
 
-def without_strays(
-    agent: IntArray, row: IntArray, time_s: FloatArray, place_m: FloatArray
-) -> tuple[BoolArray, tuple[str, ...]]:
+def without_strays(points: Points) -> tuple[BoolArray, tuple[str, ...]]:
     """(N,) whether a row is kept, and a sentence about those that are not.
 
     Left out between jumps: a few rows, or any number at one place, as -999 or 0 for a lost agent.
-    Arguments: as of `parts_of_jumps`.
     """
+    agent, place_m = points.agent, points.place_m
     kept = np.ones(len(agent), dtype=bool)
-    same = np.diff(agent) == 0
-    jump = _jumps(same, np.hypot(*np.diff(place_m, axis=0).T), np.diff(time_s))
+    same, _, _, jump = _steps(points)
     if not jump.any():
         return kept, ()
     edges = np.concatenate([[0], np.flatnonzero(jump | ~same) + 1, [len(agent)]])
@@ -169,7 +175,7 @@ def without_strays(
             continue
         for begin, end in (each for each, few in zip(pieces, short, strict=True) if few):
             kept[begin:end] = False
-    away = np.sort(row[~kept])
+    away = np.sort(points.row[~kept])
     if not len(away):
         return kept, ()
     return kept, (
@@ -178,12 +184,16 @@ def without_strays(
     )
 
 
-def _jumps(same: BoolArray, moved_m: FloatArray, step_s: FloatArray) -> BoolArray:
-    """(N - 1,) whether the step from a row to the next is a jump."""
+def _steps(points: Points) -> tuple[BoolArray, FloatArray, FloatArray, BoolArray]:
+    """Of the steps from a row to the next, (N - 1,) each: whether they are of one agent, their
+    length (m), their time (s), and whether they are jumps."""
+    same = np.diff(points.agent) == 0
+    moved_m, step_s = np.hypot(*np.diff(points.place_m, axis=0).T), np.diff(points.time_s)
     speed = np.divide(moved_m, step_s, out=np.zeros_like(moved_m), where=same & (step_s > 0))
     moving = speed[same & (moved_m > 0)]
     fastest = max(_JUMP_MPS, _TIMES_USUAL * float(np.median(moving)) if len(moving) else 0.0)
-    return np.asarray(same & (moved_m > _JUMP_M) & (speed > fastest))
+    jump = np.asarray(same & (moved_m > _JUMP_M) & (speed > fastest))
+    return same, moved_m, step_s, jump
 
 
 def and_others(number: int) -> str:
