@@ -29,6 +29,7 @@ from experiments.gridworld.problem import Gridworld, gridworld, true_dynamics
 from experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from experiments.running.tables import Row, quartiles, welch_test
 from serd_core.arrays import FloatArray
+from serd_core.bayes.draws import posterior_policy
 from serd_core.demonstrations.decisions import Decisions, state_action_counts, state_counts
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.mdp.problem import TabularProblem
@@ -146,7 +147,12 @@ def measures(training: Scene, transfer: Scene, estimate: Estimate) -> Row:
 
 
 def policy_of(problem: TabularProblem, estimate: Estimate) -> FloatArray:
-    """(S, A) soft policy, or Boltzmann over optimal values where there is a temperature."""
+    """(S, A) soft policy, or Boltzmann over optimal values where there is a temperature.
+
+    Of an estimate with draws, the mean of their soft policies.
+    """
+    if estimate.draws is not None:
+        return posterior_policy(problem, estimate.draws)
     weights, dynamics = estimate.weights, estimate.dynamics
     if estimate.temperature is None:
         return soft_policy(problem, weights, dynamics).probabilities

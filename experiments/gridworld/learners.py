@@ -9,6 +9,8 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
+from serd_core.bayes.draws import PosteriorDraws, laplace_draws
+from serd_core.bayes.laplace import laplace
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.importance_samples import hoeffding_thresholds, sample_from_estimates
@@ -37,12 +39,13 @@ REGULARISATION = PM_SCALE + GaussianPrior(10.0, Block.REWARD) + EntropyPrior(0.0
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """The part of a fit that the measures use."""
+    """The part of a fit that the measures use; draws: whose policies are averaged."""
 
     weights: FloatArray
     dynamics: FloatArray
     temperature: float | None
     converged: bool
+    draws: PosteriorDraws | None = None
 
     @classmethod
     def of(cls, fit: FitResult, temperature: float | None = None) -> "Estimate":
@@ -76,6 +79,20 @@ def _mdce_serd(given: LearnerInput) -> Estimate:
 def _serd_by_evidence(given: LearnerInput) -> Estimate:
     """The default of the library, which the thesis leaves to future work."""
     return Estimate.of(fit_mdce_serd(given.problem, given.decisions))
+
+
+def _serd_averaged(given: LearnerInput) -> Estimate:
+    """The average over its posterior, of random numbers of its own."""
+    fit = fit_mdce_serd(given.problem, given.decisions)
+    found = laplace(given.problem, given.decisions, fit)
+    draws = laplace_draws(found, given.rng.spawn(1)[0])
+    return Estimate(
+        draws.reward.mean(axis=0),
+        draws.outcome_probabilities.mean(axis=0),
+        None,
+        fit.converged,
+        draws,
+    )
 
 
 def _pm_serd(prior: Prior, given: LearnerInput) -> Estimate:
@@ -112,7 +129,12 @@ def _relative_entropy(given: LearnerInput) -> Estimate:
 
 IRL_LEARNERS: dict[str, Learner] = {"MDCE IRL": _mdce_irl, "REIRL": _relative_entropy}
 EXPERTS: dict[str, dict[str, Learner]] = {
-    "mdce": {"MDCE SERD": _mdce_serd, "SERD, evidence": _serd_by_evidence} | IRL_LEARNERS,
+    "mdce": {
+        "MDCE SERD": _mdce_serd,
+        "SERD, evidence": _serd_by_evidence,
+        "SERD, averaged": _serd_averaged,
+    }
+    | IRL_LEARNERS,
     "pm": {
         "PM SERD": partial(_pm_serd, PM_SCALE),
         "PM SERD, regularised": partial(_pm_serd, REGULARISATION),

@@ -9,12 +9,15 @@ from experiments.gridworld.experiment import (
     all_measures,
     measures,
     one_repetition,
+    policy_of,
     scenes,
 )
 from experiments.gridworld.learners import Estimate
 from experiments.gridworld.problem import true_dynamics
 from experiments.running.experiment import Session
 from experiments.running.tables import quartiles, welch_test
+from serd_core.bayes.draws import PosteriorDraws
+from serd_core.policies.solved_policy import soft_policy
 from sim.episodes.execution import Execution
 
 SMALL = GridworldConfig(side=8, sizes=(8,), n_steps=15, n_test_episodes=50, n_repetitions=3)
@@ -42,10 +45,18 @@ def test_serd_explains_new_demonstrations_better_than_irl(rows):
         )
 
 
-def test_the_default_by_evidence_is_compared_too_and_predicts_better_than_irl(rows):
-    assert median(rows, "SERD, evidence", "log_likelihood") > median(
-        rows, "MDCE IRL", "log_likelihood"
-    )
+@pytest.mark.parametrize("name", ["SERD, evidence", "SERD, averaged"])
+def test_the_default_by_evidence_is_compared_too_and_predicts_better_than_irl(rows, name):
+    assert median(rows, name, "log_likelihood") > median(rows, "MDCE IRL", "log_likelihood")
+
+
+def test_the_policy_of_draws_is_the_mean_of_their_soft_policies():
+    problem = scenes(SMALL)[0].world.problem
+    weights, tables = np.array([[6.0, 6.0], [0.0, 2.0]]), np.stack([true_dynamics()] * 2)
+    draws = PosteriorDraws(weights, weights, tables, tables)
+    averaged = Estimate(weights.mean(axis=0), true_dynamics(), None, converged=True, draws=draws)
+    each = [soft_policy(problem, one, true_dynamics()).probabilities for one in weights]
+    assert policy_of(problem, averaged) == pytest.approx((each[0] + each[1]) / 2.0, abs=1e-9)
 
 
 def test_the_truth_has_no_divergence_and_the_best_likelihood(rows):
