@@ -15,7 +15,7 @@ from sim.errors import SimError
 from sim.robot.bullet import add_wall, let_move_freely, load_urdf, pybullet
 from sim.robot.imu import GRAVITY_MPS2, Inertial
 from sim.robot.movable_bodies import MovableBodies
-from sim.robot.people_bodies import MOST_NEAR, Moving, PeopleBodies, Velocity
+from sim.robot.people_bodies import Moving, PeopleBodies, Velocity
 from sim.robot.quaternion import Quaternion, Vector, product, rotated, yaw_of
 from sim.scenario.obstacle import Pose
 from sim.scenario.scenario import Scenario
@@ -229,10 +229,7 @@ class Dynamics:
         movable = self._scenario.movable_obstacles
         self.obstacles = MovableBodies(client, movable, walls=self._walls, floor=self._floor)
         self.people = PeopleBodies(
-            client,
-            min(self._scenario.pedestrians.n_people, MOST_NEAR * (1 + len(movable))),
-            self._person_radius_m,
-            apart_from=(self._floor, *self._walls),
+            client, self._person_radius_m, apart_from=(self._floor, *self._walls)
         )
 
     def _load_robot(self) -> int:

@@ -2,7 +2,7 @@
 
 A person is an upright capsule on two prismatic joints without motors: it keeps its velocity unless
 the robot or an obstacle pushes it, and it pushes them. Walls and other people act on people in the
-crowd's model alone. There are a few capsules, which the nearest people take.
+crowd's model alone. There are as many capsules as people were near at once.
 """
 
 from collections.abc import Iterable, Mapping
@@ -68,26 +68,14 @@ def nearest_moving(
 class PeopleBodies:
     """Capsules in a PyBullet world, none of which touches the bodies of `apart_from`."""
 
-    def __init__(
-        self, client: int, count: int, radius_m: float, *, apart_from: Iterable[int]
-    ) -> None:
-        self._client = client
+    def __init__(self, client: int, radius_m: float, *, apart_from: Iterable[int]) -> None:
+        self._client, self._apart_from = client, tuple(apart_from)
         #: The person in each capsule that is in use.
         self._near: dict[int, int] = {}
         self._bodies: list[int] = []
-        if not count:
-            return
-        capsule = pybullet.createCollisionShape(
+        self._capsule: int = pybullet.createCollisionShape(
             pybullet.GEOM_CAPSULE, radius=radius_m, height=_SIDE_M, physicsClientId=client
         )
-        fixed = tuple(apart_from)
-        for slot in range(count):
-            body = self._add(slot, capsule)
-            for other in fixed:
-                self._separate(body, other, -1)
-            for other in self._bodies:
-                self._separate(body, other, 1)
-            self._bodies.append(body)
 
     def place(self, people: Mapping[int, Moving]) -> None:
         """Move people into capsules; one who is still near keeps the capsule."""
@@ -95,9 +83,8 @@ class PeopleBodies:
             del self._near[slot]
             self._set(slot, _aside(slot), (0.0, 0.0))
         placed = {person: slot for slot, person in self._near.items()}
-        free = (slot for slot in range(len(self._bodies)) if slot not in self._near)
         for person, (place_m, velocity_mps) in people.items():
-            slot = placed[person] if person in placed else next(free)
+            slot = placed[person] if person in placed else self._free_slot()
             self._near[slot] = person
             self._set(slot, place_m, velocity_mps)
 
@@ -112,13 +99,26 @@ class PeopleBodies:
         """The person in a capsule, by the number of its body."""
         return self._near[self._bodies.index(body)]
 
-    def _add(self, slot: int, capsule: int) -> int:
+    def _free_slot(self) -> int:
+        """A capsule that no person is in, a new one where there is none."""
+        for slot in range(len(self._bodies)):
+            if slot not in self._near:
+                return slot
+        body = self._add()
+        for other in self._apart_from:
+            self._separate(body, other, -1)
+        for other in self._bodies:
+            self._separate(body, other, 1)
+        self._bodies.append(body)
+        return len(self._bodies) - 1
+
+    def _add(self) -> int:
         here, level = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
         body: int = pybullet.createMultiBody(
             0.0,
             basePosition=(0.0, 0.0, 0.5 * _SIDE_M),
             linkMasses=(CARRIAGE_KG, PERSON_MASS_KG),
-            linkCollisionShapeIndices=(-1, capsule),
+            linkCollisionShapeIndices=(-1, self._capsule),
             linkVisualShapeIndices=(-1, -1),
             linkPositions=(here, here),
             linkOrientations=(level, level),
@@ -141,8 +141,6 @@ class PeopleBodies:
                 physicsClientId=self._client,
             )
         let_move_freely(self._client, body)
-        for joint, place_m in enumerate(_aside(slot)):
-            pybullet.resetJointState(body, joint, place_m, 0.0, self._client)
         return body
 
     def _separate(self, person: int, other: int, link: int) -> None:
