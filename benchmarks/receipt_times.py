@@ -22,8 +22,8 @@ from geometry_msgs.msg import PoseStamped
 
 from bags.reader import BagReader
 from benchmarks.report import Row, save
-from serd_cli.node_commands import node_command
-from serd_cli.workspace import ros_environment
+from serd_cli.processes.node_commands import node_command
+from serd_cli.processes.workspace import ros_environment
 from serd_ros.endpoints import qos
 
 _HOUR_NS = 3_600_000_000_000

@@ -14,7 +14,7 @@ import pytest
 from domain_coordinator import domain_id
 from hypothesis import HealthCheck, settings
 
-from serd_cli.workspace import ros_environment
+from serd_cli.processes.workspace import ros_environment
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
 from storage.model_file import FitRecord, GridSummary, ModelFile, OutcomeModel, save_model

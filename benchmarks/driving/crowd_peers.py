@@ -18,7 +18,7 @@ from serd_core.arrays import FloatArray
 from sim.crowd.crowd import Crowd, RobotBody
 from sim.crowd.routes import Routes
 from sim.crowd.social_force import model_named, model_names
-from sim.robot.lidar import Lidar
+from sim.robot.sensors.lidar import Lidar
 from sim.scenario.settings import LidarSettings
 
 PEOPLE = (30, 100, 200)

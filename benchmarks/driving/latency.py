@@ -20,8 +20,8 @@ from rclpy.executors import SingleThreadedExecutor
 
 from bags.messages.plain import message_stamp_ns
 from benchmarks.report import Row, save
-from serd_cli.node_commands import stack_processes
-from serd_cli.workspace import ros_environment
+from serd_cli.processes.node_commands import stack_processes
+from serd_cli.processes.workspace import ros_environment
 from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent

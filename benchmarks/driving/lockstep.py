@@ -13,8 +13,8 @@ from domain_coordinator import domain_id
 
 from benchmarks.driving.step_profile import StepProfile, profile_steps
 from benchmarks.report import Row, save
-from serd_cli.node_commands import stack_processes
-from serd_cli.workspace import ros_environment
+from serd_cli.processes.node_commands import stack_processes
+from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.graph import find_stack
 from sim.planning.catalogue import planner_names
 from sim.scenario.scenario import Scenario, load_scenario

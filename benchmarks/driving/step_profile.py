@@ -18,9 +18,9 @@ from sim.episodes.episode import run_episode
 from sim.planning.catalogue import make_planner
 from sim.planning.recovery import RecoveringPlanner
 from sim.robot.contacts import ContactCounter
-from sim.robot.lidar import Lidar
 from sim.robot.physical_robot import PhysicalRobot
 from sim.robot.robot import KinematicRobot
+from sim.robot.sensors.lidar import Lidar
 from sim.safety.guard import Guard
 from sim.safety.world_guard import no_guard
 from sim.scenario.scenario import Scenario

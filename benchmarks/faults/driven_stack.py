@@ -25,7 +25,7 @@ from nav_msgs.msg import Odometry
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
-from serd_cli.node_commands import stack_processes
+from serd_cli.processes.node_commands import stack_processes
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent
 from serd_ros.convert.diagnostics import OK

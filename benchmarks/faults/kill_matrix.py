@@ -22,7 +22,7 @@ from benchmarks.faults.driven_stack import SOURCE, DrivenStack
 from benchmarks.faults.launched_stack import LaunchedStack
 from benchmarks.report import RESULTS, Row
 from serd_app.learning.checkpoint import CheckpointFolder
-from serd_cli.workspace import ros_environment
+from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.graph import find_stack
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario

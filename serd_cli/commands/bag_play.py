@@ -10,12 +10,12 @@ import typer
 from bags.reader import BagReader
 from bags.topic import selected_topics
 from serd_cli.errors import UsageError
-from serd_cli.node_commands import node_command
 from serd_cli.options import AsJson, option, validated
 from serd_cli.output.terminal import print_json
-from serd_cli.stack_run import require_free
-from serd_cli.supervisor import Process, run_together
-from serd_cli.workspace import ros_environment
+from serd_cli.processes.node_commands import node_command
+from serd_cli.processes.stack_run import require_free
+from serd_cli.processes.supervisor import Process, run_together
+from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.configs import BagReplayConfig
 from serd_ros.process.progress import VARIABLE, parse_progress
 

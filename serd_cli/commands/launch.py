@@ -7,12 +7,12 @@ from typing import Annotated
 import typer
 
 from serd_cli.errors import UsageError
-from serd_cli.node_commands import parse_assignment, stack_processes
 from serd_cli.options import AsJson
 from serd_cli.output.terminal import console, print_json
-from serd_cli.stack_run import require_free_domain
-from serd_cli.supervisor import run_together
-from serd_cli.workspace import ros_environment
+from serd_cli.processes.node_commands import parse_assignment, stack_processes
+from serd_cli.processes.stack_run import require_free_domain
+from serd_cli.processes.supervisor import run_together
+from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.graph import find_stack, full_namespace, load_graph
 
 

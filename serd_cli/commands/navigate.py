@@ -19,7 +19,7 @@ from serd_cli.output.arrival import comparison_figure, comparison_table, remarks
 from serd_cli.output.paths import require_folder
 from serd_cli.output.resume_notice import results_kept_in
 from serd_cli.output.terminal import console, counting_bar, print_json
-from serd_cli.stack_run import run_stack, stack_environment
+from serd_cli.processes.stack_run import run_stack, stack_environment
 from sim.planning.catalogue import make_planner
 from sim.scenario.goal import with_goal
 from sim.scenario.grid import grid_of, start_states_of

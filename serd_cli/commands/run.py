@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from serd_cli.executables import all_executables, find_command
 from serd_cli.options import AsJson
 from serd_cli.output.terminal import console, print_json
-from serd_cli.workspace import ros_environment
+from serd_cli.processes.executables import all_executables, find_command
+from serd_cli.processes.workspace import ros_environment
 
 
 def register(app: typer.Typer) -> None:

@@ -14,15 +14,15 @@ from serd_app.demonstrations.demonstrations import demonstrations_of_drives
 from serd_app.drives.episode_mark import DISCARDED
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
-from serd_cli.node_commands import stack_processes
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.paths import free_folder
 from serd_cli.output.terminal import print_json, progress_console
-from serd_cli.stack_run import require_free_domain
-from serd_cli.supervisor import run_together
+from serd_cli.processes.node_commands import stack_processes
+from serd_cli.processes.stack_run import require_free_domain
+from serd_cli.processes.supervisor import run_together
+from serd_cli.processes.workspace import ros_environment
 from serd_cli.teleop.settings import TeleopSettings, require_a_way_to_drive
 from serd_cli.teleop.terminal_output import DriverLines, restored_terminal
-from serd_cli.workspace import ros_environment
 from serd_core.errors import SerdError
 from serd_ros.process.progress import VARIABLE
 from sim.scenario.grid import grid_of, start_states_of

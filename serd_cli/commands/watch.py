@@ -10,12 +10,12 @@ import typer
 
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_cli.errors import UsageError
-from serd_cli.node_commands import node_command
 from serd_cli.options import AsJson, option, resolved_scenario, validated
 from serd_cli.output.terminal import print_json, progress_console
-from serd_cli.supervisor import Process, run_together
+from serd_cli.processes.node_commands import node_command
+from serd_cli.processes.supervisor import Process, run_together
+from serd_cli.processes.workspace import ros_environment
 from serd_cli.watch import BagWatch, layers_of, serve_bag
-from serd_cli.workspace import ros_environment
 from serd_ros.graph.configs import BagReplayConfig, WatchPageConfig
 from serd_ros.graph.graph import full_namespace
 from serd_ros.process.progress import VARIABLE, parse_progress

@@ -21,8 +21,8 @@ from serd_app.learning.settings import LearningSettings
 from serd_cli.demo.folder import DemoFolder
 from serd_cli.demo.settings import DemoSettings
 from serd_cli.errors import RunError
-from serd_cli.executables import shared_file
-from serd_cli.stack_run import run_stack
+from serd_cli.processes.executables import shared_file
+from serd_cli.processes.stack_run import run_stack
 from serd_ros.graph.graph import PACKAGE
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario

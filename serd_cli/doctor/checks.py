@@ -16,7 +16,7 @@ from packaging.requirements import Requirement
 
 from bags.recorder_settings import RecorderSettings
 from serd_cli.doctor.discovery import processes_discover_each_other
-from serd_cli.workspace import ros_environment, workspace_install
+from serd_cli.processes.workspace import ros_environment, workspace_install
 
 #: Of the page for driving by hand.
 PAGE_PORT = 8765

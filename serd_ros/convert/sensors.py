@@ -16,7 +16,7 @@ from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
 from sim.robot.contacts import Touch
-from sim.robot.imu import ImuReading
+from sim.robot.sensors.imu import ImuReading
 from sim.safety.scan import ScanGeometry
 from sim.scenario.occupancy import OccupancyRaster
 from sim.scenario.settings import ImuSettings, LidarSettings

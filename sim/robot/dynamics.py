@@ -13,10 +13,10 @@ import numpy as np
 
 from sim.errors import SimError
 from sim.robot.bullet import add_wall, let_move_freely, load_urdf, pybullet
-from sim.robot.imu import GRAVITY_MPS2, Inertial
 from sim.robot.movable_bodies import MovableBodies
 from sim.robot.people_bodies import Moving, PeopleBodies, Velocity
 from sim.robot.quaternion import Quaternion, Vector, product, rotated, yaw_of
+from sim.robot.sensors.imu import GRAVITY_MPS2, Inertial
 from sim.scenario.obstacle import Pose
 from sim.scenario.scenario import Scenario
 

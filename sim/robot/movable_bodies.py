@@ -12,8 +12,8 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from sim.robot.bullet import let_move_freely, pybullet
-from sim.robot.imu import GRAVITY_MPS2
 from sim.robot.people_bodies import CARRIAGE_KG, CONTACT_FRICTION
+from sim.robot.sensors.imu import GRAVITY_MPS2
 from sim.scenario.obstacle import Obstacle, Pose
 
 Motion = tuple[float, float, float]

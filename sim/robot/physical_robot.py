@@ -15,10 +15,10 @@ from sim.crowd.crowd import Crowd, RobotBody
 from sim.crowd.distances import WallGeometry
 from sim.robot.contacts import Touch, Touches
 from sim.robot.dynamics import BodyMotion, Dynamics, History, Impulses, Push, Start
-from sim.robot.imu import Inertial
 from sim.robot.movable_bodies import Motion
 from sim.robot.people_bodies import Moving, Velocity, near_people, nearest_moving
 from sim.robot.robot import RobotState
+from sim.robot.sensors.imu import Inertial
 from sim.robot.unicycle import limited_velocity
 from sim.scenario.obstacle import Pose, segments_at
 from sim.scenario.polygon import distance_to_segments_m, edges_of

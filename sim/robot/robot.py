@@ -9,8 +9,8 @@ from serd_core.arrays import FloatArray
 from sim.crowd.crowd import Crowd, RobotBody
 from sim.crowd.distances import WallGeometry
 from sim.robot.contacts import Touches
-from sim.robot.imu import Inertial
 from sim.robot.physics import Physics
+from sim.robot.sensors.imu import Inertial
 from sim.robot.unicycle import chord_velocity, limited_velocity
 from sim.scenario.scenario import Scenario
 from sim.world.command import Command

@@ -21,11 +21,11 @@ from sim.errors import SimError
 from sim.pictures.camera import Camera, overview_camera
 from sim.pictures.scene import Scene
 from sim.robot.contacts import ContactCounter, ContactCounts, ContactEvent, Touch
-from sim.robot.imu import Imu, ImuReading
-from sim.robot.lidar import Lidar
-from sim.robot.odometry import Odometry
 from sim.robot.physical_robot import PhysicalRobot
 from sim.robot.robot import KinematicRobot, RobotState, standing_at
+from sim.robot.sensors.imu import Imu, ImuReading
+from sim.robot.sensors.lidar import Lidar
+from sim.robot.sensors.odometry import Odometry
 from sim.scenario.goal import Area
 from sim.scenario.grid import grid_of, start_states_of
 from sim.scenario.obstacle import Pose

@@ -10,8 +10,8 @@ import pytest
 
 from serd_cli.commands.teleop import SessionSummary, summarise_session
 from serd_cli.errors import UsageError
-from serd_cli.node_commands import stack_processes
 from serd_cli.output.paths import free_folder
+from serd_cli.processes.node_commands import stack_processes
 from serd_cli.teleop.settings import TeleopSettings, require_a_way_to_drive
 from serd_cli.teleop.terminal_output import DriverLines, restored_terminal
 from serd_ros.process.progress import VARIABLE, report_address

@@ -30,7 +30,7 @@ from sensor_msgs.msg import LaserScan
 
 from bags.rosbag2.message_types import message_type
 from serd_ros.endpoints.raw_type import raw_message_class
-from sim.robot.lidar import Lidar
+from sim.robot.sensors.lidar import Lidar
 from sim.safety.motion import compose, motion_between
 from sim.scenario.scenario import load_scenario
 from sim.world.observation import People

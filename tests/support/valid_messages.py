@@ -33,7 +33,7 @@ from serd_ros.convert.sensors import (
 from serd_ros.convert.stamp import to_stamp
 from sim.episodes.result import UNCOUNTED
 from sim.robot.contacts import Touch
-from sim.robot.imu import ImuReading
+from sim.robot.sensors.imu import ImuReading
 from sim.scenario.goal import goal_at
 from sim.scenario.scenario import load_scenario
 from sim.world.command import Command

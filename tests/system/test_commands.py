@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from serd_cli.executables import executables_of, find_command
-from serd_cli.workspace import PROJECT, ros_environment
+from serd_cli.processes.executables import executables_of, find_command
+from serd_cli.processes.workspace import PROJECT, ros_environment
 from serd_ros.graph.graph import load_graph
 from support.waiting import PATIENCE_S
 

@@ -12,7 +12,7 @@ from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.serialization import deserialize_message
 from rosbags.typesys import get_types_from_msg
 
-from serd_cli.node_commands import node_command
+from serd_cli.processes.node_commands import node_command
 from serd_ros.endpoints import qos
 from serd_ros.errors import NodeError
 from serd_ros.nodes import foxglove_server

@@ -9,7 +9,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan, PointCloud2
 from std_msgs.msg import Bool
 
-from serd_cli.node_commands import stack_processes
+from serd_cli.processes.node_commands import stack_processes
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.pose import from_odometry
 from serd_ros.convert.stamp import stamp_s

@@ -16,7 +16,7 @@ from rclpy.time import Time
 from bags.messages.plain import message_stamp_ns
 from bags.reader import BagReader
 from bags.rewrite import recover
-from serd_cli.node_commands import node_command
+from serd_cli.processes.node_commands import node_command
 from serd_ros.endpoints import qos
 from support.waiting import PATIENCE_S, ProcessorWait
 

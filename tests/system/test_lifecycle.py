@@ -9,7 +9,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 
 from bags.reader import BagReader
-from serd_cli.node_commands import node_command
+from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.pose import to_pose_stamped
 from serd_ros.endpoints import qos

@@ -8,7 +8,7 @@ import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped
 
 from bags.rosbag2.message_types import message_type
-from serd_cli.node_commands import node_command
+from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.command import from_twist_stamped
 from serd_ros.convert.pose import to_waypoint_message
 from serd_ros.convert.sensors import to_people_message

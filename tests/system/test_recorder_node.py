@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 from bags.messages.plain import message_stamp_ns
 from bags.reader import BagReader
 from bags.rewrite import recover
-from serd_cli.node_commands import node_command
+from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.diagnostics import ERROR
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos

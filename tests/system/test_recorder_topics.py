@@ -15,8 +15,8 @@ from std_msgs.msg import Header, String
 from bags.messages.plain import message_stamp_ns
 from bags.reader import BagReader
 from bags.rosbag2.qos import profile_to_offer
-from serd_cli.executables import find_command
-from serd_cli.node_commands import node_command
+from serd_cli.processes.executables import find_command
+from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.diagnostics import WARN
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos

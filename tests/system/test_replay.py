@@ -12,7 +12,7 @@ from std_srvs.srv import SetBool
 from bags.reader import BagReader
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
-from serd_cli.node_commands import node_command
+from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos

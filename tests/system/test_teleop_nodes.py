@@ -14,7 +14,7 @@ from sensor_msgs.msg import Joy
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
-from serd_cli.node_commands import stack_processes
+from serd_cli.processes.node_commands import stack_processes
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import from_intent
 from serd_ros.convert.diagnostics import to_diagnostics

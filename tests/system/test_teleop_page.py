@@ -22,7 +22,7 @@ from selenium.webdriver.common.keys import Keys
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.demonstrations.discretise import OUTSIDE_EPISODE, WITHIN_PERIOD
 from serd_app.drives.sessions import read_drives
-from serd_cli.node_commands import stack_processes
+from serd_cli.processes.node_commands import stack_processes
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import from_intent
 from serd_ros.convert.diagnostics import to_diagnostics

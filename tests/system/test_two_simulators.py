@@ -11,7 +11,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from serd_app.drives.episode_mark import END
-from serd_cli.node_commands import node_command
+from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.diagnostics import from_episode_message
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.world.worlds import FIX

@@ -8,7 +8,7 @@ from geometry_msgs.msg import TwistStamped
 from bags.reader import BagReader
 from bags.rosbag2.message_types import message_type
 from bags.writer import BagWriter
-from serd_cli.node_commands import node_command
+from serd_cli.processes.node_commands import node_command
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.raw_type import raw_message_class
 from support.waiting import PATIENCE_S

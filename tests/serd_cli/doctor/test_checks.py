@@ -9,7 +9,7 @@ import pytest
 
 from serd_cli.doctor import checks
 from serd_cli.doctor.discovery import processes_discover_each_other
-from serd_cli.workspace import ros_environment
+from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.configs import TeleopPageConfig
 
 

@@ -63,7 +63,7 @@ from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
 from serd_ros.errors import MessageError, NodeError
 from sim.episodes.result import EpisodeStart
 from sim.robot.contacts import Touch
-from sim.robot.imu import ImuReading
+from sim.robot.sensors.imu import ImuReading
 from sim.scenario.occupancy import OccupancyRaster
 from sim.scenario.settings import ImuSettings, LidarSettings
 from sim.world.command import Command

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.perception.lidar_people import LidarPeople
-from sim.robot.lidar import Lidar
+from sim.robot.sensors.lidar import Lidar
 from sim.safety.reasons import Fault
 from sim.safety.scan import Scan, ScanGeometry
 from sim.safety.settings import GuardSettings

@@ -6,7 +6,7 @@ import pytest
 from serd_core.errors import SerdError
 from sim.perception.scan_matcher import ScanMatcher
 from sim.planning.catalogue import make_planner
-from sim.robot.lidar import Lidar
+from sim.robot.sensors.lidar import Lidar
 from sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 

@@ -12,7 +12,7 @@ from sim.perception.people_tracker import PeopleTracker
 from sim.perception.scan_people import ScanPerception, people_in_scan
 from sim.perception.scanning_planner import ScanningPlanner
 from sim.planning.catalogue import make_planner, planner_in_world, planner_names
-from sim.robot.lidar import Lidar
+from sim.robot.sensors.lidar import Lidar
 from sim.scenario.occupancy import wall_distance_raster
 from sim.scenario.scenario import load_scenario
 from sim.scenario.settings import LidarSettings

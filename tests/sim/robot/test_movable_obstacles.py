@@ -11,9 +11,9 @@ from sim.pictures.top_view import TopView
 from sim.robot import movable_bodies
 from sim.robot.bullet import pybullet
 from sim.robot.dynamics import Dynamics, Start
-from sim.robot.lidar import Lidar
 from sim.robot.people_bodies import PERSON_MASS_KG
 from sim.robot.robot import standing_at
+from sim.robot.sensors.lidar import Lidar
 from sim.world.command import STOP, Command
 from sim.world.world import HallwayWorld
 from support.movable_obstacles import CHAIR, DOOR, room

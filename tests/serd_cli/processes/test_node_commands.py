@@ -3,7 +3,7 @@
 import pytest
 
 from serd_cli.errors import UsageError
-from serd_cli.node_commands import parse_assignment
+from serd_cli.processes.node_commands import parse_assignment
 from serd_core.errors import SerdError
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sim.robot.odometry import Odometry
+from sim.robot.sensors.odometry import Odometry
 from sim.scenario.scenario import load_scenario
 from sim.scenario.settings import OdometrySettings
 from sim.world.command import Command

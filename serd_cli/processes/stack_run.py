@@ -14,10 +14,10 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsed
 from rich.table import Column
 
 from serd_cli.errors import BAD_INPUT, RunError
-from serd_cli.node_commands import stack_processes
 from serd_cli.output.terminal import WorkProgress
-from serd_cli.supervisor import run_together
-from serd_cli.workspace import ros_environment
+from serd_cli.processes.node_commands import stack_processes
+from serd_cli.processes.supervisor import run_together
+from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.graph import Stack, find_stack, full_namespace, load_graph
 from serd_ros.process.progress import VARIABLE, parse_progress
 

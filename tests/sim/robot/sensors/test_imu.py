@@ -7,9 +7,9 @@ import pytest
 from pydantic import ValidationError
 
 from sim.robot.dynamics import Start
-from sim.robot.imu import Imu, Inertial
 from sim.robot.quaternion import product, rotated
 from sim.robot.robot import standing_at
+from sim.robot.sensors.imu import Imu, Inertial
 from sim.scenario.scenario import Scenario, load_scenario
 from sim.scenario.settings import ImuSettings
 from sim.world.command import STOP, Command

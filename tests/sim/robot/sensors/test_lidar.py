@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.robot.bullet import add_wall, pybullet
-from sim.robot.lidar import Lidar
+from sim.robot.sensors.lidar import Lidar
 from sim.scenario.scenario import load_scenario
 from sim.scenario.settings import LidarSettings
 from sim.world.command import STOP

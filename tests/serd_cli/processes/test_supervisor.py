@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from serd_cli import supervisor
 from serd_cli.errors import BAD_INPUT, FAILED, RunError
-from serd_cli.supervisor import Process, run_together
+from serd_cli.processes import supervisor
+from serd_cli.processes.supervisor import Process, run_together
 from serd_ros.process.progress import Progress
 from support.waiting import PATIENCE_S
 
@@ -158,7 +158,7 @@ while True: time.sleep(3600)
 """
 COMMAND = """
 import os, sys
-from serd_cli import supervisor
+from serd_cli.processes import supervisor
 supervisor._GRACE_S = float(sys.argv[1])
 node = supervisor.Process("node", [sys.executable, "-S", "-c", *sys.argv[2:]])
 supervisor.run_together([node], os.environ, lambda _, line: print(line, flush=True))

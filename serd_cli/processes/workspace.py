@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-PROJECT = Path(__file__).resolve().parent.parent
+PROJECT = Path(__file__).resolve().parents[2]
 LOOPBACK_PROFILE = PROJECT / "serd_ros" / "process" / "fastdds_loopback.xml"
 _PREFIXES = "AMENT_PREFIX_PATH"
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from serd_cli.errors import UsageError
-from serd_cli.executables import find_command
-from serd_cli.supervisor import Process
+from serd_cli.processes.executables import find_command
+from serd_cli.processes.supervisor import Process
 from serd_ros.graph.graph import PACKAGE, Stack
 from serd_ros.graph.placement import PlacedNode, placed_nodes
 from storage.errors import shortened

@@ -1,0 +1,1 @@
+"""Processes that commands start: ROS nodes, alone or as stacks, with their environment."""

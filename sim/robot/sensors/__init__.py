@@ -1,0 +1,1 @@
+"""What the robot measures: laser scans, inertial measurements and odometry."""
