@@ -29,6 +29,7 @@ class KldPrior(DynamicsPrior):
     reference: FloatArray | None = None
     block: Block = Block.TRUTH
     state_action_weights: FloatArray | None = None
+    mean_over_pairs: bool = False
 
     def anchored(self, initial_local_probabilities: FloatArray) -> Prior:
         """Take the initial dynamics as reference where none was given."""

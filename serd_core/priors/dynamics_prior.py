@@ -1,7 +1,8 @@
 """Priors on the transition probabilities P_g of one dynamics block, sum_g w_g h_g(P_g).
 
 g = (s, a, s') runs over distinct transitions and w_g is lambda times the weight w of its pair
-(s, a); the thesis has w = 1 everywhere. Each prior defines h and its first two derivatives.
+(s, a); the thesis has w = 1 everywhere. As a mean over the available pairs, w_g is divided by the
+sum of w over them. Each prior defines h and its first two derivatives.
 """
 
 from abc import abstractmethod
@@ -20,11 +21,14 @@ class DynamicsPrior(Prior):
     """Weighted sum over the distinct transitions of a block.
 
     weight: lambda; state_action_weights: (S, A) weights w; None for one everywhere.
+    mean_over_pairs: divide the sum by that of w over the available pairs, so that lambda weighs as
+    much on problems of every size.
     """
 
     weight: float
     block: Block
     state_action_weights: FloatArray | None
+    mean_over_pairs: bool
 
     def __post_init__(self) -> None:
         name = type(self).__name__
@@ -59,7 +63,20 @@ class DynamicsPrior(Prior):
         return table
 
     def _weights(self, model: TransitionModel) -> FloatArray:
-        return self.weight * group_weights(model, self.state_action_weights)
+        weights = self.weight * group_weights(model, self.state_action_weights)
+        return weights / self._total(model) if self.mean_over_pairs else weights
+
+    def _total(self, model: TransitionModel) -> float:
+        """Sum of w over the available pairs; SerdError where it is 0."""
+        if self.state_action_weights is None:
+            return float(model.available.sum())
+        total = float(np.sum(self.state_action_weights[model.available]))
+        if not total > 0:
+            raise SerdError(
+                "state_action_weights of a mean over pairs must have a positive sum over the"
+                f" available pairs, got {total}; give one pair a positive weight"
+            )
+        return total
 
 
 def transition_probabilities(model: TransitionModel, theta: FloatArray) -> FloatArray:

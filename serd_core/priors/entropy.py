@@ -22,6 +22,7 @@ class EntropyPrior(DynamicsPrior):
     weight: float
     block: Block = Block.TRUTH
     state_action_weights: FloatArray | None = None
+    mean_over_pairs: bool = False
 
     def terms(
         self, model: TransitionModel, weights: FloatArray, probability: FloatArray

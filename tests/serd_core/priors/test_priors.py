@@ -30,6 +30,10 @@ PRIORS = [
     EntropyPrior(0.7, Block.BELIEF, state_action_weights=np.array([[2.0], [0.5]])),
     KldPrior(0.7, REFERENCE),
     KldPrior(0.7, REFERENCE, Block.BELIEF, np.array([[2.0], [0.5]])),
+    KldPrior(
+        0.7, REFERENCE, state_action_weights=np.array([[2.0], [0.5]]), mean_over_pairs=True
+    ),
+    EntropyPrior(0.7, mean_over_pairs=True),
     CouplingPrior(0.7),
     DirichletPrior(0.7),
     DirichletPrior(0.3, Block.BELIEF),
@@ -37,6 +41,9 @@ PRIORS = [
     GaussianPrior((0.5, 2.0), Block.REWARD),
     KldPrior(0.7, REFERENCE) + GaussianPrior(2.0, Block.REWARD) + UniformPrior(),
 ]
+
+#: Parameters at which two outcomes are equally probable.
+EVENS = Parameters(np.zeros(1), np.zeros(2), np.zeros(2), np.zeros(1))
 
 
 def blocks(vector):
@@ -125,6 +132,36 @@ def test_divergence_is_zero_at_the_reference_and_negative_elsewhere():
     elsewhere = prior.evaluate(MODEL, at()).value
     expected = 0.3 * np.log(0.3 / (1 / 3)) + 0.7 * np.log(0.7 / (2 / 3))
     assert elsewhere == pytest.approx(-2 * expected)
+
+
+@pytest.mark.parametrize("n_states", [2, 50])
+def test_the_mean_divergence_over_pairs_is_that_of_one_pair_on_every_problem_size(n_states):
+    # On a ring of states an outcome stays and another goes on; one pair is not available.
+    own = np.arange(n_states)
+    successors = np.stack([own, (own + 1) % n_states], axis=1)[:, None].repeat(2, axis=1)
+    available = np.ones((n_states, 2), bool)
+    available[0, 1] = False
+    model = OutcomeModels(successors, np.zeros((n_states, 2), int), available, n_models=1)
+    prior = KldPrior(3.0, np.array([[0.75, 0.25]]), mean_over_pairs=True)
+    one_pair = 0.75 * np.log(1.5) + 0.25 * np.log(0.5)
+    assert prior.evaluate(model, EVENS).value == pytest.approx(-3.0 * one_pair, rel=1e-12)
+
+
+def test_a_weighted_mean_divides_by_the_weights_of_available_pairs():
+    # State 0 distinguishes both outcomes, in state 1 both lead to state 1: its divergence is 0.
+    available = np.array([[True, False], [True, True]])
+    model = OutcomeModels(
+        [[[0, 1]] * 2, [[1, 1]] * 2], np.zeros((2, 2), int), available, n_models=1
+    )
+    weights = np.array([[3.0, 100.0], [1.0, 2.0]])
+    prior = KldPrior(1.0, np.array([[0.75, 0.25]]), Block.TRUTH, weights, mean_over_pairs=True)
+    expected = (0.75 * np.log(1.5) + 0.25 * np.log(0.5)) * 3.0 / 6.0
+    assert prior.evaluate(model, EVENS).value == pytest.approx(-expected, rel=1e-12)
+    none = KldPrior(
+        1.0, np.array([[0.75, 0.25]]), Block.TRUTH, np.zeros((2, 2)), mean_over_pairs=True
+    )
+    with pytest.raises(SerdError, match="must have a positive sum over the available pairs, got 0"):
+        none.evaluate(model, EVENS)
 
 
 def test_transitions_that_the_reference_rules_out_do_not_count():
