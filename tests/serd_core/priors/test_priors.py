@@ -30,9 +30,7 @@ PRIORS = [
     EntropyPrior(0.7, Block.BELIEF, state_action_weights=np.array([[2.0], [0.5]])),
     KldPrior(0.7, REFERENCE),
     KldPrior(0.7, REFERENCE, Block.BELIEF, np.array([[2.0], [0.5]])),
-    KldPrior(
-        0.7, REFERENCE, state_action_weights=np.array([[2.0], [0.5]]), mean_over_pairs=True
-    ),
+    KldPrior(0.7, REFERENCE, state_action_weights=np.array([[2.0], [0.5]]), mean_over_pairs=True),
     EntropyPrior(0.7, mean_over_pairs=True),
     CouplingPrior(0.7),
     DirichletPrior(0.7),
