@@ -13,7 +13,7 @@ from pydantic import Field
 
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations, LiveDrive
-from serd_app.learning.methods import FitProgress
+from serd_app.learning.fit_data import FitProgress
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid

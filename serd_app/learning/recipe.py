@@ -7,14 +7,9 @@ import numpy as np
 from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.demonstrations.grid.flow_table import load_flow
 from serd_app.errors import AppError
+from serd_app.learning.fit_data import ProgressCallback, fit_data, ignore_progress
 from serd_app.learning.knowledge import knowledge_of, posterior_of
-from serd_app.learning.methods import (
-    METHODS,
-    ProgressCallback,
-    fit_data,
-    ignore_progress,
-    require_learnable,
-)
+from serd_app.learning.methods import METHODS, require_learnable
 from serd_app.learning.outcome import FitOutcome
 from serd_app.learning.settings import LearningSettings
 from serd_app.places.kept_scenario import own_scenario_yaml

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
 
-from serd_app.learning.methods import FitProgress, ProgressCallback
+from serd_app.learning.fit_data import FitProgress, ProgressCallback
 from serd_app.learning.outcome import FitOutcome
 from serd_core.errors import SerdError
 

@@ -122,7 +122,7 @@ def demos(
 
     An episode that several bags hold counts once.
 
-    Where people were recorded, decisions.flow.csv and .flow.png say which
+    Where people were recorded, decisions.flow.csv and .flow.png show which
     way they walk in each cell. 'serd learn decisions.csv' learns from it.
     decisions.density.csv has the people per m² in the cells around each
     decision, from which 'serd learn --density' learns, decisions.crossings.csv

@@ -15,6 +15,7 @@ from serd_app.demonstrations.recorded import files_beside
 from serd_app.learning.certainty import Certainty, certainty_of
 from serd_app.learning.crossing_times import load_times, times_sentence, unseen_sentence
 from serd_app.learning.expert_groups import Wanted, learn_groups, wanted_types
+from serd_app.learning.fit_data import FitProgress
 from serd_app.learning.knowledge import knowledge_lines
 from serd_app.learning.learning_files import (
     FlowSource,
@@ -22,7 +23,6 @@ from serd_app.learning.learning_files import (
     experts_of_recordings,
     read_learning_files,
 )
-from serd_app.learning.methods import FitProgress
 from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
 from serd_app.learning.recipe import learn as fit
 from serd_app.learning.settings import LearningSettings

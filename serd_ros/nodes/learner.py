@@ -16,7 +16,8 @@ from bags.errors import BagError
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
 from serd_app.learning.checkpoint import LearnerMemory
-from serd_app.learning.methods import FitProgress, require_learnable
+from serd_app.learning.fit_data import FitProgress
+from serd_app.learning.methods import require_learnable
 from serd_app.learning.outcome import FitOutcome, save_outcome
 from serd_app.learning.recipe import learn, require_enough, task_in
 from serd_app.learning.worker import FitWorker

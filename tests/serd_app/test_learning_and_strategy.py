@@ -10,7 +10,7 @@ from serd_app.demonstrations.demonstrations import Demonstrations, demonstration
 from serd_app.demonstrations.grid.flow_table import save_flow
 from serd_app.errors import AppError
 from serd_app.learning.checkpoint import LearnerMemory
-from serd_app.learning.methods import FitProgress
+from serd_app.learning.fit_data import FitProgress
 from serd_app.learning.outcome import fit_of_file, outcome_files, save_outcome
 from serd_app.learning.recipe import learn, task_in
 from serd_app.navigation.strategy import load_strategy, start_distribution

@@ -140,7 +140,7 @@ def _by_velocity(
         return None
     of_one = [each for each in pairs if in_one_namespace(each[0].topic.name, each[1])]
     if any(each[0].topic.type_name not in TF_TYPES for each in of_one):
-        pairs = of_one  # /tf is in no namespace, whosever commands there are
+        pairs = of_one  # /tf is in no namespace
     least = min(fit.disagreement for *_, fit in pairs)
     pose, name, fit = next(each for each in pairs if each[2].disagreement <= least + _EQUAL)
     others = tuple(

@@ -6,6 +6,7 @@ then put on the grid of the model.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -137,6 +138,9 @@ def _files(
     flow: FlowSource,
     goals_m: tuple[tuple[float, float], ...],
 ) -> tuple[LearningFiles, str]:
+    read = partial(
+        read_learning_files, discount=file.discount, flow=flow, density=file.with_density
+    )
     tables = [each for each in trajectories if files_beside(each)["record"].exists()]
     if tables and mapping is not None:
         raise AppError(
@@ -150,29 +154,13 @@ def _files(
     if tables:
         own = load_grid(files_beside(tables[0])["grid"]).fingerprint() == file.grid.fingerprint
         goals = goals_m or (file.goals_m if own else ())
-        files = read_learning_files(
-            tables[0],
-            discount=file.discount,
-            scenario=scenario,
-            flow=flow,
-            goals_m=tuple(goals),
-            density=file.with_density,
-        )
-        return files, ""
+        return read(tables[0], scenario=scenario, goals_m=tuple(goals)), ""
     with TemporaryDirectory() as folder:
         table, place = Path(folder) / "decisions.csv", scenario
         if file.scenario and not scenario:
             place = scenario_beside(model, file.scenario)
         discretised = _discretise(model, file, trajectories, mapping, place, table)
-        files = read_learning_files(
-            table,
-            discount=file.discount,
-            scenario=place,
-            flow=flow,
-            goals_m=goals_m or file.goals_m,
-            density=file.with_density,
-        )
-        return files, discretised
+        return read(table, scenario=place, goals_m=goals_m or file.goals_m), discretised
 
 
 def _discretise(
