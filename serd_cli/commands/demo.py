@@ -5,10 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
-from serd_cli.demo.folder import DemoFolder, new_folder, open_folder
+from serd_cli.demo.folder import DemoFolder, DemoSettings, new_folder, open_folder
 from serd_cli.demo.phases import demonstrate, learn, navigate
 from serd_cli.demo.report import report_demo
-from serd_cli.demo.settings import DemoSettings
 from serd_cli.errors import RunError
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import progress_console

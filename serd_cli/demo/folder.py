@@ -1,14 +1,33 @@
-"""The folder of one demo run and the paths in it."""
+"""What a demo runs with, and the folder of one run, which keeps that beside its results."""
 
 from itertools import count
 from pathlib import Path
 
-from serd_cli.demo.settings import DemoSettings
+from serd_app.navigation.settings import NavigationSettings, PolicyKind
 from serd_cli.errors import UsageError
 from serd_cli.output.paths import free_folder
+from sim.episodes.settings import EpisodeSettings
 from storage.episode_table import EpisodeResult, load_episodes
 from storage.files import atomic_write_text
+from storage.settings import setting, setting_of
 from storage.yaml_config import load_yaml_model, model_yaml
+
+
+class DemoSettings(EpisodeSettings):
+    """Seeds: demonstrations use `seed`, the learned policy drives in a world of another one."""
+
+    seed: int = setting_of(EpisodeSettings, "seed", default=3)
+    demonstrations: int = setting(20, "number of demonstrations by the scripted expert", ge=1)
+    episodes: int = setting_of(
+        EpisodeSettings, "episodes", default=30, description="episodes the learned policy drives"
+    )
+    density: bool = setting(False, "outcomes depend on the density of the recorded people")
+    policy: PolicyKind = setting_of(NavigationSettings, "policy")
+
+    @property
+    def navigation_seed(self) -> int:
+        """Seed of the world the learned policy is measured in."""
+        return self.seed + 1000
 
 
 class DemoFolder:

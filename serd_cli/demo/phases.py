@@ -18,8 +18,7 @@ from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.outcome import save_outcome
 from serd_app.learning.recipe import learn as fit
 from serd_app.learning.settings import LearningSettings
-from serd_cli.demo.folder import DemoFolder
-from serd_cli.demo.settings import DemoSettings
+from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.errors import RunError
 from serd_cli.processes.executables import shared_file
 from serd_cli.processes.stack_run import run_stack

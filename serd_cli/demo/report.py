@@ -17,9 +17,8 @@ from serd_app.demonstrations.recorded import faults_of
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.strategy import load_strategy, start_distribution
-from serd_cli.demo.folder import DemoFolder
+from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.demo.recorded import busy_moment, read_recording
-from serd_cli.demo.settings import DemoSettings
 from serd_cli.output.terminal import console, print_json
 from serd_core.arrival.law import steps_within
 from sim.scenario.scenario import Scenario, load_scenario

@@ -23,7 +23,7 @@ from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arr
 from serd_app.navigation.drive_folder import BegunDrive
 from serd_app.places.area_file import read_area_m
 from serd_app.places.ros_map import MapFile
-from serd_cli.demo.settings import DemoSettings
+from serd_cli.demo.folder import DemoSettings
 from serd_cli.processes.node_commands import parse_assignment, stack_processes
 from serd_core.demonstrations.decisions import Decisions
 from serd_ros.graph.graph import find_stack

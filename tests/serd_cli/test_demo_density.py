@@ -13,9 +13,8 @@ from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.measured_density import load_density
 from serd_app.demonstrations.recorded import faults_of
 from serd_app.navigation.evaluation.familiarity import familiarity_of
-from serd_cli.demo.folder import DemoFolder
+from serd_cli.demo.folder import DemoFolder, DemoSettings
 from serd_cli.demo.phases import learn
-from serd_cli.demo.settings import DemoSettings
 from storage.model_file import load_model
 from tests.serd_cli.conftest import CLOUD, _people
 

@@ -2,8 +2,7 @@
 
 import pytest
 
-from serd_cli.demo.folder import new_folder, open_folder
-from serd_cli.demo.settings import DemoSettings
+from serd_cli.demo.folder import DemoSettings, new_folder, open_folder
 from serd_cli.errors import UsageError
 from storage.errors import FileError
 
