@@ -3,13 +3,14 @@
 The work of a sparse LU follows from its fill, which is counted for the pattern of the MDP before
 anything is factorised: on grids it grows little faster than the states, on random graphs with their
 cube. The iterations of BiCGSTAB grow with the root of the horizon 1 / (1 - gamma) up to a multiple
-of the depth of the graph, and hardly with the states. LU goes by band where that is narrow: three
+of the depth of the graph, hardly with the states, and with the digits that are asked for: Newton's
+steps need few. LU goes by band where that is narrow: three
 times faster than a sparse factor on 20 x 20 cells, four times in hallways of any length, no faster
 on 60 x 60. `python -m benchmarks solvers` measures every choice against every solver.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,11 +24,15 @@ from serd_core.bellman.linear.sparse_lu import SparseLu
 LU = SparseLu()
 BAND = BandedLu()
 # Seconds of a factorisation and of an iteration; their ratios vary little between machines.
-_PER_PRODUCT_S, _PER_FILL_S, _PER_STATE_S = 0.6e-9, 60e-9, 1e-6
-_PER_BAND_PRODUCT_S = 0.9e-9
-_PER_ITERATION_S, _PER_ENTRY_S, _PER_ELEMENT_S = 85e-6, 4e-9, 17e-9
-#: Iterations for a residual of 1e-11: per root of the horizon, and at most per step of depth.
-_LEAST, _PER_ROOT_HORIZON, _PER_DEPTH = 5.0, 6.0, 6.0
+_PER_PRODUCT_S, _PER_FILL_S, _PER_STATE_S = 0.15e-9, 60e-9, 0.1e-6
+_PER_BAND_PRODUCT_S, _PER_BAND_STATE_S = 0.22e-9, 80e-9
+_PER_ITERATION_S, _PER_ENTRY_S, _PER_ELEMENT_S = 25e-6, 1.1e-9, 4.5e-9
+#: Iterations for a residual of FINEST: per root of the horizon, and at most per step of depth.
+FINEST = 1e-11
+_LEAST, _PER_ROOT_HORIZON, _PER_DEPTH = 10.0, 6.0, 6.0
+#: Share of them that fewer digits take at least, up to a horizon; over longer ones the first digits
+#: take nearly as many iterations as all of them, or fail.
+_FEW_DIGITS, _LONGEST_FOR_FEW = 0.5, 300.0
 #: Time of BiCGSTAB with compiled sweeps, as a share of that without: fewer, longer iterations.
 _SWEPT_SHARE = 0.5
 #: A graph in which all states are this near (times log2 of their number) and have more than two
@@ -42,13 +47,18 @@ class Automatic(LinearSolver):
     small_states: LU up to this number of states, where nothing is worth a prediction.
     largest_lu_states: beyond, a factor may not fit, and long horizons use an incomplete one.
     long_horizon: where that begins; widest_band: off-diagonals on either side up to which a band is
-    factorised.
+    factorised; relative_residual: the least that is asked for.
     """
 
     small_states: int = 500
     largest_lu_states: int = 300_000
     long_horizon: float = 1_000.0
     widest_band: int = 50
+    relative_residual: float = FINEST
+
+    def for_residual(self, relative_residual: float) -> LinearSolver:
+        """The choice for systems that are solved to no less than this."""
+        return replace(self, relative_residual=relative_residual)
 
     def choose(self, pattern: PolicyPattern, horizon: float) -> LinearSolver:
         """The solver for a pattern and a horizon 1 / (1 - gamma)."""
@@ -58,10 +68,13 @@ class Automatic(LinearSolver):
         if n_states > self.largest_lu_states:
             return Krylov(fill=10.0) if horizon > self.long_horizon else Krylov()
         growth = min(_PER_ROOT_HORIZON * math.sqrt(horizon), _PER_DEPTH * pattern.depth)
+        if horizon <= _LONGEST_FOR_FEW:
+            digits = math.log(self.relative_residual) / math.log(FINEST)
+            growth *= max(digits, _FEW_DIGITS)
         krylov_s = (_LEAST + growth) * _iteration_s(pattern)
         if Krylov().sweeps(n_states):
             krylov_s *= _SWEPT_SHARE
-        band_s = _PER_BAND_PRODUCT_S * n_states * pattern.band.width**2
+        band_s = n_states * (_PER_BAND_STATE_S + _PER_BAND_PRODUCT_S * pattern.band.width**2)
         if self._is_narrow(pattern) and band_s <= krylov_s:
             return BAND
         return LU if _lu_is_faster_than(krylov_s, pattern) else Krylov()

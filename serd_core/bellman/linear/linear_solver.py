@@ -33,6 +33,11 @@ class LinearSolver(ABC):
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Prepare the matrix with the given numbers (`PolicyPattern.system_data`)."""
 
+    def for_residual(self, relative_residual: float) -> "LinearSolver":
+        """The solver for systems that are solved to no less than this relative residual."""
+        del relative_residual
+        return self
+
 
 @dataclass(frozen=True, eq=False)
 class WithFallback(LinearSystem):

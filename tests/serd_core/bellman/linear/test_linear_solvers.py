@@ -119,6 +119,27 @@ def test_the_choice_follows_graph_and_horizon(graph, n_states, horizon, chosen):
     assert Automatic().choose(pattern_of(graph, n_states), horizon) == chosen
 
 
+@pytest.mark.parametrize(
+    ("graph", "n_states", "horizon", "chosen"),
+    [
+        ("grid", 2_500, 100.0, BandedLu()),
+        ("grid", 10_000, 200.0, Krylov()),
+        ("tree", 10_000, 200.0, SparseLu()),
+        # BiCGSTAB fails there, at any number of digits.
+        ("small world", 10_000, 1e4, SparseLu()),
+    ],
+)
+def test_the_choice_for_few_digits_is_that_of_newtons_steps(graph, n_states, horizon, chosen):
+    for_steps = Automatic().for_residual(3e-2)
+    assert for_steps.choose(pattern_of(graph, n_states), horizon) == chosen
+
+
+def test_fewer_digits_favour_bicgstab():
+    pattern = pattern_of("grid", 10_000)
+    assert Automatic().choose(pattern, 290.0) == SparseLu()
+    assert Automatic().for_residual(3e-2).choose(pattern, 290.0) == Krylov()
+
+
 def test_beyond_the_largest_factor_the_horizon_alone_counts():
     pattern, automatic = pattern_of("ring", 600), Automatic(largest_lu_states=599)
     assert automatic.choose(pattern, 100.0) == Krylov()
