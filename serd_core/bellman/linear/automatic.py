@@ -30,8 +30,8 @@ _PER_ITERATION_S, _PER_ENTRY_S, _PER_ELEMENT_S = 25e-6, 1.1e-9, 4.5e-9
 #: Iterations for a residual of FINEST: per root of the horizon, and at most per step of depth.
 FINEST = 1e-11
 _LEAST, _PER_ROOT_HORIZON, _PER_DEPTH = 10.0, 6.0, 6.0
-#: Share of them that fewer digits take at least, up to a horizon; over longer ones the first digits
-#: take nearly as many iterations as all of them, or fail.
+#: Share of those by horizon that fewer digits take at least, up to a horizon; over longer ones the
+#: first digits take nearly as many iterations as all of them, or fail.
 _FEW_DIGITS, _LONGEST_FOR_FEW = 0.5, 300.0
 #: Time of BiCGSTAB with compiled sweeps, as a share of that without: fewer, longer iterations.
 _SWEPT_SHARE = 0.5
@@ -53,12 +53,12 @@ class Automatic(LinearSolver):
     small_states: int = 500
     largest_lu_states: int = 300_000
     long_horizon: float = 1_000.0
-    widest_band: int = 50
+    widest_band: int = 65
     relative_residual: float = FINEST
 
     def for_residual(self, relative_residual: float) -> LinearSolver:
         """The choice for systems that are solved to no less than this."""
-        return replace(self, relative_residual=relative_residual)
+        return replace(self, relative_residual=max(relative_residual, FINEST))
 
     def choose(self, pattern: PolicyPattern, horizon: float) -> LinearSolver:
         """The solver for a pattern and a horizon 1 / (1 - gamma)."""
@@ -67,10 +67,10 @@ class Automatic(LinearSolver):
             return BAND if self._is_narrow(pattern) else LU
         if n_states > self.largest_lu_states:
             return Krylov(fill=10.0) if horizon > self.long_horizon else Krylov()
-        growth = min(_PER_ROOT_HORIZON * math.sqrt(horizon), _PER_DEPTH * pattern.depth)
-        if horizon <= _LONGEST_FOR_FEW:
-            digits = math.log(self.relative_residual) / math.log(FINEST)
-            growth *= max(digits, _FEW_DIGITS)
+        digits = math.log(self.relative_residual) / math.log(FINEST)
+        share = max(digits, _FEW_DIGITS) if horizon <= _LONGEST_FOR_FEW else 1.0
+        by_horizon = share * _PER_ROOT_HORIZON * math.sqrt(horizon)
+        growth = min(by_horizon, _PER_DEPTH * pattern.depth)
         krylov_s = (_LEAST + growth) * _iteration_s(pattern)
         if Krylov().sweeps(n_states):
             krylov_s *= _SWEPT_SHARE

@@ -125,6 +125,7 @@ def test_the_choice_follows_graph_and_horizon(graph, n_states, horizon, chosen):
         ("grid", 2_500, 100.0, BandedLu()),
         ("grid", 10_000, 200.0, Krylov()),
         ("tree", 10_000, 200.0, SparseLu()),
+        ("star", 10_000, 100.0, SparseLu()),
         # BiCGSTAB fails there, at any number of digits.
         ("small world", 10_000, 1e4, SparseLu()),
     ],
