@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.planning.rollout_costs import CostSettings, PeopleAround, RolloutCosts
+from sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings
 from sim.planning.rollouts import Rollouts, reachable_window, roll_out
 from sim.planning.stopping import (
     REACTION_S,
@@ -107,7 +107,7 @@ class DwaPlanner:
         return speeds, middle + half * self._turn_shares
 
     def _turn_to_leave(
-        self, observation: Observation, around: PeopleAround, waypoint: Waypoint
+        self, observation: Observation, around: Surroundings, waypoint: Waypoint
     ) -> Command:
         """Turn in place towards the best way out; stand still where there is none."""
         speeds = np.append(np.linspace(0.25, 1.0, 3) * self._robot.max_vel_x_mps, 0.0)
@@ -119,7 +119,7 @@ class DwaPlanner:
     def _cost(
         self,
         observation: Observation,
-        around: PeopleAround,
+        around: Surroundings,
         waypoint: Waypoint,
         speeds: FloatArray,
         turns: FloatArray,
@@ -146,7 +146,7 @@ class DwaPlanner:
             slowest_mps=_SLOWEST_MPS,
             reaction_s=REACTION_S + turn_first_s,
         )
-        wall_cost, at_wall = self._costs.walls(x_m, y_m, soon.shape[1])
+        wall_cost, at_wall = self._costs.walls(x_m, y_m, around, soon.shape[1])
         people_cost, at_person = self._costs.people(x_m, y_m, around, soon.shape[1])
         hits = ((at_wall | at_person) & soon[:, None, :]).any(axis=2)
         cost = self._costs.progress(x_m, y_m, waypoint) + wall_cost + people_cost

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.planning.rollout_costs import CostSettings, PeopleAround, RolloutCosts
+from sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings
 from sim.planning.stopping import before_stop, require_foresight, speed_to_stop_within
 from sim.scenario.scenario import Scenario
 from sim.world.command import STOP, Command
@@ -119,7 +119,7 @@ class MppiPlanner:
     def _cost(
         self,
         observation: Observation,
-        around: PeopleAround,
+        around: Surroundings,
         waypoint: Waypoint,
         speed: FloatArray,
         turning: FloatArray,
@@ -133,7 +133,7 @@ class MppiPlanner:
         to_x, to_y = waypoint.x_m - x_m[:, -1], waypoint.y_m - y_m[:, -1]
         heading_error = np.arctan2(to_y, to_x) - yaw[:, -1]
         soon = before_stop(speed[:, 0], self._robot, self._time_s, slowest_mps=_SLOWEST_MPS)
-        wall_cost, at_wall = self._costs.walls(x_m, y_m, soon.shape[1])
+        wall_cost, at_wall = self._costs.walls(x_m, y_m, around, soon.shape[1])
         people_cost, at_person = self._costs.people(x_m, y_m, around, soon.shape[1])
         cost = self._costs.progress(x_m, y_m, waypoint) + wall_cost + people_cost
         cost += self._costs.heading(heading_error, np.hypot(to_x, to_y))

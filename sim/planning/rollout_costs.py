@@ -1,9 +1,9 @@
 """Costs of rollouts: distance to the waypoint, nearness of walls and people.
 
 Positions are (..., T) arrays, costs (...). A rollout is `too close` at a time when the robot would
-touch a wall, or come nearer to a person than a small margin: to one who walks straight on, or to
-one who stops, since people do both. A person who touches the robot does not keep it from leaving: a
-rollout is too close only where it is nearer to the person than standing still would be.
+come nearer than a small margin to a wall or to a person: to one who walks straight on, or to one
+who stops, since people do both. A wall or person within the margin does not keep the robot from
+leaving: a rollout is too close only where it is nearer than standing still would be.
 """
 
 from dataclasses import dataclass
@@ -51,16 +51,18 @@ class CostSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class PeopleAround:
-    """The nearby people, and how near a rollout may bring the robot to them.
+class Surroundings:
+    """The nearby people, and how near a rollout may bring the robot to them and to walls.
 
     nearest_m: (T,) smallest gap allowed to the predicted people; nearest_now_m: (1,) to where they
-    are now. Below zero where a person touches the robot.
+    are now. Below zero where a person touches the robot. nearest_wall_m: distance from the centre
+    of the robot that is allowed to walls.
     """
 
     people: PredictedPeople
     nearest_m: FloatArray
     nearest_now_m: FloatArray
+    nearest_wall_m: float
 
 
 class RolloutCosts:
@@ -69,10 +71,10 @@ class RolloutCosts:
     def __init__(self, scenario: Scenario, settings: CostSettings, time_s: FloatArray) -> None:
         self.settings = settings
         self._time_s = time_s
-        self._robot_radius_m = scenario.robot.radius_m
         person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
-        self._reach_m = self._robot_radius_m + person_radius_m
+        self._reach_m = scenario.robot.radius_m + person_radius_m
         self._walls = wall_distance_raster(scenario)
+        self._least_wall_m = scenario.robot.radius_m + settings.wall_margin_m
         self._foresight: FloatArray = np.exp(-time_s / settings.foresight_s)
 
     def progress(self, x_m: FloatArray, y_m: FloatArray, waypoint: Waypoint) -> FloatArray:
@@ -96,16 +98,17 @@ class RolloutCosts:
         cost: FloatArray = self.settings.heading_weight * error * np.minimum(1.0, 2.0 * distance_m)
         return cost
 
-    def walls(self, x_m: FloatArray, y_m: FloatArray, n_soon: int) -> tuple[FloatArray, BoolArray]:
-        """Nearness of walls (...), and where (..., n_soon) one would be touched."""
+    def walls(
+        self, x_m: FloatArray, y_m: FloatArray, around: Surroundings, n_soon: int
+    ) -> tuple[FloatArray, BoolArray]:
+        """Nearness of walls (...), and where (..., n_soon) one is too close."""
         settings = self.settings
-        reach_m = self._robot_radius_m + settings.wall_margin_m
-        gap = self._walls.at(x_m, y_m)
-        gap -= reach_m
-        nearness = np.exp(-np.maximum(gap.min(axis=-1), 0.0) / settings.wall_decay_m)
-        return settings.wall_weight * nearness, gap[..., :n_soon] < 0.0
+        away_m = self._walls.at(x_m, y_m)
+        gap = np.maximum(away_m.min(axis=-1) - self._least_wall_m, 0.0)
+        nearness = np.exp(-gap / settings.wall_decay_m)
+        return settings.wall_weight * nearness, away_m[..., :n_soon] < around.nearest_wall_m
 
-    def look(self, observation: Observation) -> PeopleAround:
+    def look(self, observation: Observation) -> Surroundings:
         """What all rollouts from here share: the nearby people, and the gaps of a robot at rest."""
         settings = self.settings
         people = predict_nearby(
@@ -115,14 +118,15 @@ class RolloutCosts:
         here_y = np.full_like(self._time_s, observation.y_m)
         standing = self._gap(here_x, here_y, people.x_m, people.y_m)
         standing_now = self._gap(here_x[:1], here_y[:1], people.now_x_m, people.now_y_m)
-        return PeopleAround(
+        return Surroundings(
             people,
             np.minimum(settings.person_margin_m, standing - _NO_NEARER_M),
             np.minimum(settings.stopped_margin_m, standing_now - _NO_NEARER_M),
+            min(self._least_wall_m, float(self._walls.at(here_x[:1], here_y[:1])[0])),
         )
 
     def people(
-        self, x_m: FloatArray, y_m: FloatArray, around: PeopleAround, n_soon: int
+        self, x_m: FloatArray, y_m: FloatArray, around: Surroundings, n_soon: int
     ) -> tuple[FloatArray, BoolArray]:
         """Nearness of people (...), sooner counting more, and where (..., n_soon) one is too close.
 
@@ -143,7 +147,7 @@ class RolloutCosts:
         return self.settings.people_weight * nearness.max(axis=-1), too_close
 
     def _too_close_to_now(
-        self, x_m: FloatArray, y_m: FloatArray, around: PeopleAround
+        self, x_m: FloatArray, y_m: FloatArray, around: Surroundings
     ) -> BoolArray:
         """(..., n_soon) where the robot would be too near to the present position of a person."""
         people = around.people

@@ -37,10 +37,18 @@ def test_facing_away_costs_most_and_nothing_at_the_waypoint():
 
 def test_a_wall_within_reach_is_too_close():
     x_m, y_m = np.array([[5.0, 5.9], [3.0, 3.1]]), np.full((2, 2), 8.0)
-    cost, too_close = COSTS.walls(x_m, y_m, 2)
+    cost, too_close = COSTS.walls(x_m, y_m, COSTS.look(seen()), 2)
     assert too_close.tolist() == [[False, True], [False, False]]
     assert cost[0] == pytest.approx(SETTINGS.wall_weight)
     assert cost[1] < 1e-3
+
+
+def test_a_wall_within_the_margin_does_not_keep_the_robot_from_leaving():
+    """It stands 0.275 m from the wall at x = 6 m, drives along, away and nearer."""
+    around = COSTS.look(observation_at(5.725, 8.0))
+    x_m = np.array([[5.725, 5.725], [5.70, 5.6], [5.725, 5.775]])
+    _, too_close = COSTS.walls(x_m, np.array([[8.1, 8.2]] * 3), around, 2)
+    assert too_close.tolist() == [[False, False], [False, False], [False, True]]
 
 
 def test_a_person_who_will_be_there_costs_and_is_too_close_then():
