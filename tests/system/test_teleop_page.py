@@ -198,6 +198,17 @@ class World:
         self.until_later(duration_s)
         assert max(self.speeds_mps) < STOPPED_MPS
 
+    def until_it_stands(self, duration_s=1.0):
+        """Until it has stood for so much simulated time from now on.
+
+        A robot that turns around, or that waits at a wall, stands for a moment too.
+        """
+        self.probe.spin_all()
+        since_s = self.time_s
+        self.until(
+            lambda: self.time_s >= max(self.moved_s, self.turned_s, since_s) + duration_s,
+        )
+
     def until_later(self, duration_s):
         """Until so much simulated time has passed."""
         since_s = self.time_s
@@ -373,14 +384,14 @@ def test_a_held_key_drives_on_only_when_it_is_pressed_anew(driving, world, nodes
 
     press_anew(page, world, Keys.ARROW_RIGHT, Keys.ARROW_LEFT)
     nodes.kill("local_planner")
-    world.until(lambda: world.speed_mps < STOPPED_MPS)
+    world.until_it_stands()
     nodes.restart("local_planner")
     world.probe.spin_until(lambda: "local_planner" in world.probe.node.get_node_names())
     world.stands_for(2 * A_DECISION_S)
     press_anew(page, world, Keys.ARROW_RIGHT, Keys.ARROW_LEFT)
 
     with page.frozen():
-        world.until(lambda: world.speed_mps < STOPPED_MPS)
+        world.until_it_stands()
     world.stands_for(A_DECISION_S)
     page.keys().key_up(Keys.ARROW_RIGHT).perform()
     press_anew(page, world, Keys.ARROW_LEFT, Keys.ARROW_RIGHT)
@@ -407,7 +418,7 @@ def test_a_gamepad_drives_by_velocities_and_a_page_that_closes_stops_the_robot(d
     page.keys().key_down(Keys.ARROW_LEFT).perform()
     press_anew(page, world, Keys.ARROW_DOWN, Keys.ARROW_UP)
     with page.frozen():
-        world.until(lambda: world.speed_mps < STOPPED_MPS)
+        world.until_it_stands()
     world.stands_for(1.0)
     page.keys().key_up(Keys.ARROW_LEFT).perform()
     press_anew(page, world, Keys.ARROW_DOWN, Keys.ARROW_UP)
