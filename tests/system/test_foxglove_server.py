@@ -21,6 +21,7 @@ from support.waiting import PATIENCE_S, wait_until
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 _HEAD = struct.Struct("<BIQ")
 _MESSAGE_DATA = 1
+_UNKNOWN = re.compile(r"Unknown channel ID: (\d+)")
 
 
 class Client:
@@ -49,12 +50,18 @@ class Client:
                 assert channel["encoding"] == "cdr"
                 self._topics[number] = topic
                 self.schemas[topic] = channel["schemaName"], channel["schema"]
-                wish = {"id": number, "channelId": number}
-                await socket.send_json({"op": "subscribe", "subscriptions": [wish]})
+                await self._subscribe(socket, number)
+            # The server advertises a channel before it knows it itself, and refuses who is faster.
+            if message["op"] == "status" and (unknown := _UNKNOWN.fullmatch(message["message"])):
+                await self._subscribe(socket, int(unknown[1]))
         elif received.type is aiohttp.WSMsgType.BINARY:
             code, number, _ = _HEAD.unpack_from(received.data)
             assert code == _MESSAGE_DATA
             self.messages[self._topics[number]] = received.data[_HEAD.size :]
+
+    async def _subscribe(self, socket, number):
+        wish = {"id": number, "channelId": number}
+        await socket.send_json({"op": "subscribe", "subscriptions": [wish]})
 
 
 def test_a_client_receives_topics_with_their_types_and_latched_ones_late(nodes, probe, ros_env):
