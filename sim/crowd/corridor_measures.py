@@ -172,7 +172,7 @@ def measure_simulation(
     for step in range(round((settle_s + duration_s) / _STEP_S)):
         crowd.step(_STEP_S)
         if step * _STEP_S >= settle_s and step % _STEPS_PER_FRAME == 0:
-            places.append(np.stack([crowd.x_m, crowd.y_m], axis=1))
+            places.append(crowd.position_m)
     middle_m = (0.5 * length_m, 0.5 * width_m)
     corridor = Corridor(0, middle_m, width_m, half_length_m, share_backwards)
     return measure_recording(_rounds(np.array(places), length_m), corridor)

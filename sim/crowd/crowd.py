@@ -62,6 +62,7 @@ class Crowd:
         self._model, self._routes, self._rng = model, routes, rng
         self._fluctuation_mps2, self._period_m = fluctuation_mps2, period_m
         self.x_m, self.y_m = x_m.copy(), y_m.copy()
+        self._radius_m = np.full(count, model.body_radius_m)
         self._standing_m = np.zeros((0, 2)) if standing_m is None else standing_m
         _, (self.velocity_x_mps, self.velocity_y_mps) = self._wanted()
         self._pairs = PairGeometry(count, count + 1, period_m)
@@ -69,6 +70,16 @@ class Crowd:
 
     def __len__(self) -> int:
         return len(self.x_m)
+
+    @property
+    def position_m(self) -> FloatArray:
+        """(N, 2) where the people are."""
+        return _columns(self.x_m, self.y_m)
+
+    @property
+    def velocity_mps(self) -> FloatArray:
+        """(N, 2) how they move."""
+        return _columns(self.velocity_x_mps, self.velocity_y_mps)
 
     def step(self, step_s: float, *robots: RobotBody) -> None:
         """Move all people by one step. robots: those that they see."""
@@ -117,8 +128,8 @@ class Crowd:
         if len(robots) != self._pairs.dx_m.shape[1] - len(self):
             self._pairs = PairGeometry(len(self), len(self) + len(robots), self._period_m)
         self._pairs.update(
-            np.append(self.x_m, [each.x_m for each in robots]),
-            np.append(self.y_m, [each.y_m for each in robots]),
+            np.concatenate([self.x_m, [each.x_m for each in robots]]),
+            np.concatenate([self.y_m, [each.y_m for each in robots]]),
         )
         self._walls.update(self.x_m, self.y_m)
         bodies = self._bodies(heading_x, heading_y, robots)
@@ -136,7 +147,7 @@ class Crowd:
         heading_x, heading_y = self._routes.headings(self.x_m, self.y_m)
         count = len(self._standing_m)
         if count:
-            back_m = self._standing_m - np.stack([self.x_m[-count:], self.y_m[-count:]], axis=1)
+            back_m = self._standing_m - self.position_m[-count:]
             way_m = np.maximum(np.hypot(back_m[:, 0], back_m[:, 1]), _AT_PLACE_M)
             heading_x[-count:], heading_y[-count:] = (back_m / way_m[:, None]).T
         wanted_x = self.desired_speed_mps * heading_x
@@ -147,17 +158,15 @@ class Crowd:
         self, heading_x: FloatArray, heading_y: FloatArray, robots: Sequence[RobotBody]
     ) -> Bodies:
         """The people and, last, the robots; a robot at rest has no heading."""
-        velocity = np.array([(each.velocity_x_mps, each.velocity_y_mps) for each in robots])
-        speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        moving = (speed > 1e-6)[:, None]
-        heading = np.where(moving, velocity / np.where(moving, speed[:, None], 1.0), 0.0)
-        radius = [each.radius_m for each in robots]
+        velocities = [(each.velocity_x_mps, each.velocity_y_mps) for each in robots]
+        robots_x, robots_y = zip(*velocities, strict=True)
+        headings_x, headings_y = zip(*map(_heading_of, velocities), strict=True)
         return Bodies(
-            heading_x=np.append(heading_x, heading[:, 0]),
-            heading_y=np.append(heading_y, heading[:, 1]),
-            velocity_x_mps=np.append(self.velocity_x_mps, velocity[:, 0]),
-            velocity_y_mps=np.append(self.velocity_y_mps, velocity[:, 1]),
-            radius_m=np.append(np.full(len(self), self.body_radius_m), radius),
+            heading_x=np.concatenate([heading_x, headings_x]),
+            heading_y=np.concatenate([heading_y, headings_y]),
+            velocity_x_mps=np.concatenate([self.velocity_x_mps, robots_x]),
+            velocity_y_mps=np.concatenate([self.velocity_y_mps, robots_y]),
+            radius_m=np.concatenate([self._radius_m, [each.radius_m for each in robots]]),
         )
 
     def _limit_speed(self) -> None:
@@ -186,6 +195,18 @@ class Crowd:
         inwards = np.minimum(inwards, 0.0)
         self.velocity_x_mps[rows] -= inwards * away_x
         self.velocity_y_mps[rows] -= inwards * away_y
+
+
+def _columns(x: FloatArray, y: FloatArray) -> FloatArray:
+    """(N, 2), in a third of the time of `numpy.stack`."""
+    both: FloatArray = np.empty((len(x), 2))
+    both[:, 0], both[:, 1] = x, y
+    return both
+
+
+def _heading_of(velocity: tuple[float, float]) -> tuple[float, float]:
+    speed = float(np.hypot(*velocity))
+    return (velocity[0] / speed, velocity[1] / speed) if speed > 1e-6 else (0.0, 0.0)
 
 
 #: Stands in for the loop of a person who stands.

@@ -182,14 +182,13 @@ class CollisionPrediction:
 
     def people_force(self, pairs: PairGeometry, bodies: Bodies) -> Force:
         """Sum over the others of both repulsions."""
-        n_people = len(pairs.dx_m)
         away_x, away_y = self._at_closest_approach(pairs, bodies)
         distance = np.maximum(np.sqrt(away_x**2 + away_y**2), _COINCIDENT_M)
-        reach = self._reach_m(self.radius_m, bodies, n_people, self.robot_clearance_m) - distance
-        push = self.strength_mps2 * np.exp(np.minimum(reach / self.decay_m, 3.0))
+        overlap = self._overlap_m(self.radius_m, bodies, distance, self.robot_clearance_m)
+        push = self.strength_mps2 * np.exp(np.minimum(overlap / self.decay_m, 3.0))
         push *= _weight_by_direction(pairs, bodies, self.anisotropy)
         push *= np.isfinite(pairs.distance_m) / distance
-        overlap = self._reach_m(self.core_radius_m, bodies, n_people) - pairs.distance_m
+        overlap = self._overlap_m(self.core_radius_m, bodies, pairs.distance_m)
         core = np.exp(np.minimum(overlap / self.core_decay_m, 3.0)) / pairs.distance_m
         core *= self.core_strength_mps2
         return (
@@ -197,12 +196,15 @@ class CollisionPrediction:
             np.einsum("ij,ij->i", push, away_y) + np.einsum("ij,ij->i", core, pairs.dy_m),
         )
 
-    def _reach_m(
-        self, radius_m: float, bodies: Bodies, n_people: int, clearance_m: float = 0.0
+    def _overlap_m(
+        self, radius_m: float, bodies: Bodies, distance_m: FloatArray, clearance_m: float = 0.0
     ) -> FloatArray:
-        """(n_bodies,) sums of radii, of that radius for people; clearance_m: to the robot."""
+        """Sums of radii, of that radius for people, less distances; clearance_m: to the robot."""
+        n_people = len(distance_m)
+        overlap_m = 2.0 * radius_m - distance_m
         robot_m = self.body_radius_m + bodies.radius_m[n_people:] + clearance_m
-        return np.append(np.full(n_people, 2.0 * radius_m), robot_m)
+        np.subtract(robot_m, distance_m[:, n_people:], out=overlap_m[:, n_people:])
+        return overlap_m
 
     def _at_closest_approach(self, pairs: PairGeometry, bodies: Bodies) -> Force:
         """(n_people, n_bodies) vectors from the others when they are nearest, soon or now."""
@@ -211,7 +213,7 @@ class CollisionPrediction:
         closing_y = bodies.velocity_y_mps[:n_people, None] - bodies.velocity_y_mps
         squared = np.maximum(closing_x**2 + closing_y**2, _STANDING_M2PS2)
         time_s = -(pairs.dx_m * closing_x + pairs.dy_m * closing_y) / squared
-        np.clip(time_s, 0.0, self.foresight_s, out=time_s)
+        np.minimum(np.maximum(time_s, 0.0, out=time_s), self.foresight_s, out=time_s)
         return pairs.dx_m + time_s * closing_x, pairs.dy_m + time_s * closing_y
 
     def wall_force(self, walls: WallGeometry) -> Force:

@@ -101,7 +101,8 @@ class DwaPlanner:
         )
         fastest = max(min(window.fastest_mps, speed_to_stop_within(distance_m, robot)), 0.0)
         slowest = min(max(window.slowest_mps, 0.0), fastest)
-        speeds = np.append(np.linspace(slowest, fastest, self._settings.vx_samples - 1), 0.0)
+        moving = np.linspace(slowest, fastest, self._settings.vx_samples - 1)
+        speeds = np.concatenate([moving, [0.0]])
         half = 0.5 * (window.leftmost_radps - window.rightmost_radps)
         middle = 0.5 * (window.leftmost_radps + window.rightmost_radps)
         return speeds, middle + half * self._turn_shares

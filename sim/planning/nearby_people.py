@@ -61,11 +61,12 @@ def gap_to_people_m(
 ) -> FloatArray:
     """Gap to the nearest of K people at each point; `reach_m` is the sum of the two radii.
 
-    people_x_m, people_y_m: (K, T), or (K, 1) for people who stand.
+    people_x_m, people_y_m: (K, T), or (K, 1) for people who stand. One point is one of a robot that
+    stands, at all times.
     """
     if x_m.size == x_m.shape[-1]:  # one rollout: all people at once
         squared = np.square(x_m.ravel() - people_x_m) + np.square(y_m.ravel() - people_y_m)
-        nearest = squared.min(axis=0, initial=np.inf).reshape(x_m.shape)
+        nearest = squared.min(axis=0, initial=np.inf).reshape(*x_m.shape[:-1], -1)
     else:  # many: person by person, which fits into the processor's cache
         nearest = np.full(x_m.shape, np.inf)
         away_x, away_y = np.empty(x_m.shape), np.empty(x_m.shape)

@@ -114,15 +114,14 @@ class RolloutCosts:
         people = predict_nearby(
             observation, settings.people_range_m, settings.max_people, self._time_s
         )
-        here_x = np.full_like(self._time_s, observation.x_m)
-        here_y = np.full_like(self._time_s, observation.y_m)
+        here_x, here_y = np.array(observation.pose[:2])[:, None]
         standing = self._gap(here_x, here_y, people.x_m, people.y_m)
-        standing_now = self._gap(here_x[:1], here_y[:1], people.now_x_m, people.now_y_m)
+        standing_now = self._gap(here_x, here_y, people.now_x_m, people.now_y_m)
         return Surroundings(
             people,
             np.minimum(settings.person_margin_m, standing - _NO_NEARER_M),
             np.minimum(settings.stopped_margin_m, standing_now - _NO_NEARER_M),
-            min(self._least_wall_m, float(self._walls.at(here_x[:1], here_y[:1])[0])),
+            min(self._least_wall_m, float(self._walls.at(here_x, here_y)[0])),
         )
 
     def people(

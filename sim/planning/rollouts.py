@@ -48,7 +48,7 @@ class Rollouts:
 def ramp(start: float, wanted: FloatArray, limit: float, time_s: FloatArray) -> FloatArray:
     """(n, T) values that go from `start` to each wanted one at the limited rate."""
     reach = limit * time_s
-    change: FloatArray = np.clip((wanted - start)[:, None], -reach, reach)
+    change: FloatArray = np.minimum(np.maximum((wanted - start)[:, None], -reach), reach)
     return start + change
 
 

@@ -102,7 +102,7 @@ class Dynamics:
         self._scenario, self._person_radius_m = scenario, person_radius_m
         self._drive = settings.differential_drive()
         self._wheel_radius_m = settings.rolling_radius_m(self._drive)
-        self._torque_nm = settings.wheel_torque_nm
+        self._torques_nm = (settings.wheel_torque_nm, settings.wheel_torque_nm)
         self._n_substeps = math.ceil(scenario.control_period_s / _LONGEST_SUBSTEP_S - 1e-9)
         self._substep_s = scenario.control_period_s / self._n_substeps
         self._start = Start((0.0, 0.0, 0.0))
@@ -134,18 +134,19 @@ class Dynamics:
         if people:
             self._people_log[len(self._wheel_log) // 2] = people
         self._wheel_log.extend(wheels_radps)
-        before, self._target = self._target, wheels_radps
+        (left, right), self._target = self._target, wheels_radps
+        more_left, more_right = wheels_radps[0] - left, wheels_radps[1] - right
         self.people.place(people)
         impulses = Impulses()
+        movable = self._scenario.movable_obstacles
         for substep in range(1, self._n_substeps + 1):
             share = substep / self._n_substeps
-            left, right = (
-                old + share * (new - old) for old, new in zip(before, wheels_radps, strict=True)
-            )
-            self._turn_wheels((left, right))
-            self.obstacles.brake()
+            self._turn_wheels((left + share * more_left, right + share * more_right))
+            if movable:
+                self.obstacles.brake()
             pybullet.stepSimulation(self._client)
-            self.obstacles.stop_doors()
+            if movable:
+                self.obstacles.stop_doors()
             if near_walls or people:
                 self._add_contacts(impulses)
         return impulses
@@ -166,10 +167,10 @@ class Dynamics:
         pose = x_m, y_m, yaw_of(turn)
         return BodyMotion(pose, (vx_mps, vy_mps), yaw_rate, (left, right), inertial)
 
-    def _root_m(self, place: Sequence[float], turn: Quaternion) -> list[float]:
+    def _root_m(self, place: Vector, turn: Quaternion) -> Vector:
         """Position of the root link, of which `turn` is the orientation, by that of its mass."""
-        root_m: list[float] = np.subtract(place, rotated(turn, self._mass_in_root[0])).tolist()
-        return root_m
+        x, y, z = rotated(turn, self._mass_in_root[0])
+        return place[0] - x, place[1] - y, place[2] - z
 
     def _root_mps(self, velocity: Vector, rates: Vector, turn: Quaternion) -> Vector:
         """Velocity of the root link by that of its mass, which is at r from it: v - w x r."""
@@ -298,15 +299,13 @@ class Dynamics:
         return (start.speed_mps - half) / radius_m, (start.speed_mps + half) / radius_m
 
     def _turn_wheels(self, wheels_radps: Wheels) -> None:
+        left, right = self._drive.turns_forward
         pybullet.setJointMotorControlArray(
             self._robot,
             self._wheels,
             pybullet.VELOCITY_CONTROL,
-            targetVelocities=[
-                sign * target
-                for sign, target in zip(self._drive.turns_forward, wheels_radps, strict=True)
-            ],
-            forces=[self._torque_nm, self._torque_nm],
+            targetVelocities=(left * wheels_radps[0], right * wheels_radps[1]),
+            forces=self._torques_nm,
             physicsClientId=self._client,
         )
 
@@ -336,6 +335,7 @@ class Dynamics:
         centre, turn = pybullet.getBasePositionAndOrientation(self._robot, self._client)
         turn = product(turn, self._root_turn)
         yaw_rad = yaw_of(turn)
-        x_m, y_m, _ = np.subtract(place_m, self._root_m(centre, turn)).tolist()
+        root_m = self._root_m(centre, turn)
+        x_m, y_m = place_m[0] - root_m[0], place_m[1] - root_m[1]
         cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
         return cosine * x_m + sine * y_m, cosine * y_m - sine * x_m

@@ -84,8 +84,8 @@ class PhysicalRobot:
         """
         before = self.state
         target = limited_velocity(command, *before.target, self._settings, self._step_s)
-        velocities = np.stack([crowd.velocity_x_mps, crowd.velocity_y_mps], axis=1)
-        places = np.stack([crowd.x_m, crowd.y_m], axis=1) - self._step_s * velocities
+        velocities = crowd.velocity_mps
+        places = crowd.position_m - self._step_s * velocities
         reach_m = self._settings.radius_m + self._person_radius_m
         near = near_people(before.pose[:2], reach_m, self._step_s, places, velocities)
         at_obstacles = self._people_at_obstacles(places, velocities)

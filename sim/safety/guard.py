@@ -329,4 +329,6 @@ def in_frame(points_m: FloatArray, frame: Pose) -> FloatArray:
 def _rotated(vectors: FloatArray, angle_rad: float) -> FloatArray:
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     x, y = vectors[:, 0], vectors[:, 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
+    turned: FloatArray = np.empty((len(vectors), 2))
+    turned[:, 0], turned[:, 1] = cos * x - sin * y, sin * x + cos * y
+    return turned

@@ -10,7 +10,7 @@ from collections import deque
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import BoolArray, FloatArray
 from sim.safety.motion import Pose, PoseTrack, motion_between
 from sim.safety.reasons import Fault
 from sim.safety.scan import Scan, shown_by
@@ -283,7 +283,17 @@ def lost_share(scan: Scan) -> float:
 
     Three or more rays without a return side by side look along a free corridor.
     """
+    if scan.valid.all():
+        return 0.0
     without = ~scan.valid
-    inside = without & np.roll(without, 1) & np.roll(without, -1)
-    corridor = inside | np.roll(inside, 1) | np.roll(inside, -1)
+    before, after = _neighbours(without)
+    inside = without & before & after
+    before, after = _neighbours(inside)
+    corridor = inside | before | after
     return float((without & ~corridor | np.isnan(scan.ranges_m)).mean())
+
+
+def _neighbours(rays: BoolArray) -> tuple[BoolArray, BoolArray]:
+    """The values of the rays before and after each ray of a full turn."""
+    turn = np.concatenate([rays[-1:], rays, rays[:1]])
+    return turn[:-2], turn[2:]

@@ -1,7 +1,8 @@
 """One scan of a lidar with the geometry that its message has."""
 
+import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,18 @@ class ScanGeometry:
     @property
     def is_finite(self) -> bool:
         """Whether all values are numbers."""
-        return bool(np.isfinite(list(vars(self).values())).all())
+        return all(map(math.isfinite, vars(self).values()))
+
+    def angles_rad(self, n_rays: int) -> FloatArray:
+        """(n_rays,) directions of the rays in the lidar's frame."""
+        rays = np.arange(n_rays, dtype=np.float64)
+        return self.angle_min_rad + self.angle_increment_rad * rays
+
+
+@lru_cache(maxsize=16)
+def _directions(geometry: ScanGeometry, n_rays: int) -> FloatArray:
+    angle = geometry.angles_rad(n_rays)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +68,12 @@ class Scan:
     @property
     def angles_rad(self) -> FloatArray:
         """(n_rays,) directions of the rays in the lidar's frame."""
-        geometry = self.geometry
-        rays = np.arange(len(self.ranges_m), dtype=np.float64)
-        return geometry.angle_min_rad + geometry.angle_increment_rad * rays
+        return self.geometry.angles_rad(len(self.ranges_m))
 
     @property
     def directions(self) -> FloatArray:
-        """(n_rays, 2) directions of the rays in the lidar's frame."""
-        angle = self.angles_rad
-        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        """(n_rays, 2) directions of the rays in the lidar's frame; do not write to it."""
+        return _directions(self.geometry, len(self.ranges_m))
 
     def points_within(self, range_m: float) -> FloatArray:
         """(N, 2) ends of the rays of up to that range, in the lidar's frame."""

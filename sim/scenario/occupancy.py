@@ -43,8 +43,8 @@ class WallDistanceRaster:
         scale = 1.0 / self.resolution_m
         column = ((x_m - self.origin_m[0]) * scale).astype(np.intp)
         row = ((y_m - self.origin_m[1]) * scale).astype(np.intp)
-        np.clip(column, 0, columns - 1, out=column)
-        np.clip(row, 0, rows - 1, out=row)
+        for index, count in ((column, columns), (row, rows)):
+            np.minimum(np.maximum(index, 0, out=index), count - 1, out=index)
         row *= columns
         row += column
         found: FloatArray = self.distance_m.ravel().take(row)

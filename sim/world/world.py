@@ -344,10 +344,7 @@ class HallwayWorld:
         crowd = self._running()
         scene.place_robot(self._robot.state.pose)
         scene.place_obstacles(self._robot.obstacle_poses)
-        scene.place_people(
-            np.stack([crowd.x_m, crowd.y_m], axis=1),
-            np.stack([crowd.velocity_x_mps, crowd.velocity_y_mps], axis=1),
-        )
+        scene.place_people(crowd.position_m, crowd.velocity_mps)
 
     def _walls_of_people_m(self) -> FloatArray:
         """(W, 2, 2) what people keep clear of: walls and movable obstacles but doors."""
@@ -400,8 +397,7 @@ class HallwayWorld:
     def _observe(self) -> Observation:
         crowd, robot = self._running(), self._robot.state
         places, velocities, identity = self.others.appended_to(
-            np.stack([crowd.x_m, crowd.y_m], axis=1),
-            np.stack([crowd.velocity_x_mps, crowd.velocity_y_mps], axis=1),
+            crowd.position_m, crowd.velocity_mps
         )
         return make_observation(
             time_s=self.time_s,
