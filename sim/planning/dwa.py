@@ -82,7 +82,7 @@ class DwaPlanner:
         self.is_blocked = bool(cost[moving].min(initial=np.inf) >= _FORBIDDEN)
         if self.is_blocked and abs(observation.speed_mps) < _STANDS_MPS:
             return self._turn_to_leave(observation, around, waypoint)
-        best_v, best_w = np.unravel_index(int(np.argmin(cost)), cost.shape)
+        best_v, best_w = divmod(int(cost.argmin()), len(turns))
         speed, turn = float(speeds[best_v]), turns[best_w : best_w + 1]
         if self._approach < 1.0:
             way = self._approach * (speed - observation.speed_mps)
@@ -114,7 +114,7 @@ class DwaPlanner:
         speeds = np.append(np.linspace(0.25, 1.0, 3) * self._robot.max_vel_x_mps, 0.0)
         turns = self._robot.max_vel_theta_radps * self._turn_shares
         cost = self._cost(observation, around, waypoint, speeds, turns, _LEAVING_TURN_S)
-        best_v, best_w = np.unravel_index(int(np.argmin(cost)), cost.shape)
+        best_v, best_w = divmod(int(cost.argmin()), len(turns))
         return Command(0.0, float(turns[best_w]) if speeds[best_v] > 0.0 else 0.0)
 
     def _cost(

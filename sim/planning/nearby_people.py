@@ -36,13 +36,16 @@ def predict_nearby(
 
     People without a finite position are left out; those without a finite velocity stand.
     """
-    away = observation.people_position_m - observation.pose[:2]
-    squared = away[:, 0] ** 2 + away[:, 1] ** 2
-    near = np.flatnonzero(squared < range_m**2)
+    away_x = observation.people_position_m[:, 0] - observation.pose[0]
+    away_y = observation.people_position_m[:, 1] - observation.pose[1]
+    squared = away_x**2 + away_y**2
+    near = (squared < range_m**2).nonzero()[0]
     if len(near) > most:
-        near = near[np.argsort(squared[near], kind="stable")[:most]]
+        near = near[squared[near].argsort(kind="stable")[:most]]
     position, velocity = observation.people_position_m[near], observation.people_velocity_mps[near]
-    velocity = np.where(np.isfinite(velocity).all(axis=1, keepdims=True), velocity, 0.0)
+    finite = np.isfinite(velocity)
+    if not finite.all():
+        velocity = np.where(finite.all(axis=1, keepdims=True), velocity, 0.0)
     now_x_m, now_y_m = position[:, :1], position[:, 1:]
     return PredictedPeople(
         x_m=now_x_m + velocity[:, :1] * time_s,

@@ -70,8 +70,11 @@ def roll_out(
     speed = ramp(speeds[0], speeds[1], robot.acc_lim_x_mps2, np.maximum(middle_s - start_s, 0.0))
     turning = ramp(turns[0], turns[1], robot.acc_lim_theta_radps2, middle_s)
     turning = np.where(middle_s > turn_time_s, 0.0, turning)
-    yaw = pose[2] + step_s * np.cumsum(turning, axis=1)
+    yaw = pose[2] + step_s * turning.cumsum(axis=1)
     middle_yaw = yaw - 0.5 * step_s * turning
-    x = pose[0] + step_s * np.cumsum(speed[:, None, :] * np.cos(middle_yaw), axis=2)
-    y = pose[1] + step_s * np.cumsum(speed[:, None, :] * np.sin(middle_yaw), axis=2)
+    x = (speed[:, None, :] * np.cos(middle_yaw)).cumsum(axis=2)
+    y = (speed[:, None, :] * np.sin(middle_yaw)).cumsum(axis=2)
+    for way, start in ((x, pose[0]), (y, pose[1])):
+        way *= step_s
+        way += start
     return Rollouts(x_m=x, y_m=y, speed_mps=speed, yaw_rad=yaw)

@@ -40,8 +40,9 @@ def before_stop(
 
     None do at speeds of up to slowest_mps. The columns end with the last one that holds a time.
     """
-    stopping_s = np.abs(speed_mps) / robot.acc_lim_x_mps2 + reaction_s
+    fast_mps = np.abs(speed_mps)
+    stopping_s = fast_mps / robot.acc_lim_x_mps2 + reaction_s
     before: BoolArray = time_s <= stopping_s[:, None]
-    before &= (np.abs(speed_mps) > slowest_mps)[:, None]
+    before &= (fast_mps > slowest_mps)[:, None]
     columns = np.flatnonzero(before.any(axis=0))
     return before[:, : columns[-1] + 1 if len(columns) else 0]

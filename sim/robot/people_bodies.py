@@ -58,8 +58,8 @@ def nearest_moving(
     away: (N,) distances to it, of which those up to reach_m are contacts.
     """
     reach_m += _REACH_M * (period_s / _REACH_PERIOD_S)
-    near = np.flatnonzero(away < reach_m)
-    nearest = near[np.argsort(away[near], kind="stable")][:MOST_NEAR].tolist()
+    near = (away < reach_m).nonzero()[0]
+    nearest = near[away[near].argsort(kind="stable")][:MOST_NEAR].tolist()
     return {
         person: (_pair(positions_m[person]), _pair(velocities_mps[person])) for person in nearest
     }

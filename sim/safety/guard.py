@@ -296,9 +296,9 @@ class Guard:
             return Obstacles(points_m, people_m, people_mps)
         people, (_, pose) = self._people, self._pose
         place_m = in_frame(people.position_m, pose)
-        velocity_mps = _rotated(people.velocity_mps, -pose[2])
         near = np.hypot(place_m[:, 0], place_m[:, 1]) < 2.0 * self._reach_m
-        place_m, velocity_mps = place_m[near], velocity_mps[near]
+        place_m = place_m[near]
+        velocity_mps = _rotated(people.velocity_mps[near], -pose[2])
         if len(points_m) and len(place_m):
             assert self._scan is not None
             then_m = place_m + (self._scan[2] - people.stamp_s) * velocity_mps
@@ -323,12 +323,14 @@ def _reach_m(settings: GuardSettings) -> float:
 
 def in_frame(points_m: FloatArray, frame: Pose) -> FloatArray:
     """(N, 2) points in the frame of a pose."""
-    return _rotated(points_m - np.array(frame[:2]), -frame[2])
+    return _rotated(points_m, -frame[2], frame[:2])
 
 
-def _rotated(vectors: FloatArray, angle_rad: float) -> FloatArray:
+def _rotated(
+    vectors: FloatArray, angle_rad: float, centre: tuple[float, float] = (0.0, 0.0)
+) -> FloatArray:
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-    x, y = vectors[:, 0], vectors[:, 1]
+    x, y = vectors[:, 0] - centre[0], vectors[:, 1] - centre[1]
     turned: FloatArray = np.empty((len(vectors), 2))
     turned[:, 0], turned[:, 1] = cos * x - sin * y, sin * x + cos * y
     return turned

@@ -220,7 +220,7 @@ class PeopleMonitor:
         settings = self._settings
         while self._compared[0][0] < scan.stamp_s - settings.consistency_window:
             self._compared.popleft()
-        n_seen, n_unseen = (sum(each[i] for each in self._compared) for i in (1, 2))
+        _, n_seen, n_unseen = map(sum, zip(*self._compared, strict=True))
         share = n_unseen / max(n_seen + n_unseen, 1)
         are_wrong = n_unseen >= settings.frozen_messages and share >= settings.unseen_people
         if unseen and (are_wrong or self._doubted_s is not None):

@@ -77,7 +77,7 @@ class Scan:
 
     def points_within(self, range_m: float) -> FloatArray:
         """(N, 2) ends of the rays of up to that range, in the lidar's frame."""
-        rays = np.flatnonzero(self.valid & (self.ranges_m <= range_m))
+        rays = (self.valid & (self.ranges_m <= range_m)).nonzero()[0]
         return self.ranges_m[rays, None].astype(np.float64) * self.directions[rays]
 
 

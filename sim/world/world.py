@@ -153,15 +153,17 @@ class HallwayWorld:
             command = STOP
         before, body_before = self._robot.state, self.body
         touches = self._robot.drive(command, crowd)
-        if self.others.block(body_before, self.body):
+        body = self.body
+        if self.others.block(body_before, body):
             here = replace(self._robot.state, x_m=before.x_m, y_m=before.y_m, speed_mps=0.0)
             self._robot.place(here)
+            body = self.body
         if self._robot.wheel_motion is None:
             self._odometry.follow(self._robot.state.pose)
         else:
             self._odometry.add(*self._robot.wheel_motion)
         self._imu.follow(self._robot.inertial)
-        self._contacts.update(crowd, self.body, self._robot.wall_distance_m, touches)
+        self._contacts.update(crowd, body, self._robot.wall_distance_m, touches)
         if self._robot.obstacle_poses:
             crowd.set_walls(self._walls_of_people_m())
 
@@ -396,9 +398,7 @@ class HallwayWorld:
 
     def _observe(self) -> Observation:
         crowd, robot = self._running(), self._robot.state
-        places, velocities, identity = self.others.appended_to(
-            crowd.position_m, crowd.velocity_mps
-        )
+        places, velocities, identity = self.others.appended_to(crowd.position_m, crowd.velocity_mps)
         return make_observation(
             time_s=self.time_s,
             tick=self.tick,
