@@ -1,8 +1,9 @@
 """Closed loop: how the planners drive among people, over scenarios, densities and directions.
 
-Each planner drives twice: with the true positions of people, and from the lidar's scans alone.
-Every condition is driven with the same seeds. Episodes are kept under .cache until the code of
-the simulator changes, so an interrupted run goes on where it stopped.
+The scenarios have a physical robot and people who foresee it. Each planner drives twice: with the
+true positions of people, and from the lidar's scans alone. Every condition is driven with the same
+seeds. Episodes are kept under .cache until the code of the simulator changes, so an interrupted
+run goes on where it stopped.
 """
 
 import hashlib
@@ -67,9 +68,9 @@ class ClosedLoopPlan:
                 driver=driver,
                 people_from=source,
             )
-            for source, seed, planner, scenario, people, driver in product(
-                self.people_from,
+            for seed, source, planner, scenario, people, driver in product(
                 range(1, self.n_seeds + 1),
+                self.people_from,
                 self.planners,
                 self.scenarios,
                 self.n_people,
@@ -144,6 +145,7 @@ def _row(summary: ConditionSummary) -> Row:
         "nearest_m": summary.minimum_person_distance_m,
         "intimate": summary.metrics.intimate_share,
         "personal": summary.metrics.personal_share,
+        "standing": summary.metrics.standing_share,
         "robot_on_person": round(summary.robot_on_person * count),
         "person_on_robot": round(summary.person_on_robot * count),
         "robot_on_wall": round(summary.robot_on_wall * count),
