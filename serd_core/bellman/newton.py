@@ -77,7 +77,7 @@ class Newton(BellmanSolver):
         swept, unsettled = problem.is_fused and problem.mdp.n_states >= SWEPT_FROM, False
         forcing, keep = (SWEPT_FORCING, SWEPT_KEEP) if swept else (FORCING, KEEP)
         system: LinearSystem | None = None
-        solver = self.linear_solver.for_residual(forcing)
+        solver = self.linear_solver.for_systems(relative_residual=forcing)
         while not (done := is_accurate(problem, self.accuracy, latest)) and steps < self.max_steps:
             steps += 1
             if sweeps_due > 0:

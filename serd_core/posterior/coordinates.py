@@ -119,7 +119,8 @@ class LogPosterior(Objective):
         if self._last_hessian is not None and np.array_equal(self._last_hessian[0], vector):
             return self._last_hessian[1]
         parameters, found = self._found(vector)
-        blocks = posterior_hessian(self.posterior, parameters, found)
+        learns = self.coordinates.belief.learns_dynamics
+        blocks = posterior_hessian(self.posterior, parameters, found, learns_dynamics=learns)
         by_free = vector_hessian(self.coordinates.belief, blocks, found.gradient, parameters)
         by_free /= self.divisor
         hessian = np.asarray(self.coordinates.table.T @ by_free @ self.coordinates.table)

@@ -23,8 +23,9 @@ from serd_core.bellman.linear.sparse_lu import SparseLu
 
 LU = SparseLu()
 BAND = BandedLu()
-# Seconds of a factorisation and of an iteration; their ratios vary little between machines.
+# Seconds of a factorisation, a solution, an iteration; ratios vary little between machines.
 _PER_PRODUCT_S, _PER_FILL_S, _PER_STATE_S = 0.15e-9, 60e-9, 0.1e-6
+_PER_SOLVED_S = 4e-9
 _PER_BAND_PRODUCT_S, _PER_BAND_STATE_S = 0.22e-9, 80e-9
 _PER_ITERATION_S, _PER_ENTRY_S, _PER_ELEMENT_S = 25e-6, 1.1e-9, 4.5e-9
 #: Iterations for a residual of FINEST: per root of the horizon, and at most per step of depth.
@@ -47,7 +48,7 @@ class Automatic(LinearSolver):
     small_states: LU up to this number of states, where nothing is worth a prediction.
     largest_lu_states: beyond, a factor may not fit, and long horizons use an incomplete one.
     long_horizon: where that begins; widest_band: off-diagonals on either side up to which a band is
-    factorised; relative_residual: the least that is asked for.
+    factorised; relative_residual: the least that is asked for; right_sides: of each system.
     """
 
     small_states: int = 500
@@ -55,10 +56,12 @@ class Automatic(LinearSolver):
     long_horizon: float = 1_000.0
     widest_band: int = 65
     relative_residual: float = FINEST
+    right_sides: int = 1
 
-    def for_residual(self, relative_residual: float) -> LinearSolver:
-        """The choice for systems that are solved to no less than this."""
-        return replace(self, relative_residual=max(relative_residual, FINEST))
+    def for_systems(self, *, relative_residual: float = 0.0, right_sides: int = 1) -> LinearSolver:
+        """The choice for systems of so many right-hand sides, solved to no less than a residual."""
+        finest = max(relative_residual, FINEST)
+        return replace(self, relative_residual=finest, right_sides=right_sides)
 
     def choose(self, pattern: PolicyPattern, horizon: float) -> LinearSolver:
         """The solver for a pattern and a horizon 1 / (1 - gamma)."""
@@ -71,13 +74,13 @@ class Automatic(LinearSolver):
         share = max(digits, _FEW_DIGITS) if horizon <= _LONGEST_FOR_FEW else 1.0
         by_horizon = share * _PER_ROOT_HORIZON * math.sqrt(horizon)
         growth = min(by_horizon, _PER_DEPTH * pattern.depth)
-        krylov_s = (_LEAST + growth) * _iteration_s(pattern)
+        krylov_s = self.right_sides * (_LEAST + growth) * _iteration_s(pattern)
         if Krylov().sweeps(n_states):
             krylov_s *= _SWEPT_SHARE
         band_s = n_states * (_PER_BAND_STATE_S + _PER_BAND_PRODUCT_S * pattern.band.width**2)
         if self._is_narrow(pattern) and band_s <= krylov_s:
             return BAND
-        return LU if _lu_is_faster_than(krylov_s, pattern) else Krylov()
+        return LU if self._lu_is_faster_than(krylov_s, pattern) else Krylov()
 
     def prepare(self, pattern: PolicyPattern, data: FloatArray) -> LinearSystem:
         """Prepare with the chosen solver; LU is the fallback where it fits."""
@@ -91,6 +94,20 @@ class Automatic(LinearSolver):
     def _is_narrow(self, pattern: PolicyPattern) -> bool:
         return pattern.band.width <= self.widest_band
 
+    def _lu_is_faster_than(self, limit_s: float, pattern: PolicyPattern) -> bool:
+        n_states, n_entries = pattern.n_states, len(pattern.column)
+        if _PER_STATE_S * n_states + _PER_FILL_S * n_entries > limit_s:
+            return False
+        n_neighbours = n_entries / n_states - 1.0
+        if pattern.depth <= _NEAR * math.log2(n_states) and n_neighbours > _FEW_NEIGHBOURS:
+            return False
+        fill = pattern.elimination.fill
+        if fill is None:
+            return False
+        more_s = _PER_SOLVED_S * (self.right_sides - 1)  # the first is in the fill's
+        work_s = _PER_PRODUCT_S * fill.products + (_PER_FILL_S + more_s) * fill.entries
+        return work_s + _PER_STATE_S * n_states <= limit_s
+
 
 def _horizon(pattern: PolicyPattern, data: FloatArray) -> float:
     """1 / (1 - gamma): every row of I - gamma P_pi sums to 1 - gamma."""
@@ -101,17 +118,3 @@ def _horizon(pattern: PolicyPattern, data: FloatArray) -> float:
 def _iteration_s(pattern: PolicyPattern) -> float:
     work_s = _PER_ENTRY_S * len(pattern.column) + _PER_ELEMENT_S * pattern.n_states
     return _PER_ITERATION_S + work_s
-
-
-def _lu_is_faster_than(limit_s: float, pattern: PolicyPattern) -> bool:
-    n_states, n_entries = pattern.n_states, len(pattern.column)
-    if _PER_STATE_S * n_states + _PER_FILL_S * n_entries > limit_s:
-        return False
-    n_neighbours = n_entries / n_states - 1.0
-    if pattern.depth <= _NEAR * math.log2(n_states) and n_neighbours > _FEW_NEIGHBOURS:
-        return False
-    fill = pattern.elimination.fill
-    if fill is None:
-        return False
-    work_s = _PER_PRODUCT_S * fill.products + _PER_FILL_S * fill.entries
-    return work_s + _PER_STATE_S * n_states <= limit_s

@@ -18,11 +18,13 @@ expected, and add the covariance of their scores (`serd_core.posterior.hidden_ac
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.bellman.linear.linear_solver import LinearSystem
 from serd_core.dynamics.transition_model import Transitions, transitions_at
@@ -35,16 +37,45 @@ from serd_core.posterior.hidden_actions import covariance_of_scores
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
 
-#: Tables of the size of dQ/dtheta that exist at a time.
+#: Tables of the size of a derivative that exist at a time.
 COPIES = 4
+#: Numbers of dQ/dtheta that exist at a time in the sum over states; they stay in the cache.
+CHUNK = 250_000
+#: Share of the sizes of all terms that the states left out of that sum have together.
+EPSILON = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivities:
-    """by_value: (S, n); by_q: (S, A, n), zero where an action is unavailable."""
+    """Derivatives of V and Q by n numbers: reward weights, then dynamics parameters.
+
+    by_value: (S, n); features: (S, A, F), 0 where unavailable; by_local: (S*A, L) derivatives of Q
+    by the local probabilities at V; local_jacobian: (L, n - F) of these.
+    """
 
     by_value: FloatArray
-    by_q: FloatArray
+    features: FloatArray
+    by_local: Any
+    local_jacobian: FloatArray
+    transitions: Transitions
+    discount: float
+
+    @cached_property
+    def by_q(self) -> FloatArray:
+        """(S, A, n), zero where an action is unavailable."""
+        n_pairs, n_derivatives = self.by_local.shape[0], self.by_value.shape[1]
+        _require_memory(n_derivatives, f"{n_pairs} pairs (s, a)", n_pairs)
+        return self.by_q_of(np.arange(len(self.by_value)))
+
+    def by_q_of(self, states: IntArray) -> FloatArray:
+        """(k, A, n) the same of (k,) states."""
+        n_actions, n_features = self.features.shape[1:]
+        rows = (states[:, None] * n_actions + np.arange(n_actions)).ravel()
+        table = self.discount * (self.transitions.matrix[rows] @ self.by_value)
+        table[:, n_features:] += self.by_local[rows] @ self.local_jacobian
+        by_q: FloatArray = table.reshape(len(states), n_actions, table.shape[1])
+        by_q[:, :, :n_features] += self.features[states]
+        return by_q
 
 
 def sensitivities(
@@ -57,23 +88,35 @@ def sensitivities(
 ) -> Sensitivities:
     """Derivatives by reward weights, then dynamics parameters."""
     model = transitions.model
-    rows = model.available.size
     n_derivatives = features.shape[2] + local_jacobian.shape[1]
+    _require_memory(n_derivatives, f"{model.n_states} states", model.n_states)
+    policy, n_local = solution.policy, len(local_jacobian)
+    numbers = discount * solution.value[model.successor]
+    by_local = scipy.sparse.csr_array(
+        (numbers, model.local_index, model.row_start), shape=(policy.size, n_local)
+    )
+    chosen = scipy.sparse.csr_array(
+        (
+            numbers * policy.ravel()[model.row],
+            model.local_index,
+            model.row_start[:: model.n_actions],
+        ),
+        shape=(model.n_states, n_local),
+    )
+    usable = (
+        features if model.available.all() else np.where(model.available[..., None], features, 0.0)
+    )
+    by_reward = np.einsum("sa,saf->sf", policy, usable)
+    by_value = system.solve(np.concatenate([by_reward, chosen @ local_jacobian], axis=1))
+    return Sensitivities(by_value, usable, by_local, local_jacobian, transitions, discount)
+
+
+def _require_memory(n_derivatives: int, where: str, rows: int) -> None:
     require_memory(
-        f"second derivatives by {n_derivatives} parameters over {rows} pairs (s, a)",
+        f"second derivatives by {n_derivatives} parameters over {where}",
         COPIES * 8.0 * rows * n_derivatives,
         "fit by Lbfgs() with a prior that is given, or learn fewer parameters",
     )
-    weighted = scipy.sparse.csr_array(
-        (discount * solution.value[model.successor], (model.row, model.local_index)),
-        shape=(rows, len(local_jacobian)),
-    )
-    by_dynamics = (weighted @ local_jacobian).reshape(*model.available.shape, -1)
-    usable = np.where(model.available[:, :, None], features, 0.0)
-    immediate = np.concatenate([usable, by_dynamics], axis=2)
-    by_value = system.solve(np.einsum("sa,san->sn", solution.policy, immediate))
-    onward = (transitions.matrix @ by_value).reshape(immediate.shape)
-    return Sensitivities(by_value=by_value, by_q=immediate + discount * onward)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,21 +138,38 @@ def covariance_sum(policy: FloatArray, by_q: FloatArray, weights: FloatArray) ->
     return np.asarray((centred * share).T @ centred)
 
 
-def dynamics_terms(parts: CurvatureParts, theta: FloatArray, n_features: int) -> FloatArray:
-    """(n, n) the terms lambda T_Qtheta dQ (both sides) and lambda T_thetatheta."""
+def dynamics_terms(
+    parts: CurvatureParts, theta: FloatArray, n_features: int, kept: BoolArray
+) -> FloatArray:
+    """(n, n) the terms lambda T_Qtheta dQ (both sides), and lambda T_thetatheta.
+
+    kept: (S,) states that count.
+    """
     model = parts.transitions.model
-    weights = parts.discount * parts.adjoint.reward_gradient.ravel()[model.row]
+    entries = np.flatnonzero(np.repeat(kept, np.diff(model.row_start[:: model.n_actions])))
+    weights = parts.discount * parts.adjoint.reward_gradient.ravel()[model.row[entries]]
     carrier = scipy.sparse.csr_array(
-        (weights, (model.local_index, model.successor)),
+        (weights, (model.local_index[entries], model.successor[entries])),
         shape=(len(parts.local_jacobian), model.n_states),
     )
     cross = parts.local_jacobian.T @ (carrier @ parts.sensitivities.by_value)
     table = np.zeros((cross.shape[1],) * 2)
     table[n_features:] += cross
     table[:, n_features:] += cross.T
-    curvature = model.local_curvature(theta, parts.adjoint.local_gradient)
-    table[n_features:, n_features:] += curvature
+    if parts.local_jacobian.shape[1]:
+        table[n_features:, n_features:] += model.local_curvature(
+            theta, parts.adjoint.local_gradient
+        )
     return table
+
+
+def with_weight(sizes: FloatArray) -> BoolArray:
+    """(S,) the states without those of least size, which rounding of the sum of sizes hides."""
+    order = np.argsort(sizes)
+    hidden = np.cumsum(sizes[order]) <= EPSILON * sizes.sum()
+    kept = np.ones(len(sizes), dtype=np.bool_)
+    kept[order[hidden]] = False
+    return kept
 
 
 def posterior_hessian(
@@ -117,19 +177,23 @@ def posterior_hessian(
     parameters: Parameters,
     at: PosteriorValue,
     parts: CurvatureParts | None = None,
+    *,
+    learns_dynamics: bool = True,
 ) -> FloatArray:
     """(n, n) second derivatives by all blocks in a row (`Parameters.vector`).
 
-    parts: those of the same point where the caller has them.
+    parts: those of the same point where the caller has them. learns_dynamics: whether derivatives
+    by dynamics are wanted; otherwise their likelihood's are left out.
     """
     model = posterior.problem.mdp.transitions
     table = posterior.prior.hessian(model, parameters)
     truth = parameters.place(Block.TRUTH)
     seen = at.expected.observations
-    counts = seen.counts(model)
-    table[truth, truth] += log_transition_hessian(model, parameters.truth, counts)
+    if learns_dynamics:
+        counts = seen.counts(model)
+        table[truth, truth] += log_transition_hessian(model, parameters.truth, counts)
     if parts is None:
-        parts = curvature_parts(posterior, parameters, at)
+        parts = curvature_parts(posterior, parameters, at, learns_dynamics=learns_dynamics)
     _add_policy_part(table, posterior, parameters, at, parts)
     if seen.hidden:
         q, by_q = at.solution.q, parts.sensitivities.by_q
@@ -155,20 +219,32 @@ def vector_hessian(
 
 
 def curvature_parts(
-    posterior: Posterior, parameters: Parameters, at: PosteriorValue
+    posterior: Posterior,
+    parameters: Parameters,
+    at: PosteriorValue,
+    *,
+    learns_dynamics: bool = True,
 ) -> CurvatureParts:
-    """Sensitivities and what else both the Hessian and the scores need."""
+    """Sensitivities and what else both the Hessian and the scores need.
+
+    learns_dynamics: whether derivatives by dynamics are wanted.
+    """
     mdp = posterior.problem.mdp
     believed = transitions_at(mdp.transitions, parameters.belief)
     data = believed.system_data(mdp.policy_pattern, at.solution.policy, mdp.discount)
-    local_jacobian = mdp.transitions.local_jacobian(parameters.belief)
+    if learns_dynamics:
+        local_jacobian = mdp.transitions.local_jacobian(parameters.belief)
+    else:
+        local_jacobian = np.zeros((believed.local_probabilities.size, 0))
+    n_derivatives = len(parameters.reward) + local_jacobian.shape[1]
+    solver = posterior.linear_solver.for_systems(right_sides=n_derivatives)
     found = sensitivities(
         posterior.features,
         mdp.discount,
         believed,
         at.solution,
         local_jacobian,
-        posterior.linear_solver.prepare(mdp.policy_pattern, data),
+        solver.prepare(mdp.policy_pattern, data),
     )
     return CurvatureParts(found, believed, at.adjoint, local_jacobian, mdp.discount)
 
@@ -181,22 +257,26 @@ def _add_policy_part(
     parts: CurvatureParts,
 ) -> None:
     model, counts = posterior.policy_model, at.expected.observations.state_action
-    by_q, n_features = parts.sensitivities.by_q, len(parameters.reward)
+    found, n_features = parts.sensitivities, len(parameters.reward)
     policy = np.exp(model.log_probabilities(parameters.policy, at.solution.q))
     temperature = model.temperature(parameters.policy)
-    inner = dynamics_terms(parts, parameters.belief, n_features)
     weights = -counts.sum(axis=1) / temperature**2
     if model.equation.curved:
         # Experts of a soft equation choose by the policy of its solution.
         weights += parts.adjoint.state_gradient
-    inner += covariance_sum(policy, by_q, weights)
-    # Reward and belief are the first two blocks of the row.
+    kept = with_weight(np.abs(weights) + np.abs(parts.adjoint.reward_gradient).sum(axis=1))
+    inner = dynamics_terms(parts, parameters.belief, n_features, kept)
     size = len(inner)
+    states = np.flatnonzero(kept)
+    for chunk in np.array_split(states, 1 + len(states) * policy.shape[1] * size // CHUNK):
+        inner += covariance_sum(policy[chunk], found.by_q_of(chunk), weights[chunk])
+    # Reward and belief are the first two blocks of the row.
     table[:size, :size] += inner
     if len(parameters.policy):
         last = len(table) - 1
         cross, diagonal = model.parameter_curvature(parameters.policy, at.solution.q, counts)
-        mixed = np.tensordot(cross, by_q, axes=2)
+        seen = np.flatnonzero(counts.any(axis=1))
+        mixed = np.tensordot(cross[seen], found.by_q_of(seen), axes=2)
         table[last, :size] += mixed
         table[:size, last] += mixed
         table[last, last] += diagonal

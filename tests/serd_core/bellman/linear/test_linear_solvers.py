@@ -131,14 +131,22 @@ def test_the_choice_follows_graph_and_horizon(graph, n_states, horizon, chosen):
     ],
 )
 def test_the_choice_for_few_digits_is_that_of_newtons_steps(graph, n_states, horizon, chosen):
-    for_steps = Automatic().for_residual(3e-2)
+    for_steps = Automatic().for_systems(relative_residual=3e-2)
     assert for_steps.choose(pattern_of(graph, n_states), horizon) == chosen
 
 
 def test_fewer_digits_favour_bicgstab():
     pattern = pattern_of("grid", 10_000)
     assert Automatic().choose(pattern, 290.0) == SparseLu()
-    assert Automatic().for_residual(3e-2).choose(pattern, 290.0) == Krylov()
+    assert Automatic().for_systems(relative_residual=3e-2).choose(pattern, 290.0) == Krylov()
+
+
+def test_many_right_hand_sides_favour_a_factor_which_is_computed_once():
+    pattern, horizon = pattern_of("grid", 10_000), 100.0
+    assert Automatic().choose(pattern, horizon) == Krylov()
+    assert Automatic().for_systems(right_sides=40).choose(pattern, horizon) == SparseLu()
+    steep = pattern_of("random graph", 5_000)
+    assert Automatic().for_systems(right_sides=40).choose(steep, horizon) == Krylov()
 
 
 def test_beyond_the_largest_factor_the_horizon_alone_counts():

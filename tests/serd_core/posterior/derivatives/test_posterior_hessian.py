@@ -8,6 +8,7 @@ from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.observations import observe
 from serd_core.policies.policy_model import MdcePolicy, PolicyMatchingPolicy
 from serd_core.posterior.beliefs import CoupledBelief, FixedBelief, FreeBelief, TiedBelief
+from serd_core.posterior.derivatives import posterior_hessian
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.divergence import KldPrior
@@ -46,6 +47,40 @@ def test_the_hessian_is_the_finite_difference_of_the_gradient(
     if isinstance(policy_model, PolicyMatchingPolicy):
         assume_one_best_action_around(posterior, belief, parameters)
     assert_hessian_is_of_the_gradient(posterior, belief, parameters)
+
+
+def test_the_sum_over_states_does_not_depend_on_its_chunks(random_problem, monkeypatch):
+    posterior, parameters = posterior_of(random_problem)
+    found = posterior.evaluate(parameters)
+    whole = posterior_hessian.posterior_hessian(posterior, parameters, found)
+    monkeypatch.setattr(posterior_hessian, "CHUNK", 1)
+    in_chunks = posterior_hessian.posterior_hessian(posterior, parameters, found)
+    np.testing.assert_allclose(in_chunks, whole, rtol=1e-12, atol=1e-12)
+
+
+def test_derivatives_by_rewards_do_not_depend_on_those_by_dynamics(random_problem):
+    posterior, parameters = posterior_of(random_problem)
+    found, reward = posterior.evaluate(parameters), parameters.place(Block.REWARD)
+    whole = posterior_hessian.posterior_hessian(posterior, parameters, found)
+    alone = posterior_hessian.posterior_hessian(posterior, parameters, found, learns_dynamics=False)
+    np.testing.assert_allclose(alone[reward, reward], whole[reward, reward], rtol=1e-12)
+
+
+@given(sizes=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=50))
+def test_states_that_are_left_out_are_lost_in_rounding_together(sizes):
+    given = np.array(sizes) ** 20
+    kept = posterior_hessian.with_weight(given)
+    assert given[~kept].sum() <= posterior_hessian.EPSILON * given.sum()
+    assert given[kept].min(initial=np.inf) >= given[~kept].max(initial=0.0)
+
+
+def posterior_of(random_problem):
+    problem, table = random_problem(3)
+    rng = np.random.default_rng(3)
+    observations = observe(problem.mdp, uniform_decisions(problem, table, rng))
+    prior = KldPrior(0.3, reference=table) + GaussianPrior(2.0, Block.REWARD)
+    posterior = Posterior(problem, observations, MdcePolicy(), prior)
+    return posterior, random_parameters(problem, MdcePolicy(), rng)
 
 
 @pytest.mark.parametrize("belief", BELIEFS, ids=lambda belief: type(belief).__name__)
