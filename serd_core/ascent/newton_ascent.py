@@ -7,9 +7,12 @@ needs more: M is positive, no direction is without information, and the step is 
 numbers' own scale too. Where data are separable, as choices that all agree are, the information
 fades as fast as the gradient: the step measured in standard errors shrinks, and yet every step is
 as long as the one before (Albert and Anderson, Biometrika 71, 1984).
+
+A Hessian may cost many evaluations. So while steps shrink the Newton step well they keep the last
+Hessian; a maximum is certified by its own.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +23,7 @@ from serd_core.ascent.ascent import (
     AscentResult,
     Climb,
     Objective,
+    Point,
     StepCallback,
     require_limits,
 )
@@ -35,6 +39,8 @@ from serd_core.ascent.trust_region import (
 
 #: Longest step, in standard errors and in the numbers' own scale, of a point that is a maximum.
 SHORT, STILL = 1e-7, 1e-3
+#: Share to which a step shrinks the Newton step, and its quality, where its Hessian is kept.
+KEEP, GOOD = 0.1, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +80,19 @@ def newton_step(gradient: FloatArray, curvatures: FloatArray, directions: FloatA
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """Eigenvalues (n,) and eigenvectors of minus a Hessian; own: whether of the present point."""
+
+    values: FloatArray
+    vectors: FloatArray
+    own: bool
+
+    def newton(self, gradient: FloatArray) -> NewtonStep:
+        """The Newton step from a point with that gradient."""
+        return newton_step(gradient, self.values, self.vectors)
+
+
 @dataclass(frozen=True)
 class NewtonAscent(Ascent):
     """Steps of a trust region until the Newton step is short; for log densities (not means).
@@ -91,26 +110,47 @@ class NewtonAscent(Ascent):
         require_limits(self.short, self.max_steps)
 
     def maximise(
-        self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
+        self,
+        objective: Objective,
+        start: FloatArray,
+        on_step: StepCallback | None = None,
+        information: FloatArray | None = None,
     ) -> AscentResult:
-        """Climb until at a maximum, the callback stops, or steps or radius run out."""
+        """Climb until at a maximum, the callback stops, or steps or radius run out.
+
+        information: (n, n) estimate of minus the Hessian at the start; None computes it.
+        """
         climb = Climb(objective, on_step)
         here = climb.evaluate(np.array(start, dtype=np.float64))
-        values, vectors = np.linalg.eigh(-objective.hessian(here.vector))
-        newton = newton_step(here.gradient, values, vectors)
+        given = None if information is None else Curvature(*np.linalg.eigh(information), own=False)
+        curve, newton = self._at(objective, here, given, np.inf)
         region = TrustRegion(largest_radius=self.largest_radius)
         radius, tries = self.initial_radius, 0
         while not (newton.at_maximum(self.short) or climb.stopped or radius < SHORTEST_RADIUS):
             if tries >= self.max_steps:
                 return climb.certified(here, newton.standard_errors, False, OUT_OF_STEPS)
             tries += 1
-            step = quadratic_step(here.gradient, values, vectors, radius)
+            step = quadratic_step(here.gradient, curve.values, curve.vectors, radius)
             there = climb.evaluate(here.vector + step)
-            quality = step_quality(here, there, step, values, vectors)
+            quality = step_quality(here, there, step, curve.values, curve.vectors)
+            if not (curve.own or quality >= GOOD):
+                curve, newton = self._at(objective, here, None, np.inf)
+                continue
             radius = region.next_radius(radius, quality, float(np.linalg.norm(step)))
             if quality >= ACCEPT:
                 here = there
-                values, vectors = np.linalg.eigh(-objective.hessian(here.vector))
-                newton = newton_step(here.gradient, values, vectors)
+                curve, newton = self._at(objective, here, curve, newton.standard_errors)
                 climb.accept(here, newton.standard_errors)
         return climb.certified(here, newton.standard_errors, newton.at_maximum(self.short), NO_ROOM)
+
+    def _at(
+        self, objective: Objective, here: Point, kept: Curvature | None, before: float
+    ) -> tuple[Curvature, NewtonStep]:
+        """The kept curvature where it still shrinks steps well, otherwise that of the point."""
+        if kept is not None:
+            newton = kept.newton(here.gradient)
+            shrinks = newton.standard_errors <= KEEP * before and not len(newton.rising)
+            if shrinks and not newton.at_maximum(self.short):
+                return replace(kept, own=False), newton
+        own = Curvature(*np.linalg.eigh(-objective.hessian(here.vector)), own=True)
+        return own, own.newton(here.gradient)

@@ -69,7 +69,8 @@ class SearchRecord:
 class EvidenceSearch:
     """Maxima of the posterior under priors of changing strength, each started at the last.
 
-    posterior: with any prior; start: parameters to begin with.
+    posterior: with any prior; start: parameters to begin with; information: (d, d) minus the
+    Hessian of the log likelihood at the last maximum.
     """
 
     posterior: Posterior
@@ -78,6 +79,7 @@ class EvidenceSearch:
     record: SearchRecord
     space: Coordinates = field(init=False)
     mode: FloatArray = field(init=False)
+    information: FloatArray | None = None
 
     def __post_init__(self) -> None:
         self.space = coordinates(self.posterior.problem, self.belief, self.start)
@@ -99,10 +101,16 @@ class EvidenceSearch:
         short: longest Newton step of a maximum, in standard errors.
         """
         ascent = NewtonAscent(short, max_steps=0 if self.record.stopped else MAX_NEWTON_STEPS)
-        found = ascent.maximise(objective, self.mode, self._after_step)
+        near = self.information
+        if near is not None:
+            near = near + objective.prior_information(self.mode)
+        found = ascent.maximise(objective, self.mode, self._after_step, near)
         self.record.n_evaluations += found.n_evaluations
         self.record.value = objective.last_value
         self.mode = found.vector
+        if found.converged:
+            of_prior = objective.prior_information(self.mode)
+            self.information = -objective.hessian(self.mode) - of_prior
         if self.record.stopped:
             return replace(found, converged=False, message=STOPPED)
         return found
