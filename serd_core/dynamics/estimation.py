@@ -31,8 +31,10 @@ import numpy as np
 from serd_core.arrays import FloatArray, IntArray, weighted_counts
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe
+from serd_core.dynamics.counted_transitions import most_likely_parameters
 from serd_core.dynamics.covariate_models import CovariateModels, most_likely_coefficients
 from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem
@@ -136,8 +138,14 @@ SHARING_STEPS = 20
 def estimate_dynamics(
     problem: Problem, decisions: Decisions, pseudo_count: float = 1.0
 ) -> FloatArray:
-    """(M, K) outcome probabilities; SerdError where the estimate did not converge."""
+    """(M, K) outcome probabilities; SerdError where the estimate did not converge.
+
+    Of a SparseModel, whose prior adds to each transition of each pair, its parameters.
+    """
     require_shown(decisions, "the M-estimate of dynamics by counts")
+    if isinstance(problem.mdp.transitions, SparseModel):
+        seen = observe(problem.mdp, decisions)
+        return most_likely_parameters(problem.mdp.transitions, seen, pseudo_count)
     model = outcome_models_of(problem.mdp)
     if isinstance(model, CovariateModels):
         seen = observe(problem.mdp, decisions)
@@ -220,7 +228,7 @@ def outcome_models_of(mdp: Mdp) -> OutcomeModels:
     """The MDP's outcome models; SerdError where it has dynamics of another kind."""
     if not isinstance(mdp.transitions, OutcomeModels):
         raise SerdError(
-            "dynamics can be estimated for OutcomeModels only, got"
+            "dynamics must be OutcomeModels here, got"
             f" {type(mdp.transitions).__name__}; pass its parameters as dynamics"
         )
     return mdp.transitions

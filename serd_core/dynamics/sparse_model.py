@@ -2,7 +2,7 @@
 
 The local probabilities are the entries themselves; learners are given the parameters. It takes a
 smooth map from parameters to entries and its vector-Jacobian product; `fixed_transitions` has no
-parameters.
+parameters, `learned_transitions` the log odds of a distribution of its own for each pair (s, a).
 """
 
 from collections.abc import Callable
@@ -171,6 +171,80 @@ class NoParameters:
         return np.zeros(0)
 
 
+NONE = NoParameters()
+
+
+@dataclass(frozen=True, eq=False)
+class LogOdds:
+    """The map of (E - R,) log odds to the (E,) entries of R rows, each a distribution of its own.
+
+    P(s' | s, a) = exp x(s') / sum of exp x over the row, x of the first entry of each row 0.
+    row: (E,) number of the row of each entry, from 0 on and never falling.
+    """
+
+    row: IntArray
+
+    @cached_property
+    def free(self) -> BoolArray:
+        """(E,) entries that are not the first of their row."""
+        return np.asarray(np.diff(self.row, prepend=-1) == 0)
+
+    def __call__(self, parameters: FloatArray) -> FloatArray:
+        """(E,) the entries."""
+        energies = np.zeros(len(self.row))
+        energies[self.free] = parameters
+        weights = np.exp(energies - np.maximum.reduceat(energies, self._starts)[self.row])
+        return np.asarray(weights / np.add.reduceat(weights, self._starts)[self.row])
+
+    def pull_back(self, parameters: FloatArray, gradient: FloatArray) -> FloatArray:
+        """(E - R,) gradient for an (E,) gradient by the entries."""
+        probability = self(parameters)
+        mean = np.add.reduceat(probability * gradient, self._starts)[self.row]
+        return np.asarray((probability * (gradient - mean))[self.free])
+
+    def parameters_of(self, entries: FloatArray) -> FloatArray:
+        """(E - R,) log odds of positive (E,) entries."""
+        logs = np.log(entries)
+        return np.asarray((logs - logs[self._starts][self.row])[self.free])
+
+    @cached_property
+    def _starts(self) -> IntArray:
+        return np.flatnonzero(~self.free)
+
+
+@dataclass(frozen=True, eq=False)
+class PullBack:
+    """The vector-Jacobian product of log odds."""
+
+    odds: LogOdds
+
+    def __call__(self, parameters: FloatArray, gradient: FloatArray) -> FloatArray:
+        """(E - R,) numbers."""
+        return self.odds.pull_back(parameters, gradient)
+
+
+def learned_transitions(
+    n_pairs: tuple[int, int], state: IntArray, action: IntArray, next_state: IntArray
+) -> SparseModel:
+    """Unknown P over the given transitions: each pair (s, a) has a distribution of its own.
+
+    The parameters are the log odds of each transition against the first of its pair.
+    """
+    listed = SparseModel(n_pairs, state, action, next_state, 0, KnownEntries(np.zeros(0)), NONE)
+    groups = listed.groups
+    odds = LogOdds(np.unique(groups.row, return_inverse=True)[1].reshape(-1))
+    from_state, by_action = np.divmod(groups.row, n_pairs[1])
+    return SparseModel(
+        n_pairs=n_pairs,
+        state=from_state,
+        action=by_action,
+        next_state=groups.successor,
+        parameter_count=int(odds.free.sum()),
+        probabilities=odds,
+        vector_jacobian=PullBack(odds),
+    )
+
+
 def fixed_transitions(
     n_pairs: tuple[int, int],
     state: IntArray,
@@ -187,7 +261,7 @@ def fixed_transitions(
         next_state=next_state,
         parameter_count=0,
         probabilities=KnownEntries(known),
-        vector_jacobian=NoParameters(),
+        vector_jacobian=NONE,
     )
     model.require_stochastic(model.entries(known))
     return model

@@ -15,7 +15,7 @@ import scipy.sparse
 
 from serd_core.arrays import FloatArray, IntArray, float_array, int_array, require_index
 from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.dynamics.sparse_model import fixed_transitions
+from serd_core.dynamics.sparse_model import fixed_transitions, learned_transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
@@ -52,14 +52,17 @@ def from_transitions(
     discount: float,
     feature_names: Sequence[str] | None = None,
     terminal: Iterable[int] = (),
+    learned: bool = False,
 ) -> TabularProblem:
-    """A learning problem with known transitions.
+    """A learning problem with known transitions, or with ones to be learned.
 
     transitions: (S, A, S) array; or a sequence of A sparse (S, S) matrices; or a mapping or data
     frame with the columns state, action, next_state, probability (E,).
     features: (S, F) of states or (S, A, F) of pairs; for a table of columns also a mapping of names
     to (E,) values per transition, of which the expectation counts.
     terminal: states in which an episode ends.
+    learned: whether the probabilities are unknown. The table then lists which transitions can
+    happen, by any positive numbers, and each pair has a distribution of its own over them.
     """
     table, columns = _table_of(transitions)
     ends = _terminal_states(terminal, table.n_pairs[0])
@@ -67,6 +70,11 @@ def from_transitions(
     goes_on = ~np.isin(table.state, ends)
     kept_rows = table.select(goes_on)
     if isinstance(features, Mapping):
+        if learned:
+            raise SerdError(
+                "features by name must come with known transitions, whose expectation they are, got"
+                " learned=True; pass (S, F) or (S, A, F) features"
+            )
         if not columns:
             raise SerdError(
                 "features by name must come with transitions as columns, got an array; pass"
@@ -84,13 +92,16 @@ def from_transitions(
         given: Any = kept_rows.expected(np.stack(values, axis=1)[kept][goes_on])
     else:
         given = features
-    model = fixed_transitions(
-        table.n_pairs,
+    listed = (
         np.concatenate([kept_rows.state, ends]),
         np.concatenate([kept_rows.action, np.zeros_like(ends)]),
         np.concatenate([kept_rows.next_state, ends]),
-        np.concatenate([kept_rows.probability, np.ones(len(ends))]),
     )
+    if learned:
+        model = learned_transitions(table.n_pairs, *listed)
+    else:
+        probability = np.concatenate([kept_rows.probability, np.ones(len(ends))])
+        model = fixed_transitions(table.n_pairs, *listed, probability)
     return _problem(Mdp(model, discount), given, names, ends)
 
 

@@ -8,6 +8,9 @@ Symmetric, of the M-estimator's pseudo-count c:
 Over probabilities a Dirichlet density has the exponents c - 1. Over energies it has c, as the
 volume element adds prod_k P(k): so its maximum under observed transitions is the M-estimate, which
 is the posterior mean where no wall hides outcomes (MacKay, Machine Learning 33, 1998).
+
+For a SparseModel the same density of each available pair (s, a) over the states that can follow it:
+c log P(s' | s, a) is summed over the distinct transitions.
 """
 
 from dataclasses import dataclass
@@ -16,7 +19,9 @@ import numpy as np
 from scipy.special import gammaln
 
 from serd_core.arrays import FloatArray, floored
+from serd_core.dynamics.counted_transitions import LogLikelihood
 from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
@@ -25,7 +30,7 @@ from serd_core.priors.prior import LogPrior, Prior
 
 @dataclass(frozen=True)
 class DirichletPrior(Prior):
-    """`pseudo_count` added to every outcome of every model of a block."""
+    """`pseudo_count` added to every outcome of every model of a block, or to every transition."""
 
     pseudo_count: float
     block: Block = Block.TRUTH
@@ -47,7 +52,11 @@ class DirichletPrior(Prior):
         return (self.block,)
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
-        """c sum log P and its gradient beta c (1 - K P)."""
+        """c sum log P and its gradient, of outcome models beta c (1 - K P)."""
+        if isinstance(model, SparseModel):
+            theta = parameters.block(self.block)
+            value, slope = self._of_transitions(model).evaluate(theta)
+            return LogPrior(value, parameters.zeros().with_block(self.block, slope))
         models = require_outcome_models(model, "DirichletPrior")
         table = models.local_probabilities(parameters.block(self.block))
         gradient = models.beta * self.pseudo_count * (1.0 - models.n_outcomes * table)
@@ -57,9 +66,13 @@ class DirichletPrior(Prior):
         )
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
-        """-beta c K dP, in the part of the block."""
-        models = require_outcome_models(model, "DirichletPrior")
+        """In the part of the block, of outcome models -beta c K dP."""
         table, place = np.zeros((len(parameters.vector),) * 2), parameters.place(self.block)
+        if isinstance(model, SparseModel):
+            theta = parameters.block(self.block)
+            table[place, place] = self._of_transitions(model).hessian(theta)
+            return table
+        models = require_outcome_models(model, "DirichletPrior")
         slope = models.local_jacobian(parameters.block(self.block))
         table[place, place] = -models.beta * self.pseudo_count * models.n_outcomes * slope
         return table
@@ -71,6 +84,9 @@ class DirichletPrior(Prior):
         count, size = self.pseudo_count, models.n_outcomes
         log_beta = size * gammaln(count) - gammaln(size * count)
         return models.n_models * (log_volume(models) - float(log_beta))
+
+    def _of_transitions(self, model: SparseModel) -> LogLikelihood:
+        return LogLikelihood(model, np.full(len(model.groups), self.pseudo_count))
 
 
 def log_volume(models: OutcomeModels) -> float:

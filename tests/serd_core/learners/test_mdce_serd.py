@@ -251,8 +251,12 @@ def test_a_general_sparse_model_with_its_own_parameters_fits_the_same_learner():
     information = fit_information(problem, decisions, fits[1])
     assert information.names == ("reward goal", "dynamics parameter 0")
     assert identifiability(information).identified
-    with pytest.raises(SerdError, match="SparseModel; pass its parameters as dynamics"):
-        estimate_dynamics(problem, decisions)
+    # The prior adds c to both transitions of either pair, which share the parameter.
+    moves = decisions.select((decisions.action == 0) & (decisions.state < 2))
+    onward = float(np.sum(moves.next_state == moves.state + 1)), float(len(moves))
+    share = (onward[0] + 2 * 1.5) / (onward[1] + 4 * 1.5)
+    estimate = estimate_dynamics(problem, decisions, pseudo_count=1.5)
+    np.testing.assert_allclose(entries(estimate)[0], share, rtol=1e-7)
 
 
 def test_wrong_starts_are_refused_by_name(gridworld):

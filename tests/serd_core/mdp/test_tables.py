@@ -135,3 +135,17 @@ def test_tables_that_leave_out_an_action_or_a_state_are_rejected(table, name):
     environment = type("Environment", (), {"P": table})()
     with pytest.raises(sc.SerdError, match=f"the keys of {name} must be 0 to "):
         sc.from_gymnasium(environment, discount=0.9)
+
+
+def test_features_by_name_need_known_transitions():
+    columns = {"state": [0], "action": [0], "next_state": [0], "probability": [1.0]}
+    with pytest.raises(sc.SerdError, match="features by name must come with known transitions"):
+        sc.from_transitions(columns, {"cost": [1.0]}, discount=0.9, learned=True)
+
+
+def test_transitions_to_be_learned_keep_their_terminal_states():
+    table = np.zeros((2, 1, 2))
+    table[0, 0] = 1.0
+    problem = sc.from_transitions(table, [[0.0], [1.0]], discount=0.5, terminal=[1], learned=True)
+    assert problem.mdp.transitions.n_parameters == 1
+    assert problem.mdp.final.tolist() == [False, True]
