@@ -41,12 +41,10 @@ class Lease:
         self._holder, self._heard_s = page, now_s
         return True
 
-    def release(self, page: int) -> bool:
-        """Give the lease up; returns whether the page held it."""
-        held = self._holder == page
-        if held:
+    def release(self, page: int) -> None:
+        """Give the lease up, where the page holds it."""
+        if self._holder == page:
             self._holder = None
-        return held
 
 
 class OpenPage:
@@ -100,8 +98,7 @@ class Hub:
     def close(self, page: OpenPage) -> None:
         """Remove a page; if it was driving, no page drives."""
         self._pages.pop(page.number, None)
-        if self._lease.release(page.number):
-            self.requests.put(Away(type="away"))
+        self._lease.release(page.number)
         self._update_driver()
 
     def receive(self, page: OpenPage, text: str) -> None:
@@ -114,8 +111,7 @@ class Hub:
         if isinstance(request, EmergencyStop) and request.engaged:
             self.requests.put(request)
         elif isinstance(request, Away):
-            if self._lease.release(page.number):
-                self.requests.put(request)
+            self._lease.release(page.number)
         elif self._lease.claim(page.number, self._clock()):
             self.requests.put(request)
         elif request.type in ("episode", "e_stop", "mode"):
@@ -140,6 +136,7 @@ class Hub:
             page.queue(_message("notice", text=text))
 
     def _update_driver(self) -> None:
+        """Set `driving`, and request Away once when no page drives any more."""
         holder = self._lease.holder(self._clock())
         if self.driving is not None and holder is None:
             self.requests.put(Away(type="away"))

@@ -1,10 +1,9 @@
-"""Who may open the page, and who drives."""
+"""Who may open the page, and what it may request."""
 
 import pytest
 
 from teleop.errors import TeleopError
 from teleop.page.access import PageAccess, admits_origin, read_token
-from teleop.page.hub import SILENCE_S, Lease
 from teleop.page.requests import Hold, Joystick, parse_request
 
 TOKEN = "a-long-random-token"
@@ -48,18 +47,6 @@ def test_a_token_file_gives_its_first_line(tmp_path):
     file.write_text("\n")
     with pytest.raises(TeleopError, match="must hold a token in its first line, got none"):
         read_token(file)
-
-
-def test_one_page_drives_until_it_goes_or_is_silent():
-    lease = Lease()
-    assert lease.claim(1, 0.0)
-    assert not lease.claim(2, 0.1)
-    assert lease.claim(1, SILENCE_S)
-    assert not lease.claim(2, 2 * SILENCE_S)
-    assert lease.claim(2, 2 * SILENCE_S + 0.01)
-    assert not lease.release(1)
-    assert lease.release(2)
-    assert lease.holder(2 * SILENCE_S + 0.02) is None
 
 
 def test_requests_are_read():

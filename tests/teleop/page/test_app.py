@@ -165,34 +165,6 @@ def test_a_driver_whose_connection_ends_is_away_and_another_takes_over():
     with_client(LOCAL, use)
 
 
-def test_a_silent_driver_is_away():
-    now_s = 0.0
-    hub = Hub("{}", clock=lambda: now_s)
-    page = hub.open()
-    hub.receive(page, json.dumps(NORTH))
-    assert hub.driving == page.number
-    now_s = 2.5
-    hub.send_state("{}")
-    assert hub.driving is None
-    assert requests_of(hub)[-1] == Away(type="away")
-
-
-def test_a_slow_page_gets_every_sentence_but_only_the_newest_state():
-    hub = Hub('{"type": "scene"}')
-    page = hub.open()
-    page.pending()
-    hub.send_notice("one")
-    hub.send_state("old")
-    hub.send_notice("two")
-    hub.send_state("new")
-    assert page.pending() == [
-        '{"type": "notice", "text": "one"}',
-        '{"type": "notice", "text": "two"}',
-        "new",
-    ]
-    assert page.pending() == []
-
-
 def test_a_port_in_use_is_named_with_the_fix():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
