@@ -1,5 +1,7 @@
 """Joystick to velocity as teleop_twist_joy does it."""
 
+import re
+
 import pytest
 
 from sim.world.command import STOP, Command
@@ -50,6 +52,13 @@ def test_axes_and_buttons_that_are_missing_count_as_zero():
 def test_inverted_reverse_steers_backwards_as_a_car_does():
     car = MAPPING.model_copy(update={"inverted_reverse": True})
     assert driver_of(car).command([1.0, -1.0], [0, 1]) == Command(-0.5, -2.0)
+    assert driver_of().command([1.0, -1.0], [0, 1]) == Command(-0.5, 2.0)
+
+
+@pytest.mark.parametrize("linear", [0.0, 0.2, 1.0])
+def test_inverted_reverse_leaves_turns_in_place_and_forward_as_they_are(linear):
+    car = MAPPING.model_copy(update={"inverted_reverse": True})
+    assert driver_of(car).command([1.0, linear], [0, 1]) == Command(0.5 * linear, 2.0)
 
 
 def test_without_a_required_enable_button_the_axes_drive_at_once():
@@ -68,6 +77,28 @@ def test_after_an_e_stop_or_a_lost_joystick_the_axes_must_return_to_neutral(stop
     assert driver.command([0.0, 1.0], [0, 1, 0]) == STOP  # the button alone is not enough
     driver.command([0.05, -0.05], [0, 1, 0])
     assert driver.command([0.0, 1.0], [0, 1, 0]) == Command(0.5, 0.0)
+
+
+def test_a_message_that_lacks_one_mapped_axis_stops_as_one_without_axes():
+    driver = driver_of()
+    assert driver.command([0.0], [0, 1, 0]) == STOP
+    assert driver.command([0.0, 1.0], [0, 1, 0]) == STOP
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_axis_is_neutral_up_to_a_tenth_of_its_deflection(axis):
+    driver = JoyDriver(MAPPING)
+    for beyond in (0.1001, -0.1001):
+        driver.command([beyond if index == axis else 0.0 for index in (0, 1)], [0, 1, 0])
+        assert driver.command([0.0, 1.0], [0, 1, 0]) == STOP
+    driver.command([0.1, -0.1], [0, 1, 0])
+    assert driver.command([0.0, 1.0], [0, 1, 0]) == Command(0.5, 0.0)
+
+
+def test_the_first_button_enables_too():
+    first = MAPPING.model_copy(update={"enable_button": 0})
+    assert driver_of(first).command([0.0, 1.0], [1, 0, 0]) == Command(0.5, 0.0)
+    assert driver_of(first).command([0.0, 1.0], [0, 1, 0]) is None
 
 
 def test_axes_that_are_deflected_at_the_start_do_not_drive():
@@ -93,7 +124,7 @@ def test_a_file_of_teleop_twist_joy_is_understood(tmp_path):
 def test_a_wrong_name_in_the_file_is_refused_by_name(tmp_path):
     file = tmp_path / "joy.yaml"
     file.write_text("axis_linear: {x: 1}\nscale_linear: {x: 1.0}\naxis_angluar: {yaw: 0}\n")
-    with pytest.raises(FileError, match="axis_ang"):
+    with pytest.raises(FileError, match=rf"^{re.escape(str(file))}\b.*axis_ang"):
         load_joy_mapping(file)
 
 

@@ -60,6 +60,20 @@ def test_keys_drive_as_in_teleop_twist_keyboard(key, linear, angular):
     assert keys.command(3.2) == Command(linear, angular)
 
 
+def test_a_key_drives_by_the_present_speeds_from_the_moment_it_is_pressed():
+    keys = VelocityKeys(0.5, 2.0, 0.5)
+    keys.press("u", 3.0)
+    assert keys.command(3.0) == Command(0.5, 2.0)
+    keys.press("e", 3.1)
+    assert keys.command(3.2) == Command(0.5, pytest.approx(2.2))
+
+
+def test_a_key_counts_no_longer_when_the_clock_went_backwards():
+    keys = VelocityKeys(0.5, 1.0, 0.5)
+    keys.press("i", 3.0)
+    assert [keys.command(2.9), keys.command(3.1)] == [STOP, None]
+
+
 def test_a_key_without_repeat_ends_in_one_stop_and_then_silence():
     keys = VelocityKeys(0.5, 1.0, 0.5)
     assert keys.command(0.0) is None
@@ -85,6 +99,14 @@ def test_a_key_that_repeats_through_a_stop_counts_after_it_was_released():
     assert not any(presses.admit(now_s) for now_s in repeats_s)
     assert presses.admit(repeats_s[-1] + 0.8)
     assert presses.admit(repeats_s[-1] + 0.84)
+
+
+def test_a_pause_of_exactly_the_delay_of_key_repeat_is_no_release():
+    presses = KeyPresses()
+    assert presses.admit(0.0)
+    presses.require_release()
+    assert not presses.admit(0.7)
+    assert presses.admit(1.5)
 
 
 def test_after_a_stop_without_keys_the_first_key_counts():

@@ -25,6 +25,36 @@ def running():
     return session
 
 
+def test_before_the_first_start_there_is_no_episode():
+    session = Session(SCENARIO, timeout_s=10.0)
+    assert (session.phase, session.outcome, session.duration_s) == ("idle", "", 0.0)
+    assert not session.timed_out
+    assert not session.is_starting
+    assert session.observe(seen(60)) == ()
+    for end in (session.save, session.discard):
+        with pytest.raises(TeleopError, match=r"no episode to (save|discard); start one"):
+            end()
+
+
+def test_an_episode_is_starting_until_its_first_observation():
+    session = Session(SCENARIO, timeout_s=10.0)
+    session.start()
+    assert session.is_starting
+    session.world_reset(5.0)
+    assert session.is_starting
+    session.observe(seen(100))
+    assert not session.is_starting
+
+
+def test_an_observation_that_is_early_by_the_rounding_of_a_clock_starts_the_episode():
+    for early_s, n_events in ((1e-6, 1), (1.1e-6, 0)):
+        session = Session(SCENARIO, timeout_s=10.0)
+        session.start()
+        session.world_reset(5.0)
+        seen_early = observation_at(*FLOOR, time_s=5.0 - early_s)
+        assert len(session.observe(seen_early)) == n_events
+
+
 def test_an_episode_starts_at_its_first_observation_and_not_at_one_from_before_the_reset():
     session = Session(SCENARIO, timeout_s=10.0)
     session.start()
@@ -84,11 +114,14 @@ def test_a_running_episode_can_be_discarded(running):
 
 
 def test_a_second_start_is_refused_until_the_first_has_ended(running):
-    with pytest.raises(TeleopError, match="an episode is running; save or discard it first"):
+    refusal = "^an episode is running; save or discard it first$"
+    with pytest.raises(TeleopError, match=refusal):
         running.start()
     running.save()
     running.start()
-    assert running.phase == "starting"
+    assert (running.phase, running.outcome) == ("starting", "")
+    with pytest.raises(TeleopError, match=refusal):
+        running.start()
 
 
 def test_nothing_can_be_saved_before_the_world_has_been_reset():

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sim.world.command import STOP, Command
 from storage.errors import FileError
 from teleop.mux_settings import MuxLock, MuxSettings, MuxTopic, load_mux
-from teleop.twist_mux import TwistMux, VelocityLimits
+from teleop.twist_mux import MuxOutput, TwistMux, VelocityLimits
 
 UNLIMITED = VelocityLimits(1e6, -1e6, 1e6, 1e9, 1e9)
 ROBOT = VelocityLimits(1.2, -0.3, 3.5, 2.5, 12.0)
@@ -27,8 +27,14 @@ UNLOCKED = MuxSettings(topics=SETTINGS.topics)
 
 def test_without_any_command_the_robot_stops():
     output = TwistMux(UNLOCKED, UNLIMITED).step(3.0)
-    assert output.command == STOP
-    assert output.active == ""
+    assert output == MuxOutput(STOP, active="", locked_by=(), held=(), e_stop=False)
+
+
+def test_from_the_zero_of_its_clock_the_robot_accelerates_as_from_rest():
+    mux = TwistMux(UNLOCKED, ROBOT)
+    mux.receive("keys", FAST, 0.04)
+    command = mux.step(0.04).command
+    assert command == Command(pytest.approx(2.5 * 0.04), pytest.approx(-0.4))
 
 
 def test_the_highest_priority_drives_until_its_timeout():
@@ -56,6 +62,20 @@ def test_a_lock_masks_lower_priorities_only_and_engages_after_its_timeout():
     mux.receive_lock("gone", True, 1.65)
     mux.receive("planner", SLOW, 2.3)
     assert mux.step(2.3).command == STOP
+
+
+def test_a_lock_engages_after_its_timeout_and_not_at_it():
+    mux = TwistMux(SETTINGS, UNLIMITED)
+    mux.receive_lock("gone", False, 1.0)
+    engaged = {now_s: mux.engaged_locks(now_s) for now_s in (0.9, 1.0, 1.5, 1.5001)}
+    assert engaged == {0.9: ("gone",), 1.0: (), 1.5: (), 1.5001: ("gone",)}
+
+
+def test_without_an_engaged_lock_an_input_of_the_lowest_priority_drives():
+    topics = {"planner": MuxTopic(topic="cmd_vel", timeout=0.5, priority=0)}
+    mux = TwistMux(MuxSettings(topics=topics), UNLIMITED)
+    mux.receive("planner", SLOW, 1.0)
+    assert mux.step(1.0).active == "planner"
 
 
 def test_a_lock_lets_inputs_of_its_own_priority_pass():
