@@ -1,7 +1,14 @@
 """Progress check, recoveries and status."""
 
+import math
+
+import numpy as np
+import pytest
+
 from sim.planning.local_planner import PlannerStatus
-from sim.planning.recovery import ProgressChecker, RecoveringPlanner
+from sim.planning.recovery import Behaviour, ProgressChecker, RecoveringPlanner, behaviours_of
+from sim.planning.settings import PlannerSettings
+from sim.scenario.occupancy import wall_distance_raster
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP, Command
 from sim.world.waypoint import Waypoint
@@ -9,6 +16,7 @@ from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 AHEAD = Waypoint(3.0, 10.0)
+ON, BACK, TURN = Command(0.5, 0.0), Command(-0.15, 0.0), Command(0.0, 1.5)
 
 
 class PushingPlanner:
@@ -22,6 +30,20 @@ class PushingPlanner:
 
     def step(self, _observation, waypoint):
         return STOP if waypoint is None else Command(0.5, 0.0)
+
+
+class StandingPlanner(PushingPlanner):
+    """Sees ways to go but finds standing best, as in a dead end."""
+
+    def step(self, _observation, _waypoint):
+        return STOP
+
+
+class TurningPlanner(PushingPlanner):
+    """Always drives on in a turn."""
+
+    def step(self, _observation, _waypoint):
+        return Command(0.5, 1.0)
 
 
 def standing_at(time_s, x_m=3.0, y_m=8.0, yaw_rad=0.0, people=()):
@@ -43,6 +65,77 @@ def test_a_robot_that_moves_is_never_stuck_and_one_that_stands_is_after_the_allo
     assert stuck == [False] * 11 + [True, True]
 
 
+def test_a_move_is_one_beyond_the_radius_and_starts_the_allowance_anew():
+    checker = ProgressChecker(0.5, 10.0)
+    way = [(0.0, 3.0), (4.0, 3.5), (6.0, 3.75), (10.5, 3.25), (16.0, 3.25), (16.5, 3.25)]
+    assert [checker.is_stuck(standing_at(*each)) for each in way] == [False] * 5 + [True]
+    assert checker.n_moves == 2
+    checker.reset()
+    assert not checker.is_stuck(standing_at(40.0, 3.25))
+    assert checker.n_moves == 3
+
+
+def test_more_time_is_an_allowance_from_now_on_and_no_move():
+    checker = ProgressChecker(0.5, 10.0)
+    checker.is_stuck(standing_at(1.0))
+    checker.allow_more_time(standing_at(8.0))
+    assert [checker.is_stuck(standing_at(t)) for t in (11.5, 18.0, 18.5)] == [False, False, True]
+    assert checker.n_moves == 1
+
+
+def test_recoveries_last_as_long_as_their_way_takes_at_their_speed():
+    """A back-up of 0.3 m and a turn of 3 rad; the limits are 0.3 m/s backward and 3.5 rad/s."""
+    settings = PlannerSettings(backup_dist=0.3, spin_dist=3.0, wait_duration=4.0)
+    slow = {"backup_speed": 0.1, "max_rotational_vel": 0.5}
+    assert behaviours_of(settings.model_copy(update=slow), HALLWAY.robot) == (
+        Behaviour(Command(-0.1, 0.0), pytest.approx(3.0)),
+        Behaviour(Command(0.0, 0.5), 6.0),
+        Behaviour(STOP, 4.0),
+    )
+    fast = {"backup_speed": 2.0, "max_rotational_vel": 9.0}
+    assert behaviours_of(settings.model_copy(update=fast), HALLWAY.robot) == (
+        Behaviour(Command(-0.3, 0.0), 1.0),
+        Behaviour(Command(0.0, 3.5), pytest.approx(3.0 / 3.5)),
+        Behaviour(STOP, 4.0),
+    )
+
+
+def quarters(n):
+    """(n,) times whose steps of a quarter of a second are exact."""
+    return [0.25 * tick for tick in range(n)]
+
+
+def test_each_recovery_begins_beyond_the_allowance_and_ends_after_its_duration():
+    """10 s of allowance each; 1.5 s backward, 1 s of turning, 2 s of waiting, and anew."""
+    planner = RecoveringPlanner(PushingPlanner(), HALLWAY)
+    changes, before = [], None
+    for time_s in quarters(200):
+        command = planner.step(standing_at(time_s), AHEAD)
+        seen = (command, planner.n_recoveries, planner.status)
+        if seen != before:
+            changes.append((time_s, *seen))
+        before = seen
+    none, failed = PlannerStatus.NONE, PlannerStatus.FAILED_TO_MAKE_PROGRESS
+    assert changes == [
+        (0.0, ON, 0, none),
+        (10.25, BACK, 1, none), (11.75, ON, 1, none),
+        (22.0, TURN, 2, none), (23.0, ON, 2, none),
+        (33.25, STOP, 3, none), (35.25, ON, 3, none),
+        (45.5, BACK, 4, failed), (47.0, ON, 4, failed),
+    ]  # fmt: skip
+
+
+def test_after_a_move_as_many_recoveries_are_tried_again_before_they_count_as_failed():
+    planner = RecoveringPlanner(PushingPlanner(), HALLWAY)
+    failed = {}
+    for time_s in quarters(460):
+        x_m = 3.0 if time_s < 50.0 else 4.0
+        planner.step(standing_at(time_s, x_m), AHEAD)
+        has_failed = planner.status == PlannerStatus.FAILED_TO_MAKE_PROGRESS
+        failed.setdefault(planner.n_recoveries, has_failed)
+    assert failed == {n: n in (4, 8, 9) for n in range(10)}
+
+
 def test_a_stuck_robot_backs_off_then_turns_then_waits():
     planner = RecoveringPlanner(PushingPlanner(), HALLWAY)
     commands = commands_while_stuck(planner, 40.0)
@@ -60,6 +153,51 @@ def test_a_stuck_robot_does_not_back_off_into_a_wall_or_a_person():
     assert min(c.linear_mps for c in commands) >= 0.0
 
 
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.7, 2.0, -1.2, math.pi])
+def test_the_space_behind_the_robot_is_a_disc_of_its_size(yaw_rad):
+    """Its middle is 0.35 m behind the robot; the person must be 0.25 m + 0.25 m away from it."""
+    forward = np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
+    sideways = np.array([-forward[1], forward[0]])
+    for direction in (-forward, sideways, -sideways, (sideways - forward) / math.sqrt(2.0)):
+        for away_m, backs_off in ((0.49, False), (0.51, True)):
+            person = np.array([3.0, 8.0]) - 0.35 * forward + away_m * direction
+            people = [(3.0, 12.0), person, (3.0, 4.0)]
+            assert has_backed_off(HALLWAY, yaw_rad=yaw_rad, people=people) == backs_off
+
+
+def has_backed_off(scenario, **place):
+    planner = RecoveringPlanner(PushingPlanner(), scenario)
+    return BACK in [planner.step(standing_at(t, **place), AHEAD) for t in quarters(45)]
+
+
+@pytest.mark.parametrize(
+    ("x_m", "yaw_rad", "backs_off"),
+    [(5.42, math.pi, False), (5.38, math.pi, True), (5.7, 0.0, True), (5.68, -math.pi / 2, True)],
+)
+def test_a_wall_is_behind_where_the_disc_would_reach_it(x_m, yaw_rad, backs_off):
+    """The hallway ends at x = 6 m; its raster has cells of 0.05 m."""
+    assert has_backed_off(HALLWAY, x_m=x_m, yaw_rad=yaw_rad) == backs_off
+
+
+def test_touching_a_person_or_a_wall_behind_is_no_free_space():
+    """From x = 2.85 m the disc has its middle at 2.5 m, exactly; walls are as near as cells are."""
+    assert not has_backed_off(HALLWAY, x_m=2.85, people=[(2.0, 8.0)])
+    away_m = float(wall_distance_raster(HALLWAY).at(np.array([5.77]), np.array([8.0]))[0])
+    for radius_m, backs_off in ((away_m, False), (away_m - 1e-9, True)):
+        scenario = HALLWAY.with_values("robot", radius_m=radius_m)
+        assert has_backed_off(scenario, x_m=5.42, yaw_rad=math.pi) == backs_off
+
+
+def test_a_robot_backs_off_until_a_person_comes_behind_it_and_then_has_a_new_allowance():
+    planner = RecoveringPlanner(PushingPlanner(), HALLWAY)
+    commands = {
+        t: planner.step(standing_at(t, people=[(2.2, 8.0)] if t >= 11.0 else ()), AHEAD)
+        for t in quarters(90)
+    }
+    assert [t for t, command in commands.items() if command == BACK] == [10.25, 10.5, 10.75]
+    assert [t for t, command in commands.items() if command == TURN] == [21.25, 21.5, 21.75, 22.0]
+
+
 def test_the_status_names_the_reason_of_a_failure():
     planner = RecoveringPlanner(PushingPlanner(is_blocked=True), HALLWAY)
     reported = []
@@ -74,11 +212,102 @@ def test_the_status_names_the_reason_of_a_failure():
     ]
 
 
-class StandingPlanner(PushingPlanner):
-    """Sees ways to go but finds standing best, as in a dead end."""
+def test_patience_is_exceeded_after_the_tolerance_of_one_blockage_and_not_of_two():
+    blocked = PushingPlanner()
+    planner = RecoveringPlanner(blocked, HALLWAY)
+    statuses = {}
+    for time_s in quarters(40):
+        blocked.is_blocked = time_s not in (0.0, 1.0)
+        assert planner.is_blocked == blocked.is_blocked
+        planner.step(standing_at(time_s), AHEAD)
+        statuses[time_s] = planner.status
+    for time_s, status in statuses.items():
+        waits = (
+            PlannerStatus.NO_VALID_CONTROL if time_s <= 6.25 else PlannerStatus.PATIENCE_EXCEEDED
+        )
+        assert status == (waits if time_s not in (0.0, 1.0) else PlannerStatus.NONE)
 
-    def step(self, _observation, _waypoint):
-        return STOP
+
+def test_a_snapshot_repeats_a_recovery_as_often_as_it_is_restored():
+    planner = RecoveringPlanner(PushingPlanner(), HALLWAY)
+
+    def drive(first, last):
+        return [
+            (planner.step(standing_at(t), AHEAD), planner.status, planner.n_recoveries)
+            for t in quarters(last)[first:]
+        ]
+
+    drive(0, 43)
+    state = planner.snapshot()
+    followed = drive(43, 200)
+    for _ in range(2):
+        planner.restore(state)
+        assert drive(43, 200) == followed
+    assert followed[0][0] == BACK
+    assert followed[-1][1:] == (PlannerStatus.FAILED_TO_MAKE_PROGRESS, 4)
+
+
+@pytest.mark.parametrize("way", ["reset", "arrival", "no waypoint"])
+def test_after_a_reset_or_an_arrival_everything_begins_anew(way):
+    """A robot that is blocked fails, and its fifth recovery begins at 57.25 s."""
+    planner = RecoveringPlanner(PushingPlanner(is_blocked=True), HALLWAY)
+
+    def drive(first_s, last_s):
+        return [
+            (planner.step(standing_at(first_s + t), AHEAD), planner.status)
+            for t in quarters(round(4 * (last_s - first_s)))
+        ]
+
+    first = drive(0.0, 57.5)
+    assert first[-1] == (TURN, PlannerStatus.FAILED_TO_MAKE_PROGRESS)
+    if way == "reset":
+        planner.reset()
+    elif way == "arrival":
+        assert planner.step(standing_at(58.0, y_m=9.9), AHEAD) == ON
+    else:
+        assert planner.step(standing_at(58.0), None) == STOP
+    assert planner.status == PlannerStatus.NONE
+    assert drive(60.0, 117.5) == first
+
+
+@pytest.mark.parametrize(("away_m", "n_recoveries"), [(0.25, 1), (0.249, 0)])
+@pytest.mark.parametrize("to", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+def test_a_robot_may_stand_nearer_to_its_waypoint_than_a_quarter_of_a_metre(
+    away_m, n_recoveries, to
+):
+    planner = RecoveringPlanner(StandingPlanner(), HALLWAY)
+    waypoint = Waypoint(3.0 + away_m * to[0], 8.0 + away_m * to[1])
+    for time_s in quarters(45):
+        planner.step(standing_at(time_s), waypoint)
+    assert planner.n_recoveries == n_recoveries
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [
+        ({}, Command(0.5, 1.0)),
+        ({"acc_lim_x": 1.0}, Command(0.05, 0.6)),
+        ({"acc_lim_theta": 2.0}, Command(0.125, 0.1)),
+        ({"acc_lim_x": 1.0, "acc_lim_theta": 2.0}, Command(0.05, 0.1)),
+    ],
+)
+def test_commands_change_by_the_accelerations_of_the_parameters_where_one_is_below_the_robots(
+    parameters, expected
+):
+    """In a period of 0.05 s; the robot has 2.5 m/s2 and 12 rad/s2."""
+    scenario = HALLWAY.with_local_planner(PlannerSettings(**parameters))
+    command = RecoveringPlanner(TurningPlanner(), scenario).step(standing_at(0.0), AHEAD)
+    assert command.linear_mps == pytest.approx(expected.linear_mps)
+    assert command.angular_radps == pytest.approx(expected.angular_radps)
+
+
+@pytest.mark.parametrize("lost", ["x_m", "y_m", "yaw_rad"])
+def test_a_robot_without_a_pose_stops_without_a_step_of_its_planner(lost):
+    planner = RecoveringPlanner(PushingPlanner(), HALLWAY)
+    assert planner.step(standing_at(0.0, **{lost: math.nan}), AHEAD) == STOP
+    assert planner.status == PlannerStatus.NO_VALID_CONTROL
+    assert planner.step(standing_at(0.25), AHEAD) == ON
+    assert planner.status == PlannerStatus.NONE
 
 
 def test_a_robot_that_stands_short_of_its_waypoint_recovers_and_one_that_is_there_does_not():

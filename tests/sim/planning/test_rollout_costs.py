@@ -35,6 +35,13 @@ def test_facing_away_costs_most_and_nothing_at_the_waypoint():
     assert (COSTS.heading(error, 0.0) == 0.0).all()
 
 
+@pytest.mark.parametrize("distance_m", [0.1, 0.25, 0.4, 0.5, 0.6])
+def test_facing_away_costs_in_proportion_to_the_distance_up_to_half_a_metre(distance_m):
+    expected = SETTINGS.heading_weight * 0.5 * min(1.0, distance_m / 0.5)
+    costs = COSTS.heading(np.array([0.5, -0.5]), distance_m)
+    np.testing.assert_allclose(costs, [expected, expected], rtol=1e-12)
+
+
 def test_a_wall_within_reach_is_too_close():
     x_m, y_m = np.array([[5.0, 5.9], [3.0, 3.1]]), np.full((2, 2), 8.0)
     cost, too_close = COSTS.walls(x_m, y_m, COSTS.look(seen()), 2)
@@ -49,6 +56,52 @@ def test_a_wall_within_the_margin_does_not_keep_the_robot_from_leaving():
     x_m = np.array([[5.725, 5.725], [5.70, 5.6], [5.725, 5.775]])
     _, too_close = COSTS.walls(x_m, np.array([[8.1, 8.2]] * 3), around, 2)
     assert too_close.tolist() == [[False, False], [False, False], [False, True]]
+
+
+def test_walls_cost_by_the_nearest_one_of_all_times_and_forbid_the_first_times_only():
+    """At x = 5.525 m and 5.675 m the wall at x = 6 m is 0.475 m and 0.325 m away."""
+    x_m, y_m = np.array([[5.525, 5.675], [5.675, 5.775]]), np.full((2, 2), 8.02)
+    for n_soon in (0, 1, 2):
+        cost, too_close = COSTS.walls(x_m, y_m, COSTS.look(seen()), n_soon)
+        gap_m = np.array([0.325 - 0.25 - SETTINGS.wall_margin_m, 0.0])
+        expected = SETTINGS.wall_weight * np.exp(-gap_m / SETTINGS.wall_decay_m)
+        np.testing.assert_allclose(cost, expected, rtol=1e-9)
+        assert too_close.tolist() == [[False, False][:n_soon], [False, True][:n_soon]]
+
+
+def test_a_look_holds_the_margins_or_a_millimetre_less_than_the_gaps_of_a_robot_at_rest():
+    """One walks into the robot within 1 s, from 0.6 m at 0.2 m/s; one stands 0.51 m away."""
+    far = COSTS.look(seen([(2.0, 9.0)]))
+    assert far.nearest_m.tolist() == [SETTINGS.person_margin_m] * 2
+    assert far.nearest_now_m.tolist() == [SETTINGS.stopped_margin_m]
+    assert far.nearest_wall_m == 0.25 + SETTINGS.wall_margin_m
+    coming = COSTS.look(seen([(2.625, 8.0)], [(-0.25, 0.0)]))
+    np.testing.assert_allclose(coming.nearest_m, [-0.001, -0.126], atol=1e-12)
+    assert coming.nearest_now_m.tolist() == [SETTINGS.stopped_margin_m]
+    standing = COSTS.look(seen([(2.0, 8.515625)]))
+    np.testing.assert_allclose(standing.nearest_m, [0.014625, 0.014625], atol=1e-12)
+    np.testing.assert_allclose(standing.nearest_now_m, [0.014625], atol=1e-12)
+
+
+@pytest.mark.parametrize(("away_m", "is_too_close"), [(0.99, True), (1.0, False)])
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (3.0, 0.0)])  # who stands, who leaves
+def test_a_person_at_the_margin_is_not_too_close(away_m, is_too_close, velocity):
+    """Both margins are 0.5 m, both radii 0.25 m; the rollout comes to x = 3 m at y = 8 m."""
+    settings = CostSettings(person_margin_m=0.5, stopped_margin_m=0.5)
+    costs = RolloutCosts(load_scenario("hallway"), settings, TIME_S)
+    around = costs.look(seen([(3.0 + away_m, 8.0)], [velocity]))
+    _, too_close = costs.people(np.array([[3.0, 2.5]]), np.full((1, 2), 8.0), around, 2)
+    assert too_close.tolist() == [[is_too_close, False]]
+
+
+def test_a_person_within_the_margin_for_those_who_stop_is_too_close_on_each_side():
+    """One who leaves at 3 m/s is nearer than 0.52 m now and nowhere near at the first time."""
+    for x, y in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+        for away_m, is_too_close in ((0.515, True), (0.525, False)):
+            person = (3.0 + away_m * x, 10.0 + away_m * y)
+            around = COSTS.look(seen([person], [(3.0 * x, 3.0 * y)]))
+            _, too_close = COSTS.people(np.full((1, 2), 3.0), np.full((1, 2), 10.0), around, 2)
+            assert too_close.tolist() == [[is_too_close] * 2]
 
 
 def test_a_person_who_will_be_there_costs_and_is_too_close_then():

@@ -1,0 +1,91 @@
+"""Which people count, where they will be, and how near a rollout comes to them."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim.planning.nearby_people import PredictedPeople, gap_to_people_m, predict_nearby
+from support.observations import observation_at
+
+TIME_S = np.array([0.5, 1.0, 2.0])
+RANGE_M = 5.0
+
+
+def predicted(people, velocity=None, *, most=8):
+    seen = observation_at(1.0, 2.0, people=people, velocity=velocity)
+    return predict_nearby(seen, RANGE_M, most, TIME_S)
+
+
+def now(people):
+    """(K, 2) present positions."""
+    return np.hstack([people.now_x_m, people.now_y_m]).tolist()
+
+
+def test_people_go_on_at_their_velocity():
+    people = predicted([(2.0, 2.0), (1.0, 4.0)], [(0.5, -1.0), (0.0, 0.25)])
+    assert len(people) == 2
+    assert now(people) == [[2.0, 2.0], [1.0, 4.0]]
+    np.testing.assert_array_equal(people.x_m, [[2.25, 2.5, 3.0], [1.0, 1.0, 1.0]])
+    np.testing.assert_array_equal(people.y_m, [[1.5, 1.0, 0.0], [4.125, 4.25, 4.5]])
+
+
+def test_people_within_the_range_count_and_those_at_it_do_not():
+    """(4, 6) is 5 m from (1, 2); both coordinates of the others alone are within the range."""
+    people = predicted([(4.0, 6.0), (3.75, 6.0), (4.0, 5.75), (-3.0, -2.0), (1.0, -2.75)])
+    assert now(people) == [[3.75, 6.0], [4.0, 5.75], [1.0, -2.75]]
+
+
+def test_of_too_many_people_the_nearest_count_and_of_equally_near_ones_the_first():
+    crowd = [(4.0, 2.0), (1.0, 4.0), (1.5, 2.0), (-1.0, 2.0), (3.0, 2.0)]
+    assert now(predicted(crowd, most=3)) == [[1.5, 2.0], [1.0, 4.0], [-1.0, 2.0]]
+    assert now(predicted(crowd, most=5)) == [list(each) for each in crowd]
+
+
+def test_a_person_without_a_finite_position_is_left_out_and_one_without_a_velocity_stands():
+    velocity = [(1.0, 1.0), (math.nan, 1.0), (1.0, math.inf), (1.0, 0.0)]
+    people = predicted([(math.nan, 2.0), (2.0, 2.0), (2.0, 3.0), (2.0, 4.0)], velocity)
+    assert now(people) == [[2.0, 2.0], [2.0, 3.0], [2.0, 4.0]]
+    np.testing.assert_array_equal(people.x_m, [[2.0] * 3, [2.0] * 3, [2.5, 3.0, 4.0]])
+    np.testing.assert_array_equal(people.y_m, [[2.0] * 3, [3.0] * 3, [4.0] * 3])
+
+
+places = st.lists(st.tuples(*[st.integers(-6, 6)] * 2), min_size=1, max_size=8)
+
+
+@given(places)
+def test_people_are_near_a_box_where_both_coordinates_are_strictly_within_the_range(people):
+    now_m = np.array(people, dtype=float)
+    now_x_m, now_y_m = now_m[:, :1], now_m[:, 1:]
+    found = PredictedPeople(now_x_m, now_y_m, now_x_m, now_y_m)
+    near = found.is_near(np.array([-1.0, 2.0, 0.0, 1.0]), 2.0)
+    assert near.tolist() == [-3 < x < 4 and -2 < y < 3 for x, y in people]
+
+
+def test_the_gap_is_the_distance_to_the_nearest_person_less_both_radii():
+    x_m, y_m = np.array([0.0, 3.0]), np.array([0.0, 4.0])
+    people_x_m, people_y_m = np.array([[3.0, 3.0], [0.0, 3.0]]), np.array([[4.0, 4.0], [2.0, 6.0]])
+    for shape in ((2,), (1, 2), (1, 1, 2)):
+        rollout = x_m.reshape(shape), y_m.reshape(shape)
+        gap_m = gap_to_people_m(*rollout, people_x_m, people_y_m, 0.5)
+        assert gap_m.shape == shape
+        assert gap_m.ravel().tolist() == [1.5, -0.5]
+
+
+@pytest.mark.parametrize("n_times", [1, 4])  # people who stand, people who walk
+@pytest.mark.parametrize("n_people", [0, 1, 5])
+def test_many_rollouts_have_the_gaps_of_each_alone(n_people, n_times):
+    rng = np.random.default_rng(4)
+    x_m, y_m = rng.normal(size=(2, 3, 2, 4))
+    people_x_m, people_y_m = rng.normal(size=(2, n_people, n_times))
+    kept = [each.copy() for each in (x_m, y_m, people_x_m, people_y_m)]
+    gaps_m = gap_to_people_m(x_m, y_m, people_x_m, people_y_m, 0.3)
+    for index in np.ndindex(3, 2):
+        alone_m = gap_to_people_m(x_m[index], y_m[index], people_x_m, people_y_m, 0.3)
+        np.testing.assert_array_equal(gaps_m[index], alone_m)
+        expected_m = np.hypot(x_m[index] - people_x_m, y_m[index] - people_y_m) - 0.3
+        np.testing.assert_allclose(alone_m, expected_m.min(axis=0, initial=np.inf), rtol=1e-12)
+    for before, after in zip(kept, (x_m, y_m, people_x_m, people_y_m), strict=True):
+        np.testing.assert_array_equal(before, after)

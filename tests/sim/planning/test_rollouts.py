@@ -1,0 +1,113 @@
+"""The dynamic window and the rollouts, against closed forms and the limited unicycle."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim.planning.rollouts import ramp, reachable_window, roll_out
+from sim.robot.unicycle import chord_velocity, limited_velocity
+from sim.scenario.settings import RobotSettings
+from sim.world.command import Command
+
+ROBOT = RobotSettings()
+SLOW = RobotSettings(acc_lim_x_mps2=2.0, acc_lim_theta_radps2=4.0)
+POSE = (1.0, 2.0, 0.3)
+TIME_S = 0.05 * np.arange(1, 21)
+
+
+def test_the_window_holds_what_the_accelerations_allow():
+    window = reachable_window(ROBOT, 0.5, 1.0, 0.1)
+    assert (window.slowest_mps, window.fastest_mps) == pytest.approx((0.25, 0.75))
+    assert (window.rightmost_radps, window.leftmost_radps) == pytest.approx((-0.2, 2.2))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_window_ends_at_the_limits_of_the_robot(sign):
+    window = reachable_window(ROBOT, sign * 0.5, sign * 3.0, 10.0)
+    assert (window.slowest_mps, window.fastest_mps) == (ROBOT.min_vel_x_mps, ROBOT.max_vel_x_mps)
+    limit_radps = ROBOT.max_vel_theta_radps
+    assert (window.rightmost_radps, window.leftmost_radps) == (-limit_radps, limit_radps)
+
+
+def test_a_ramp_changes_at_the_limit_until_it_is_there():
+    values = ramp(1.0, np.array([2.0, 1.0, -1.0]), 2.0, np.array([0.0, 0.25, 0.5, 1.0, 2.0]))
+    assert values.tolist() == [
+        [1.0, 1.5, 2.0, 2.0, 2.0],
+        [1.0, 1.0, 1.0, 1.0, 1.0],
+        [1.0, 0.5, 0.0, -1.0, -1.0],
+    ]
+
+
+def test_rollouts_end_where_the_limited_unicycle_ends():
+    rollouts = roll_out(
+        POSE, (0.2, np.array([1.0])), (0.0, np.array([-2.0])), ROBOT, TIME_S, turn_time_s=2.0
+    )
+    expected, _ = _constant_command(POSE, 0.2, 1.0, -2.0)
+    assert rollouts.x_m[0, 0, -1] == pytest.approx(expected[0], abs=0.04)
+    assert rollouts.y_m[0, 0, -1] == pytest.approx(expected[1], abs=0.04)
+
+
+def _constant_command(pose, speed, wanted_speed, wanted_turn):
+    turn = 0.0
+    for _ in range(20):
+        speed, turn = limited_velocity(Command(wanted_speed, wanted_turn), speed, turn, ROBOT, 0.05)
+        vx, vy = chord_velocity(pose[2], speed, turn, 0.05)
+        pose = (pose[0] + 0.05 * vx, pose[1] + 0.05 * vy, pose[2] + 0.05 * turn)
+    return pose, speed
+
+
+@pytest.mark.parametrize("start_s", [0.0, 0.25])
+def test_straight_rollouts_cover_the_distance_of_constant_acceleration(start_s):
+    """From 0.2 m/s to 1 m/s at 2 m/s2; the ramp ends with a step, so midpoints are exact."""
+    rollouts = roll_out(
+        POSE, (0.2, np.array([1.0, 0.2])), (0.0, np.zeros(1)), SLOW, TIME_S, 2.0, start_s
+    )
+    ramp_s = np.clip(TIME_S - start_s, 0.0, 0.4)
+    after_s = np.maximum(TIME_S - start_s - 0.4, 0.0)
+    way_m = 0.2 * np.minimum(TIME_S, start_s) + 0.2 * ramp_s + ramp_s**2 + 1.0 * after_s
+    for index, expected_m in enumerate([way_m, 0.2 * TIME_S]):
+        np.testing.assert_allclose(rollouts.x_m[index, 0], 1.0 + expected_m * math.cos(0.3))
+        np.testing.assert_allclose(rollouts.y_m[index, 0], 2.0 + expected_m * math.sin(0.3))
+    np.testing.assert_allclose(rollouts.yaw_rad, np.full((1, 20), 0.3))
+
+
+def test_the_yaw_is_that_of_constant_acceleration_up_to_the_turn_time_and_constant_then():
+    """From 0 to 1.2 rad/s at 4 rad/s2 within 0.3 s; it turns for 0.5 s, then drives straight."""
+    rollouts = roll_out(POSE, (0.0, np.zeros(1)), (0.0, np.array([1.2, -1.2])), SLOW, TIME_S, 0.5)
+    turning_s = np.minimum(TIME_S, 0.5)
+    ramp_s = np.minimum(turning_s, 0.3)
+    turned_rad = 2.0 * ramp_s**2 + 1.2 * (turning_s - ramp_s)
+    np.testing.assert_allclose(rollouts.yaw_rad, [0.3 + turned_rad, 0.3 - turned_rad])
+
+
+def test_a_turn_lasts_up_to_a_midpoint_that_is_the_turn_time():
+    time_s = np.array([0.5, 1.0, 1.5])
+    rollouts = roll_out(POSE, (0.0, np.zeros(1)), (1.0, np.ones(1)), SLOW, time_s, turn_time_s=0.75)
+    np.testing.assert_allclose(rollouts.yaw_rad[0], 0.3 + np.array([0.5, 1.0, 1.0]))
+
+
+def test_a_steady_rollout_keeps_the_circle_of_its_chords():
+    """Points of equal steps of s and turns of h lie on a circle of radius s / (2 sin(h / 2))."""
+    speed, turn, step_s = 0.8, 1.5, 0.05
+    rollouts = roll_out(
+        POSE, (speed, np.array([speed])), (turn, np.array([turn])), ROBOT, TIME_S, turn_time_s=2.0
+    )
+    radius_m = 0.5 * speed * step_s / math.sin(0.5 * turn * step_s)
+    yaw = 0.3 + turn * TIME_S
+    np.testing.assert_allclose(rollouts.speed_mps, np.full((1, 20), speed))
+    np.testing.assert_allclose(rollouts.yaw_rad[0], yaw)
+    np.testing.assert_allclose(rollouts.x_m[0, 0], 1.0 + radius_m * (np.sin(yaw) - math.sin(0.3)))
+    np.testing.assert_allclose(rollouts.y_m[0, 0], 2.0 - radius_m * (np.cos(yaw) - math.cos(0.3)))
+
+
+def test_each_speed_is_combined_with_each_turn():
+    speeds, turns = np.array([0.1, 0.6, 0.9]), np.array([-1.0, 0.7])
+    together = roll_out(POSE, (0.3, speeds), (0.5, turns), ROBOT, TIME_S, 0.4, 0.1)
+    assert together.x_m.shape == together.y_m.shape == (3, 2, 20)
+    assert (together.speed_mps.shape, together.yaw_rad.shape) == ((3, 20), (2, 20))
+    for i, j in np.ndindex(3, 2):
+        one = (0.3, speeds[i : i + 1]), (0.5, turns[j : j + 1])
+        alone = roll_out(POSE, *one, ROBOT, TIME_S, 0.4, 0.1)
+        np.testing.assert_array_equal(together.x_m[i, j], alone.x_m[0, 0])
+        np.testing.assert_array_equal(together.y_m[i, j], alone.y_m[0, 0])
