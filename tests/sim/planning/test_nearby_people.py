@@ -42,6 +42,9 @@ def test_of_too_many_people_the_nearest_count_and_of_equally_near_ones_the_first
     crowd = [(4.0, 2.0), (1.0, 4.0), (1.5, 2.0), (-1.0, 2.0), (3.0, 2.0)]
     assert now(predicted(crowd, most=3)) == [[1.5, 2.0], [1.0, 4.0], [-1.0, 2.0]]
     assert now(predicted(crowd, most=5)) == [list(each) for each in crowd]
+    two_places = predicted([(2.0, 2.0), (1.5, 2.0)] * 30, [(k, 0.0) for k in range(60)], most=40)
+    first_of_each = [*range(1, 60, 2), *range(0, 20, 2)]
+    assert (two_places.x_m - two_places.now_x_m)[:, 1].tolist() == first_of_each
 
 
 def test_a_person_without_a_finite_position_is_left_out_and_one_without_a_velocity_stands():

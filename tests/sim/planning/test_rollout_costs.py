@@ -83,13 +83,13 @@ def test_a_look_holds_the_margins_or_a_millimetre_less_than_the_gaps_of_a_robot_
     np.testing.assert_allclose(standing.nearest_now_m, [0.014625], atol=1e-12)
 
 
-@pytest.mark.parametrize(("away_m", "is_too_close"), [(0.99, True), (1.0, False)])
+@pytest.mark.parametrize(("share", "is_too_close"), [(0.99, True), (1.0, False)])
 @pytest.mark.parametrize("velocity", [(0.0, 0.0), (3.0, 0.0)])  # who stands, who leaves
-def test_a_person_at_the_margin_is_not_too_close(away_m, is_too_close, velocity):
-    """Both margins are 0.5 m, both radii 0.25 m; the rollout comes to x = 3 m at y = 8 m."""
-    settings = CostSettings(person_margin_m=0.5, stopped_margin_m=0.5)
+def test_a_person_at_the_margin_is_not_too_close(share, is_too_close, velocity):
+    """Both margins are 0.75 m and both radii 0.25 m: (3.75, 9) is 1.25 m from (3, 8)."""
+    settings = CostSettings(person_margin_m=0.75, stopped_margin_m=0.75)
     costs = RolloutCosts(load_scenario("hallway"), settings, TIME_S)
-    around = costs.look(seen([(3.0 + away_m, 8.0)], [velocity]))
+    around = costs.look(seen([(3.0 + 0.75 * share, 8.0 + share)], [velocity]))
     _, too_close = costs.people(np.array([[3.0, 2.5]]), np.full((1, 2), 8.0), around, 2)
     assert too_close.tolist() == [[is_too_close, False]]
 
@@ -112,6 +112,17 @@ def test_a_person_who_will_be_there_costs_and_is_too_close_then():
     assert too_close.tolist() == [[False, True]]
     nearest = math.e * math.exp(-1.0 / SETTINGS.foresight_s)
     assert cost[0] == pytest.approx(SETTINGS.people_weight * nearest, rel=1e-6)
+
+
+@pytest.mark.parametrize("foresight_s", [0.4, 2.0])
+def test_a_person_costs_the_less_the_later_the_robot_is_there(foresight_s):
+    """Within a person, whose nearness is e, after 0.5 s or after 1 s; 4 m away else."""
+    settings = CostSettings(foresight_s=foresight_s)
+    costs = RolloutCosts(load_scenario("hallway"), settings, TIME_S)
+    x_m, y_m = np.full((2, 2), 3.0), np.array([[10.0, 14.0], [14.0, 10.0]])
+    cost, _ = costs.people(x_m, y_m, costs.look(seen([(3.0, 10.0)])), 0)
+    expected = settings.people_weight * math.e * np.exp(-TIME_S / foresight_s)
+    np.testing.assert_allclose(cost, expected, rtol=1e-6)
 
 
 def test_where_somebody_is_now_is_too_close_even_if_that_person_seems_to_leave():
