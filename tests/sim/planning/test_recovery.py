@@ -100,6 +100,12 @@ def test_recoveries_last_as_long_as_their_way_takes_at_their_speed():
     )
 
 
+def test_a_robot_that_must_not_reverse_turns_and_waits():
+    limits = HALLWAY.robot.model_copy(update={"min_vel_x_mps": 0.0})
+    turn, wait = behaviours_of(PlannerSettings(), limits)
+    assert (turn.command, wait.command) == (TURN, STOP)
+
+
 def quarters(n):
     """(n,) times whose steps of a quarter of a second are exact."""
     return [0.25 * tick for tick in range(n)]
@@ -134,6 +140,15 @@ def test_after_a_move_as_many_recoveries_are_tried_again_before_they_count_as_fa
         has_failed = planner.status == PlannerStatus.FAILED_TO_MAKE_PROGRESS
         failed.setdefault(planner.n_recoveries, has_failed)
     assert failed == {n: n in (4, 8, 9) for n in range(10)}
+
+
+def test_without_retries_the_first_recovery_counts_as_failed_and_nothing_before_it():
+    scenario = HALLWAY.with_local_planner(PlannerSettings(number_of_retries=0))
+    planner = RecoveringPlanner(PushingPlanner(), scenario)
+    for time_s in quarters(60):
+        planner.step(standing_at(time_s), AHEAD)
+        has_failed = planner.status == PlannerStatus.FAILED_TO_MAKE_PROGRESS
+        assert has_failed == (time_s > 10.0)
 
 
 def test_a_stuck_robot_backs_off_then_turns_then_waits():
