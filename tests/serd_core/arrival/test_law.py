@@ -111,6 +111,22 @@ def test_entry_times_are_what_exceeds_the_whole_periods_before():
     np.testing.assert_allclose(entry_times_s([0.5, 2.0, 51.05, 4.0], 2.0), [0.5, 2.0, 1.05, 2.0])
 
 
+def test_entry_times_stay_within_the_period_where_arrivals_miss_its_ends_by_rounding():
+    """Within 1e-9 of the length of a period, an arrival belongs to the period that ends there."""
+    for period_s in (0.5, 2.0):
+        given = np.array([1e-10, 1.0 + 5e-10, 3.0 + 5e-10, 1.0 + 5e-9, 1.0 - 5e-10]) * period_s
+        entry_s = entry_times_s(given, period_s) / period_s
+        assert entry_s[1:3].tolist() == [1.0, 1.0]
+        np.testing.assert_allclose(entry_s[[0, 3, 4]], [1e-10, 5e-9, 1.0 - 5e-10], rtol=1e-6)
+
+
+def test_wrong_shapes_of_times_are_refused_by_name():
+    with pytest.raises(SerdError, match=r"^arrival_times_s must "):
+        entry_times_s([[1.0]], 2.0)
+    with pytest.raises(SerdError, match=r"^entry_times_s must "):
+        law_in_seconds(counted([0.0, 1.0]), period_s=2.0, entry_times_s=[[1.0]])
+
+
 def test_wrong_arguments_are_refused_by_name():
     arrival = counted([0.0, 1.0])
     for period_s in (0.0, float("nan"), float("inf")):
