@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
-from bags.limits import MOST_FAULTS_OF_A_FILE
-from bags.rosbag2.layout import BagLayout, storage_name
+from bags.formats.limits import MOST_FAULTS_OF_A_FILE
+from bags.formats.rosbag2.layout import BagLayout, storage_name
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,12 @@ from pathlib import Path
 
 from bags.damage import Damage, FileCount, Losses, losses
 from bags.errors import DamagedBagError
-from bags.limits import MOST_FAULTS
-from bags.mcap.scan import McapScan
-from bags.ros1.scan import Ros1Scan
-from bags.rosbag2.compression import COMPRESSED_MESSAGE, DecompressedFiles, decompressed
-from bags.rosbag2.layout import ROS1_SUFFIX, BagLayout, bag_layout
-from bags.sqlite.scan import SqliteScan
+from bags.formats.limits import MOST_FAULTS
+from bags.formats.mcap.scan import McapScan
+from bags.formats.ros1.scan import Ros1Scan
+from bags.formats.rosbag2.compression import COMPRESSED_MESSAGE, DecompressedFiles, decompressed
+from bags.formats.rosbag2.layout import ROS1_SUFFIX, BagLayout, bag_layout
+from bags.formats.sqlite.scan import SqliteScan
 from bags.topic import RawMessage, Topic
 
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bags.errors import BagError
+from bags.formats.rosbag2.qos import RELIABLE, QosProfile
 from bags.messages.plain import diagnostic_array
 from bags.recorder_settings import RecorderSettings
-from bags.rosbag2.qos import RELIABLE, QosProfile
 from bags.writer import BagWriter
 from storage.errors import FileError
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bags.errors import BagError
-from bags.mcap.writer import Compression
+from bags.formats.mcap.writer import Compression
+from bags.formats.rosbag2.message_types import resolve_type_if_known
 from bags.reader import BagReader
-from bags.rosbag2.message_types import resolve_type_if_known
 from bags.topic import CDR
 from bags.writer import BagWriter
 from storage.errors import disk_error

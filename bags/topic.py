@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from bags.errors import BagError
-from bags.rosbag2.message_types import MessageType
-from bags.rosbag2.qos import QosProfile
+from bags.formats.rosbag2.message_types import MessageType
+from bags.formats.rosbag2.qos import QosProfile
 from storage.nearest import nearest_name
 
 CDR = "cdr"

@@ -8,11 +8,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from bags.errors import BagError
-from bags.mcap.window import FileWindow
-from bags.mcap.writer import Compression, McapWriter
-from bags.rosbag2.message_types import MessageType, message_type
-from bags.rosbag2.metadata_file import FILE_NAME, ROOT_KEY, FileSpan, bag_metadata, metadata_text
-from bags.rosbag2.qos import RELIABLE, QosProfile
+from bags.formats.mcap.window import FileWindow
+from bags.formats.mcap.writer import Compression, McapWriter
+from bags.formats.rosbag2.message_types import MessageType, message_type
+from bags.formats.rosbag2.metadata_file import (
+    FILE_NAME,
+    ROOT_KEY,
+    FileSpan,
+    bag_metadata,
+    metadata_text,
+)
+from bags.formats.rosbag2.qos import RELIABLE, QosProfile
 from bags.topic import Topic
 from storage.errors import FileError, disk_error
 from storage.files import atomic_write_text

@@ -21,8 +21,8 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.stream_reader import MAGIC_SIZE
 
-from bags.mcap.records import RECORD_HEAD
-from bags.mcap.scan import McapScan
+from bags.formats.mcap.records import RECORD_HEAD
+from bags.formats.mcap.scan import McapScan
 from bags.writer import BagWriter
 from benchmarks.report import markdown_row, write_rows
 

@@ -15,14 +15,14 @@ import numpy as np
 
 from bags.damage import at_most
 from bags.errors import BagError
+from bags.formats.limits import MOST_FAULTS
+from bags.formats.rosbag2.layout import storage_name
+from bags.formats.rosbag2.message_types import ENCODING, message_type
 from bags.health.topic_check import TopicCheck, check_topic
 from bags.health.two_clocks import TwoClocks
-from bags.limits import MOST_FAULTS
-from bags.message_times import AGREEMENT_S
 from bags.messages.plain import message_stamp_ns
+from bags.messages.times import AGREEMENT_S
 from bags.reader import BagReader
-from bags.rosbag2.layout import storage_name
-from bags.rosbag2.message_types import ENCODING, message_type
 from bags.topic import Topic, nearest_topic, topics_named
 
 #: Messages whose times are kept in memory.

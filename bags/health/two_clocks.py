@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bags.message_times import AGREEMENT_S
+from bags.messages.times import AGREEMENT_S
 from serd_core.arrays import FloatArray
 
 _BLOCK_S = 1.0

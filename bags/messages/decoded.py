@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from bags.errors import BagError
+from bags.formats.rosbag2.message_types import resolve_type, typestore_of
 from bags.messages.plain import decode
 from bags.reader import BagReader
-from bags.rosbag2.message_types import resolve_type, typestore_of
 
 
 def messages_of(directory: Path, names: Sequence[str]) -> Iterator[tuple[str, Any]]:

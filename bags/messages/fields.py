@@ -14,8 +14,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 from bags.errors import BagError
+from bags.formats.rosbag2.message_types import MessageType, resolve_type, typestore_of
 from bags.messages.plain import Header, decode, header_of
-from bags.rosbag2.message_types import MessageType, resolve_type, typestore_of
 from bags.topic import Topic
 from storage.nearest import hint
 

@@ -9,7 +9,7 @@ import numpy as np
 from rosbags.typesys.store import Typestore
 
 from bags.errors import BagError
-from bags.rosbag2.message_types import rosbags_types
+from bags.formats.rosbag2.message_types import rosbags_types
 from serd_core.arrays import FloatArray
 
 _SECOND_NS = 1_000_000_000

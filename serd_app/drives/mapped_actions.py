@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bags.errors import BagError
-from bags.message_times import TimesOnClock, placed_s
 from bags.messages.fields import POSES, VECTORS, VELOCITIES, FieldReader, field_reader
+from bags.messages.times import TimesOnClock, placed_s
 from bags.topic import RawMessage, Topic
 from serd_app.drives.episode_spans import EpisodeSpan
 from serd_app.drives.mapping import BagMapping, TableMapping

@@ -2,7 +2,7 @@
 
 The clock is that of the pose stamps (wall or simulated). Messages without a stamp, or with a stamp
 of another clock, are put on it by their log time, through the log times and stamps of the poses, at
-any rate between the two (`bags/message_times.py`).
+any rate between the two (`bags/messages/times.py`).
 """
 
 from collections.abc import Mapping

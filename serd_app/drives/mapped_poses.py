@@ -7,8 +7,8 @@ from copy import copy
 import numpy as np
 
 from bags.errors import BagError
-from bags.message_times import TimesOnClock, agrees, falls_back_s, placed_s
 from bags.messages.fields import POSES, FieldReader, field_reader
+from bags.messages.times import TimesOnClock, agrees, falls_back_s, placed_s
 from bags.topic import RawMessage, Topic, topic_named, topics_named
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.recorded_drive import finite_poses

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from bags.errors import BagError
-from bags.message_times import TimesOnClock, agrees, placed_s
 from bags.messages.plain import message_stamp_ns, pose_position
+from bags.messages.times import TimesOnClock, agrees, placed_s
 from bags.reader import BagReader
 from bags.topic import RawMessage, topic_named
 from serd_app.drives.episode_mark import END, EPISODE

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bags.rosbag2.layout import is_bag_file
+from bags.formats.rosbag2.layout import is_bag_file
 from serd_app.drives.mapped_actions import PoseTrack, posed_intents
 from serd_app.drives.mapping import TableMapping
 from serd_app.drives.recorded_drive import RecordedDrive

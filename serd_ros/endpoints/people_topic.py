@@ -12,8 +12,8 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 
 from bags.errors import BagError
+from bags.formats.rosbag2.message_types import MessageType, message_type
 from bags.messages.people import CLOUD, people_in, require_people
-from bags.rosbag2.message_types import MessageType, message_type
 from bags.topic import Topic
 from serd_ros.convert.people import PeopleInMap
 from serd_ros.convert.sensors import from_people_message

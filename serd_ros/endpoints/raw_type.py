@@ -16,7 +16,7 @@ from typing import Any
 
 from rclpy.utilities import get_rmw_implementation_identifier
 
-from bags.rosbag2.message_types import MessageType
+from bags.formats.rosbag2.message_types import MessageType
 
 _MIDDLEWARE = "rmw_fastrtps_cpp"
 _SUPPORT = b"rosidl_typesupport_fastrtps_c"

@@ -8,8 +8,8 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import ReliabilityPolicy
 
-from bags.rosbag2.message_types import resolve_type_if_known
-from bags.rosbag2.qos import profile_to_offer
+from bags.formats.rosbag2.message_types import resolve_type_if_known
+from bags.formats.rosbag2.qos import profile_to_offer
 from bags.topic import CDR, RawMessage, Topic
 from serd_ros.endpoints.qos import STATE_DEPTH, replay_qos
 from serd_ros.endpoints.topic_types import message_class

@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 from rclpy.validate_topic_name import validate_topic_name
 from rosbags.interfaces import Nodetype
 
-from bags.rosbag2.message_types import MessageType, message_type, typestore_of
+from bags.formats.rosbag2.message_types import MessageType, message_type, typestore_of
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.raw_type import raw_message_class
 from serd_ros.errors import NodeError

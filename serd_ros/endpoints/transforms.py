@@ -11,8 +11,8 @@ from typing import Any
 from geometry_msgs.msg import TransformStamped
 
 from bags.errors import BagError
+from bags.formats.rosbag2.message_types import rosbags_types
 from bags.messages.plain import Transform, transforms
-from bags.rosbag2.message_types import rosbags_types
 from serd_ros.convert.pose import PlanarPose, odom_in_map, to_static_transform, to_transform
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received

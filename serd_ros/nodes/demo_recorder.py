@@ -2,7 +2,7 @@
 
 The log time of a message is when it was received, its publish time when it was published. Where
 `use_sim_time` is true, or /clock has a publisher when the first message of a recording comes, both
-are simulated time instead (`bags/message_times.py`).
+are simulated time instead (`bags/messages/times.py`).
 """
 
 import sys
@@ -14,8 +14,8 @@ from pathlib import Path
 from std_srvs.srv import Trigger
 
 from bags.errors import BagError
-from bags.message_times import RecordingClock
 from bags.messages.plain import message_stamp_ns
+from bags.messages.times import RecordingClock
 from bags.recorder import BagRecorder
 from bags.recorder_settings import RecorderSettings
 from serd_core.errors import SerdError

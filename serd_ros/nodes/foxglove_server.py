@@ -13,7 +13,7 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy
 
 from bags.errors import BagError
-from bags.rosbag2.message_types import ENCODING, message_type
+from bags.formats.rosbag2.message_types import ENCODING, message_type
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import TopicType, known_topics
 from serd_ros.errors import NodeError

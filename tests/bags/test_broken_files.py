@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from mcap.writer import MCAP0_MAGIC as MAGIC
 
 from bags.errors import BagError
-from bags.mcap.records import RECORD_HEAD
+from bags.formats.mcap.records import RECORD_HEAD
 from bags.reader import BagReader
 from bags.writer import BagWriter
 

@@ -15,8 +15,8 @@ import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Chunk, Message, Schema
 
+from bags.formats.limits import MOST_FAULTS, most_records, most_unpacked
 from bags.health.check import check_bag
-from bags.limits import MOST_FAULTS, most_records, most_unpacked
 from support.mcap_files import CONTENTS, Feature, mcap_file
 
 _MOST_MEMORY_MB = 300

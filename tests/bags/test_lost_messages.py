@@ -5,9 +5,9 @@ import re
 import pytest
 
 from bags.errors import BagError
+from bags.formats.mcap.chunks import CHUNK_PATTERN
+from bags.formats.mcap.writer import McapWriter
 from bags.health.check import check_bag
-from bags.mcap.chunks import CHUNK_PATTERN
-from bags.mcap.writer import McapWriter
 from bags.reader import BagReader
 from bags.rewrite import recover
 from bags.writer import BagWriter

@@ -13,11 +13,11 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StorageP
 from rosbags.typesys import Stores, get_typestore
 
 from bags.errors import BagError
+from bags.formats.mcap.writer import McapWriter
+from bags.formats.rosbag2.message_types import MessageType, message_type
 from bags.health.check import check_bag
-from bags.mcap.writer import McapWriter
 from bags.reader import BagReader
 from bags.rewrite import convert, recover
-from bags.rosbag2.message_types import MessageType, message_type
 from bags.writer import BagWriter
 
 REAL_BAG = Path(__file__).parents[2].parent / "shared" / "data" / "bags" / "test-bag"

@@ -10,9 +10,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 
 from bags.errors import BagError
+from bags.formats.rosbag2.message_types import message_type
+from bags.formats.rosbag2.qos import QosProfile
 from bags.reader import BagReader
-from bags.rosbag2.message_types import message_type
-from bags.rosbag2.qos import QosProfile
 from bags.writer import BagWriter
 
 POSE = "geometry_msgs/msg/PoseStamped"

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bags.mcap.writer import McapWriter
+from bags.formats.mcap.writer import McapWriter
 from bags.reader import BagReader
 from bags.writer import BagWriter
 from serd_app.drives.mapping import BagMapping

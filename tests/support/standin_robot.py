@@ -28,7 +28,7 @@ from rclpy.time import Time
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import LaserScan
 
-from bags.rosbag2.message_types import message_type
+from bags.formats.rosbag2.message_types import message_type
 from serd_ros.endpoints.raw_type import raw_message_class
 from sim.robot.sensors.lidar import Lidar
 from sim.safety.motion import compose, motion_between

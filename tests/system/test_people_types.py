@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped
 
-from bags.rosbag2.message_types import message_type
+from bags.formats.rosbag2.message_types import message_type
 from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.command import from_twist_stamped
 from serd_ros.convert.pose import to_waypoint_message

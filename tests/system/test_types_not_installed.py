@@ -5,8 +5,8 @@ import signal
 import pytest
 from geometry_msgs.msg import TwistStamped
 
+from bags.formats.rosbag2.message_types import message_type
 from bags.reader import BagReader
-from bags.rosbag2.message_types import message_type
 from bags.writer import BagWriter
 from serd_cli.processes.node_commands import node_command
 from serd_ros.endpoints import qos

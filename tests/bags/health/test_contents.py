@@ -2,9 +2,9 @@
 
 import pytest
 
+from bags.formats.mcap.window import FileWindow
 from bags.health.check import check_bag
 from bags.health.contents import contents_of_bag
-from bags.mcap.window import FileWindow
 from bags.writer import BagWriter
 
 

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bags.errors import BagError
+from bags.formats.rosbag2.message_types import message_type, typestore_of
 from bags.messages.plain import Header, Transform
 from bags.reader import BagReader
-from bags.rosbag2.message_types import message_type, typestore_of
 from bags.writer import BagWriter
 from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.demonstrations.grid.fitted_grid import grid_around

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bags.health.check import check_bag
-from bags.message_times import RecordingClock
 from bags.messages.plain import message_stamp_ns
+from bags.messages.times import RecordingClock
 from bags.reader import BagReader
 from bags.recorder import BagRecorder, RecorderSettings
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives

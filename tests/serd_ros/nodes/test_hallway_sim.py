@@ -11,8 +11,8 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from bags.formats.rosbag2.message_types import rosbags_types
 from bags.messages.plain import transforms
-from bags.rosbag2.message_types import rosbags_types
 from serd_ros.convert.command import to_twist_stamped
 from serd_ros.convert.frames import Frames
 from serd_ros.convert.stamp import stamp_s

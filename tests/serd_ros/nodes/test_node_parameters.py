@@ -7,7 +7,7 @@ import re
 import pytest
 from rclpy.parameter import Parameter
 
-from bags.rosbag2.message_types import message_type
+from bags.formats.rosbag2.message_types import message_type
 from bags.writer import BagWriter
 from serd_ros.graph.configs import CONFIGS
 from storage.settings import settings_of

@@ -13,7 +13,7 @@ from mcap.exceptions import EndOfFile, McapError
 from mcap.records import McapRecord
 
 from bags.errors import BagError
-from bags.limits import LARGEST_DEFINITION
+from bags.formats.limits import LARGEST_DEFINITION
 
 #: opcode, length of the content
 RECORD_HEAD = struct.Struct("<BQ")

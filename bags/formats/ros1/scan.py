@@ -24,9 +24,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from bags.damage import Damage, DamageLog
-from bags.limits import LARGEST_CONTENT
-from bags.rosbag2.message_types import MessageType
-from bags.rosbag2.qos import RELIABLE
+from bags.formats.limits import LARGEST_CONTENT
+from bags.formats.rosbag2.message_types import MessageType
+from bags.formats.rosbag2.qos import RELIABLE
 from bags.topic import RawMessage, Topic
 
 _HEADER = "std_msgs/msg/Header"

@@ -12,11 +12,11 @@ from mcap.opcode import Opcode
 
 from bags.damage import Damage, DamageLog
 from bags.errors import BagError
-from bags.mcap.data_section import IN_AREAS, Area, DataSection
-from bags.mcap.definitions import DEFINITIONS
-from bags.mcap.file_end import FileEnd
-from bags.mcap.records import MESSAGE_HEAD, RECORD_HEAD
-from bags.mcap.window import FileWindow
+from bags.formats.mcap.data_section import IN_AREAS, Area, DataSection
+from bags.formats.mcap.definitions import DEFINITIONS
+from bags.formats.mcap.file_end import FileEnd
+from bags.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD
+from bags.formats.mcap.window import FileWindow
 from bags.topic import RawMessage, Topic
 from storage.errors import disk_error
 

@@ -8,7 +8,7 @@ import struct
 from collections.abc import Iterator
 from mmap import mmap
 
-from bags.limits import LARGEST_CONTENT, most_records
+from bags.formats.limits import LARGEST_CONTENT, most_records
 
 Value = int | float | str | bytes | None
 

@@ -6,7 +6,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from bags.mcap.records import MESSAGE_HEAD, RECORD_HEAD
+from bags.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD
 
 #: channel, size of the entries in bytes; log time, offset
 INDEX_HEAD_SIZE = 6

@@ -6,10 +6,10 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
 from bags.errors import BagError
-from bags.limits import MOST_DEFINITIONS
-from bags.mcap.records import read_record
-from bags.rosbag2.message_types import MessageType
-from bags.rosbag2.qos import qos_of_text
+from bags.formats.limits import MOST_DEFINITIONS
+from bags.formats.mcap.records import read_record
+from bags.formats.rosbag2.message_types import MessageType
+from bags.formats.rosbag2.qos import qos_of_text
 from bags.topic import Topic
 
 DEFINITIONS = (int(Opcode.SCHEMA), int(Opcode.CHANNEL))

@@ -15,14 +15,20 @@ from mcap.writer import MCAP0_MAGIC
 
 from bags.damage import DamageLog
 from bags.errors import BagError
-from bags.limits import LARGEST_CONTENT, most_records, most_unpacked
-from bags.mcap.attachments import check_record
-from bags.mcap.chunks import CHUNK_PATTERN, LONGEST_HEAD, ChunkHead, chunk_head, unpack_chunk
-from bags.mcap.definitions import DEFINITIONS
-from bags.mcap.file_end import FileEnd
-from bags.mcap.message_index import ENTRY_SIZE, INDEX_HEAD_SIZE, MessageIndexes, entries_end
-from bags.mcap.records import RECORD_HEAD
-from bags.mcap.window import FileWindow
+from bags.formats.limits import LARGEST_CONTENT, most_records, most_unpacked
+from bags.formats.mcap.attachments import check_record
+from bags.formats.mcap.chunks import (
+    CHUNK_PATTERN,
+    LONGEST_HEAD,
+    ChunkHead,
+    chunk_head,
+    unpack_chunk,
+)
+from bags.formats.mcap.definitions import DEFINITIONS
+from bags.formats.mcap.file_end import FileEnd
+from bags.formats.mcap.message_index import ENTRY_SIZE, INDEX_HEAD_SIZE, MessageIndexes, entries_end
+from bags.formats.mcap.records import RECORD_HEAD
+from bags.formats.mcap.window import FileWindow
 
 #: Records that an area outside of chunks can hold.
 IN_AREAS = (int(Opcode.MESSAGE), *DEFINITIONS)

@@ -9,8 +9,8 @@ import zstandard
 
 from bags.damage import Damage
 from bags.errors import BagError
-from bags.limits import LARGEST_CONTENT, most_unpacked
-from bags.rosbag2.layout import COMPRESSED_FILE
+from bags.formats.limits import LARGEST_CONTENT, most_unpacked
+from bags.formats.rosbag2.layout import COMPRESSED_FILE
 from storage.errors import disk_error
 
 #: Bytes of which zstd makes 32 MiB at most.

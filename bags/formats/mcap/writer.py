@@ -34,13 +34,13 @@ from mcap.records import (
 from mcap.well_known import Profile
 from mcap.writer import MCAP0_MAGIC
 
-from bags.mcap.attachments import index_of_record
-from bags.mcap.disk_file import DiskFile
-from bags.mcap.records import MESSAGE_HEAD, RECORD_HEAD
-from bags.mcap.window import FileWindow
-from bags.rosbag2.message_types import MessageType
-from bags.rosbag2.metadata_file import FileSpan
-from bags.rosbag2.qos import qos_text
+from bags.formats.mcap.attachments import index_of_record
+from bags.formats.mcap.disk_file import DiskFile
+from bags.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD
+from bags.formats.mcap.window import FileWindow
+from bags.formats.rosbag2.message_types import MessageType
+from bags.formats.rosbag2.metadata_file import FileSpan
+from bags.formats.rosbag2.qos import qos_text
 from bags.topic import Topic
 
 Compression = Literal["none", "zstd"]

@@ -6,9 +6,9 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, MetadataIndex
 
 from bags.errors import BagError
-from bags.limits import LARGEST_DEFINITION
-from bags.mcap.records import RECORD_HEAD
-from bags.mcap.window import FileWindow
+from bags.formats.limits import LARGEST_DEFINITION
+from bags.formats.mcap.records import RECORD_HEAD
+from bags.formats.mcap.window import FileWindow
 
 _TIMES = struct.Struct("<QQ")
 _SHORT_SIZE, _LONG_SIZE, _CHECKSUM = struct.Struct("<I"), struct.Struct("<Q"), struct.Struct("<I")

@@ -11,10 +11,10 @@ from mcap.writer import MCAP0_MAGIC
 
 from bags.damage import DamageLog
 from bags.errors import BagError
-from bags.limits import LARGEST_CONTENT
-from bags.mcap.definitions import DEFINITIONS, Definitions
-from bags.mcap.records import RECORD_HEAD, read_record
-from bags.mcap.window import FileWindow
+from bags.formats.limits import LARGEST_CONTENT
+from bags.formats.mcap.definitions import DEFINITIONS, Definitions
+from bags.formats.mcap.records import RECORD_HEAD, read_record
+from bags.formats.mcap.window import FileWindow
 from storage.errors import disk_error
 
 _FOOTER_FIELDS = struct.Struct("<QQI")

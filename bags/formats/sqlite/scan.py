@@ -18,10 +18,10 @@ from pathlib import Path
 
 from bags.damage import Damage
 from bags.errors import BagError, DamagedBagError
-from bags.limits import LARGEST_CONTENT
-from bags.rosbag2.message_types import ENCODING, MessageType
-from bags.rosbag2.qos import qos_of_text
-from bags.sqlite.pages import SqlitePages
+from bags.formats.limits import LARGEST_CONTENT
+from bags.formats.rosbag2.message_types import ENCODING, MessageType
+from bags.formats.rosbag2.qos import qos_of_text
+from bags.formats.sqlite.pages import SqlitePages
 from bags.topic import CDR, RawMessage, Topic
 from storage.errors import disk_error
 

@@ -4,8 +4,8 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from bags.errors import BagError
-from bags.rosbag2 import message_types
-from bags.rosbag2.message_types import message_type, share_folders
+from bags.formats.rosbag2 import message_types
+from bags.formats.rosbag2.message_types import message_type, share_folders
 
 USED = [
     "geometry_msgs/msg/PoseStamped",

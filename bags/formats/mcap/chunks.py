@@ -10,8 +10,8 @@ import lz4.frame
 import zstandard
 
 from bags.errors import BagError
-from bags.limits import LARGEST_CONTENT
-from bags.mcap.records import RECORD_HEAD
+from bags.formats.limits import LARGEST_CONTENT
+from bags.formats.mcap.records import RECORD_HEAD
 
 #: first and last log time, size and checksum of the records, length of the compression's name
 _FIELDS = struct.Struct("<QQQII")
