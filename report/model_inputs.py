@@ -14,7 +14,7 @@ from report.errors import ReportError
 from report.inputs import ExpertGroup, Forecast, ReportInputs, RunFacts
 from serd_app.demonstrations.grid.resolution import ResolutionAdvice
 from serd_app.demonstrations.recorded import faults_of, files_beside, load_advice
-from serd_app.drives.mapping import DriveMapping
+from serd_app.drives.mapped.mapping import DriveMapping
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.evaluation.comparison import predicted_law

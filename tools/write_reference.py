@@ -15,7 +15,7 @@ import yaml
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from serd_app.drives.mapping import BagMapping, DriveMapping, TableMapping
+from serd_app.drives.mapped.mapping import BagMapping, DriveMapping, TableMapping
 from serd_cli.signatures import FILE as SIGNATURES
 from serd_cli.signatures import signatures, text_of
 from serd_ros.graph.configs import CONFIGS

@@ -17,8 +17,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from bags.reader import BagReader
-from serd_app.drives.mapped_drive import mapped_drive_in
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapped.drive import mapped_drive_in
+from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.sessions import drives_in
 from serd_core.arrays import FloatArray

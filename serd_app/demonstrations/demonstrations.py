@@ -16,7 +16,7 @@ from serd_app.demonstrations.discretise import (
 )
 from serd_app.demonstrations.goal import goal_entries_s
 from serd_app.drives.episode_spans import CUT_OFF
-from serd_app.drives.mapped_actions import with_hidden_actions
+from serd_app.drives.mapped.actions import with_hidden_actions
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.sessions import DriveSessions, read_drives
 from serd_core.demonstrations.decisions import Decisions

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from serd_app.demonstrations.suggestion.suggest import mapping_of_poses
-from serd_app.drives.mapping import BagMapping, DriveMapping
+from serd_app.drives.mapped.mapping import BagMapping, DriveMapping
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.recorded_people import Sighting, sightings_of_all
 from serd_app.drives.recording import Recording, read_recording

@@ -10,9 +10,9 @@ from bags.errors import BagError, DamagedBagError
 from bags.reader import BagReader
 from bags.topic import topics_named
 from serd_app.drives.episode_mark import EPISODE
-from serd_app.drives.mapped_actions import with_hidden_actions
-from serd_app.drives.mapped_drive import mapped_drive_in
-from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping, DriveMapping, TableMapping
+from serd_app.drives.mapped.actions import with_hidden_actions
+from serd_app.drives.mapped.drive import mapped_drive_in
+from serd_app.drives.mapped.mapping import ASSUMED_UNITS, BagMapping, DriveMapping, TableMapping
 from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive, source_of
 from serd_app.drives.recorded_people import recorded_sightings
 from serd_app.drives.sessions import drives_in

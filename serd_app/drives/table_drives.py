@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from bags.formats.rosbag2.layout import is_bag_file
-from serd_app.drives.mapped_actions import PoseTrack, posed_intents
-from serd_app.drives.mapping import TableMapping
+from serd_app.drives.mapped.actions import PoseTrack, posed_intents
+from serd_app.drives.mapped.mapping import TableMapping
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.unmarked import unmarked_spans, usual_gap_s
 from serd_core.arrays import FloatArray

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from serd_app.drives.episode_spans import RETURN, EpisodeSpan
-from serd_app.drives.mapping import DriveMapping
+from serd_app.drives.mapped.mapping import DriveMapping
 from serd_app.drives.recorded_drive import LONGEST_GAP_S
 from serd_core.arrays import BoolArray, FloatArray
 from sim.scenario.polygon import Point, contains

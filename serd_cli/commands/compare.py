@@ -12,7 +12,7 @@ from rich.table import Table
 from report.figures.map_axes import layout_of
 from report.figures.maps import draw_surprises
 from report.style import save_figure
-from serd_app.drives.mapping import BagMapping, TableMapping
+from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_app.drives.table_drives import is_table
 from serd_app.learning.learning_files import FlowSource
 from serd_app.navigation.evaluation.familiarity import Familiarity, familiarity_of

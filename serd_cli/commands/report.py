@@ -9,7 +9,7 @@ from report.model_inputs import inputs_of_model
 from report.page import summary_rows
 from report.summary import headline_of, summary_of
 from report.write import write_report
-from serd_app.drives.mapping import BagMapping, TableMapping
+from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_app.drives.table_drives import is_table
 from serd_app.navigation.settings import NavigationSettings, PolicyKind
 from serd_cli.options import AsJson, option

@@ -12,7 +12,7 @@ import typer
 
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
 from serd_app.drives.episode_mark import DISCARDED
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.paths import free_folder

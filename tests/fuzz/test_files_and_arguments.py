@@ -17,7 +17,7 @@ from serd_app.demonstrations.decision_table import load_decisions, save_decision
 from serd_app.demonstrations.grid.flow_table import load_flow, save_flow
 from serd_app.demonstrations.grid.grid_file import load_grid, save_grid
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.learning.checkpoint import LearnerCheckpoint
 from serd_app.navigation.arrival_log import ArrivalRow, append_arrival, load_arrivals
 from serd_app.navigation.drive_folder import BegunDrive

@@ -12,7 +12,7 @@ import pytest
 from bags.formats.mcap.writer import McapWriter
 from bags.reader import BagReader
 from bags.writer import BagWriter
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapped.mapping import BagMapping
 from storage.yaml_config import load_yaml_model
 from support.bag_messages import POSE
 from support.foreign_bags import ForeignBag, Robot, key_presses

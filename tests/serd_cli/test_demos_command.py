@@ -15,7 +15,7 @@ from serd_app.demonstrations.grid.flow_table import load_flow
 from serd_app.demonstrations.grid.grid_file import load_grid
 from serd_app.demonstrations.measured_density import load_density
 from serd_app.demonstrations.recorded import DemonstrationRecord, faults_of
-from serd_app.drives.mapping import BagMapping, TableMapping
+from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_core.grid.grid import Action
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario

@@ -16,10 +16,10 @@ from serd_app.demonstrations.suggestion.names import (
     robot_frames,
 )
 from serd_app.drives.episode_mark import EPISODE
-from serd_app.drives.mapped_actions import MappedActions, PoseTrack
-from serd_app.drives.mapped_drive import MappedMessages, mapped_messages
-from serd_app.drives.mapped_poses import MappedPoses
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapped.actions import MappedActions, PoseTrack
+from serd_app.drives.mapped.drive import MappedMessages, mapped_messages
+from serd_app.drives.mapped.mapping import BagMapping
+from serd_app.drives.mapped.poses import MappedPoses
 from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive, source_of
 
 PERIOD_S = 1.0

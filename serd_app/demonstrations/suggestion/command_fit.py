@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_app.drives.mapped_actions import PoseTrack
+from serd_app.drives.mapped.actions import PoseTrack
 from serd_app.drives.unmarked import usual_gap_s
 from serd_core.arrays import BoolArray, FloatArray
 

@@ -29,8 +29,8 @@ from serd_app.demonstrations.suggestion.candidates import (
 from serd_app.demonstrations.suggestion.command_fit import USUAL_HOLD_S, CommandFit, fit_commands
 from serd_app.demonstrations.suggestion.names import in_one_namespace
 from serd_app.drives.episode_mark import EPISODE
-from serd_app.drives.mapped_actions import MappedActions
-from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping
+from serd_app.drives.mapped.actions import MappedActions
+from serd_app.drives.mapped.mapping import ASSUMED_UNITS, BagMapping
 from serd_app.drives.recorded_drive import INTENT
 from serd_app.drives.recording import Recording
 from serd_app.drives.table_drives import is_table

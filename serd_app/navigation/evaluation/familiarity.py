@@ -24,7 +24,7 @@ from serd_app.demonstrations.recorded import (
     save_demonstrations,
 )
 from serd_app.demonstrations.recordings import read_recordings
-from serd_app.drives.mapping import DriveMapping
+from serd_app.drives.mapped.mapping import DriveMapping
 from serd_app.errors import AppError
 from serd_app.learning.learning_files import FlowSource, LearningFiles, read_learning_files
 from serd_app.learning.outcome import outcome_files

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.drives.mapping import DriveMapping
+from serd_app.drives.mapped.mapping import DriveMapping
 from serd_app.drives.unmarked import unmarked_spans
 
 STEP_S = 0.1

@@ -10,8 +10,8 @@ from bags.reader import BagReader
 from bags.recorder import BagRecorder, RecorderSettings
 from serd_app.demonstrations.demonstrations import demonstrations_of_drives
 from serd_app.demonstrations.grid.fitted_grid import grid_around
-from serd_app.drives.mapped_drive import mapped_drive_in
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapped.drive import mapped_drive_in
+from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
 
 START_S = 1_700_000_000.0

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from serd_app.drives.mapping import TableMapping
+from serd_app.drives.mapped.mapping import TableMapping
 from serd_app.drives.table_drives import drives_of_table, is_table
 from storage.errors import FileError
 from storage.trajectories.read import read_trajectories

@@ -14,8 +14,8 @@ from bags.messages.fields import POSES, field_reader
 from bags.messages.plain import decode
 from bags.reader import BagReader
 from bags.rewrite import convert
-from serd_app.drives.mapped_drive import mapped_drive_in
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapped.drive import mapped_drive_in
+from serd_app.drives.mapped.mapping import BagMapping
 from serd_core.grid.grid import Action
 
 ODOM, TWIST, OWN = "nav_msgs/msg/Odometry", "geometry_msgs/msg/Twist", "own_msgs/msg/State"

@@ -17,9 +17,9 @@ from bags.writer import BagWriter
 from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.demonstrations.grid.fitted_grid import grid_around
 from serd_app.drives.episode_spans import EpisodeSpan
-from serd_app.drives.mapped_actions import NO_COMMAND, actions_of_velocities, actions_of_waypoints
-from serd_app.drives.mapped_drive import mapped_drive_in
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapped.actions import NO_COMMAND, actions_of_velocities, actions_of_waypoints
+from serd_app.drives.mapped.drive import mapped_drive_in
+from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.recorded_drive import NOT_FINITE
 from serd_app.drives.transforms import Poses, TransformTree
 from serd_core.grid.grid import Action

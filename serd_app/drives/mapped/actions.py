@@ -19,7 +19,7 @@ from bags.messages.fields import POSES, VECTORS, VELOCITIES, FieldReader, field_
 from bags.messages.times import TimesOnClock, placed_s
 from bags.topic import RawMessage, Topic
 from serd_app.drives.episode_spans import EpisodeSpan
-from serd_app.drives.mapping import BagMapping, TableMapping
+from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_app.drives.recorded_drive import NOT_FINITE, RecordedDrive, actions_of_directions
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import HIDDEN

@@ -10,7 +10,7 @@ from bags.errors import BagError
 from bags.messages.fields import POSES, FieldReader, field_reader
 from bags.messages.times import TimesOnClock, agrees, falls_back_s, placed_s
 from bags.topic import RawMessage, Topic, topic_named, topics_named
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.recorded_drive import finite_poses
 from serd_app.drives.transforms import TF_TYPES, Poses, RecordedTransforms
 from serd_core.arrays import FloatArray, IntArray

@@ -16,9 +16,9 @@ from bags.reader import BagReader
 from bags.topic import RawMessage, Topic, topic_named
 from serd_app.drives.episode_mark import EpisodeMark
 from serd_app.drives.episode_spans import EpisodeSpan, marks_of, spans_of_marks
-from serd_app.drives.mapped_actions import MappedActions, PoseTrack
-from serd_app.drives.mapped_poses import MappedPoses
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapped.actions import MappedActions, PoseTrack
+from serd_app.drives.mapped.mapping import BagMapping
+from serd_app.drives.mapped.poses import MappedPoses
 from serd_app.drives.recorded_drive import RecordedDrive, source_of
 from serd_app.drives.unmarked import unmarked_spans, usual_gap_s
 from serd_core.arrays import FloatArray

@@ -7,8 +7,8 @@ from bags.errors import BagError
 from bags.messages.decoded import messages_of
 from bags.reader import BagReader
 from bags.writer import BagWriter
-from serd_app.drives.mapped_drive import mapped_drive_in
-from serd_app.drives.mapping import BagMapping
+from serd_app.drives.mapped.drive import mapped_drive_in
+from serd_app.drives.mapped.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
 from serd_core.grid.grid import Action
 

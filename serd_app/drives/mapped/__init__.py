@@ -1,0 +1,1 @@
+"""Drives from bags of other robots, by a mapping file."""
