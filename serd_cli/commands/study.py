@@ -19,14 +19,14 @@ from experiments.study.density.tables import headline as density_headline
 from experiments.study.detour.run import run_detour
 from experiments.study.detour.settings import detour_settings
 from experiments.study.detour.tables import headline as detour_headline
-from experiments.study.figures.catalogue import FIGURES
+from experiments.study.hallway.figures.catalogue import FIGURES
+from experiments.study.hallway.run import KEPT, redraw, run_study
+from experiments.study.hallway.tables.catalogue import headline
 from experiments.study.people.run import run_people
 from experiments.study.people.settings import people_settings
 from experiments.study.people.tables import headline as people_headline
 from experiments.study.products import SETTINGS_YAML, OnWork
-from experiments.study.run import KEPT, redraw, run_study
 from experiments.study.settings import study_settings
-from experiments.study.tables.catalogue import headline
 from serd_cli.errors import UsageError
 from serd_cli.options import Address, AsJson, Backend, Jobs
 from serd_cli.output.paths import require_folder

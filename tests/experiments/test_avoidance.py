@@ -11,7 +11,7 @@ from experiments.avoidance import (
     measured_dynamics,
     summary_of,
 )
-from experiments.study.run import KEPT
+from experiments.study.hallway.run import KEPT
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.navigation import AGAINST_FLOW, WITH_FLOW
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from experiments.study.run import KEPT
+from experiments.study.hallway.run import KEPT
 from serd_cli.app import make_app
 from serd_cli.commands.study import _command
 from serd_core.errors import SerdError

@@ -17,6 +17,7 @@ from experiments.study.detour.figure import detour_figure
 from experiments.study.detour.fits import EXPERT, learn_repetition
 from experiments.study.detour.settings import DetourSettings, DetourStudy
 from experiments.study.detour.tables import all_tables
+from experiments.study.hallway.run import REFERENCE_SETTINGS, described
 from experiments.study.products import (
     OnWork,
     Stage,
@@ -26,7 +27,6 @@ from experiments.study.products import (
 )
 from experiments.study.recordings.demonstrations import demonstration_tasks
 from experiments.study.recordings.reference import reference_tasks
-from experiments.study.run import REFERENCE_SETTINGS, described
 from sim.episodes.execution import Execution
 
 ROLES = ("training", "transfer")

@@ -15,6 +15,7 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.study.hallway.run import described
 from experiments.study.people.figure import people_figure
 from experiments.study.people.fold import run_fold
 from experiments.study.people.folds import Fold, folds_of
@@ -25,7 +26,6 @@ from experiments.study.people.settings import PeopleSettings
 from experiments.study.people.tables import all_tables
 from experiments.study.people.walkers import walker_predictions
 from experiments.study.products import OnWork, Stage, Task, make_products, write_results
-from experiments.study.run import described
 from sim.episodes.execution import Execution
 from storage.files import atomic_write_text
 from storage.yaml_text import write_yaml

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.study.figures.scenario import shortest_way, typical_way
+from experiments.study.hallway.figures.scenario import shortest_way, typical_way
 from experiments.study.recordings.demonstrations import sets_from_bags
 from experiments.study.recordings.reference import ExploringDriver
 from experiments.study.study import Study

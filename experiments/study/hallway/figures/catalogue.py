@@ -7,7 +7,7 @@ from types import ModuleType
 import pandas as pd
 from matplotlib.figure import Figure
 
-from experiments.study.figures import (
+from experiments.study.hallway.figures import (
     arrival,
     beliefs,
     features,
@@ -17,8 +17,8 @@ from experiments.study.figures import (
     scenario,
     visitation,
 )
+from experiments.study.hallway.tables.results import Results
 from experiments.study.study import Study
-from experiments.study.tables.results import Results
 from serd_core.errors import SerdError
 from storage.nearest import choice_rule
 

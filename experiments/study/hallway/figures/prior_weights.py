@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from experiments.running.tables import quantile
+from experiments.study.hallway.tables.results import Results
 from experiments.study.study import Study
-from experiments.study.tables.results import Results
 from report import style
 from report.style import new_figure
 from serd_core.arrays import FloatArray

@@ -9,11 +9,11 @@ from experiments.running.statistics import mean_interval, paired_family
 from experiments.running.tables import Row, quantile
 from experiments.study.arrival.distances import ArrivalTables, distance_row
 from experiments.study.fits.methods import BASELINE, OURS
+from experiments.study.hallway.tables.hindsight import hindsight_table
+from experiments.study.hallway.tables.results import Results
 from experiments.study.recordings.demonstrations import ROLES, load_sets
 from experiments.study.recordings.experts import BELIEFS, EXPERTS, PEOPLE
 from experiments.study.recordings.reference import reference_table
-from experiments.study.tables.hindsight import hindsight_table
-from experiments.study.tables.results import Results
 from report.summary import decisions_per_model
 from serd_core.arrays import FloatArray
 from serd_core.arrival.trap_states import trap_states

@@ -9,14 +9,14 @@ import pytest
 from experiments.running.tables import plain_rows
 from experiments.study.arrival.distances import ArrivalTables
 from experiments.study.fits.methods import BASELINE, OURS
-from experiments.study.recordings.experts import EXPERTS, PEOPLE
-from experiments.study.tables.catalogue import (
+from experiments.study.hallway.tables.catalogue import (
     MEASURES,
     arrival_scores,
     beliefs,
     paired_tests,
     traps,
 )
+from experiments.study.recordings.experts import EXPERTS, PEOPLE
 
 N = 6
 OTHER, ASSUMED = "MDCE IRL, likelihood", "tied"

@@ -6,9 +6,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.running.tables import quartiles
+from experiments.study.hallway.tables.results import Results
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import Study
-from experiments.study.tables.results import Results
 from report import style
 from report.learners import draw_intervals, tick_sizes
 from report.style import new_figure

@@ -2,7 +2,7 @@
 
 A page has blocks `<!-- table NAME -->` ... `<!-- end -->`; the text between them is replaced:
 
-    python -m experiments.study.tables.page docs/hallway_study.md
+    python -m experiments.study.hallway.tables.page docs/hallway_study.md
 """
 
 import re
@@ -16,9 +16,9 @@ import pandas as pd
 
 from experiments.running.tables import read_table
 from experiments.study.fits.methods import BASELINE
+from experiments.study.hallway.run import KEPT
+from experiments.study.hallway.tables.catalogue import MEASURES
 from experiments.study.recordings.experts import EXPERT_NAMES, PEOPLE
-from experiments.study.run import KEPT
-from experiments.study.tables.catalogue import MEASURES
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Outcome
 from storage.files import atomic_write_text, read_text

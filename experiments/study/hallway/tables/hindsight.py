@@ -18,9 +18,9 @@ import pandas as pd
 from experiments.running.tables import Row
 from experiments.study.arrival.distances import ArrivalTables, distances, ks_p_value
 from experiments.study.arrival.stage import arrival_by_chain
+from experiments.study.hallway.tables.results import Results
 from experiments.study.recordings.experts import EXPERTS
 from experiments.study.recordings.moves import decisions_of_moves
-from experiments.study.tables.results import Results
 from serd_core.arrays import FloatArray
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Outcome

@@ -10,9 +10,9 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from experiments.study.hallway.tables.results import Results
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import Study
-from experiments.study.tables.results import Results
 from report import style
 from report.figures.map_axes import (
     OUTLINE_DASHES,

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from experiments.study.run import KEPT
-from experiments.study.tables.page import filled
+from experiments.study.hallway.run import KEPT
+from experiments.study.hallway.tables.page import filled
 from serd_core.errors import SerdError
 
-PAGE = Path(__file__).parents[4] / "docs" / "hallway_study.md"
+PAGE = Path(__file__).parents[5] / "docs" / "hallway_study.md"
 
 
 def test_the_tables_of_the_page_are_those_of_the_kept_results():

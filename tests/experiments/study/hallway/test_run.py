@@ -7,16 +7,16 @@ import pytest
 
 import sim
 from experiments.running.tables import plain_rows
-from experiments.study.figures.catalogue import FIGURES
 from experiments.study.fits.methods import METHODS
+from experiments.study.hallway.figures.catalogue import FIGURES
+from experiments.study.hallway.run import redraw, run_study, stages_of
+from experiments.study.hallway.tables.catalogue import headline
+from experiments.study.hallway.tables.hindsight import tables_under
+from experiments.study.hallway.tables.results import Results
 from experiments.study.recordings.demonstrations import check_bags, load_sets
 from experiments.study.recordings.experts import EXPERTS, PEOPLE
-from experiments.study.run import redraw, run_study, stages_of
 from experiments.study.settings import study_settings
 from experiments.study.study import Study
-from experiments.study.tables.catalogue import headline
-from experiments.study.tables.hindsight import tables_under
-from experiments.study.tables.results import Results
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from experiments.study.hallway.tables.results import Results
 from experiments.study.study import Study
-from experiments.study.tables.results import Results
 from report.figures.maps import draw_features
 from serd_core.grid.grid import Action
 

@@ -6,10 +6,10 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from experiments.study.fits.fitting import trials
+from experiments.study.hallway.tables.results import Results
 from experiments.study.recordings.demonstrations import load_sets
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import Study
-from experiments.study.tables.results import Results
 from report import style
 from report.figures.map_axes import colour_bar_below, draw_areas, draw_cells, map_figure
 from serd_core.demonstrations.decisions import state_counts

@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.study.fits.methods import ASSUMPTIONS, BASELINE
+from experiments.study.hallway.tables.catalogue import beliefs
+from experiments.study.hallway.tables.results import Results
 from experiments.study.recordings.experts import EXPERT_NAMES
 from experiments.study.study import Study
-from experiments.study.tables.catalogue import beliefs
-from experiments.study.tables.results import Results
 from report import style
 from report.learners import STYLES, draw_intervals, tick_sizes
 from report.style import new_figure

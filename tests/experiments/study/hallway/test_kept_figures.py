@@ -4,8 +4,8 @@ from importlib.metadata import version
 
 import pytest
 
-from experiments.study.figures.catalogue import FIGURES, figure_of
-from experiments.study.run import KEPT, redraw
+from experiments.study.hallway.figures.catalogue import FIGURES, figure_of
+from experiments.study.hallway.run import KEPT, redraw
 from support.pixels import MOST_OTHER, share_of_other_pixels
 
 

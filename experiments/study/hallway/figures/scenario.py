@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.running.tables import Row
+from experiments.study.hallway.tables.results import Results
 from experiments.study.recordings.demonstrations import load_sets
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import Study
-from experiments.study.tables.results import Results
 from report import style
 from report.figures.map_axes import draw_areas, draw_vectors, map_figure
 from serd_core.arrays import FloatArray

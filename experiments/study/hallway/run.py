@@ -14,8 +14,10 @@ from pydantic import BaseModel
 
 from experiments.running.tables import read_table, write_table
 from experiments.study.arrival.stage import arrivals_of_repetition
-from experiments.study.figures.catalogue import FIGURES, StudyFigure, figure_of
 from experiments.study.fits.fitting import fit_repetition
+from experiments.study.hallway.figures.catalogue import FIGURES, StudyFigure, figure_of
+from experiments.study.hallway.tables.catalogue import all_tables
+from experiments.study.hallway.tables.results import Results
 from experiments.study.products import (
     SETTINGS_YAML,
     OnWork,
@@ -28,8 +30,6 @@ from experiments.study.recordings.demonstrations import check_bags, demonstratio
 from experiments.study.recordings.reference import reference_tasks
 from experiments.study.settings import StudySettings
 from experiments.study.study import Study
-from experiments.study.tables.catalogue import all_tables
-from experiments.study.tables.results import Results
 from report.style import save_figure
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
@@ -37,7 +37,7 @@ from storage.yaml_config import load_yaml_model
 from storage.yaml_text import write_yaml
 
 #: Results that come with the project.
-KEPT = Path(__file__).parents[1] / "results" / "hallway"
+KEPT = Path(__file__).parents[2] / "results" / "hallway"
 #: The settings that the files of each stage depend on.
 _WORLD = dict.fromkeys(("scenario", "people", "crowd", "drive", "planner", "seed"), True)
 REFERENCE_SETTINGS = _WORLD | {"demonstrations": {"driver"}, "reference": True}

@@ -7,9 +7,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from experiments.study.hallway.tables.results import Results
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import Study
-from experiments.study.tables.results import Results
 from report import style
 from report.figures.arrival import ArrivalCurve, draw_curve
 from report.learners import STYLES

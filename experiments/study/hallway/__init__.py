@@ -1,0 +1,1 @@
+"""The stages, tables and figures of the hallway study."""
