@@ -7,13 +7,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.study.people.learners import CLONING, IRL, IRL_DENSITY, SERD, SERD_DENSITY
-from experiments.study.people.tables import PERIODS
-from experiments.study.people.walkers import (
+from experiments.study.people.cross_validation.walkers import (
     CONSTANT_VELOCITY,
     DISTANCE_OVER_SPEED,
     SOCIAL_FORCE,
 )
+from experiments.study.people.learners import CLONING, IRL, IRL_DENSITY, SERD, SERD_DENSITY
+from experiments.study.people.tables import PERIODS
 from report import style
 from report.style import new_figure
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.study.people.cross_validation.forecasts import Asked, asked_of, horizon_of
 from experiments.study.people.crowd import Field, field_at, on_cells
-from experiments.study.people.forecasts import Asked, asked_of, horizon_of
 from experiments.study.people.problem import Layer, Moves, moves_of
 from experiments.study.people.recordings import Run, Walker, read_runs
 from experiments.study.people.settings import PeopleSettings

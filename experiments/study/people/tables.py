@@ -9,10 +9,10 @@ from scipy.stats import kstest
 
 from experiments.running.statistics import paired_family
 from experiments.running.tables import Row
+from experiments.study.people.cross_validation.walkers import DISTANCE_OVER_SPEED
 from experiments.study.people.learners import SERD, SERD_DENSITY
 from experiments.study.people.recordings import Run
 from experiments.study.people.settings import PeopleSettings
-from experiments.study.people.walkers import DISTANCE_OVER_SPEED
 
 INTERVALS = (0.5, 0.9)
 #: Decision period of which the moves that no neighbour represents are counted.

@@ -7,10 +7,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from experiments.study.people.cross_validation.fold import scored
+from experiments.study.people.cross_validation.folds import folds_of
+from experiments.study.people.cross_validation.forecasts import Asked
+from experiments.study.people.cross_validation.walkers import (
+    CONSTANT_VELOCITY,
+    DISTANCE_OVER_SPEED,
+    SOCIAL_FORCE,
+    calibrated,
+    confusion,
+    walker_predictions,
+)
 from experiments.study.people.crowd import bins_of, field_at, mean_field, on_cells
-from experiments.study.people.fold import scored
-from experiments.study.people.folds import folds_of
-from experiments.study.people.forecasts import Asked
 from experiments.study.people.learners import (
     CLONING,
     IRL,
@@ -24,14 +32,6 @@ from experiments.study.people.problem import COVARIATES, Layers
 from experiments.study.people.run import PeopleStudy, run_people, stages_of
 from experiments.study.people.settings import people_settings
 from experiments.study.people.tables import PERIODS, headline, summary_of
-from experiments.study.people.walkers import (
-    CONSTANT_VELOCITY,
-    DISTANCE_OVER_SPEED,
-    SOCIAL_FORCE,
-    calibrated,
-    confusion,
-    walker_predictions,
-)
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.arrival.scores import point_law
 from serd_core.dynamics.covariate_models import CovariateModels

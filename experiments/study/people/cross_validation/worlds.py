@@ -6,8 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from experiments.study.people import learners
+from experiments.study.people.cross_validation.forecasts import (
+    Asked,
+    forecast_laws,
+    learn_pace_ahead,
+)
 from experiments.study.people.crowd import Field, mean_field
-from experiments.study.people.forecasts import Asked, forecast_laws, learn_pace_ahead
 from experiments.study.people.learners import (
     CLONING,
     IRL,

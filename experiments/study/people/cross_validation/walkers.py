@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.study.people.forecasts import asked_of, horizon_of
+from experiments.study.people.cross_validation.forecasts import asked_of, horizon_of
 from experiments.study.people.problem import AHEAD, DIRECTIONS, neighbours
 from experiments.study.people.recordings import Run, Walker
 from experiments.study.people.settings import PeopleSettings

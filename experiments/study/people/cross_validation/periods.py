@@ -8,9 +8,9 @@ counted per part of the corridor, with one added to each.
 import numpy as np
 
 from experiments.running.tables import Row
+from experiments.study.people.cross_validation.fold import scored
+from experiments.study.people.cross_validation.folds import Fold
 from experiments.study.people.crowd import BINS, bins_of, cells_of_bins
-from experiments.study.people.fold import scored
-from experiments.study.people.folds import Fold
 from experiments.study.people.people import People
 from experiments.study.people.problem import is_goal
 from experiments.study.people.recordings import Run

@@ -7,12 +7,9 @@ import numpy as np
 
 from experiments.running.tables import Row
 from experiments.study.people import learners
-from experiments.study.people.folds import Fold
-from experiments.study.people.forecasts import Asked
-from experiments.study.people.learners import DwellLaw, kinds_of
-from experiments.study.people.people import People
-from experiments.study.people.problem import Layers
-from experiments.study.people.walkers import (
+from experiments.study.people.cross_validation.folds import Fold
+from experiments.study.people.cross_validation.forecasts import Asked
+from experiments.study.people.cross_validation.walkers import (
     CONSTANT_VELOCITY,
     DISTANCE_OVER_SPEED,
     SOCIAL_FORCE,
@@ -20,7 +17,10 @@ from experiments.study.people.walkers import (
     confusion,
     free_directions,
 )
-from experiments.study.people.worlds import World, learn_world
+from experiments.study.people.cross_validation.worlds import World, learn_world
+from experiments.study.people.learners import DwellLaw, kinds_of
+from experiments.study.people.people import People
+from experiments.study.people.problem import Layers
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.arrival.scores import crps_s, integral_transform, point_law, scaled_point_law
 
