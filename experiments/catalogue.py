@@ -1,14 +1,17 @@
 """All experiments of the thesis, in the order of its chapters."""
 
-from experiments.avoidance import AvoidanceConfig, run_avoidance
 from experiments.gridworld.ascents import AscentsConfig, run_ascents
 from experiments.gridworld.early_stopping import EarlyStoppingConfig, run_early_stopping
 from experiments.gridworld.experiment import GridworldConfig, run_gridworld
-from experiments.hidden_actions import HiddenActionsConfig, run_hidden_actions
-from experiments.minimum_example import MinimumExampleConfig, run_minimum_example
-from experiments.mixed_experts import MixedExpertsConfig, run_mixed_experts
-from experiments.multi_start import MultiStartConfig, run_multi_start
-from experiments.next_demonstration import NextDemonstrationConfig, run_next_demonstration
+from experiments.information.avoidance import AvoidanceConfig, run_avoidance
+from experiments.information.next_demonstration import (
+    NextDemonstrationConfig,
+    run_next_demonstration,
+)
+from experiments.latent.hidden_actions import HiddenActionsConfig, run_hidden_actions
+from experiments.latent.mixed_experts import MixedExpertsConfig, run_mixed_experts
+from experiments.minimum_example.explanations import MinimumExampleConfig, run_minimum_example
+from experiments.minimum_example.multi_start import MultiStartConfig, run_multi_start
 from experiments.policy_cost import PolicyCostConfig, run_policy_cost
 from experiments.priors import PriorsConfig, run_priors
 from experiments.routes import RoutesConfig, run_routes

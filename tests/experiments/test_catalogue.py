@@ -2,16 +2,16 @@ from pathlib import Path
 
 import pytest
 
-from experiments.avoidance import AvoidanceConfig
 from experiments.catalogue import EXPERIMENTS
 from experiments.gridworld.ascents import AscentsConfig
 from experiments.gridworld.early_stopping import EarlyStoppingConfig
 from experiments.gridworld.experiment import GridworldConfig
-from experiments.hidden_actions import HiddenActionsConfig
-from experiments.minimum_example import MinimumExampleConfig
-from experiments.mixed_experts import MixedExpertsConfig
-from experiments.multi_start import MultiStartConfig
-from experiments.next_demonstration import NextDemonstrationConfig
+from experiments.information.avoidance import AvoidanceConfig
+from experiments.information.next_demonstration import NextDemonstrationConfig
+from experiments.latent.hidden_actions import HiddenActionsConfig
+from experiments.latent.mixed_experts import MixedExpertsConfig
+from experiments.minimum_example.explanations import MinimumExampleConfig
+from experiments.minimum_example.multi_start import MultiStartConfig
 from experiments.policy_cost import PolicyCostConfig
 from experiments.priors import PriorsConfig
 from experiments.running.experiment import Session

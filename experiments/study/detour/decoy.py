@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.avoidance import MASS, forward_against_flow
+from experiments.information.avoidance import MASS, forward_against_flow
 from experiments.running.tables import Row
 from experiments.study.detour.fits import REWARDS
 from experiments.study.detour.settings import DetourStudy

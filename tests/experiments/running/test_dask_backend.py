@@ -4,7 +4,7 @@ from functools import partial
 
 import pytest
 
-from experiments.minimum_example import MinimumExampleConfig, fit_sets
+from experiments.minimum_example.explanations import MinimumExampleConfig, fit_sets
 from experiments.running.repetitions import run_repetitions
 from sim.episodes.execution import Execution
 

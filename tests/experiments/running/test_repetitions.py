@@ -2,7 +2,7 @@ from functools import partial
 
 import pytest
 
-from experiments.minimum_example import MinimumExampleConfig, fit_sets
+from experiments.minimum_example.explanations import MinimumExampleConfig, fit_sets
 from experiments.running.repetitions import run_repetitions
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 from pydantic import ValidationError
 
-from experiments.multi_start import (
+from experiments.minimum_example.multi_start import (
     MultiStartConfig,
     explain_set,
     explanation_shares,

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.hidden_actions import (
+from experiments.latent.hidden_actions import (
     FEATURES,
     KINDS,
     MOVES,

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from experiments.avoidance import AvoidanceConfig, hallway, measured_dynamics
+from experiments.information.avoidance import AvoidanceConfig, hallway, measured_dynamics
 from experiments.running.experiment import Count, Findings, SeededConfig, Session
 from experiments.running.statistics import StatisticsSettings, mean_interval, paired_p_value
 from experiments.running.tables import Row

@@ -1,7 +1,7 @@
 """Which types of experts are found among mixed demonstrations, and what that is worth.
 
-The gridworld of two terrains of `experiments.hidden_actions`. Experts of one to three types, who
-differ in what they seek, demonstrate in one world. `choose_expert_types` searches the number of
+The gridworld of two terrains of `experiments.latent.hidden_actions`. Experts of one to three types,
+who differ in what they seek, demonstrate in one world. `choose_expert_types` searches the number of
 types as `serd learn --experts auto` does; BIC and ICL choose among the mixtures that it fitted.
 """
 
@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.hidden_actions import TRUTH, HiddenActionsConfig, terrain_problem
+from experiments.latent.hidden_actions import TRUTH, HiddenActionsConfig, terrain_problem
 from experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from experiments.running.statistics import StatisticsSettings, mean_interval
 from experiments.running.tables import Row

@@ -1,8 +1,8 @@
 import numpy as np
 import pandas as pd
 
-from experiments.hidden_actions import HiddenActionsConfig, terrain_problem
-from experiments.mixed_experts import MEASURES, demonstrations, summary_of
+from experiments.latent.hidden_actions import HiddenActionsConfig, terrain_problem
+from experiments.latent.mixed_experts import MEASURES, demonstrations, summary_of
 from experiments.study.recordings.drives import drive_in
 from serd_app.demonstrations.concatenate import concatenate_renumbered
 from serd_core.grid.navigation import FEATURE_NAMES

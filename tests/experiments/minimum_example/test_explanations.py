@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from experiments.minimum_example import (
+from experiments.minimum_example.explanations import (
     MinimumExampleConfig,
     all_estimates,
     demonstrate,

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from experiments.minimum_example import (
+from experiments.minimum_example.explanations import (
     ASCENT,
     MinimumExampleConfig,
     demonstrate,

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.avoidance import (
+from experiments.information.avoidance import (
     CASES,
     AvoidanceConfig,
     demonstrate,

@@ -1,7 +1,7 @@
 import pandas as pd
 import pytest
 
-from experiments.next_demonstration import (
+from experiments.information.next_demonstration import (
     CHOSEN,
     RANDOM,
     NextDemonstrationConfig,

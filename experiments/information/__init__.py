@@ -1,0 +1,1 @@
+"""What demonstrations reveal: of a move that is avoided, and the next demonstration to ask for."""

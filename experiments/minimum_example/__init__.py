@@ -1,0 +1,1 @@
+"""The minimum example of the thesis (section 4.6.1), whose demonstrations have two explanations."""
