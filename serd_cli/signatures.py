@@ -21,12 +21,15 @@ from typer.models import ArgumentInfo, CommandInfo, OptionInfo, TyperInfo
 from serd_ros.process.executable import starting
 
 FILE = Path(__file__).parent / "data" / "signatures.json"
-#: Modules of `serd_cli.commands`, each of which registers a command or a group, in the order of
-#: the help.
-MODULES = (
-    "demo", "teleop", "watch", "navigate", "launch", "run", "experiment", "bag", "demos", "learn",
-    "report", "compare", "scenario", "crowd", "episode", "batch", "faults", "study", "doctor",
-)  # fmt: skip
+#: Modules, each of which registers a command or a group, in the order of the help, and their
+#: folders in `serd_cli.commands`.
+MODULES = {
+    "demo": "stacks", "teleop": "stacks", "watch": "stacks", "navigate": "stacks",
+    "launch": "stacks", "run": "stacks", "experiment": "studies", "bag": "learning",
+    "demos": "learning", "learn": "learning", "report": "learning", "compare": "learning",
+    "scenario": "simulation", "crowd": "simulation", "episode": "simulation",
+    "batch": "simulation", "faults": "simulation", "study": "studies", "doctor": "stacks",
+}  # fmt: skip
 _TYPES: dict[str, Any] = {kind.__name__: kind for kind in (str, int, float, bool, Path)}
 _TYPES["Context"] = typer.Context
 
@@ -129,7 +132,7 @@ def _signatures_of(module: str) -> dict[str, Signature]:
 def _definitions(module: str) -> tuple[TyperInfo | None, dict[str, CommandInfo]]:
     """The commands that a module registers by name, and the group they are in."""
     app = typer.Typer()
-    import_module(f"serd_cli.commands.{module}").register(app)
+    import_module(f"serd_cli.commands.{MODULES[module]}.{module}").register(app)
     group = app.registered_groups[0].typer_instance if app.registered_groups else None
     commands = {_name(each): each for each in (group or app).registered_commands}
     return group.info if group else None, commands

@@ -60,7 +60,7 @@ def test_completion_of_options_imports_no_library(root):
 
 
 def test_each_module_of_commands_has_a_signature_of_its_name(root):
-    files = (root / "serd_cli" / "commands").glob("[!_]*.py")
+    files = (root / "serd_cli" / "commands").rglob("[!_]*.py")
     registering = {path.stem for path in files if "def register(" in path.read_text()}
     assert {words.split()[0] for words in known_signatures()} == registering == set(MODULES)
 

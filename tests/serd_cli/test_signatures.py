@@ -42,8 +42,8 @@ def calls_of(monkeypatch, *, grouped):
             app.add_typer(inner, name="record-all")
 
     module = SimpleNamespace(register=register)
-    monkeypatch.setitem(sys.modules, "serd_cli.commands.record-all", module)
-    monkeypatch.setattr(signatures, "MODULES", ("record-all",))
+    monkeypatch.setitem(sys.modules, "serd_cli.commands.stacks.record-all", module)
+    monkeypatch.setattr(signatures, "MODULES", {"record-all": "stacks"})
     known = json.loads(signatures.text_of(signatures.signatures()))
     return signatures.app_of("record-all", known), register, calls
 
@@ -87,7 +87,7 @@ def test_a_parameter_of_an_unknown_type_is_refused(monkeypatch):
     def wrong(value: complex) -> None: ...
 
     module = SimpleNamespace(register=lambda app: app.command()(wrong))
-    monkeypatch.setitem(sys.modules, "serd_cli.commands.wrong", module)
-    monkeypatch.setattr(signatures, "MODULES", ("wrong",))
+    monkeypatch.setitem(sys.modules, "serd_cli.commands.stacks.wrong", module)
+    monkeypatch.setattr(signatures, "MODULES", {"wrong": "stacks"})
     with pytest.raises(TypeError, match=r"must be one of str, int, .* got <class 'complex'>"):
         signatures.signatures()

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from serd_cli.commands import bag_play
+from serd_cli.commands.learning import bag_play
 
 
 @pytest.fixture(autouse=True)

@@ -18,7 +18,7 @@ from bags.command.commands import (
 )
 from bags.command.results import Line, Table
 from serd_app.demonstrations.suggestion.suggest import Suggestion, suggest_mapping
-from serd_cli.commands.bag_play import play
+from serd_cli.commands.learning.bag_play import play
 from serd_cli.options import AsJson
 from serd_cli.output.paths import require_suffix
 from serd_cli.output.terminal import console, print_json, progress_console

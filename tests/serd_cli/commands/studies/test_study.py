@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from experiments.study.hallway.run import KEPT
 from serd_cli.app import make_app
-from serd_cli.commands.study import _command
+from serd_cli.commands.studies.study import _command
 from serd_core.errors import SerdError
 from storage.errors import FileError
 

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from serd_cli.app import make_app
-from serd_cli.commands.experiment import _text
+from serd_cli.commands.studies.experiment import _text
 from serd_core.errors import SerdError
 
 

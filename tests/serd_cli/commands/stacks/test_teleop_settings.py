@@ -8,7 +8,7 @@ import termios
 
 import pytest
 
-from serd_cli.commands.teleop import SessionSummary, summarise_session
+from serd_cli.commands.stacks.teleop import SessionSummary, summarise_session
 from serd_cli.errors import UsageError
 from serd_cli.output.paths import free_folder
 from serd_cli.processes.node_commands import stack_processes

@@ -1,0 +1,1 @@
+"""Commands that start nodes, and the check of what these need."""
