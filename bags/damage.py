@@ -99,3 +99,18 @@ def losses(layout: BagLayout, files: Sequence[FileCount]) -> Losses:
     if unknown and total is not None and not missing:
         return Losses(max(0, total - sum(file.found for file in files)))
     return Losses(lost, not unknown)
+
+
+def missing_messages(layout: BagLayout, found: Counter[str]) -> list[str]:
+    """How sound files differ from what metadata.yaml lists: they may not hold what was recorded."""
+    listed = layout.messages_by_topic
+    wrong = [
+        f"metadata.yaml lists {listed.get(name, 0)} messages on {name},"
+        f" the files hold {found[name]}"
+        for name in sorted({*listed, *found})
+        if listed and listed.get(name, 0) != found[name]
+    ]
+    total = layout.n_messages
+    if not wrong and total is not None and total != found.total():
+        wrong = [f"metadata.yaml lists {total} messages, the files hold {found.total()}"]
+    return wrong

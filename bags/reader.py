@@ -10,12 +10,12 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from bags.damage import Damage, FileCount, Losses, losses
+from bags.damage import Damage, FileCount, Losses, losses, missing_messages
 from bags.errors import DamagedBagError
 from bags.formats.limits import MOST_FAULTS
 from bags.formats.mcap.scan import McapScan
 from bags.formats.ros1.scan import Ros1Scan
-from bags.formats.rosbag2.compression import COMPRESSED_MESSAGE, DecompressedFiles, decompressed
+from bags.formats.rosbag2.compression import DecompressedFiles, Decompression
 from bags.formats.rosbag2.layout import ROS1_SUFFIX, BagLayout, bag_layout
 from bags.formats.sqlite.scan import SqliteScan
 from bags.topic import RawMessage, Topic
@@ -53,28 +53,18 @@ class BagReader:
         files: list[FileCount] = []
         self.copied = []
         for file, scan in self._scans():
-            n_broken = 0
-            for message in scan.messages(wanted):
-                if message.data.startswith(COMPRESSED_MESSAGE):
-                    data = decompressed(message.data)
-                    if data is None:
-                        n_broken += 1
-                        continue
-                    message = message._replace(data=data)
-                yield message
+            unpacking = Decompression()
+            yield from unpacking.messages(scan.messages(wanted))
             counts.update(scan.counts)
-            files.append(FileCount(file, scan.counts.total() - n_broken, scan.expected))
-            self._report(scan.damage, file)
+            n_read = scan.counts.total() - unpacking.n_broken
+            files.append(FileCount(file, n_read, scan.expected))
             if isinstance(scan, McapScan):
                 self.copied.append((scan.path, scan.copied))
-            if n_broken:
-                what = f"{n_broken} compressed messages cannot be unpacked"
-                self._report([Damage(file, None, what)])
+            faults = scan.damage + unpacking.damage(file)
+            self._report(faults, file)
         self.losses = losses(self.layout, files)
-        if not self.damage:
-            self._report(
-                [Damage(self.path, None, what) for what in missing_messages(self.layout, counts)]
-            )
+        missing = [] if self.damage else missing_messages(self.layout, counts)
+        self._report([Damage(self.path, None, what) for what in missing])
 
     def _topics(self) -> Iterator[Topic]:
         for file, scan in self._scans():
@@ -99,18 +89,3 @@ class BagReader:
             raise DamagedBagError(f"{found[0].sentence()}; repair it with 'serd bag recover'")
         self.damage.extend(found)
         del self.damage[MOST_FAULTS:]
-
-
-def missing_messages(layout: BagLayout, found: Counter[str]) -> list[str]:
-    """How sound files differ from what metadata.yaml lists: they may not hold what was recorded."""
-    listed = layout.messages_by_topic
-    wrong = [
-        f"metadata.yaml lists {listed.get(name, 0)} messages on {name},"
-        f" the files hold {found[name]}"
-        for name in sorted({*listed, *found})
-        if listed and listed.get(name, 0) != found[name]
-    ]
-    total = layout.n_messages
-    if not wrong and total is not None and total != found.total():
-        wrong = [f"metadata.yaml lists {total} messages, the files hold {found.total()}"]
-    return wrong

@@ -4,10 +4,10 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+from bags.damage import missing_messages
 from bags.formats.mcap.file_end import FileEnd
 from bags.formats.rosbag2.layout import bag_layout
 from bags.health.check import check_bag
-from bags.reader import missing_messages
 
 
 @dataclass(frozen=True)

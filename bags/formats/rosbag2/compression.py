@@ -2,7 +2,7 @@
 
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import zstandard
@@ -11,15 +11,38 @@ from bags.damage import Damage
 from bags.errors import BagError
 from bags.formats.limits import LARGEST_CONTENT, most_unpacked
 from bags.formats.rosbag2.layout import COMPRESSED_FILE
+from bags.topic import RawMessage
 from storage.errors import disk_error
 
 #: Bytes of which zstd makes 32 MiB at most.
 _PIECE = 1024
 #: A compressed message begins with these bytes, an uncompressed CDR message with a zero.
-COMPRESSED_MESSAGE = zstandard.FRAME_HEADER
+_COMPRESSED = zstandard.FRAME_HEADER
 
 
-def decompressed(data: bytes) -> bytes | None:
+class Decompression:
+    """Decompresses messages that are; n_broken: those so far that cannot be."""
+
+    n_broken = 0
+
+    def messages(self, recorded: Iterable[RawMessage]) -> Iterator[RawMessage]:
+        """Those that are sound, each with its content."""
+        for message in recorded:
+            if message.data.startswith(_COMPRESSED):
+                data = _decompressed(message.data)
+                if data is None:
+                    self.n_broken += 1
+                    continue
+                message = message._replace(data=data)
+            yield message
+
+    def damage(self, file: Path) -> list[Damage]:
+        """Of the messages of the file so far."""
+        what = f"{self.n_broken} compressed messages cannot be unpacked"
+        return [Damage(file, None, what)] if self.n_broken else []
+
+
+def _decompressed(data: bytes) -> bytes | None:
     """The content of one compressed message, None where it is damaged."""
     try:
         if zstandard.frame_content_size(data) > LARGEST_CONTENT:
