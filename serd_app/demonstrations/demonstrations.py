@@ -81,7 +81,8 @@ def demonstrations_of_drives(
     seen: set[bytes] | None = None,
 ) -> tuple[Demonstrations, DiscretisationReport]:
     """Those of all drives of one recording, at least one; see `demonstrations_of_each`."""
-    return joined_demonstrations(demonstrations_of_each(drives, grid, decision_period_s, seen=seen))
+    parts = demonstrations_of_each(drives, grid, decision_period_s, seen=seen)
+    return joined_demonstrations(parts)
 
 
 def joined_demonstrations(
@@ -138,7 +139,7 @@ class LiveDrive(DriveSessions):
 
     def gathered(self, *, unfinished: bool = True) -> Demonstrations:
         """All episodes so far; unfinished: also decisions of the episode still being driven."""
-        *before, last = (session.builder.drive() for session in self.sessions)
+        *before, last = (session.drive() for session in self.sessions)
         if not unfinished and last.episodes and last.episodes[-1].outcome == CUT_OFF:
             last = replace(last, episodes=last.episodes[:-1])
         known = [] if self._earlier is None else [self._earlier]
@@ -162,5 +163,6 @@ def fresh_from_drive(
     fresh = [episode for episode, row in rows.items() if row not in seen]
     seen.update(rows.values())
     decisions = decisions.select(np.isin(decisions.episode, fresh))
+    report = report.without_repeated(decisions)
     entry_s = goal_entries_s(drive.episodes, decisions, decision_period_s)
-    return Demonstrations(decisions, tuple(entry_s.tolist())), report.without_repeated(decisions)
+    return Demonstrations(decisions, tuple(entry_s.tolist())), report

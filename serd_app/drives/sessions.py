@@ -5,33 +5,83 @@ is played once more. Topics may run ahead of each other by any time, so each has
 """
 
 from array import array
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from bags.errors import BagError
-from bags.messages.plain import message_stamp_ns, pose_position
+from bags.messages.plain import message_stamp_ns, pose_position, vector3_stamped
 from bags.messages.times import TimesOnClock, agrees, placed_s
 from bags.reader import BagReader
 from bags.topic import RawMessage, topic_named
-from serd_app.drives.episode_mark import END, EPISODE
-from serd_app.drives.episode_spans import marks_of
-from serd_app.drives.recorded_drive import INTENT, POSE, DriveBuilder, RecordedDrive, source_of
+from serd_app.drives.episode_mark import END, EPISODE, EpisodeMark
+from serd_app.drives.episode_spans import marks_of, spans_of_marks
+from serd_app.drives.recorded_drive import (
+    INTENT,
+    LONGEST_GAP_S,
+    NOT_FINITE,
+    POSE,
+    RecordedDrive,
+    actions_of_directions,
+    finite_poses,
+    source_of,
+)
 from serd_core.arrays import FloatArray
 
 #: A stamp that falls back by more belongs to another session.
 RESTART_NS = 1_000_000_000
 
 
-@dataclass(eq=False)
 class Session:
     """One run of the clock; the newest stamps of poses and of ends of episodes in it."""
 
-    builder: DriveBuilder
-    newest_pose_ns: int = 0
-    newest_end_ns: int = 0
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self._poses = array("d")
+        self._intents = array("d")
+        self._marks: list[EpisodeMark] = []
+        self.newest_pose_ns = self.newest_end_ns = 0
+
+    def add_position(self, time_ns: int, x_m: float, y_m: float) -> None:
+        """A pose that was decoded already."""
+        self._poses.extend((time_ns / 1e9, x_m, y_m))
+
+    def add_intent(self, data: bytes, time_ns: int) -> None:
+        """A geometry_msgs/Vector3Stamped, placed at that time."""
+        vector = vector3_stamped(data)
+        self._intents.extend((time_ns / 1e9, vector.x, vector.y))
+
+    def add_marks(self, data: bytes, time_ns: int) -> bool:
+        """A diagnostic_msgs/DiagnosticArray; whether an episode ends with it."""
+        marks = marks_of(data, time_ns)
+        self._marks += marks
+        return any(mark.event == END for mark in marks)
+
+    def drive(self) -> RecordedDrive:
+        """Everything so far; BagError where there are poses and none is finite."""
+        rows = np.array(self._poses).reshape(-1, 3)
+        finite = finite_poses(rows, self._source)
+        pose = _unique(finite)
+        intent = _unique(np.array(self._intents).reshape(-1, 3))
+        clear = np.isfinite(intent).all(axis=1)
+        n_unclear = int((~clear).sum())
+        return RecordedDrive(
+            pose_time_s=pose[:, 0],
+            position_m=pose[:, 1:],
+            intent_time_s=intent[clear, 0],
+            intent_action=actions_of_directions(intent[clear, 1:]),
+            episodes=spans_of_marks(self._marks, pose[:, 0], LONGEST_GAP_S),
+            source=self._source,
+            n_bad_poses=len(rows) - len(finite),
+            dropped={NOT_FINITE: n_unclear} if n_unclear else {},
+        )
+
+
+def _unique(rows: FloatArray) -> FloatArray:
+    """Rows by time, one per stamp: a message that was sent again counts once."""
+    _, first = np.unique(rows[:, 0], return_index=True)
+    return rows[first]
 
 
 class DriveSessions:
@@ -43,7 +93,7 @@ class DriveSessions:
 
     def __init__(self, source: str) -> None:
         self.source = source
-        self.sessions = [Session(DriveBuilder(source))]
+        self.sessions = [Session(source)]
         self.n_ended = self.n_late = 0
         self._session_of_poses = self.sessions[0]
         self._session_of = dict.fromkeys((POSE, INTENT, EPISODE), 0)
@@ -60,13 +110,11 @@ class DriveSessions:
         stamp_ns = message_stamp_ns(data) if time_ns is None else time_ns
         session = self._session(topic, stamp_ns)
         if topic == INTENT:
-            session.builder.add_intent(data, stamp_ns)
+            session.add_intent(data, stamp_ns)
             self.n_late += stamp_ns < session.newest_end_ns
-        else:
-            session.builder.add_mark(data, stamp_ns)
-            if any(mark.event == END for mark in marks_of(data)):
-                session.newest_end_ns = max(session.newest_end_ns, stamp_ns)
-                self.n_ended += 1
+        elif session.add_marks(data, stamp_ns):
+            session.newest_end_ns = max(session.newest_end_ns, stamp_ns)
+            self.n_ended += 1
 
     def _take_pose(self, data: bytes, time_ns: int | None) -> None:
         """Nearly all messages are poses: this decides how fast a bag is read."""
@@ -76,7 +124,7 @@ class DriveSessions:
         session = self._session_of_poses
         if stamp_ns < session.newest_pose_ns - RESTART_NS:
             session = self._session_of_poses = self._session(POSE, stamp_ns)
-        session.builder.add_position(stamp_ns, x_m, y_m)
+        session.add_position(stamp_ns, x_m, y_m)
         if stamp_ns > session.newest_pose_ns:
             session.newest_pose_ns = self._newest_ns[POSE] = stamp_ns
 
@@ -92,7 +140,7 @@ class DriveSessions:
             self._session_of[topic] += 1
             self._newest_ns[topic] = 0
             if self._session_of[topic] == len(self.sessions):
-                self.sessions.append(Session(DriveBuilder(self.source)))
+                self.sessions.append(Session(self.source))
         elif self._is_of_a_later_session(topic, stamp_ns):
             self._session_of[topic] = len(self.sessions) - 1
         self._newest_ns[topic] = max(self._newest_ns[topic], stamp_ns)
@@ -114,7 +162,8 @@ def read_drives(
 
     tolerant: read what a broken bag still holds. intents: see `drives_in`.
     """
-    return drives_in(BagReader(directory, tolerant=tolerant), intents=intents)
+    reader = BagReader(directory, tolerant=tolerant)
+    return drives_in(reader, intents=intents)
 
 
 def drives_in(reader: BagReader, *, intents: bool = True) -> tuple[RecordedDrive, ...]:
@@ -127,15 +176,26 @@ def drives_in(reader: BagReader, *, intents: bool = True) -> tuple[RecordedDrive
     kinds = {topic_named(reader.topics, kind): kind for kind in wanted}
     times = {kind: _Times() for kind in kinds.values()}
     n_faults = len(reader.damage)
-    found = DriveSessions(source_of(reader.path))
-    for message in reader.messages(kinds):
-        _take(found, kinds[message.topic], message, times[kinds[message.topic]].add(message))
+    found = _sessions_in(reader, kinds, lambda kind, message: times[kind].add(message))
     if not _stamps_agree(times):
         del reader.damage[n_faults:]  # it is found again
-        found = DriveSessions(source_of(reader.path))
-        for message in reader.messages(kinds):
-            _take(found, kinds[message.topic], message, message.log_time_ns)
-    return tuple(session.builder.drive() for session in found.sessions)
+        found = _sessions_in(reader, kinds, lambda _, message: message.log_time_ns)
+    return tuple(session.drive() for session in found)
+
+
+def _sessions_in(
+    reader: BagReader, kinds: Mapping[str, str], time_ns: Callable[[str, RawMessage], int | None]
+) -> list[Session]:
+    """Those of the topics, each by its kind; time_ns: of a message, None for its stamp."""
+    found = DriveSessions(source_of(reader.path))
+    for message in reader.messages(kinds):
+        kind = kinds[message.topic]
+        try:
+            found.take(kind, message.data, time_ns(kind, message))
+        except BagError as error:
+            where = f"{found.source}, {message.topic} at {message.log_time_ns} ns"
+            raise BagError(f"{where}: {error}") from None
+    return found.sessions
 
 
 class _Times:
@@ -167,11 +227,3 @@ def _stamps_agree(times: Mapping[str, _Times]) -> bool:
         return all(np.array_equal(placed_s(*each), each[1]) for each in in_s.values())
     clock = TimesOnClock(*in_s[POSE])
     return all(agrees(clock.of(log_s), stamp_s) for log_s, stamp_s in in_s.values())
-
-
-def _take(found: DriveSessions, kind: str, message: RawMessage, time_ns: int | None) -> None:
-    try:
-        found.take(kind, message.data, time_ns)
-    except BagError as error:
-        where = f"{found.source}, {message.topic} at {message.log_time_ns} ns"
-        raise BagError(f"{where}: {error}") from None

@@ -23,8 +23,8 @@ from serd_app.demonstrations.discretise import (
     next_state_of,
 )
 from serd_app.drives.episode_spans import EpisodeSpan
-from serd_app.drives.recorded_drive import NOT_FINITE, DriveBuilder, RecordedDrive
-from serd_app.drives.sessions import DriveSessions, read_drives
+from serd_app.drives.recorded_drive import NOT_FINITE, RecordedDrive
+from serd_app.drives.sessions import DriveSessions, Session, read_drives
 from serd_core.grid.grid import Action, Grid
 
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -263,11 +263,11 @@ def tolerated(writer):
 
 
 def test_a_bag_of_nothing_but_poses_that_are_not_finite_is_refused():
-    builder = DriveBuilder("bag x")
+    session = Session("bag x")
     for time_s in (1.0, 2.0):
-        builder.add_position(round(time_s * 1e9), np.nan, 0.0)
+        session.add_position(round(time_s * 1e9), np.nan, 0.0)
     with pytest.raises(BagError, match="bag x must hold poses that are finite, none of its 2 is"):
-        builder.drive()
+        session.drive()
 
 
 def test_an_intent_without_a_direction_is_dropped_and_counted(recorded_bag, messages):
@@ -288,7 +288,7 @@ def test_live_messages_give_the_same_drive_as_the_file(recorded_bag, messages):
         live.take(message.topic[1:], message.data)
     from_file, from_topics = (
         read_drives(recorded_bag.directory)[0],
-        live.sessions[0].builder.drive(),
+        live.sessions[0].drive(),
     )
     assert from_topics.episodes == from_file.episodes
     assert from_topics.dropped == from_file.dropped == {NOT_FINITE: 1}
