@@ -10,7 +10,7 @@ import typer
 from pydantic import BaseModel, ValidationError
 
 from serd_cli.errors import UsageError
-from sim.episodes.execution import BACKENDS
+from sim.episodes.execution import BACKENDS, Execution
 from storage.settings import settings_of
 from storage.yaml_config import sentence_of
 
@@ -18,7 +18,8 @@ Model = TypeVar("Model", bound=BaseModel)
 Command = TypeVar("Command", bound=Callable[..., None])
 
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON instead of text")]
-# Where many tasks run.
+#: Where many tasks run by default.
+EXECUTION = Execution()
 Jobs = Annotated[int, typer.Option(help="processes at a time, -1 for all cores")]
 Backend = Annotated[str, typer.Option(help=", ".join(BACKENDS))]
 Address = Annotated[

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from serd_cli.errors import UsageError
-from serd_cli.options import Address, AsJson, Backend, Jobs
+from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
 from serd_cli.output.resume_notice import run_episodes
 from serd_cli.output.terminal import console, finite_values, print_json
 from sim.drivers.catalogue import driver_names
@@ -60,9 +60,9 @@ def batch(
     ] = True,
     seeds: Annotated[int, typer.Option(help="episodes of each, seeds first-seed and up")] = 20,
     first_seed: Annotated[int, typer.Option(help="seed of the first episode")] = 1,
-    jobs: Jobs = -1,
-    backend: Backend = "loky",
-    address: Address = "",
+    jobs: Jobs = EXECUTION.n_jobs,
+    backend: Backend = EXECUTION.backend,
+    address: Address = EXECUTION.address,
     as_json: AsJson = False,
 ) -> None:
     """Run every combination of scenarios, policies, planners and seeds.
@@ -90,9 +90,9 @@ def batch(
         for place, count, area, local, source, driver, seed in product(
             [name for each in scenario for name in scenario_suite(each) or [each]],
             counts,
-            start_area or ["train"],
-            planner or ["dwa"],
-            people_from or ["given"],
+            start_area or [EpisodeTask.start_area],
+            planner or [EpisodeTask.planner],
+            people_from or [EpisodeTask.people_from],
             policy or ["expert"],
             range(first_seed, first_seed + seeds),
         )

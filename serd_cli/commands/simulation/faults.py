@@ -12,7 +12,7 @@ from rich.table import Table
 
 from report.figures.faults import FaultWays, draw_fault_ways
 from report.style import save_figure
-from serd_cli.options import Address, AsJson, Backend, Jobs
+from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
 from serd_cli.output.resume_notice import run_episodes
 from serd_cli.output.terminal import console, finite_values, print_json
 from sim.drivers.catalogue import driver_names
@@ -37,17 +37,17 @@ def faults(
     ] = None,
     scenario: Annotated[str, typer.Option(help="built-in scenario or YAML file")] = "hallway",
     people: Annotated[int, typer.Option(help="number of people")] = 60,
-    planner: Annotated[str, typer.Option(help=" or ".join(planner_names()))] = "dwa",
+    planner: Annotated[str, typer.Option(help=" or ".join(planner_names()))] = EpisodeTask.planner,
     policy: Annotated[
         str, typer.Option(help=f"{', '.join(driver_names())} or a learned model's file")
-    ] = "expert_with_flow",
+    ] = EpisodeTask.driver,
     seeds: Annotated[
         int, typer.Option(min=1, help="episodes of each, seeds first-seed and up")
     ] = 20,
     first_seed: Annotated[int, typer.Option(min=0, help="seed of the first episode")] = 1,
-    jobs: Jobs = -1,
-    backend: Backend = "loky",
-    address: Address = "",
+    jobs: Jobs = EXECUTION.n_jobs,
+    backend: Backend = EXECUTION.backend,
+    address: Address = EXECUTION.address,
     as_json: AsJson = False,
 ) -> None:
     """Measure how soon the robot stands when an input fails at full speed.

@@ -15,7 +15,7 @@ from experiments.catalogue import EXPERIMENTS
 from experiments.running.experiment import Experiment, Session, settings_of_file
 from experiments.running.provenance import recorded
 from experiments.running.tables import plain_rows
-from serd_cli.options import Address, AsJson, Backend, Jobs
+from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
 from serd_cli.output.paths import require_folder
 from serd_cli.output.resume_notice import remark_other_code, results_kept_in
 from serd_cli.output.tables import print_results
@@ -74,9 +74,9 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
 
     own_defaults: dict[str, Any] = {
         "output": Path("experiment_output") / experiment.name,
-        "jobs": -1,
-        "backend": "loky",
-        "address": "",
+        "jobs": EXECUTION.n_jobs,
+        "backend": EXECUTION.backend,
+        "address": EXECUTION.address,
         "as_json": False,
     }
     annotations: dict[str, Any] = {**_OWN}

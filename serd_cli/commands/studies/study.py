@@ -28,7 +28,7 @@ from experiments.study.people.tables import headline as people_headline
 from experiments.study.products import SETTINGS_YAML, OnWork
 from experiments.study.settings import study_settings
 from serd_cli.errors import UsageError
-from serd_cli.options import Address, AsJson, Backend, Jobs
+from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
 from serd_cli.output.paths import require_folder
 from serd_cli.output.resume_notice import remark_other_code, results_kept_in
 from serd_cli.output.tables import print_results
@@ -76,9 +76,9 @@ def hallway(
         list[str] | None,
         typer.Option(help=f"only draw again from kept tables: {_FIGURES}; repeat"),
     ] = None,
-    jobs: Jobs = -1,
-    backend: Backend = "loky",
-    address: Address = "",
+    jobs: Jobs = EXECUTION.n_jobs,
+    backend: Backend = EXECUTION.backend,
+    address: Address = EXECUTION.address,
     as_json: AsJson = False,
 ) -> None:
     """Navigation in a populated hallway: who learns what, and what arrives when (chapter 5).
@@ -142,9 +142,9 @@ def _command_of(study: _PlainStudy[Any]) -> Callable[..., None]:
         output: Annotated[Path | None, _output_of(study.name)] = None,
         quick: Quick = False,
         config: Annotated[Path | None, _config_of(study.name)] = None,
-        jobs: Jobs = -1,
-        backend: Backend = "loky",
-        address: Address = "",
+        jobs: Jobs = EXECUTION.n_jobs,
+        backend: Backend = EXECUTION.backend,
+        address: Address = EXECUTION.address,
         as_json: AsJson = False,
     ) -> None:
         folder = _folder(study.name, output, quick=quick)
@@ -171,9 +171,9 @@ def people(
     mapping: Annotated[
         Path | None, typer.Option(help="YAML file with columns, fps and unit of the tables")
     ] = None,
-    jobs: Jobs = -1,
-    backend: Backend = "loky",
-    address: Address = "",
+    jobs: Jobs = EXECUTION.n_jobs,
+    backend: Backend = EXECUTION.backend,
+    address: Address = EXECUTION.address,
     as_json: AsJson = False,
 ) -> None:
     """Pedestrians of measured corridors as experts: their next moves and times of arrival.
