@@ -63,7 +63,7 @@ class PolicyCostConfig(SeededConfig):
 
 @dataclass(frozen=True, eq=False)
 class CostCase:
-    """A problem with all arrays in the form each method wants.
+    """A problem with all arrays in the form each method takes.
 
     dense: (S*A, S) P; chain: (S*A, S*A) P(s'|s,a) pi(a'|s'); immediate: (S*A, N).
     """

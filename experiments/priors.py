@@ -25,7 +25,7 @@ from serd_core.priors.prior import Prior
 from storage.settings import setting
 from storage.yaml_config import StrictModel
 
-#: One state that knows two outcomes apart: stay, or leave for a second state that only stays.
+#: One state with two outcomes: stay, or leave for a second state that only stays.
 MODEL = OutcomeModels(
     successors=np.array([[[0, 1]], [[1, 1]]]),
     model_of=np.zeros((2, 1), dtype=np.int64),

@@ -9,7 +9,7 @@ HELP = "space: pause, right: one message on (while paused), up and down: twice o
 
 
 class ReplayKey(Enum):
-    """What a key asks for; values are the names of keys."""
+    """Commands of keys; values are the names of the keys."""
 
     PAUSE = "space"
     STEP = "right"

@@ -237,7 +237,7 @@ def _nav2(graph: Mapping[str, Mapping[str, list[str]]]) -> dict[str, dict[str, l
 def _with_all_subscriptions(
     graph: Mapping[str, Mapping[str, list[str]]],
 ) -> dict[str, dict[str, list[str]]]:
-    """The graph with the topics that a parameter asks for among those subscribed to."""
+    """The graph with the topics that a parameter adds among those subscribed to."""
     return {
         node: {**ends, "subscribes": [*ends.get("subscribes", []), *ends.get("may_subscribe", [])]}
         for node, ends in graph.items()

@@ -1,4 +1,4 @@
-"""What a fit knows of each outcome model, from where, and which demonstration would add most."""
+"""Precision of each outcome model in a fit, its source, and what demonstration would add most."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import astuple, dataclass

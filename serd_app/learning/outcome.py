@@ -114,7 +114,7 @@ def _next_start(known: Knowledge) -> dict[str, float]:
 
 
 def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
-    """Write the model to `output`, and beside it grid, steps of the fit and what it knows.
+    """Write the model to `output`, and beside it grid, steps and precision of the fit.
 
     Its scenario is written as well, where that is not built in; first, as an edited file is not
     replaced.

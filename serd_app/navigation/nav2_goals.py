@@ -19,7 +19,7 @@ class ActionClient(Protocol):
     """What is used of rclpy.action.ActionClient."""
 
     def server_is_ready(self) -> bool:
-        """Whether a server listens."""
+        """Whether a server is available."""
         ...
 
     def send_goal_async(self, goal: Any) -> Any:

@@ -108,7 +108,7 @@ class _Keeper(Keeper):
     def _kill_node(self, *_: object) -> None:
         if self._child is not None:
             self._child.kill()
-        os._exit(FAILED)  # nobody takes the lines that are left
+        os._exit(FAILED)  # the lines that are left are not read
 
 
 def _is_stopped(pid: int) -> bool:

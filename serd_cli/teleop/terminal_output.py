@@ -37,7 +37,7 @@ class DriverLines:
         if self._log is not None:
             self._log.close()
 
-    def hear(self, node: str, line: str) -> None:
+    def take(self, node: str, line: str) -> None:
         """Log a line a node printed, and print it where it is for the driver."""
         if self._log is not None:
             self._log.write(f"{node:>15} | {line}\n")

@@ -191,7 +191,7 @@ def _require_lidar(message: LaserScan, lidar: LidarSettings) -> None:
 
 
 def to_occupancy_grid(raster: OccupancyRaster, time_s: float) -> OccupancyGrid:
-    """Row 0 is the lowest y, as nav_msgs wants it; -1 unknown, 0 free, 100 occupied."""
+    """Row 0 is the lowest y, as nav_msgs defines it; -1 unknown, 0 free, 100 occupied."""
     message = OccupancyGrid()
     message.header.frame_id = topics.MAP_FRAME
     message.header.stamp = to_stamp(time_s)

@@ -46,7 +46,7 @@ class ReplayPublishers:
     def publish(self, messages: Iterable[RawMessage]) -> None:
         """Send them; at times wait for reliable readers, so that none is overrun.
 
-        DDS asks readers for acknowledgements only every few seconds, so it is done rarely.
+        DDS requests acknowledgements only every few seconds, so it is done rarely.
         """
         for message in messages:
             topic = message.topic

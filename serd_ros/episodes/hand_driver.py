@@ -137,7 +137,7 @@ class HandDriverNode(SerdNode[Config]):
         self._was_present = present
 
     def _hears_too_little(self) -> bool:
-        """Whether one whom this node has heard is silent: it was stopped, and may continue."""
+        """Whether a node that sent messages before is silent: it was stopped, and may continue."""
         return any(
             self.wall_s() - received_s > _SILENCE_S for received_s in self._received_s.values()
         )

@@ -67,7 +67,7 @@ class EpisodeStarter:
         self._look.reset()
 
     def reset_world(self) -> None:
-        """Have the world begin an episode; while it refuses, wait. Without an answer, ask again."""
+        """Request an episode of the world; wait while it refuses, repeat without an answer."""
         self._asked_wall_s = self._node.wall_s()
         self._asked = self._reset.call_async(Trigger.Request())
         self._asked.add_done_callback(

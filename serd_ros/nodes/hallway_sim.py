@@ -83,7 +83,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         return node
 
     def _begin_live(self) -> None:
-        """Begin the first episode, which no driver asks for."""
+        """Begin the first episode, which no driver requests."""
         if self.config.lockstep or self._next_episode:
             return
         if self._begin_episode():

@@ -2,7 +2,7 @@
 
 The strategy's `waypoint` becomes a goal of `navigate_to_pose`, or its `plan` one of
 `navigate_through_poses`; /tf, which Nav2 needs, is made from `robot_pose` and `odom`. nav2_msgs
-comes with ROS, not as a wheel, so this node asks for it when it starts.
+comes with ROS, not as a wheel, so this node imports it when it starts.
 """
 
 import sys

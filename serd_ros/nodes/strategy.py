@@ -40,7 +40,7 @@ _FROM_LEARNER = "model of the learner"
 
 
 class StrategyNode(EpisodeDriverNode[StrategyConfig]):
-    """Steers by `waypoint`: the centre of the cell the policy wants next."""
+    """Steers by `waypoint`: the centre of the cell the policy chooses next."""
 
     _navigator: Navigator
 

@@ -29,7 +29,7 @@ class Progress(StrictModel):
 
 
 def write_progress(progress: Progress) -> bool:
-    """Write the line where the command wants it; returns whether it does."""
+    """Write the line where the command reads it; returns whether it does."""
     wanted = bool(os.environ.get(VARIABLE))
     if wanted:
         print(_MARK + progress.model_dump_json(), file=sys.stderr, flush=True)

@@ -62,7 +62,7 @@ _QUATERNION, _MATRIX = slice(4, 8), 12
 #: Steps between frames, as annotated; each stands for 0.4 s in the ETH and UCY data.
 _ANNOTATED_STEPS, _ANNOTATED_S = (6.0, 10.0, 12.0), 0.4
 _USUAL_FPS, _KITTI_FPS = 25.0, 10.0
-#: Median speeds above which places are in cm, and in mm; nobody on a floor is that fast in m/s.
+#: Median speeds above which places are in cm, and in mm; no one walks that fast in m/s.
 _CM_ABOVE, _MM_ABOVE = 12.0, 250.0
 #: Usual steps between whole numbers above which these are times in ms, us and ns.
 _STEPS_OF_UNITS = ((9e6, "ns"), (9e3, "us"), (15.0, "ms"))

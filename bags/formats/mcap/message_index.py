@@ -45,7 +45,7 @@ class MessageIndexes:
         self._found.append(np.column_stack([np.full(n_entries, channel, np.uint64), entries]))
 
     def fit(self) -> bool:
-        """Whether each message is listed where it is; then forget the chunk.
+        """Whether each message is listed where it is; the next chunk may then be added.
 
         A chunk without any index is as good: the format leaves them to the writer.
         """

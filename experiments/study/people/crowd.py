@@ -59,7 +59,7 @@ def bins_of(run: Run) -> IntArray:
 def cells_of_bins(run: Run) -> BoolArray:
     """(B, C) mask of the cells in each bin; a bin that holds no centre has the cell of its own.
 
-    So what is counted in a narrow corridor covers all bins that a wide one asks for.
+    So what is counted in a narrow corridor covers all bins that a wide one needs.
     """
     bins = np.arange(BINS[0] * BINS[1])
     found = bins[:, None] == bins_of(run)

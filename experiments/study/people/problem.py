@@ -1,4 +1,4 @@
-"""Moves between the cells of a corridor as a decision problem that knows the crowd of each time.
+"""Moves between the cells of a corridor as a decision problem with the crowd of each time.
 
 The states are the cells of layers that nothing connects: one layer per snapshot of a run and
 walking direction, with the field of the crowd at that time. So the plan of a moment takes the crowd
@@ -82,10 +82,10 @@ class Moves:
 class Layers:
     """The decision problem on layers.
 
-    covariates: names, out of `COVARIATES`, of what outcome models know of the crowd; empty for the
-    three outcome models of Table 5.1, which know its direction. moves: that have states of their
-    own, after the C cells of all layers; None for none. learned_rows: `crowding` of the layers
-    learned from, None for these layers; new layers need not have all of it.
+    covariates: names, out of `COVARIATES`, of features of the crowd in outcome models; empty for
+    the three outcome models of Table 5.1, which depend on its direction. moves: that have states of
+    their own, after the C cells of all layers; None for none. learned_rows: `crowding` of the
+    layers learned from, None for these layers; new layers need not have all of it.
     """
 
     each: tuple[Layer, ...]

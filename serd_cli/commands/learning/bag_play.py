@@ -74,7 +74,7 @@ def play(
     if not as_json:
         os.execve(command[0], command, environment)
     played = _Played()
-    run_together([Process(_NODE, command)], environment | {VARIABLE: "1"}, played.hear)
+    run_together([Process(_NODE, command)], environment | {VARIABLE: "1"}, played.take)
     print_json({"bag": bag.resolve(), "messages": played.n_messages})
 
 
@@ -83,7 +83,7 @@ class _Played:
 
     n_messages = 0
 
-    def hear(self, _: str, line: str) -> None:
+    def take(self, _: str, line: str) -> None:
         """Print a line of the node."""
         progress = parse_progress(line)
         if progress is None:

@@ -70,7 +70,7 @@ def _run(settings: TeleopSettings, folder: Path, *, as_json: bool) -> None:
     progress_console.print(f"recording into {bag}", soft_wrap=True)
     try:
         with restored_terminal(sys.stdin), DriverLines(folder / "logs" / "nodes.log") as lines:
-            run_together(processes, environment | {VARIABLE: "1"}, lines.hear)
+            run_together(processes, environment | {VARIABLE: "1"}, lines.take)
     except KeyboardInterrupt:
         pass  # the usual end
     finally:

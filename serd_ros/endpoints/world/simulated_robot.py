@@ -49,10 +49,10 @@ class SimulatedRobot:
 
     @property
     def is_waited_for(self) -> bool:
-        """Whether its driver is to ask before an episode begins.
+        """Whether its driver must request an episode before one begins.
 
-        Nodes of another robot may be up first, so a required driver is waited for until it has
-        asked once.
+        Nodes of another robot may be up first, so a required driver is waited for until its
+        first request.
         """
         is_starting = any(self.node.config.required_nodes) and not self._has_ever_asked
         return not self.asked and (is_starting or self.has_driver)

@@ -62,7 +62,7 @@ def wait_at_most(longest_s: float, condition: Callable[[], bool]) -> None:
 
 
 def _discover(node: Node) -> None:
-    """Wait until the node knows the publishers of its domain."""
+    """Wait until the node has discovered the publishers of its domain."""
     context = Context()
     rclpy.init(context=context, domain_id=node.context.get_domain_id())
     try:

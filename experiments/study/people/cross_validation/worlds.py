@@ -1,4 +1,4 @@
-"""Learners that know the same of the crowd: its density at each time, or its mean over time."""
+"""Learners with the same input on the crowd: its density at each time, or its mean over time."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ from serd_core.arrival.dwell_times import PaceAhead
 from serd_core.arrival.law import ArrivalLaw
 
 Learner = Callable[[Layers], Learned]
-#: Learners that know the density, and those that know the mean crowd.
+#: Learners whose input is the density, and those whose input is the mean crowd.
 WITH_DENSITY: Mapping[str, Learner] = {SERD_DENSITY: learners.serd, IRL_DENSITY: learners.irl}
 WITHOUT: Mapping[str, Learner] = {
     SERD: learners.serd,
@@ -44,7 +44,7 @@ _DRIFTS = (np.arange(9) + 0.5) / 9
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """What was learned by methods that know the same of the crowd.
+    """What was learned by methods with the same input on the crowd.
 
     like: layers learned from; mean: the mean crowd, None where its density is known at each time.
     learned: by method; drift: of the walkers learned from.

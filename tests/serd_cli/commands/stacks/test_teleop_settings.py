@@ -98,13 +98,13 @@ def test_the_driver_sees_its_own_lines_once_and_everything_goes_into_the_log(
     prefix = "[INFO] [1795249906.32] [teleop_page]: "
     with DriverLines(tmp_path / "logs" / "nodes.log") as lines:
         report_address("http://127.0.0.1:9/", print)
-        lines.hear("teleop_page", capsys.readouterr().err.strip())
-        lines.hear("teleop_page", prefix + "episode 1 arrived")
-        lines.hear("teleop_keyboard", "episode 1 arrived")
-        lines.hear("hallway_sim", "[INFO] [1.0] [hallway_sim]: nothing of interest")
-        lines.hear("teleop_mux", "[WARN] [1.0] [teleop_mux]: E-STOP engaged")
-        lines.hear("teleop_page", "[FATAL] [1.0] [teleop_page]: Exception in 'timers' callback")
-        lines.hear("teleop_page", "  File x.py, line 3")
+        lines.take("teleop_page", capsys.readouterr().err.strip())
+        lines.take("teleop_page", prefix + "episode 1 arrived")
+        lines.take("teleop_keyboard", "episode 1 arrived")
+        lines.take("hallway_sim", "[INFO] [1.0] [hallway_sim]: nothing of interest")
+        lines.take("teleop_mux", "[WARN] [1.0] [teleop_mux]: E-STOP engaged")
+        lines.take("teleop_page", "[FATAL] [1.0] [teleop_page]: Exception in 'timers' callback")
+        lines.take("teleop_page", "  File x.py, line 3")
     printed = capsys.readouterr().err
     assert "drive at http://127.0.0.1:9/" in printed
     assert printed.count("episode 1 arrived") == 1
