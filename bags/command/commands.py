@@ -18,11 +18,11 @@ from bags.command.results import (
     rewrite_values,
     verdict,
 )
+from bags.command.rewrite import RewriteReport, convert, recover
 from bags.errors import BagError
 from bags.formats.rosbag2.layout import storage_name
 from bags.health.check import check_bag
 from bags.health.contents import contents_of_bag
-from bags.rewrite import RewriteReport, convert, recover
 
 FAILED = 1
 Compression = Literal["none", "zstd"]

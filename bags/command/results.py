@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from bags.command.rewrite import RewriteReport
 from bags.health.check import BagCheck
 from bags.health.contents import BagContents
 from bags.health.topic_check import TopicCheck
-from bags.rewrite import RewriteReport
 from storage.quantities import counted, seconds_in_words
 
 Style = Literal["good", "notable", "bad"]

@@ -4,12 +4,12 @@ import re
 
 import pytest
 
+from bags.command.rewrite import recover
 from bags.errors import BagError
 from bags.formats.mcap.chunks import CHUNK_PATTERN
 from bags.formats.mcap.writer import McapWriter
 from bags.health.check import check_bag
 from bags.reader import BagReader
-from bags.rewrite import recover
 from bags.writer import BagWriter
 
 POSE = "geometry_msgs/msg/PoseStamped"

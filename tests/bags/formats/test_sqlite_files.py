@@ -9,10 +9,10 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from bags.command.rewrite import convert, recover
 from bags.errors import BagError
 from bags.health.check import check_bag
 from bags.reader import BagReader
-from bags.rewrite import convert, recover
 
 POSE = "geometry_msgs/msg/PoseStamped"
 VECTOR = "geometry_msgs/msg/Vector3Stamped"

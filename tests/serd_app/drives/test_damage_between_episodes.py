@@ -2,7 +2,7 @@
 
 import pytest
 
-from bags.rewrite import recover
+from bags.command.rewrite import recover
 from bags.writer import BagWriter
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.demonstrations.discretise import AFTER_CUT_OFF, CUT_SHORT

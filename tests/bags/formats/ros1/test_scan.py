@@ -7,13 +7,13 @@ import pytest
 from rosbags.rosbag1 import Reader, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from bags.command.rewrite import convert
 from bags.errors import BagError
 from bags.formats.rosbag2.message_types import message_type, typestore_of
 from bags.health.check import check_bag
 from bags.messages.fields import POSES, field_reader
 from bags.messages.plain import decode
 from bags.reader import BagReader
-from bags.rewrite import convert
 from serd_app.drives.mapped.drive import mapped_drive_in
 from serd_app.drives.mapped.mapping import BagMapping
 from serd_core.grid.grid import Action
