@@ -5,6 +5,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from types import FrameType
 from typing import Any
 
@@ -14,6 +15,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from serd_core.errors import SerdError
+from serd_ros.process.exit_limit import process_ends_within
 from serd_ros.process.serd_node import BAD_INPUT, SerdNode
 
 INTERNAL_ERROR = 1
@@ -22,6 +24,8 @@ _STOPPING = (signal.SIGINT, signal.SIGTERM)
 _TURN_S = 0.1
 #: A node that lags behind takes what it has received before, for this time (s) at most.
 _BACKLOG_S = 0.5
+#: Nodes are destroyed within this time, else the process ends without (ms).
+_DESTROYED_WITHIN_MS = 3000
 _QUOTES = "put a value that contains : into quotes, as topics:=[odom, '/imu:sensor_msgs/msg/Imu']"
 
 
@@ -34,29 +38,41 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
         return BAD_INPUT
     stop = _StopSignal()
     node: SerdNode[Any] | None = None
+    exit_code = INTERNAL_ERROR
     try:
         node = make_node()
-        return _spin(node, stop) or _internal_errors(node)
+        exit_code = _spin(node, stop) or _internal_errors(node)
     except (KeyboardInterrupt, ExternalShutdownException):
-        return 0
+        exit_code = 0
     except SerdError as error:
         name = node.get_name() if node is not None else "serd_ros"
         print(f"{name}: {error}", file=sys.stderr, flush=True)
-        return BAD_INPUT
+        exit_code = BAD_INPUT
     except Exception:
         # A signal during the start closes the context, and rcl raises; that is no error.
         if rclpy.ok():
             raise
-        return 0
+        exit_code = 0
     finally:
-        try:
-            if node is not None:
-                node.close()
-                for each in (*node.companions, node):
-                    if rclpy.ok():
-                        each.confirm(each.publishers)
-                    each.destroy_node()
-        finally:
+        _end(node, exit_code)
+    return exit_code
+
+
+def _end(node: SerdNode[Any] | None, exit_code: int) -> None:
+    """Release what the node holds, then destroy it with its companions."""
+    nodes = () if node is None else (*node.companions, node)
+    try:
+        if node is not None:
+            node.close()
+            for each in nodes:
+                if rclpy.ok():
+                    each.confirm(each.publishers)
+    finally:
+        with suppress(OSError):  # who reads it may have ended
+            sys.stdout.flush()
+        with process_ends_within(_DESTROYED_WITHIN_MS, exit_code):
+            for each in nodes:
+                each.destroy_node()
             rclpy.try_shutdown()
 
 

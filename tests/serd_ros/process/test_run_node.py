@@ -3,6 +3,8 @@
 import math
 import os
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -103,6 +105,37 @@ def test_a_node_with_an_internal_error_ends_with_exit_code_1(capfd):
 
     assert run_node(make_node) == 1
     assert "teleop_joy: 1 internal errors, logged above" in capfd.readouterr().err
+
+
+HANGING_NODE = """
+import ctypes
+from serd_ros.nodes.teleop_joy import TeleopJoyNode
+from serd_ros.process.run_node import run_node
+
+
+class Hanging(TeleopJoyNode):
+    def __init__(self):
+        super().__init__()
+        self.finish({exit_code})
+
+    def close(self):
+        print("closed")
+
+    def destroy_node(self):
+        ctypes.PyDLL(None).pause()
+
+
+raise SystemExit(run_node(Hanging))
+"""
+
+
+@pytest.mark.ros
+@pytest.mark.usefixtures("own_domain")
+@pytest.mark.parametrize("exit_code", [0, 2])
+def test_a_node_that_the_middleware_never_destroys_ends_with_its_exit_code(exit_code):
+    program = [sys.executable, "-c", HANGING_NODE.format(exit_code=exit_code)]
+    ended = subprocess.run(program, stdout=subprocess.PIPE, text=True, check=False)
+    assert (ended.returncode, ended.stdout) == (exit_code, "closed\n")
 
 
 MANY = 1_000_000
