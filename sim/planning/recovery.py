@@ -140,7 +140,10 @@ class RecoveringPlanner:
             self._begin_anew()
             return command
         recovery = self._running_command(observation)
-        if recovery is None and self._progress.is_stuck(observation):
+        is_stuck = recovery is None and self._progress.is_stuck(observation)
+        if self._progress.n_moves != self._moves_before:
+            self._moves_before, self._tries = self._progress.n_moves, 0
+        if is_stuck:
             recovery = self._start_recovery(observation)
         self._update_status(observation)
         return command if recovery is None else recovery
@@ -172,8 +175,6 @@ class RecoveringPlanner:
         return self._running.command
 
     def _start_recovery(self, observation: Observation) -> Command | None:
-        if self._progress.n_moves != self._moves_before:
-            self._moves_before, self._tries = self._progress.n_moves, 0
         self._tries += 1
         self.n_recoveries += 1
         self._running = self._behaviours[self._next_behaviour]

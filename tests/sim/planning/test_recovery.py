@@ -341,3 +341,16 @@ def test_a_robot_without_a_waypoint_is_not_stuck():
         assert planner.step(standing_at(0.05 * tick), None) == STOP
     assert planner.status == PlannerStatus.NONE
     assert planner.n_recoveries == 0
+
+
+def test_a_robot_that_failed_and_drives_again_has_no_failure():
+    planner = RecoveringPlanner(PushingPlanner(), HALLWAY)
+    commands_while_stuck(planner, 60.0)
+    assert planner.status == PlannerStatus.FAILED_TO_MAKE_PROGRESS
+    n_recoveries = planner.n_recoveries
+    for tick in range(200):
+        way_m = 0.025 * tick
+        ahead = Waypoint(3.0, 9.0 + way_m)
+        planner.step(standing_at(60.0 + 0.05 * tick, y_m=8.0 + way_m), ahead)
+    assert planner.status == PlannerStatus.NONE
+    assert planner.n_recoveries <= n_recoveries + 1
