@@ -10,6 +10,8 @@ import numpy as np
 from serd_core.arrays import BoolArray, FloatArray
 
 _SECOND_NS = 1_000_000_000
+#: A stamp that falls back by more (ns) belongs to another session.
+RESTART_NS = _SECOND_NS
 #: Clocks agree when the median difference is at most this (s).
 AGREEMENT_S = 1.0
 #: And this share of the stamps is not ahead of the receipt nor too old.

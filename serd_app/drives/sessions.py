@@ -12,7 +12,7 @@ import numpy as np
 
 from bags.errors import BagError
 from bags.messages.plain import message_stamp_ns, pose_position, vector3_stamped
-from bags.messages.times import TimesOnClock, agrees, placed_s
+from bags.messages.times import RESTART_NS, TimesOnClock, agrees, placed_s
 from bags.reader import BagReader
 from bags.topic import RawMessage, topic_named
 from serd_app.drives.episode_mark import END, EPISODE, EpisodeMark
@@ -28,9 +28,6 @@ from serd_app.drives.recorded_drive import (
     source_of,
 )
 from serd_core.arrays import FloatArray
-
-#: A stamp that falls back by more belongs to another session.
-RESTART_NS = 1_000_000_000
 
 
 class Session:

@@ -10,8 +10,14 @@ from serd_app.drives.episode_mark import END, EPISODE, OUTCOMES, START, EpisodeM
 from serd_ros.convert.checks import require_one_of
 from serd_ros.convert.stamp import stamp_ns, stamp_s, to_stamp
 from serd_ros.errors import MessageError
-from sim.episodes.result import UNCOUNTED
 
+#: The world's report where no simulated world counts contacts.
+UNCOUNTED = {
+    "robot_on_person": "0",
+    "person_on_robot": "0",
+    "robot_on_wall": "0",
+    "minimum_person_distance_m": "nan",
+}
 Number = TypeVar("Number", int, float)
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 _LARGEST_COUNT = 2**63 - 1

@@ -7,7 +7,7 @@ from enum import Enum
 
 from builtin_interfaces.msg import Time
 
-from serd_app.drives.sessions import RESTART_NS
+from bags.messages.times import RESTART_NS
 from serd_ros.errors import MessageError
 
 _NS = 1_000_000_000

@@ -18,6 +18,7 @@ from serd_app.navigation.evaluation.crossing_log import CrossingLog
 from serd_app.navigation.navigator import Navigator
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
+from serd_ros.convert.diagnostics import UNCOUNTED
 from serd_ros.convert.pose import from_goal_message, to_waypoint_message
 from serd_ros.convert.stamp import Jump
 from serd_ros.endpoints import qos, topics
@@ -27,7 +28,7 @@ from serd_ros.graph.configs import StrategyConfig
 from serd_ros.graph.parameters import accept_changes
 from serd_ros.process.run_node import run_node
 from sim.drivers.catalogue import Driver
-from sim.episodes.result import ANYWHERE, UNCOUNTED, EpisodeStart
+from sim.episodes.result import ANYWHERE, EpisodeStart
 from sim.world.observation import Observation
 from sim.world.waypoint import heading_to
 from storage.episode_table import EpisodeResult

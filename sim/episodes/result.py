@@ -12,13 +12,6 @@ from storage.yaml_config import StrictModel
 
 #: Start area of an episode that began without a reset.
 ANYWHERE = "anywhere"
-#: The world's report where no simulated world counts contacts.
-UNCOUNTED = {
-    "robot_on_person": "0",
-    "person_on_robot": "0",
-    "robot_on_wall": "0",
-    "minimum_person_distance_m": "nan",
-}
 
 
 class EpisodeStart(StrictModel):

@@ -83,6 +83,7 @@ class RecoveringPlanner:
 
     _running: Behaviour | None
     _blocked_since_s: float | None
+    _moves_before: int
 
     def __init__(self, planner: LocalPlanner, scenario: Scenario) -> None:
         self.planner = planner

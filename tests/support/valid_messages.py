@@ -14,7 +14,7 @@ from std_msgs.msg import Bool, String
 from serd_app.drives.episode_mark import EpisodeMark
 from serd_core.grid.grid import Action
 from serd_ros.convert.command import to_intent, to_joy, to_twist, to_twist_stamped
-from serd_ros.convert.diagnostics import to_diagnostics, to_episode_message
+from serd_ros.convert.diagnostics import UNCOUNTED, to_diagnostics, to_episode_message
 from serd_ros.convert.markers import to_obstacle_markers
 from serd_ros.convert.pose import (
     to_goal_area_message,
@@ -31,7 +31,6 @@ from serd_ros.convert.sensors import (
     to_scan,
 )
 from serd_ros.convert.stamp import to_stamp
-from sim.episodes.result import UNCOUNTED
 from sim.robot.contacts import Touch
 from sim.robot.sensors.imu import ImuReading
 from sim.scenario.goal import goal_at
