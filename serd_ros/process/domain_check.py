@@ -19,15 +19,17 @@ from serd_ros.endpoints.world.worlds import (
     wait_at_most,
     wait_for_discovery,
 )
-from serd_ros.process.serd_node import BAD_INPUT
+from serd_ros.process.exit_limit import DESTROYED_WITHIN_MS, process_ends_within
+from serd_ros.process.serd_node import BAD_INPUT, INTERNAL_ERROR
 
 
 def main(*topics: str) -> int:
     """Entry point of the process."""
-    contexts = [Context(), Context()]
+    nodes = []
+    exit_code = INTERNAL_ERROR
     try:
-        nodes = []
-        for number, context in enumerate(contexts):
+        for number in range(2):
+            context = Context()
             rclpy.init(context=context)
             nodes.append(rclpy.create_node(f"serd_start_check_{number}", context=context))
         wait_for_discovery(nodes)
@@ -35,12 +37,16 @@ def main(*topics: str) -> int:
             print(f"waiting up to {LONGEST_END_S:g} s: {sentence}", file=sys.stderr, flush=True)
         wait_at_most(LONGEST_END_S, lambda: not _others(nodes[0], topics))
         if sentence := _others(nodes[0], topics):
-            print(sentence)
-            return BAD_INPUT
-        return 0
+            print(sentence, flush=True)
+            exit_code = BAD_INPUT
+        else:
+            exit_code = 0
     finally:
-        for context in contexts:
-            context.try_shutdown()
+        with process_ends_within(DESTROYED_WITHIN_MS, exit_code):
+            for node in nodes:
+                node.destroy_node()
+                node.context.try_shutdown()
+    return exit_code
 
 
 def _others(node: Node, topics: Sequence[str]) -> str:

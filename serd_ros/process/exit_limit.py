@@ -11,6 +11,8 @@ import ctypes
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+#: Nodes are destroyed within this time, else the process ends without (ms).
+DESTROYED_WITHIN_MS = 3000
 _CLOCK_MONOTONIC, _SIGEV_THREAD = 1, 2
 _SIGEVENT_BYTES = 64
 

@@ -15,17 +15,14 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from serd_core.errors import SerdError
-from serd_ros.process.exit_limit import process_ends_within
-from serd_ros.process.serd_node import BAD_INPUT, SerdNode
+from serd_ros.process.exit_limit import DESTROYED_WITHIN_MS, process_ends_within
+from serd_ros.process.serd_node import BAD_INPUT, INTERNAL_ERROR, SerdNode
 
-INTERNAL_ERROR = 1
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
 #: A signal ends an idle node after one to two of these times (s).
 _TURN_S = 0.1
 #: A node that lags behind takes what it has received before, for this time (s) at most.
 _BACKLOG_S = 0.5
-#: Nodes are destroyed within this time, else the process ends without (ms).
-_DESTROYED_WITHIN_MS = 3000
 _QUOTES = "put a value that contains : into quotes, as topics:=[odom, '/imu:sensor_msgs/msg/Imu']"
 
 
@@ -70,7 +67,7 @@ def _end(node: SerdNode[Any] | None, exit_code: int) -> None:
     finally:
         with suppress(OSError):  # who reads it may have ended
             sys.stdout.flush()
-        with process_ends_within(_DESTROYED_WITHIN_MS, exit_code):
+        with process_ends_within(DESTROYED_WITHIN_MS, exit_code):
             for each in nodes:
                 each.destroy_node()
             rclpy.try_shutdown()

@@ -32,7 +32,7 @@ from serd_ros.graph.parameters import given_parameters, read_config, refusal_of
 from serd_ros.process.callback_guard import CallbackGuard
 
 Config = TypeVar("Config", bound=NodeConfig)
-BAD_INPUT = 2
+INTERNAL_ERROR, BAD_INPUT = 1, 2
 _INPUT_REPORT_PERIOD_S = 1.0
 _NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 _FOLLOW_PERIOD_S = 1.0

@@ -13,7 +13,8 @@ from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import TopicType
-from serd_ros.process.serd_node import SerdNode
+from serd_ros.process.exit_limit import DESTROYED_WITHIN_MS, process_ends_within
+from serd_ros.process.serd_node import INTERNAL_ERROR, SerdNode
 
 WORLD_TOPICS = (topics.CLOCK, topics.ROBOT_POSE)
 FIX = (
@@ -65,10 +66,13 @@ def _discover(node: Node) -> None:
     """Wait until the node has discovered the publishers of its domain."""
     context = Context()
     rclpy.init(context=context, domain_id=node.context.get_domain_id())
+    other = rclpy.create_node(f"{node.get_name()}_check", context=context)
     try:
-        wait_for_discovery([node, rclpy.create_node(f"{node.get_name()}_check", context=context)])
+        wait_for_discovery([node, other])
     finally:
-        context.try_shutdown()
+        with process_ends_within(DESTROYED_WITHIN_MS, INTERNAL_ERROR):
+            other.destroy_node()
+            context.try_shutdown()
 
 
 class OtherClocks:
