@@ -1,6 +1,7 @@
 """`serd-bag` as its own distribution: three dependencies, and nothing else is imported."""
 
 import re
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -37,7 +38,12 @@ def wheel(root, tmp_path_factory):
     """The unpacked distribution."""
     folder = tmp_path_factory.mktemp("wheel")
     options = ("--no-deps", "--no-build-isolation", "--quiet", "--wheel-dir", folder)
-    source = root / "distributions" / "serd-bag"
+    # In a copy: a build leaves its modules beside the source, those of earlier versions too.
+    ignored = shutil.ignore_patterns("build", "data", "__pycache__", "*.egg-info")
+    for name in ("bags", "storage", "serd_core", "distributions"):
+        shutil.copytree(root / name, folder / name, ignore=ignored)
+    shutil.copy(root / "pyproject.toml", folder)
+    source = folder / "distributions" / "serd-bag"
     subprocess.run([sys.executable, "-m", "pip", "wheel", *options, source], check=True)
     (file,) = folder.glob("serd_bag-*.whl")
     with zipfile.ZipFile(file) as archive:

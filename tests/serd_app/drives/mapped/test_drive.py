@@ -25,7 +25,7 @@ from serd_app.drives.transforms import Poses, TransformTree
 from serd_core.grid.grid import Action
 from storage.yaml_config import yaml_model
 
-REAL_BAG = Path(__file__).parents[3].parent / "shared" / "data" / "bags" / "test-bag"
+REAL_BAG = Path(__file__).parents[4].parent / "shared" / "data" / "bags" / "test-bag"
 POSE = "geometry_msgs/msg/PoseStamped"
 TWIST = "geometry_msgs/msg/Twist"
 VECTOR = "geometry_msgs/msg/Vector3Stamped"
