@@ -221,7 +221,8 @@ def _in_order_of_elimination(chain: RenewalChain, moving: IntArray) -> IntArray:
     if not len(moving):
         return moving
     onward = chain.matrix(chain.probability)[:, moving][moving, :]
-    factor = splu((scipy.sparse.eye_array(len(moving)) - 0.5 * onward).tocsc())
+    stays = scipy.sparse.csc_array(scipy.sparse.identity(len(moving)))
+    factor = splu((stays - 0.5 * onward).tocsc())
     return moving[np.argsort(factor.perm_c)]
 
 
