@@ -81,8 +81,7 @@ def demonstrations_of_drives(
     seen: set[bytes] | None = None,
 ) -> tuple[Demonstrations, DiscretisationReport]:
     """Those of all drives of one recording, at least one; see `demonstrations_of_each`."""
-    parts = demonstrations_of_each(drives, grid, decision_period_s, seen=seen)
-    return joined_demonstrations(parts)
+    return joined_demonstrations(demonstrations_of_each(drives, grid, decision_period_s, seen=seen))
 
 
 def joined_demonstrations(

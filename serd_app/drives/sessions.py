@@ -159,8 +159,7 @@ def read_drives(
 
     tolerant: read what a broken bag still holds. intents: see `drives_in`.
     """
-    reader = BagReader(directory, tolerant=tolerant)
-    return drives_in(reader, intents=intents)
+    return drives_in(BagReader(directory, tolerant=tolerant), intents=intents)
 
 
 def drives_in(reader: BagReader, *, intents: bool = True) -> tuple[RecordedDrive, ...]:

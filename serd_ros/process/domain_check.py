@@ -19,7 +19,7 @@ from serd_ros.endpoints.world.worlds import (
     wait_at_most,
     wait_for_discovery,
 )
-from serd_ros.process.exit_limit import DESTROYED_WITHIN_MS, process_ends_within
+from serd_ros.process.exit_limit import process_ends_within
 from serd_ros.process.serd_node import BAD_INPUT, INTERNAL_ERROR
 
 
@@ -42,7 +42,7 @@ def main(*topics: str) -> int:
         else:
             exit_code = 0
     finally:
-        with process_ends_within(DESTROYED_WITHIN_MS, exit_code):
+        with process_ends_within(exit_code):
             for node in nodes:
                 node.destroy_node()
                 node.context.try_shutdown()

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 #: Nodes are destroyed within this time, else the process ends without (ms).
-DESTROYED_WITHIN_MS = 3000
+_DESTROYED_WITHIN_MS = 3000
 _CLOCK_MONOTONIC, _SIGEV_THREAD = 1, 2
 _SIGEVENT_BYTES = 64
 
@@ -37,7 +37,7 @@ class _Itimerspec(ctypes.Structure):
 
 
 @contextmanager
-def process_ends_within(limit_ms: int, exit_code: int) -> Iterator[None]:
+def process_ends_within(exit_code: int, limit_ms: int = _DESTROYED_WITHIN_MS) -> Iterator[None]:
     """End the process with this code where what is done inside takes longer; nothing is flushed."""
     libc = ctypes.CDLL(None)
     end = ctypes.cast(libc._exit, ctypes.c_void_p)

@@ -15,7 +15,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from serd_core.errors import SerdError
-from serd_ros.process.exit_limit import DESTROYED_WITHIN_MS, process_ends_within
+from serd_ros.process.exit_limit import process_ends_within
 from serd_ros.process.serd_node import BAD_INPUT, INTERNAL_ERROR, SerdNode
 
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
@@ -67,7 +67,7 @@ def _end(node: SerdNode[Any] | None, exit_code: int) -> None:
     finally:
         with suppress(OSError):  # who reads it may have ended
             sys.stdout.flush()
-        with process_ends_within(DESTROYED_WITHIN_MS, exit_code):
+        with process_ends_within(exit_code):
             for each in nodes:
                 each.destroy_node()
             rclpy.try_shutdown()

@@ -124,10 +124,7 @@ class CurvatureParts:
     """Everything the second derivative is made of; n counts reward and dynamics parameters."""
 
     sensitivities: Sensitivities
-    transitions: Transitions
     adjoint: Adjoint
-    local_jacobian: FloatArray
-    discount: float
 
 
 def covariance_sum(policy: FloatArray, by_q: FloatArray, weights: FloatArray) -> FloatArray:
@@ -145,18 +142,19 @@ def dynamics_terms(
 
     kept: (S,) states that count.
     """
-    model = parts.transitions.model
+    found = parts.sensitivities
+    model = found.transitions.model
     entries = np.flatnonzero(np.repeat(kept, np.diff(model.row_start[:: model.n_actions])))
-    weights = parts.discount * parts.adjoint.reward_gradient.ravel()[model.row[entries]]
+    weights = found.discount * parts.adjoint.reward_gradient.ravel()[model.row[entries]]
     carrier = scipy.sparse.csr_array(
         (weights, (model.local_index[entries], model.successor[entries])),
-        shape=(len(parts.local_jacobian), model.n_states),
+        shape=(len(found.local_jacobian), model.n_states),
     )
-    cross = parts.local_jacobian.T @ (carrier @ parts.sensitivities.by_value)
+    cross = found.local_jacobian.T @ (carrier @ found.by_value)
     table = np.zeros((cross.shape[1],) * 2)
     table[n_features:] += cross
     table[:, n_features:] += cross.T
-    if parts.local_jacobian.shape[1]:
+    if found.local_jacobian.shape[1]:
         table[n_features:, n_features:] += model.local_curvature(
             theta, parts.adjoint.local_gradient
         )
@@ -246,7 +244,7 @@ def curvature_parts(
         local_jacobian,
         solver.prepare(mdp.policy_pattern, data),
     )
-    return CurvatureParts(found, believed, at.adjoint, local_jacobian, mdp.discount)
+    return CurvatureParts(found, at.adjoint)
 
 
 def _add_policy_part(

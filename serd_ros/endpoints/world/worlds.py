@@ -13,7 +13,7 @@ from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import TopicType
-from serd_ros.process.exit_limit import DESTROYED_WITHIN_MS, process_ends_within
+from serd_ros.process.exit_limit import process_ends_within
 from serd_ros.process.serd_node import INTERNAL_ERROR, SerdNode
 
 WORLD_TOPICS = (topics.CLOCK, topics.ROBOT_POSE)
@@ -70,7 +70,7 @@ def _discover(node: Node) -> None:
     try:
         wait_for_discovery([node, other])
     finally:
-        with process_ends_within(DESTROYED_WITHIN_MS, INTERNAL_ERROR):
+        with process_ends_within(INTERNAL_ERROR):
             other.destroy_node()
             context.try_shutdown()
 

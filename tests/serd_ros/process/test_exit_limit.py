@@ -11,7 +11,7 @@ from serd_ros.process.exit_limit import process_ends_within
 HANGS = "import ctypes; ctypes.PyDLL(None).pause()"
 PROGRAM = """
 from serd_ros.process.exit_limit import process_ends_within
-with process_ends_within(50, {code}):
+with process_ends_within({code}, 50):
     {inside}
 {after}
 """
@@ -31,5 +31,5 @@ def test_what_returns_in_time_goes_on():
 
 
 def test_an_error_inside_is_raised():
-    with pytest.raises(ValueError, match="inside"), process_ends_within(60_000, 1):
+    with pytest.raises(ValueError, match="inside"), process_ends_within(1, 60_000):
         raise ValueError("inside")
