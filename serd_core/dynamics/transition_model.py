@@ -10,13 +10,15 @@ Entries are linear in the model's *local probabilities* (the numbers that are re
 table of outcomes per local model), which are a smooth function of its parameter vector.
 """
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import scipy.sparse
+import scipy  # loads sparse at its first use
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
 from serd_core.bellman.linear.policy_pattern import PolicyPattern, with_numbers
@@ -248,7 +250,7 @@ class TransitionModel(ABC):
         return ~leaves
 
     @cached_property
-    def compiled_rows(self) -> "CompiledRows | None":
+    def compiled_rows(self) -> CompiledRows | None:
         """Compiled sums over the entries; None for small problems, and without numba."""
         if not is_compiled(self.n_states):
             return None

@@ -4,7 +4,7 @@ People walk along x; who leaves at one end comes in at the other. Walls are at y
 """
 
 import numpy as np
-from scipy.special import ndtri
+import scipy  # loads special at its first use
 
 from serd_core.arrays import FloatArray
 from sim.crowd.crowd import Crowd
@@ -90,4 +90,4 @@ def endless_lane(y_m: float, direction: float) -> FloatArray:
 
 
 def _normal_quantile(share: FloatArray) -> FloatArray:
-    return np.asarray(ndtri(share))
+    return np.asarray(scipy.special.ndtri(share))

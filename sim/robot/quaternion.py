@@ -29,6 +29,16 @@ def rotated(turn: Quaternion, vector: Vector) -> Vector:
     return x, y, z
 
 
+def of_roll_pitch_yaw(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
+    """The turns about the fixed axes x, y and z, in this order.
+
+    SciPy has it as well, but `scipy.spatial` takes 0.2 s of every node's start to import.
+    """
+    halves = 0.5 * roll_rad, 0.5 * pitch_rad, 0.5 * yaw_rad
+    (x, roll), (y, pitch), (z, yaw) = ((math.sin(half), math.cos(half)) for half in halves)
+    return product((0.0, 0.0, z, yaw), product((0.0, y, 0.0, pitch), (x, 0.0, 0.0, roll)))
+
+
 def yaw_of(turn: Quaternion) -> float:
     """Heading in the plane."""
     x, y, z, w = turn

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import scipy  # loads spatial at its first use
 
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
+from sim.robot.quaternion import of_roll_pitch_yaw, rotated
 from storage.nearest import hint
 
 BUILTIN_URDF = Path(__file__).with_name("hallway_robot.urdf")
@@ -196,10 +196,9 @@ def _require_one_axis(
 
 def _rotation(roll_pitch_yaw: FloatArray) -> FloatArray:
     """(3, 3) rotation matrix."""
-    matrix: FloatArray = scipy.spatial.transform.Rotation.from_euler(
-        "xyz", roll_pitch_yaw
-    ).as_matrix()
-    return matrix
+    turn = of_roll_pitch_yaw(*roll_pitch_yaw.tolist())
+    axes = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    return np.array([rotated(turn, axis) for axis in axes]).T
 
 
 def _frame_in_root(joint: ET.Element, joints: dict[str, ET.Element]) -> FloatArray:

@@ -6,15 +6,15 @@ The matrix is stored by rows (CSR). Only its numbers change between solves, so p
 computed once per MDP and each matrix costs one weighted count over the entries.
 """
 
+from __future__ import annotations
+
 import copy
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse
-import scipy.sparse.csgraph
-import scipy.sparse.linalg
+import scipy  # loads sparse at its first use
 
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.compiled import halves
@@ -78,7 +78,7 @@ class PolicyPattern(ABC):
         return len(self._between_halves[0]) <= _MOST_CROSSING * len(self.column)
 
     @cached_property
-    def seam(self) -> "Seam":
+    def seam(self) -> Seam:
         """The states between two parts of a large problem that are worked on side by side."""
         n_states = self.n_states
         if len(halves(n_states)) > 1 and self.is_local:
@@ -92,7 +92,7 @@ class PolicyPattern(ABC):
         return Seam(n_states, n_states, n_states, n_states)
 
     @cached_property
-    def band(self) -> "Band":
+    def band(self) -> Band:
         """The transposed pattern reordered symmetrically for a narrow band, found once."""
         matrix = self.matrix(np.ones(len(self.column)))
         order = scipy.sparse.csgraph.reverse_cuthill_mckee(matrix, symmetric_mode=False)
@@ -101,7 +101,7 @@ class PolicyPattern(ABC):
         return _band(np.asarray(order, dtype=np.int64), rank, rank[self.column], rank[row])
 
     @cached_property
-    def elimination(self) -> "Elimination":
+    def elimination(self) -> Elimination:
         """The pattern reordered symmetrically for little fill (minimum degree), found once."""
         # Off-diagonals of -1/degree make the sample matrix diagonally dominant, like every system.
         degree = np.diff(self.row_start).max()
@@ -214,7 +214,7 @@ class Elimination:
         return scipy.sparse.csc_array((ones, self.row_index, self.column_start), shape=shape)
 
     @cached_property
-    def fill(self) -> "Fill | None":
+    def fill(self) -> Fill | None:
         """Size of the factor; None where it has more than `_MOST_FILL` times the entries.
 
         Row i of L has an entry in each column on the ways from the columns of row i of the matrix

@@ -1,0 +1,28 @@
+"""Nodes import what they need only, for a stack starts half a dozen of them at once."""
+
+import subprocess
+import sys
+
+import pytest
+
+_LOADED = """
+import sys
+import serd_ros.nodes.{node}
+from sim.scenario.scenario import load_scenario
+load_scenario("t_junction")
+print(*sys.modules)
+"""
+
+
+@pytest.mark.parametrize("node", ["teleop_mux", "guard", "demo_recorder", "hallway_sim"])
+def test_a_node_with_a_scenario_loads_no_package_of_scipy(node: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", _LOADED.format(node=node)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    loaded = set(done.stdout.split())
+    assert "sim.scenario.scenario" in loaded
+    packages = {"sparse", "ndimage", "spatial", "special", "linalg", "optimize"}
+    assert not loaded & {f"scipy.{package}" for package in packages}
