@@ -50,7 +50,7 @@ class ClosedLoopPlan:
     drivers: tuple[str, ...] = ("expert_with_flow", "expert_against_flow")
     planners: tuple[str, ...] = ("dwa", "mppi")
     people_from: tuple[str, ...] = ("given", "scan")
-    n_seeds: int = 3
+    n_seeds: int = 8
 
     def __post_init__(self) -> None:
         if self.n_seeds < 1:

@@ -15,7 +15,8 @@ from benchmarks.peer_environment import run_peer
 from benchmarks.peers.crowd_task import seconds_per_step
 from benchmarks.report import Row, save
 from serd_core.arrays import FloatArray
-from sim.crowd.crowd import Crowd, RobotBody
+from sim.crowd.crowd import Crowd
+from sim.crowd.robots import RobotBody
 from sim.crowd.routes import Routes
 from sim.crowd.social_force import model_named, model_names
 from sim.robot.sensors.lidar import Lidar

@@ -5,12 +5,12 @@ then people who are too close to a wall are put back, so that no one passes it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
 from sim.crowd.distances import PairGeometry, WallGeometry
+from sim.crowd.robots import Evasion, RobotBody
 from sim.crowd.routes import Routes, offset_loop
 from sim.crowd.social_force import Bodies, Force, SocialForceModel, model_named
 from sim.scenario.settings import Loop, PedestrianSettings
@@ -21,17 +21,6 @@ _LARGEST_PUSH_M = 0.1
 #: People who stand walk back to their place slower when nearer than this (m).
 _AT_PLACE_M = 0.5
 _BACK_TO_PLACE_MPS = 0.5
-
-
-@dataclass(frozen=True)
-class RobotBody:
-    """The robot as people see it."""
-
-    x_m: float
-    y_m: float
-    velocity_x_mps: float
-    velocity_y_mps: float
-    radius_m: float
 
 
 #: Stands in for robots where people see none.
@@ -64,9 +53,11 @@ class Crowd:
         self.x_m, self.y_m = x_m.copy(), y_m.copy()
         self._radius_m = np.full(count, model.body_radius_m)
         self._standing_m = np.zeros((0, 2)) if standing_m is None else standing_m
-        _, (self.velocity_x_mps, self.velocity_y_mps) = self._wanted()
         self._pairs = PairGeometry(count, count + 1, period_m)
-        self._walls = WallGeometry(count, walls_m)
+        self.set_walls(walls_m)
+        heading_x, heading_y = self._headings(())
+        self.velocity_x_mps = desired_speed_mps * heading_x
+        self.velocity_y_mps = desired_speed_mps * heading_y
 
     def __len__(self) -> int:
         return len(self.x_m)
@@ -106,6 +97,10 @@ class Crowd:
     def set_walls(self, walls_m: FloatArray) -> None:
         """Keep clear of the walls (W, 2, 2) from the next step on."""
         self._walls = WallGeometry(len(self), walls_m)
+        clearance_m = self._model.evasion_clearance_m
+        self._evasion = (
+            None if clearance_m is None else Evasion(clearance_m, self.body_radius_m, walls_m)
+        )
 
     def push_out_of(self, robot: RobotBody) -> None:
         """Move people who overlap the robot's footprint towards its edge; it does not move."""
@@ -124,7 +119,6 @@ class Crowd:
 
     def _forces(self, robots: Sequence[RobotBody]) -> tuple[FloatArray, FloatArray]:
         """(N,) x and y of dv/dt: relaxation, people, walls, fluctuation."""
-        (heading_x, heading_y), (wanted_x, wanted_y) = self._wanted()
         if len(robots) != self._pairs.dx_m.shape[1] - len(self):
             self._pairs = PairGeometry(len(self), len(self) + len(robots), self._period_m)
         self._pairs.update(
@@ -132,27 +126,40 @@ class Crowd:
             np.concatenate([self.y_m, [each.y_m for each in robots]]),
         )
         self._walls.update(self.x_m, self.y_m)
+        heading_x, heading_y = self._headings(robots)
         bodies = self._bodies(heading_x, heading_y, robots)
         people_x, people_y = self._model.people_force(self._pairs, bodies)
         wall_x, wall_y = self._model.wall_force(self._walls)
         noise = self._fluctuation_mps2 * self._rng.standard_normal((2, len(self)))
         rate = 1.0 / self._model.relaxation_time_s
         return (
-            rate * (wanted_x - self.velocity_x_mps) + people_x + wall_x + noise[0],
-            rate * (wanted_y - self.velocity_y_mps) + people_y + wall_y + noise[1],
+            rate * (self.desired_speed_mps * heading_x - self.velocity_x_mps)
+            + people_x
+            + wall_x
+            + noise[0],
+            rate * (self.desired_speed_mps * heading_y - self.velocity_y_mps)
+            + people_y
+            + wall_y
+            + noise[1],
         )
 
-    def _wanted(self) -> tuple[Force, Force]:
-        """(N,) x and y of the headings, and of the wanted velocities."""
-        heading_x, heading_y = self._routes.headings(self.x_m, self.y_m)
+    def _headings(self, robots: Sequence[RobotBody]) -> Force:
+        """(N,) x and y of where people want to go; at most 1 for those who stand."""
+        headings = self._routes.headings(self.x_m, self.y_m)
+        if self._evasion is not None:
+            for body, robot in enumerate(robots, len(self)):
+                to_x, to_y = -self._pairs.dx_m[:, body], -self._pairs.dy_m[:, body]
+                to_robot_m = to_x, to_y, self._pairs.distance_m[:, body]
+                headings = self._evasion.headings(
+                    robot, to_robot_m, headings, self.desired_speed_mps
+                )
+        heading_x, heading_y = headings
         count = len(self._standing_m)
         if count:
             back_m = self._standing_m - self.position_m[-count:]
             way_m = np.maximum(np.hypot(back_m[:, 0], back_m[:, 1]), _AT_PLACE_M)
             heading_x[-count:], heading_y[-count:] = (back_m / way_m[:, None]).T
-        wanted_x = self.desired_speed_mps * heading_x
-        wanted_y = self.desired_speed_mps * heading_y
-        return (heading_x, heading_y), (wanted_x, wanted_y)
+        return heading_x, heading_y
 
     def _bodies(
         self, heading_x: FloatArray, heading_y: FloatArray, robots: Sequence[RobotBody]

@@ -60,6 +60,11 @@ class SocialForceModel(Protocol):
         """Radius of a person."""
         ...
 
+    @property
+    def evasion_clearance_m(self) -> float | None:
+        """Clearance to a robot in their way that people walk around; None: they walk straight."""
+        ...
+
     def people_force(self, pairs: PairGeometry, bodies: Bodies) -> Force:
         """(n_people,) x and y of the sum over j of f_ij."""
         ...
@@ -80,6 +85,7 @@ class CircularAnisotropic:
     relaxation_time_s: float = 0.5
     maximum_speed_ratio: float = 1.3
     body_radius_m: float = 0.25
+    evasion_clearance_m: float | None = None
     strength_mps2: float = 4.0
     decay_m: float = 0.25
     anisotropy: float = 0.45
@@ -116,6 +122,7 @@ class HelbingMolnar1995:
     relaxation_time_s: float = 0.5
     maximum_speed_ratio: float = 1.3
     body_radius_m: float = 0.25
+    evasion_clearance_m: float | None = None
     potential_m2ps2: float = 2.1
     decay_m: float = 0.3
     stride_s: float = 2.0
@@ -162,12 +169,14 @@ class CollisionPrediction:
     `CircularAnisotropic`; beside it C exp((2 c - d) / D) n, which keeps bodies apart. The radii of
     both among people are smaller than a body, for people turn their shoulders. Past a robot, which
     does not, r_i + r_j is the sum of the radii of the bodies and a clearance, and 2 c that sum.
+    People walk around a robot in their way (`robots.Evasion`); without that it pushes them back.
     Calibrated on recorded corridors (docs/crowd.md).
     """
 
     relaxation_time_s: float = 0.5
     maximum_speed_ratio: float = 1.3
     body_radius_m: float = 0.25
+    evasion_clearance_m: float | None = 0.2
     strength_mps2: float = 3.9
     decay_m: float = 0.21
     anisotropy: float = 0.3

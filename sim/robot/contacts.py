@@ -12,7 +12,8 @@ from typing import Literal
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.crowd.crowd import Crowd, RobotBody
+from sim.crowd.crowd import Crowd
+from sim.crowd.robots import RobotBody
 
 _TOUCH_M = 0.0
 _APART_M = 0.05

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.crowd.crowd import Crowd, RobotBody
+from sim.crowd.crowd import Crowd
 from sim.crowd.distances import WallGeometry
+from sim.crowd.robots import RobotBody
 from sim.robot.contacts import Touch, Touches
 from sim.robot.dynamics import BodyMotion, Dynamics, History, Impulses, Push, Start
 from sim.robot.movable_bodies import Motion

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.crowd.crowd import Crowd, RobotBody
+from sim.crowd.crowd import Crowd
 from sim.crowd.distances import WallGeometry
+from sim.crowd.robots import RobotBody
 from sim.robot.bullet import pybullet
 from sim.robot.contacts import Touches
 from sim.robot.sensors.imu import Inertial

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray
-from sim.crowd.crowd import RobotBody
+from sim.crowd.robots import RobotBody
 
 _APART_M = 0.05
 

@@ -8,7 +8,7 @@ would drive into another stands where it was. One robot alone drives to the bit 
 from collections.abc import Sequence
 from functools import partial
 
-from sim.crowd.crowd import RobotBody
+from sim.crowd.robots import RobotBody
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
 from sim.scenario.scenario import Scenario

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Grid
-from sim.crowd.crowd import Crowd, RobotBody, start_crowd
+from sim.crowd.crowd import Crowd, start_crowd
+from sim.crowd.robots import RobotBody
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
 from sim.pictures.camera import Camera, overview_camera

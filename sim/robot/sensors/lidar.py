@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
-from sim.crowd.crowd import RobotBody
+from sim.crowd.robots import RobotBody
 from sim.scenario.settings import LidarSettings
 
 Pose = tuple[float, float, float]

@@ -5,7 +5,8 @@ from copy import deepcopy
 import numpy as np
 import pytest
 
-from sim.crowd.crowd import RobotBody, people_per_loop, start_crowd
+from sim.crowd.crowd import people_per_loop, start_crowd
+from sim.crowd.robots import RobotBody
 from sim.crowd.routes import offset_loop
 from sim.crowd.social_force import model_names
 from sim.scenario.polygon import contains, distance_to_segments_m

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.crowd.crowd import Crowd, RobotBody
+from sim.crowd.crowd import Crowd
+from sim.crowd.robots import RobotBody
 from sim.crowd.routes import Routes
 from sim.crowd.social_force import model_named, model_names
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sim.crowd.crowd import RobotBody
+from sim.crowd.robots import RobotBody
 from sim.robot.contacts import ContactCounter, Touch, Touches
 
 FAR_FROM_WALLS_M = 5.0

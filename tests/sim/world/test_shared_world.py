@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from sim.crowd.crowd import RobotBody
+from sim.crowd.robots import RobotBody
 from sim.planning.catalogue import make_planner
 from sim.robot.robot import standing_at
 from sim.scenario.scenario import load_scenario

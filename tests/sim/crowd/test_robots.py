@@ -1,0 +1,90 @@
+"""How people walk around a robot in their way."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from sim.crowd.robots import Evasion, RobotBody
+from tests.sim.crowd.test_social_force import FAR_WALL, crowd_at, walk
+
+CLEARANCE_M, BODY_M, ROBOT_M = 0.2, 0.25, 0.25
+CIRCLE_M = CLEARANCE_M + BODY_M + ROBOT_M
+EAST = 0.0
+
+
+def robot_at(x_m, y_m, velocity_x_mps=0.0):
+    return RobotBody(x_m, y_m, velocity_x_mps, 0.0, ROBOT_M)
+
+
+def heading_of_person_at_origin(robot, wanted_rad=EAST, *, walls_m=FAR_WALL, speed_mps=1.3):
+    """Direction (rad) in which a person who wants to go in another one goes past the robot."""
+    to_m = np.array([robot.x_m]), np.array([robot.y_m]), np.hypot([robot.x_m], [robot.y_m])
+    wanted = np.array([math.cos(wanted_rad)]), np.array([math.sin(wanted_rad)])
+    evasion = Evasion(CLEARANCE_M, BODY_M, walls_m)
+    x, y = evasion.headings(robot, to_m, wanted, np.array([speed_mps]))
+    assert math.hypot(x[0], y[0]) == pytest.approx(1.0)
+    return math.atan2(y[0], x[0])
+
+
+def wall_at_y(y_m):
+    return np.array([[[-50.0, y_m], [50.0, y_m]]])
+
+
+@pytest.mark.parametrize(("y_m", "side"), [(0.3, -1.0), (-0.3, 1.0)])
+def test_the_tangent_leads_past_the_robot_on_the_nearer_side(y_m, side):
+    found = heading_of_person_at_origin(robot_at(2.0, y_m))
+    away = math.hypot(2.0, y_m)
+    assert found == pytest.approx(math.atan2(y_m, 2.0) + side * math.asin(CIRCLE_M / away))
+
+
+def test_within_the_circle_people_walk_across_its_radius():
+    assert heading_of_person_at_origin(robot_at(0.6, -0.1)) == pytest.approx(
+        math.atan2(-0.1, 0.6) + 0.5 * math.pi
+    )
+
+
+@pytest.mark.parametrize(
+    "robot",
+    [
+        robot_at(-1.0, 0.0),
+        robot_at(1.0, CIRCLE_M + 0.01),
+        robot_at(CIRCLE_M + 2.01, 0.0),
+        robot_at(1.0, 0.0, velocity_x_mps=1.4),
+    ],
+    ids=["behind", "beside the way", "far away", "faster"],
+)
+def test_a_robot_that_is_not_in_the_way_changes_no_heading(robot):
+    assert heading_of_person_at_origin(robot) == pytest.approx(EAST)
+
+
+def test_people_overtake_a_robot_that_is_slower():
+    assert heading_of_person_at_origin(robot_at(1.5, 0.0, velocity_x_mps=0.5)) > 0.3
+
+
+def test_people_pass_on_the_other_side_where_a_wall_leaves_no_room():
+    robot = robot_at(2.0, 0.3)
+    lowest_m = 0.3 - CIRCLE_M / 2.0 * math.hypot(2.0, 0.3)  # of the place beside the robot
+    assert heading_of_person_at_origin(robot, walls_m=wall_at_y(lowest_m - 1.1 * BODY_M)) < 0.0
+    assert heading_of_person_at_origin(robot, walls_m=wall_at_y(lowest_m)) > 0.0
+
+
+@pytest.mark.parametrize(("clearance_m", "passes"), [(0.2, True), (None, False)])
+def test_who_meets_a_robot_in_line_walks_around_it_and_is_not_pushed_back(clearance_m, passes):
+    """It comes at 0.3 m/s; on the left a wall leaves no room. Repulsion alone has no side here."""
+    crowd = crowd_at("collision_prediction", [[0.0, 0.0]], [[50.0, 0.0]])
+    crowd._model = dataclasses.replace(crowd._model, evasion_clearance_m=clearance_m)
+    crowd.set_walls(wall_at_y(0.6) if passes else FAR_WALL)
+    for x_m in 4.0 - 0.3 * 0.05 * np.arange(200):
+        place = walk(crowd, 1, robot_at(x_m, 0.0, velocity_x_mps=-0.3))[0]
+    assert bool(place[0] > x_m) is passes
+    assert not passes or place[1] < 0.1
+
+
+def test_in_a_ring_corridor_people_see_the_robot_beyond_the_seam():
+    crowd = crowd_at("collision_prediction", [[9.5, 0.0]], [[50.0, 0.0]])
+    crowd._period_m = 10.0
+    crowd._pairs = type(crowd._pairs)(1, 2, 10.0)
+    crowd.step(0.05, robot_at(1.0, 0.1))
+    assert crowd.velocity_y_mps[0] < -0.01
