@@ -19,12 +19,12 @@ from nav_msgs.msg import Odometry, Path
 from numpy.typing import NDArray
 
 from bags.messages.plain import yaw_of_quaternion
-from serd_core.arrays import FloatArray
 from serd_ros.convert.checks import require_finite, require_frame
 from serd_ros.convert.frames import NO_FRAMES, Frames
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
+from sim.robot.urdf import Placed
 from sim.safety.motion import STANDING, compose, motion_between
 from sim.scenario.goal import Area
 from sim.world.observation import Observation
@@ -99,14 +99,11 @@ def to_transform(parent: str, child: str, pose: PlanarPose, time_s: float) -> Tr
     return message
 
 
-def to_static_transform(parent: str, child: str, placed: FloatArray) -> TransformStamped:
-    """The frame `child` has the (4, 4) pose `placed` in `parent`, at all times."""
-    from scipy.spatial.transform import Rotation  # 0.2 s of every node's start
-
+def to_static_transform(parent: str, child: str, placed: Placed) -> TransformStamped:
+    """The frame `child` is placed so in `parent`, at all times."""
     message = to_transform(parent, child, STANDING, 0.0)
     moved, turned = message.transform.translation, message.transform.rotation
-    moved.x, moved.y, moved.z = placed[:3, 3].tolist()
-    turned.x, turned.y, turned.z, turned.w = Rotation.from_matrix(placed[:3, :3]).as_quat().tolist()
+    (moved.x, moved.y, moved.z), (turned.x, turned.y, turned.z, turned.w) = placed
     return message
 
 

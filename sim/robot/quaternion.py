@@ -2,6 +2,10 @@
 
 import math
 
+import numpy as np
+
+from serd_core.arrays import FloatArray
+
 Quaternion = tuple[float, float, float, float]
 Vector = tuple[float, float, float]
 
@@ -37,6 +41,12 @@ def of_roll_pitch_yaw(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quat
     halves = 0.5 * roll_rad, 0.5 * pitch_rad, 0.5 * yaw_rad
     (x, roll), (y, pitch), (z, yaw) = ((math.sin(half), math.cos(half)) for half in halves)
     return product((0.0, 0.0, z, yaw), product((0.0, y, 0.0, pitch), (x, 0.0, 0.0, roll)))
+
+
+def matrix_of(turn: Quaternion) -> FloatArray:
+    """(3, 3) rotation matrix."""
+    axes = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    return np.array([rotated(turn, axis) for axis in axes]).T
 
 
 def yaw_of(turn: Quaternion) -> float:

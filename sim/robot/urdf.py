@@ -4,7 +4,7 @@ Frames are those of the root link at zero joint angles: x forward, y left, z up.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,12 +12,22 @@ import numpy as np
 
 from serd_core.arrays import FloatArray
 from sim.errors import SimError
-from sim.robot.quaternion import of_roll_pitch_yaw, rotated
+from sim.robot.quaternion import (
+    Quaternion,
+    Vector,
+    conjugate,
+    of_roll_pitch_yaw,
+    product,
+    rotated,
+)
 from storage.nearest import hint
 
 BUILTIN_URDF = Path(__file__).with_name("hallway_robot.urdf")
-#: Parent link, child link, and the (4, 4) pose of the child's frame in the parent's.
-LinkTransform = tuple[str, str, FloatArray]
+#: Position and orientation of a frame in another one.
+Placed = tuple[Vector, Quaternion]
+#: Parent link, child link, and the child's frame in the parent's.
+LinkTransform = tuple[str, str, Placed]
+_AT_ORIGIN: Placed = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 _ON_AXIS_M = 1e-3
 _ON_AXIS = 1e-3
 
@@ -61,18 +71,18 @@ def read_differential_drive(
             )
     frames = [_frame_in_root(wheel, joints) for wheel in wheels]
     axes = [
-        frame[:3, :3] @ _numbers(wheel.find("axis"), "xyz", "1 0 0")
-        for frame, wheel in zip(frames, wheels, strict=True)
+        rotated(turn, _vector(wheel.find("axis"), "xyz", "1 0 0"))
+        for (_, turn), wheel in zip(frames, wheels, strict=True)
     ]
-    left_m, right_m = (frame[:3, 3] for frame in frames)
+    left_m, right_m = (position for position, _ in frames)
     _require_one_axis(path, left_m, right_m, axes)
     return DifferentialDrive(
         path=path,
         wheel_joints=(left_joint, right_joint),
         turns_forward=(float(np.sign(axes[0][1])), float(np.sign(axes[1][1]))),
         radius_m=_wheel_radius_m(links[names[0]]),
-        separation_m=float(left_m[1] - right_m[1]),
-        axle_height_m=float(left_m[2]),
+        separation_m=left_m[1] - right_m[1],
+        axle_height_m=left_m[2],
         friction={
             name: float(value.get("value", "nan"))
             for name, link in links.items()
@@ -104,15 +114,15 @@ def link_transforms(path: Path, base: str) -> list[LinkTransform]:
     found = []
     for joint in joints.values():
         parent, child, placed = _end(joint, "parent"), _end(joint, "child"), _placed(joint)
-        if not np.isfinite(placed).all():
+        if not np.isfinite([*placed[0], *placed[1]]).all():
             raise SimError(
                 f"{path}: the origin of joint {joint.get('name')!r} must be three finite numbers"
                 " each in xyz and rpy; correct it"
             )
         if joint in above:
-            parent, child, placed = child, parent, np.asarray(np.linalg.inv(placed), dtype=float)
+            parent, child, placed = child, parent, _inverse(placed)
         found.append((parent, child, placed))
-    return found if base in links else [(base, roots[0], np.eye(4)), *found]
+    return found if base in links else [(base, roots[0], _AT_ORIGIN), *found]
 
 
 def _joints(root: ET.Element) -> dict[str, ET.Element]:
@@ -174,11 +184,9 @@ def _require_massive(path: Path, name: str, link: ET.Element) -> None:
         )
 
 
-def _require_one_axis(
-    path: Path, left_m: FloatArray, right_m: FloatArray, axes: list[FloatArray]
-) -> None:
+def _require_one_axis(path: Path, left_m: Vector, right_m: Vector, axes: Sequence[Vector]) -> None:
     """Both wheels turn about one line along y, the left one further left."""
-    across = left_m - right_m
+    across = np.subtract(left_m, right_m)
     off_axis_m = float(np.hypot(across[0], across[2]))
     askew = max(float(np.hypot(np.hypot(axis[0], axis[2]), abs(axis[1]) - 1.0)) for axis in axes)
     if not (off_axis_m < _ON_AXIS_M and askew < _ON_AXIS):
@@ -194,28 +202,30 @@ def _require_one_axis(
         )
 
 
-def _rotation(roll_pitch_yaw: FloatArray) -> FloatArray:
-    """(3, 3) rotation matrix."""
-    turn = of_roll_pitch_yaw(*roll_pitch_yaw.tolist())
-    axes = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    return np.array([rotated(turn, axis) for axis in axes]).T
-
-
-def _frame_in_root(joint: ET.Element, joints: dict[str, ET.Element]) -> FloatArray:
-    """(4, 4) pose of a joint's frame in the root link's."""
+def _frame_in_root(joint: ET.Element, joints: dict[str, ET.Element]) -> Placed:
+    """A joint's frame in the root link's."""
     by_child = {_end(each, "child"): each for each in joints.values()}
-    frame = np.eye(4)
+    position, turn = _AT_ORIGIN
     for each in _chain(joint, by_child):
-        frame = _placed(each) @ frame
-    return frame
+        origin, outer = _placed(each)
+        x, y, z = rotated(outer, position)
+        position = origin[0] + x, origin[1] + y, origin[2] + z
+        turn = product(outer, turn)
+    return position, turn
 
 
-def _placed(joint: ET.Element) -> FloatArray:
-    """(4, 4) pose of a joint's frame in its parent link's."""
-    frame, origin = np.eye(4), joint.find("origin")
-    frame[:3, :3] = _rotation(_numbers(origin, "rpy", "0 0 0"))
-    frame[:3, 3] = _numbers(origin, "xyz", "0 0 0")
-    return frame
+def _placed(joint: ET.Element) -> Placed:
+    """A joint's frame in its parent link's."""
+    origin = joint.find("origin")
+    turn = of_roll_pitch_yaw(*_vector(origin, "rpy", "0 0 0"))
+    return _vector(origin, "xyz", "0 0 0"), turn
+
+
+def _inverse(placed: Placed) -> Placed:
+    """The outer frame in the inner one."""
+    back = conjugate(placed[1])
+    x, y, z = rotated(back, placed[0])
+    return (-x, -y, -z), back
 
 
 def _chain(joint: ET.Element, by_child: dict[str, ET.Element]) -> Iterator[ET.Element]:
@@ -240,6 +250,11 @@ def _wheel_radius_m(link: ET.Element) -> float | None:
 def _end(joint: ET.Element, which: str) -> str:
     end = joint.find(which)
     return "" if end is None else end.get("link", "")
+
+
+def _vector(element: ET.Element | None, key: str, default: str) -> Vector:
+    x, y, z = _numbers(element, key, default).tolist()
+    return x, y, z
 
 
 def _numbers(element: ET.Element | None, key: str, default: str) -> FloatArray:
