@@ -45,9 +45,14 @@ def run_routes(config: RoutesConfig, session: Session) -> Findings:
     network, trips = read_routes(config)
     fit = fit_routes(network, trips)
     session.progress(1, 1)
-    rows = zip(fit.feature_names, fit.weights, fit.standard_errors, fit.robust_errors, strict=True)
-    table = pd.DataFrame(rows, columns=["name", "estimate", "error", "robust error"])
-    table.loc[len(table)] = ["log-likelihood", fit.log_likelihood, None, None]
+    table = pd.DataFrame(
+        {
+            "name": [*fit.feature_names, "log-likelihood"],
+            "estimate": [*fit.weights, fit.log_likelihood],
+            "error": [*fit.standard_errors, np.nan],
+            "robust error": [*fit.robust_errors, np.nan],
+        }
+    )
     return Findings(table, {"estimates.csv": table, "fit.txt": fit.summary() + "\n"})
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import ArrayLike
 
 from report.style import BLUE, CYAN, GREEN, INK, MUTED, PURPLE, RED, YELLOW
 from serd_core.arrays import FloatArray
@@ -76,19 +77,25 @@ def draw_intervals(
 
     place: 0 for no shift; curves of neighbouring places do not cover each other's error bars.
     """
-    low, middle, high = (np.asarray(each, dtype=np.float64) for each in values)
-    with np.errstate(invalid="ignore"):  # of infinite values, which are not drawn
-        lengths = [middle - low, high - middle]
     axes.errorbar(
         np.asarray(sizes) * 1.04**place,
-        middle,
-        yerr=lengths,
+        values[1],
+        yerr=bar_lengths(*values),
         **STYLES[learner].arguments,
         markersize=5,
         linewidth=1.4,
         elinewidth=1.0,
         label=learner,
     )
+
+
+def bar_lengths(low: ArrayLike, middle: ArrayLike, high: ArrayLike) -> FloatArray:
+    """(2, n) lengths of error bars below and above (n,) values.
+
+    One array, as Matplotlib 3.10 takes each part of a list for a number where n is 1.
+    """
+    with np.errstate(invalid="ignore"):  # of infinite values, which are not drawn
+        return np.diff(np.array([low, middle, high], dtype=np.float64), axis=0)
 
 
 def tick_sizes(axes: Axes, sizes: Sequence[int]) -> None:

@@ -17,7 +17,7 @@ from scipy.stats import beta
 from experiments.running.experiment import Count, Findings, SeededConfig, Session, Sizes
 from experiments.running.tables import Row, quantile, read_table
 from report import style
-from report.learners import tick_sizes
+from report.learners import bar_lengths, tick_sizes
 from report.style import new_figure
 from serd_app.navigation.strategy import start_distribution
 from serd_core.arrays import FloatArray
@@ -251,7 +251,7 @@ def _draw_posterior(axes: Axes, rows: pd.DataFrame, totals: pd.DataFrame) -> Non
         axes.errorbar(
             sizes * 1.1**shift,
             middle,
-            yerr=[middle - low, high - middle],
+            yerr=bar_lengths(low, middle, high),
             color=colour,
             marker=marker,
             markersize=4.5,

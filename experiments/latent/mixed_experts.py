@@ -18,6 +18,7 @@ from experiments.running.experiment import Count, Findings, SeededConfig, Sessio
 from experiments.running.statistics import StatisticsSettings, mean_interval
 from experiments.running.tables import Row
 from report import style
+from report.learners import bar_lengths
 from report.style import new_figure
 from serd_app.demonstrations.concatenate import concatenate
 from serd_core.arrays import FloatArray, IntArray, weighted_counts
@@ -250,8 +251,8 @@ def _draw_right(axes: Axes, summary: pd.DataFrame) -> None:
         rows = summary[summary["measure"] == f"right_{name}"]
         at = np.arange(len(cases)) + 0.25 * (place - 1)
         axes.bar(at, rows["mean"], width=0.22, color=colours[name], label=labels[name])
-        below, above = rows["mean"] - rows["lower"], rows["upper"] - rows["mean"]
-        axes.errorbar(at, rows["mean"], yerr=[below, above], fmt="none", color=style.INK, lw=0.8)
+        lengths = bar_lengths(rows["lower"], rows["mean"], rows["upper"])
+        axes.errorbar(at, rows["mean"], yerr=lengths, fmt="none", color=style.INK, lw=0.8)
     axes.set_xticks(range(len(cases)), [f"{types} × {moves}" for types, moves in cases], fontsize=8)
     axes.set_ylim(0, 1.05)
     axes.set_title("worlds with the right number\n(types × moves of an expert)", loc="left")

@@ -10,6 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from report import style
 from report.errors import ReportError
+from report.learners import bar_lengths
 from report.style import in_words, new_figure
 from serd_app.learning.knowledge import MASS, Knowledge, OutcomeRow
 from serd_core.arrays import FloatArray, IntArray, float_array
@@ -105,7 +106,7 @@ def _draw_intervals(axes: Axes, rows: Sequence[OutcomeRow]) -> None:
     axes.errorbar(
         np.arange(len(rows)) + _BAR_WIDTH / 2,
         middle,
-        yerr=[middle - low, high - middle],
+        yerr=bar_lengths(low, middle, high),
         fmt="_",
         color=style.INK,
         markersize=7,

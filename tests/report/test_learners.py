@@ -48,6 +48,12 @@ def test_intervals_are_shifted_sideways_and_keep_their_ends(axes) -> None:
     assert ends == [[0.0, 3.0], [1.0, 4.0]]
 
 
+def test_an_interval_of_one_size_has_its_ends(axes) -> None:
+    draw_intervals(axes, np.array([2]), np.array([[0.0], [1.0], [3.0]]), "cloning", 0.0)
+    (bar,) = axes.containers[0][2][0].get_segments()
+    assert bar[:, 1].tolist() == [0.0, 3.0]
+
+
 def test_ticks_are_the_sizes_alone(axes) -> None:
     axes.set_xscale("log")
     tick_sizes(axes, [1, 3, 12])

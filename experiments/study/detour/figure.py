@@ -13,7 +13,7 @@ from experiments.study.detour.fits import COUNTED, INFORMED, REWARDS, SERD
 from experiments.study.detour.settings import DetourStudy
 from experiments.study.detour.tables import BINS
 from report import style
-from report.learners import LearnerStyle, tick_sizes
+from report.learners import LearnerStyle, bar_lengths, tick_sizes
 from report.style import in_words, new_figure
 from serd_core.grid.grid import Outcome
 
@@ -74,7 +74,7 @@ def _draw_measure(axes: Axes, rows: pd.DataFrame, measure: str, study: DetourStu
         axes.errorbar(
             np.array(sizes) * 1.05 ** (place - 1),
             middle,
-            yerr=[middle - low, high - middle],
+            yerr=bar_lengths(low, middle, high),
             **LOOKS[name].arguments,
             markersize=5,
             capsize=2,
@@ -167,7 +167,7 @@ def _draw_decoy(axes: Axes, decoys: pd.DataFrame, summary: pd.DataFrame) -> None
         axes.errorbar(
             x,
             middle,
-            yerr=[middle - low, high - middle],
+            yerr=bar_lengths(low, middle, high),
             color=colour,
             marker="osD^"[place],
             markersize=5,
