@@ -386,39 +386,26 @@ def save_model(path: str | Path, model: ModelFile) -> None:
     atomic_write_text(path, model_yaml(model))
 
 
-def load_model(
-    path: str | Path,
-    expected_grid_fingerprint: str | None = None,
-    *,
-    expected_grid: Grid | None = None,
-) -> ModelFile:
+def load_model(path: str | Path, *, expected_grid: Grid | None = None) -> ModelFile:
     """Read a model; FileError names the differences where it was made for another grid."""
     model = load_yaml_model(path, ModelFile)
     if expected_grid is not None:
         require_grid(path, model, expected_grid)
-    elif expected_grid_fingerprint not in (None, model.grid.fingerprint):
-        _refuse(path, model, None, str(expected_grid_fingerprint))
     return model
 
 
 def require_grid(path: str | Path, model: ModelFile, grid: Grid) -> None:
     """FileError with the differences where the model of a file was made for another grid."""
-    if model.grid.fingerprint != grid.fingerprint():
-        _refuse(path, model, grid, grid.fingerprint())
+    here = GridSummary.of(grid)
+    if model.grid.fingerprint != here.fingerprint:
+        raise FileError(
+            f"{path}: was made for another grid of the scenario {model.scenario!r}: "
+            f"{_difference(model.grid, here)}"
+            "; learn a model on this grid or choose the scenario the model was made for"
+        )
 
 
-def _refuse(path: str | Path, model: ModelFile, grid: Grid | None, fingerprint: str) -> None:
-    raise FileError(
-        f"{path}: was made for another grid of the scenario {model.scenario!r}: "
-        f"{_difference(model.grid, grid, fingerprint)}"
-        "; learn a model on this grid or choose the scenario the model was made for"
-    )
-
-
-def _difference(own: GridSummary, other: Grid | None, fingerprint: str) -> str:
-    if other is None:
-        return f"fingerprint {own.fingerprint[:12]} in the model, {fingerprint[:12]} here"
-    here = GridSummary.of(other)
+def _difference(own: GridSummary, here: GridSummary) -> str:
     names = ("cell_size_m", "origin_m", "rows", "columns", "n_states")
     different = [name for name in names if getattr(own, name) != getattr(here, name)]
     if not different:
