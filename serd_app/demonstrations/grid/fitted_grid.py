@@ -33,8 +33,8 @@ def fitted_grid(recordings: Sequence[Recording], cell_size_m: float) -> Grid:
     return grid_around(np.concatenate([driven_m, people_m[near]]), cell_size_m)
 
 
-def grid_around(position_m: FloatArray, cell_size_m: float, margin_cells: int = 1) -> Grid:
-    """Grid whose walkable cells are those of (N, 2) positions and those up to the margin away.
+def grid_around(position_m: FloatArray, cell_size_m: float) -> Grid:
+    """Grid whose walkable cells are those of (N, 2) positions and their eight neighbours.
 
     Cell borders lie on whole multiples of the cell size, so that grids of several bags agree.
     """
@@ -44,16 +44,13 @@ def grid_around(position_m: FloatArray, cell_size_m: float, margin_cells: int = 
         raise BagError(f"cell_size_m must be above 0, got {cell_size_m}")
     places = np.asarray(position_m, dtype=np.float64)
     _require_one_place(places, cell_size_m)
-    low = np.floor(places.min(axis=0) / cell_size_m) - margin_cells
+    low = np.floor(places.min(axis=0) / cell_size_m) - 1
     origin_m = (float(low[0] * cell_size_m), float(low[1] * cell_size_m))
     cells = np.floor((places - origin_m) / cell_size_m).astype(np.int64)
-    columns, rows = cells.max(axis=0) + 1 + margin_cells
+    columns, rows = cells.max(axis=0) + 2
     walkable = np.zeros((rows, columns), dtype=bool)
     for column, row in np.unique(cells, axis=0):
-        walkable[
-            row - margin_cells : row + margin_cells + 1,
-            column - margin_cells : column + margin_cells + 1,
-        ] = True
+        walkable[row - 1 : row + 2, column - 1 : column + 2] = True
     return Grid(origin_m, cell_size_m, walkable)
 
 

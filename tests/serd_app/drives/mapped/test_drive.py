@@ -149,9 +149,9 @@ def test_frames_that_are_not_joined_get_a_sentence():
         tree.into("mpa", "base", Poses.of_numbers(np.zeros((1, 3))), np.zeros(1))
 
 
-@given(st.lists(st.tuples(number, number), min_size=1, max_size=20), st.integers(0, 2))
-def test_a_fitted_grid_holds_every_position(places, margin):
-    grid = grid_around(np.array(places), 0.5, margin)
+@given(st.lists(st.tuples(number, number), min_size=1, max_size=20))
+def test_a_fitted_grid_holds_every_position(places):
+    grid = grid_around(np.array(places), 0.5)
     assert (grid.states_at(places) >= 0).all()
 
 
@@ -215,7 +215,7 @@ def test_poses_that_no_transform_reaches_are_left_out_and_counted(tmp_path, mess
     assert drive.n_unplaced_poses == 20 + 10
     assert (drive.pose_time_s[0], drive.pose_time_s[-1]) == pytest.approx((52.0, 57.0))
     np.testing.assert_allclose(drive.position_m[:, 0], 10.5)
-    grid = grid_around(drive.position_m, 0.5, 1)
+    grid = grid_around(drive.position_m, 0.5)
     _, report = decisions_from_drive(drive, grid, 2.0)
     assert report.n_unplaced_poses == 30
     assert "; 30 poses without /tf" in str(report)
