@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from serd_cli.errors import UsageError
-from serd_cli.options import AsJson, option
+from serd_cli.options import AsJson, option, validated
 from serd_cli.output.paths import require_file_place, require_suffix
 from serd_cli.output.terminal import console, counting_bar, print_json
 from serd_ros.graph.configs import LocalPlannerConfig
@@ -24,8 +24,18 @@ from sim.pictures.trajectory import EpisodeView, Frame, Trajectory, TrajectoryRe
 from sim.planning.catalogue import planner_in_world
 from sim.scenario.scenario import Scenario
 from sim.world.world import HallwayWorld
+from storage.settings import setting
+from storage.yaml_config import StrictModel
 
 _SUFFIXES = (".png", *MOVIE_WRITERS)
+
+
+class MovieSettings(StrictModel):
+    """How an episode is shown."""
+
+    speed: float = setting(4.0, "times real time", gt=0, le=1000)
+    frames_per_s: float = setting(10.0, "frames per second of the movie", gt=0, le=60)
+    pixels_per_m: float = setting(24.0, "size of the view from above", gt=0, le=200)
 
 
 def register(app: typer.Typer) -> None:
@@ -54,9 +64,9 @@ def render(
         Literal["top", "overview", "chase"],
         typer.Option(help="from above, the whole in 3-D, or behind the robot in 3-D"),
     ] = "top",
-    speed: Annotated[float, typer.Option(help="times real time")] = 4.0,
-    frames_per_s: Annotated[float, typer.Option(help="frames per second of the movie")] = 10.0,
-    pixels_per_m: Annotated[float, typer.Option(help="size of the view from above")] = 24.0,
+    speed: float = option(MovieSettings, "speed"),
+    frames_per_s: float = option(MovieSettings, "frames_per_s"),
+    pixels_per_m: float = option(MovieSettings, "pixels_per_m"),
     at_s: Annotated[
         float | None, typer.Option("--at", help="time of a .png (s), the end when not given", min=0)
     ] = None,
@@ -70,17 +80,21 @@ def render(
 
     The same seed, episode and policy give the same drive as in serd batch.
     """
-    _require_usable(output, speed, frames_per_s, pixels_per_m)
+    require_suffix(output, *_SUFFIXES)
+    require_file_place(output)
+    movie = validated(
+        MovieSettings, speed=speed, frames_per_s=frames_per_s, pixels_per_m=pixels_per_m
+    )
     if at_s is not None and output.suffix.lower() != ".png":
         raise UsageError(f"--at must be left out for a movie, got {at_s:g}; --output names a .png")
     task = EpisodeTask(scenario, seed, episode, people, start_area, planner, policy, people_from)
     place = scenario_of(scenario, people)
     record, trajectory = _drive(task, place)
     with ExitStack() as stack:
-        drawn: EpisodeView = TopView(place, pixels_per_m)
+        drawn: EpisodeView = TopView(place, movie.pixels_per_m)
         if view != "top":
             drawn = stack.enter_context(SceneView(place, chasing=view == "chase"))
-        _write(drawn, trajectory, place, output, speed, frames_per_s, at_s)
+        _write(drawn, trajectory, place, output, movie, at_s)
     if as_json:
         print_json({"outcome": record.outcome, "duration_s": record.duration_s,
                     "picture": str(output.resolve())})  # fmt: skip
@@ -110,8 +124,7 @@ def _write(
     trajectory: Trajectory,
     scenario: Scenario,
     output: Path,
-    speed: float,
-    frames_per_s: float,
+    movie: MovieSettings,
     at_s: float | None,
 ) -> None:
     """One moment as PNG; else a movie of every n-th tick at exactly the given speed."""
@@ -125,13 +138,13 @@ def _write(
 
     last = len(trajectory.time_s) - 1
     suffix = output.suffix.lower()
-    times = "" if suffix == ".png" else f", x{speed:g}"
+    times = "" if suffix == ".png" else f", x{movie.speed:g}"
     if suffix == ".png":
         at = last if at_s is None else int(np.searchsorted(trajectory.time_s, start_s + at_s))
         save_png(captioned(min(at, last)), output)
         return
-    step = max(1, round(speed / (frames_per_s * scenario.control_period_s)))
-    shown_per_s = speed / (step * scenario.control_period_s)
+    step = max(1, round(movie.speed / (movie.frames_per_s * scenario.control_period_s)))
+    shown_per_s = movie.speed / (step * scenario.control_period_s)
     ticks = [*range(0, last, step), last]
     MOVIE_WRITERS[suffix](map(captioned, _followed(ticks)), output, shown_per_s)
 
@@ -140,15 +153,3 @@ def _followed(ticks: list[int]) -> Iterator[int]:
     """The ticks, with a progress bar of the frames drawn."""
     with counting_bar("frames") as bar:
         yield from bar.track(ticks)
-
-
-def _require_usable(output: Path, speed: float, frames_per_s: float, pixels_per_m: float) -> None:
-    require_suffix(output, *_SUFFIXES)
-    require_file_place(output)
-    for name, value, most in (
-        ("--speed", speed, 1000.0),
-        ("--frames-per-s", frames_per_s, 60.0),
-        ("--pixels-per-m", pixels_per_m, 200.0),
-    ):
-        if not 0.0 < value <= most:
-            raise UsageError(f"{name} must be above 0 and at most {most:g}, got {value:g}")

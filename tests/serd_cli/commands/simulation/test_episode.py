@@ -41,7 +41,7 @@ def test_a_picture_shows_the_moment_asked_for(serd, tmp_path):
     ("words", "sentence"),
     [
         (("--output", "e.avi"), "--output must end in .png, .gif, .mp4, got e.avi"),
-        (("--output", "e.mp4", "--speed", "0"), "--speed must be above 0"),
+        (("--output", "e.mp4", "--speed", "0"), "speed must be greater than 0, got 0"),
         (("--output", "e.mp4", "--at", "3"), "--at must be left out for a movie, got 3"),
         (("--output", "e.mp4", "--view", "side"), "'side' is not one of"),
         (("--output", "e.mp4", "--policy", "exprt"), "did you mean 'expert'?"),
