@@ -22,11 +22,20 @@ from experiments.study.study import StudyWorld
 from sim.episodes.execution import Execution
 from storage.files import atomic_write_text
 from storage.yaml_config import model_yaml
+from storage.yaml_text import write_yaml
 
 WorldT = TypeVar("WorldT", bound=StudyWorld)
 #: Called with the estimated (seconds of work done, seconds of all work, name of the stage).
 OnWork = Callable[[float, float, str], None]
 SETTINGS_YAML = "settings.yaml"
+_WORLD = dict.fromkeys(("scenario", "people", "crowd", "drive", "planner", "seed"), True)
+#: The settings that the files of reference recordings depend on.
+REFERENCE_SETTINGS: dict[str, Any] = _WORLD | {"demonstrations": {"driver"}, "reference": True}
+
+
+def described(settings: BaseModel, parts: Mapping[str, Any]) -> str:
+    """Some parts of the settings as YAML, as the description of a stage."""
+    return write_yaml(settings.model_dump(mode="json", include=dict(parts)))
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,11 @@ from experiments.study.detour.figure import detour_figure
 from experiments.study.detour.fits import EXPERT, learn_repetition
 from experiments.study.detour.settings import DetourSettings, DetourStudy
 from experiments.study.detour.tables import all_tables
-from experiments.study.hallway.run import REFERENCE_SETTINGS, described
 from experiments.study.products import (
+    REFERENCE_SETTINGS,
     OnWork,
     Stage,
+    described,
     make_products,
     repetition_tasks,
     write_results,

@@ -5,12 +5,10 @@ OUTPUT/*.csv           tables; OUTPUT/figure_*.{csv,png,svg}: figures with their
 OUTPUT/settings.yaml   the settings that reproduce all of it
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
-from pydantic import BaseModel
 
 from experiments.running.tables import read_table, write_table
 from experiments.study.arrival.stage import arrivals_of_repetition
@@ -19,9 +17,11 @@ from experiments.study.hallway.figures.catalogue import FIGURES, StudyFigure, fi
 from experiments.study.hallway.tables.catalogue import all_tables
 from experiments.study.hallway.tables.results import Results
 from experiments.study.products import (
+    REFERENCE_SETTINGS,
     SETTINGS_YAML,
     OnWork,
     Stage,
+    described,
     make_products,
     repetition_tasks,
     write_results,
@@ -34,13 +34,10 @@ from report.style import save_figure
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 from storage.yaml_config import load_yaml_model
-from storage.yaml_text import write_yaml
 
 #: Results that come with the project.
 KEPT = Path(__file__).parents[2] / "results" / "hallway"
 #: The settings that the files of each stage depend on.
-_WORLD = dict.fromkeys(("scenario", "people", "crowd", "drive", "planner", "seed"), True)
-REFERENCE_SETTINGS = _WORLD | {"demonstrations": {"driver"}, "reference": True}
 _DEMONSTRATIONS = REFERENCE_SETTINGS | {
     "discount": True,
     "demonstrations": True,
@@ -104,11 +101,6 @@ def stages_of(study: Study) -> tuple[Stage, ...]:
             task_s=_EPISODE_S * 4 * settings.arrival.episodes / repetitions,
         ),
     )
-
-
-def described(settings: BaseModel, parts: Mapping[str, Any]) -> str:
-    """Some parts of the settings as YAML."""
-    return write_yaml(settings.model_dump(mode="json", include=dict(parts)))
 
 
 def redraw(names: Sequence[str], source: Path, output: Path) -> list[Path]:

@@ -15,7 +15,6 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.study.hallway.run import described
 from experiments.study.people.cross_validation.fold import run_fold
 from experiments.study.people.cross_validation.folds import Fold, folds_of
 from experiments.study.people.cross_validation.periods import period_rows
@@ -25,7 +24,7 @@ from experiments.study.people.people import People
 from experiments.study.people.recordings import Run
 from experiments.study.people.settings import PeopleSettings
 from experiments.study.people.tables import all_tables
-from experiments.study.products import OnWork, Stage, Task, make_products, write_results
+from experiments.study.products import OnWork, Stage, Task, described, make_products, write_results
 from sim.episodes.execution import Execution
 from storage.files import atomic_write_text
 from storage.yaml_text import write_yaml
