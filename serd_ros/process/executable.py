@@ -15,6 +15,15 @@ from typing import NoReturn
 
 #: Exit code of a program that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
+#: Nodes that are in packages of serd_ros.nodes, by executable; others are modules of their name.
+_IN_PACKAGES = {
+    "bag_replay": "bags.bag_replay",
+    "demo_recorder": "bags.demo_recorder",
+    "teleop_joy": "teleop.joy",
+    "teleop_keyboard": "teleop.keyboard",
+    "teleop_mux": "teleop.mux",
+    "teleop_page": "teleop.page",
+}
 
 
 @contextmanager
@@ -42,12 +51,17 @@ def run(node: str) -> NoReturn:
     Everything is closed then, so Python's finalisation is left out: it computes for 0.25 s.
     """
     with starting():
-        module = import_module(f"serd_ros.nodes.{node}")
+        module = import_module(module_of(node))
     code = int(module.main())
     with suppress(OSError):  # who reads them may have ended
         sys.stdout.flush()
         sys.stderr.flush()
     os._exit(code)
+
+
+def module_of(node: str) -> str:
+    """The name of the module with the `main` of an executable."""
+    return f"serd_ros.nodes.{_IN_PACKAGES.get(node, node)}"
 
 
 if __name__ == "__main__":

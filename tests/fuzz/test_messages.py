@@ -28,9 +28,9 @@ from serd_ros.endpoints.transforms import TF_TYPE
 from serd_ros.episodes.driver import EpisodeDriverNode
 from serd_ros.episodes.hand_driver import HandDriverNode
 from serd_ros.graph.graph import load_graph
-from serd_ros.nodes.demo_recorder import DemoRecorderNode
+from serd_ros.nodes.bags.demo_recorder import DemoRecorderNode
 from serd_ros.nodes.hallway_sim import HallwaySim
-from serd_ros.nodes.teleop_page import TeleopPageNode
+from serd_ros.nodes.teleop.page import TeleopPageNode
 from sim.episodes.result import EpisodeStart
 from support.message_mutations import mutated, mutated_cdr
 from support.nodes_in_process import NodeInProcess, deliver, node_in_process

@@ -18,6 +18,7 @@ from domain_coordinator import domain_id
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
+from serd_ros.process.executable import module_of
 from serd_ros.process.serd_node import SerdNode
 
 
@@ -31,8 +32,8 @@ def deliver(subscription: Subscription, message: Any) -> None:
 
 
 def node_class(kind: str) -> type[SerdNode[Any]]:
-    """The node of a module of serd_ros.nodes."""
-    module = import_module(f"serd_ros.nodes.{kind}")
+    """The node of an executable."""
+    module = import_module(module_of(kind))
     (found,) = [
         each
         for each in vars(module).values()

@@ -19,7 +19,7 @@ from serd_cli.processes.node_commands import node_command
 from serd_ros.convert.diagnostics import ERROR
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos
-from serd_ros.nodes.demo_recorder import DemoRecorderNode
+from serd_ros.nodes.bags.demo_recorder import DemoRecorderNode
 from support.waiting import PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]

@@ -15,20 +15,27 @@ from serd_ros.graph.graph import (
     load_graph,
     stack_parameters,
 )
+from serd_ros.process.executable import module_of
 
 SIMULATORS = {"hallway_sim", "bag_replay"}
 FROM_PEOPLE = {"goal_pose"}
 ROOT = Path(__file__).resolve().parents[3]
 
 
+def _path_of(node):
+    return ROOT / f"{module_of(node).replace('.', '/')}.py"
+
+
 def test_every_node_has_a_module_and_a_config():
-    modules = {path.stem for path in (ROOT / PACKAGE / "nodes").glob("*.py")} - {"__init__"}
-    assert modules == set(load_graph().nodes) == set(CONFIGS)
+    paths = (ROOT / PACKAGE / "nodes").rglob("*.py")
+    modules = {path for path in paths if path.stem != "__init__"}
+    assert modules == set(map(_path_of, load_graph().nodes))
+    assert set(load_graph().nodes) == set(CONFIGS)
 
 
 def test_every_node_module_has_a_main():
     for node in load_graph().nodes:
-        tree = ast.parse((ROOT / PACKAGE / "nodes" / f"{node}.py").read_text())
+        tree = ast.parse(_path_of(node).read_text())
         names = {item.name for item in tree.body if isinstance(item, ast.FunctionDef)}
         assert "main" in names, node
 

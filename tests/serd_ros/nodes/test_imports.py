@@ -5,9 +5,11 @@ import sys
 
 import pytest
 
+from serd_ros.process.executable import module_of
+
 _LOADED = """
 import sys
-import serd_ros.nodes.{node}
+import {module}
 from sim.scenario.scenario import load_scenario
 load_scenario("t_junction")
 print(*sys.modules)
@@ -17,7 +19,7 @@ print(*sys.modules)
 @pytest.mark.parametrize("node", ["teleop_mux", "guard", "demo_recorder", "hallway_sim"])
 def test_a_node_with_a_scenario_loads_no_package_of_scipy(node: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", _LOADED.format(node=node)],
+        [sys.executable, "-c", _LOADED.format(module=module_of(node))],
         capture_output=True,
         text=True,
         check=True,

@@ -12,7 +12,7 @@ import rclpy
 from domain_coordinator import domain_id
 from std_msgs.msg import Bool
 
-from serd_ros.nodes.teleop_joy import TeleopJoyNode
+from serd_ros.nodes.teleop.joy import TeleopJoyNode
 from serd_ros.process.run_node import _StopSignal, run_node
 from support.waiting import PATIENCE_S
 
@@ -109,7 +109,7 @@ def test_a_node_with_an_internal_error_ends_with_exit_code_1(capfd):
 
 HANGING_NODE = """
 import ctypes
-from serd_ros.nodes.teleop_joy import TeleopJoyNode
+from serd_ros.nodes.teleop.joy import TeleopJoyNode
 from serd_ros.process.run_node import run_node
 
 
