@@ -9,7 +9,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # The libraries read the variable when they load.
-from benchmarks import bags_throughput, compliance, receipt_times, speed_figure, start_up
+from benchmarks import speed_figure, start_up
 from benchmarks.driving import (
     arrival_bands,
     closed_loop,
@@ -33,10 +33,17 @@ from benchmarks.learning import (
     scarce_data,
     solvers,
 )
-from benchmarks.sources import run as sources
+from benchmarks.recordings import (
+    bag_faults,
+    bags_throughput,
+    compliance,
+    receipt_times,
+    sources,
+)
 
 BENCHMARKS = {
     "arrival_bands": arrival_bands.run,
+    "bag_faults": bag_faults.run,
     "bags_throughput": bags_throughput.run,
     "belief_bound": belief_bound.run,
     "belief_choice": belief_choice.run,

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.peer_environment import run_peer
 from benchmarks.peers.crowd_task import seconds_per_step
+from benchmarks.peers.peer_environment import run_peer
 from benchmarks.report import Row, save
 from serd_core.arrays import FloatArray
 from sim.crowd.crowd import Crowd

@@ -28,7 +28,7 @@ from benchmarks.learning.gridworld_problems import (
     landscape_problem,
 )
 from benchmarks.measurement import best_of
-from benchmarks.peer_environment import run_peer
+from benchmarks.peers.peer_environment import run_peer
 from benchmarks.report import Row, save
 from experiments.gridworld.problem import Gridworld
 from serd_core.arrays import FloatArray

@@ -17,9 +17,9 @@ from pathlib import Path
 
 from rosbags.rosbag2 import StoragePlugin
 
+from benchmarks.recordings import written_drives as written
+from benchmarks.recordings.held_out import held_out
 from benchmarks.report import markdown_row, write_rows
-from benchmarks.sources import written
-from benchmarks.sources.likelihood import held_out
 from serd_core.errors import SerdError
 from storage.files import atomic_write_text
 
@@ -179,7 +179,3 @@ def _serd(*words: str | Path) -> str:
     if ended.returncode:
         raise _RefusedError((ended.stderr.strip().splitlines() or ["no message"])[-1])
     return ended.stdout
-
-
-if __name__ == "__main__":
-    run()

@@ -170,7 +170,7 @@ def _memory_row(folder: Path, n_blocks: int) -> Row:
         writer.add_topic("/blocks", _BYTES)
         for number in range(n_blocks):
             writer.write("/blocks", bytes(_BLOCK), number)
-    command = [sys.executable, "-m", "benchmarks.bags_throughput", str(bag)]
+    command = [sys.executable, "-m", "benchmarks.recordings.bags_throughput", str(bag)]
     start_s = time.perf_counter()
     output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     seconds = time.perf_counter() - start_s

@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.report import markdown_row, write_rows
 from storage.files import atomic_write_text
 
-_DOCUMENT = Path(__file__).absolute().parents[1] / "docs" / "compare.md"
+_DOCUMENT = Path(__file__).absolute().parents[2] / "docs" / "compare.md"
 _PICTURE = _DOCUMENT.parent / "pictures" / "compare.png"
 _LENGTH_M, _WIDTH_M, _PERIOD_S, _SPEED_MPS = 16.0, 4.0, 0.1, 0.9
 #: y of the lane that each kind goes to, and how fast it moves sideways.

@@ -1,6 +1,6 @@
 """Rows of the table of docs/compare.md."""
 
-from benchmarks.compliance import _row
+from benchmarks.recordings.compliance import _row
 
 
 def test_a_log_likelihood_that_is_ruled_out_is_minus_infinity():

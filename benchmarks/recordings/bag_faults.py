@@ -5,7 +5,7 @@ cut and damaged at many places. Lost are messages that had been handed to the re
 fault, and the time they span. A fault is undetected where messages are missing or differ from those
 recorded and the reader reports no damage.
 
-python -m benchmarks.bag_faults        # measures for a minute, writes the rows of the table
+make bench ARGS=bag_faults        # measures for a minute, writes the rows of the table
 """
 
 import signal
@@ -26,7 +26,7 @@ from bags.formats.mcap.scan import McapScan
 from bags.writer import BagWriter
 from benchmarks.report import markdown_row, write_rows
 
-_DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "bags.md"
+_DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "bags.md"
 _TYPE = "geometry_msgs/msg/PoseStamped"
 _N_TOPICS, _RATE_HZ, _DURATION_S = 20, 50, 6.0
 _FLUSH_PERIOD_S = 0.25
@@ -69,7 +69,7 @@ class Whole:
     chunks: tuple[tuple[int, int], ...]
 
 
-def main() -> None:
+def run() -> None:
     """Measure every fault and write the document."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -217,7 +217,3 @@ def _line(name: str, losses: Sequence[Loss]) -> str:
     undetected = sum(loss.undetected for loss in losses)
     times = f"{np.mean(seconds):.2f}", f"{max(seconds):.2f}"
     return markdown_row([name, len(losses), *times, most, undetected])
-
-
-if __name__ == "__main__":
-    main()

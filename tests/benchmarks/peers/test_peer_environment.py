@@ -2,8 +2,8 @@
 
 import pytest
 
-from benchmarks import peer_environment
-from benchmarks.peer_environment import PeerError, peer_python, run_peer
+from benchmarks.peers import peer_environment
+from benchmarks.peers.peer_environment import PeerError, peer_python, run_peer
 
 
 @pytest.fixture

@@ -14,8 +14,8 @@ from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
-PEERS = Path(__file__).with_name("peers")
-ENVIRONMENTS = Path(__file__).parents[1] / ".cache" / "peers"
+PEERS = Path(__file__).parent
+ENVIRONMENTS = Path(__file__).parents[2] / ".cache" / "peers"
 #: Written last, so an environment whose installation was interrupted is made again.
 STAMP = "installed.txt"
 

@@ -1,1 +1,0 @@
-"""Recordings of many kinds, from the file to the held-out likelihood."""
