@@ -55,16 +55,14 @@ def demonstrations_of_bag(
     grid: Grid,
     decision_period_s: float,
     *,
-    tolerant: bool = False,
     seen: set[bytes] | None = None,
     hidden: bool = False,
 ) -> tuple[Demonstrations, DiscretisationReport]:
     """Those of a bag, and what became of every intent; BagError where there is nothing to use.
 
-    tolerant: use what a broken bag still holds. seen: see `fresh_from_drive`. hidden: without
-    intents, from poses and episodes alone.
+    seen: see `fresh_from_drive`. hidden: without intents, from poses and episodes alone.
     """
-    drives: Sequence[RecordedDrive] = read_drives(bag, tolerant=tolerant, intents=not hidden)
+    drives: Sequence[RecordedDrive] = read_drives(bag, intents=not hidden)
     if hidden:
         drives = [with_hidden_actions(each, decision_period_s) for each in drives]
     found, report = demonstrations_of_drives(drives, grid, decision_period_s, seen=seen)

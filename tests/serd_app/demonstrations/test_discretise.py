@@ -11,7 +11,10 @@ from bags.errors import BagError
 from bags.reader import BagReader
 from bags.writer import BagWriter
 from serd_app.demonstrations import discretise
-from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.demonstrations.demonstrations import (
+    demonstrations_of_bag,
+    demonstrations_of_drives,
+)
 from serd_app.demonstrations.discretise import (
     OFF_GRID,
     REPEATED,
@@ -213,9 +216,9 @@ def test_a_broken_bag_is_refused_unless_tolerated(recorded_bag):
     recorded_bag.abandon()
     with pytest.raises(BagError, match=r"metadata.yaml: it does not exist.*recover"):
         demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S)
-    found, _ = demonstrations_of_bag(recorded_bag.directory, GRID, PERIOD_S, tolerant=True)
-    decisions = found.decisions
-    assert len(decisions) == 3
+    drives = read_drives(recorded_bag.directory, tolerant=True)
+    found, _ = demonstrations_of_drives(drives, GRID, PERIOD_S)
+    assert len(found.decisions) == 3
 
 
 def test_a_missing_topic_and_a_bag_without_decisions_get_a_sentence(tmp_path, small_bag):
