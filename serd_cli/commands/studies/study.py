@@ -251,12 +251,8 @@ def _command(
 
 
 def _redraw(names: list[str], folder: Path) -> list[Path]:
-    source = folder if (folder / SETTINGS_YAML).exists() else KEPT
-    if not (source / SETTINGS_YAML).exists():
-        raise UsageError(
-            f"{folder} must hold the tables of a study; run it first, without --figure"
-        )
-    return redraw(names, source, folder)
+    kept = not (folder / SETTINGS_YAML).exists() and (KEPT / SETTINGS_YAML).exists()
+    return redraw(names, KEPT if kept else folder, folder)
 
 
 def _text(value: object) -> str:

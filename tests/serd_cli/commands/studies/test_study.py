@@ -47,6 +47,15 @@ def test_a_file_in_the_place_of_the_folder_is_refused_before_anything_runs(tmp_p
     assert "a file of this name is in the way" in str(result.exception)
 
 
+def test_a_figure_without_the_tables_of_a_study_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("serd_cli.commands.studies.study.KEPT", tmp_path / "none")
+    result = study("--figure", "5.8", "--output", str(tmp_path))
+    assert isinstance(result.exception, SerdError)
+    assert f"{tmp_path} must hold a finished study, but has no settings.yaml" in str(
+        result.exception
+    )
+
+
 def test_an_unknown_figure_is_refused_with_the_nearest_one(tmp_path):
     result = study("--figure", "5.99", "--output", str(tmp_path))
     assert isinstance(result.exception, SerdError)
