@@ -200,7 +200,7 @@ def episode_values(episodes: PersonEpisodes) -> dict[str, Any]:
     """The episode of the person at the page, and the counts of all."""
     session = episodes.session
     return {
-        "phase": session.phase,
+        "phase": "starting" if session.is_starting else session.phase,
         "number": episodes.number,
         "outcome": session.outcome,
         "duration_s": round(session.duration_s, 1),
