@@ -36,6 +36,11 @@ class BellmanEquation(ABC):
     def policy(self, q: FloatArray) -> FloatArray:
         """(S, A) derivative of the maximum: the policy along which gradients propagate."""
 
+    def policy_at(self, q: FloatArray, maximum: FloatArray) -> FloatArray:
+        """The same for a known maximum, whose rounding error each probability then has."""
+        del maximum
+        return self.policy(q)
+
 
 @dataclass(frozen=True)
 class SoftBellman(BellmanEquation):
@@ -60,6 +65,11 @@ class SoftBellman(BellmanEquation):
     def policy(self, q: FloatArray) -> FloatArray:
         """(S, A) Boltzmann distribution over Q (3.30)."""
         return boltzmann(q, 1.0)
+
+    def policy_at(self, q: FloatArray, maximum: FloatArray) -> FloatArray:
+        """(S, A) exp(Q - V)."""
+        policy = q - maximum[:, None]
+        return np.exp(policy, out=policy)
 
 
 def boltzmann(q: FloatArray, temperature: float) -> FloatArray:

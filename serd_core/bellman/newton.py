@@ -110,7 +110,7 @@ def _prepared(solver: LinearSolver, problem: BellmanProblem, latest: Backup) -> 
             pattern, problem.rewards, problem.discount, latest.value
         )
     else:
-        policy = problem.equation.policy(latest.q)
+        policy = problem.equation.policy_at(latest.q, latest.target)
         data = problem.transitions.system_data(pattern, policy, problem.discount)
     return solver.prepare(pattern, data)
 

@@ -261,8 +261,18 @@ class TransitionModel(ABC):
     @cached_property
     def _structure(self) -> scipy.sparse.csr_array:
         shape = (self.n_states * self.n_actions, self.n_states)
-        ones = np.ones(len(self.successor))
-        return scipy.sparse.csr_array((ones, self.successor, self.row_start), shape=shape)
+        kind = np.int32 if max(self.n_entries, self.n_states) < 2**31 else np.int64
+        places = self.successor.astype(kind), self.row_start.astype(kind)
+        ones = np.ones(self.n_entries, dtype=np.int8)
+        return scipy.sparse.csr_array((ones, *places), shape=shape)
+
+    @cached_property
+    def _transposed_structure(self) -> scipy.sparse.csc_array:
+        return self._structure.T
+
+    def transposed_matrix(self, entries: FloatArray) -> scipy.sparse.csc_array:
+        """(S, S*A) transpose of `matrix`."""
+        return with_numbers(self._transposed_structure, entries)
 
     def matrix(self, entries: FloatArray) -> scipy.sparse.csr_array:
         """(S*A, S) sparse matrix of P(s' | s, a); duplicates of a successor add up."""
@@ -320,10 +330,6 @@ class Transitions:
         """(S*A, S) sparse matrix."""
         return self.model.matrix(self.entries)
 
-    @cached_property
-    def _transposed(self) -> scipy.sparse.csc_array:
-        return self.matrix.T
-
     def expected(self, values: FloatArray) -> FloatArray:
         """(S, A) expectation sum_s' P(s'|s,a) values(s'); 0 where an action is unavailable."""
         expected: FloatArray = self.matrix @ values
@@ -333,7 +339,10 @@ class Transitions:
         """(S, A) R + discount * P V."""
         rows = self.model.compiled_rows
         if rows is None:
-            return rewards + discount * self.expected(values)
+            q = self.expected(values)
+            q *= discount
+            q += rewards
+            return q
         return rows.backed_up(self._flat, rewards, discount, values)
 
     def soft_maximum(self, rewards: FloatArray, discount: float, values: FloatArray) -> FloatArray:
@@ -377,7 +386,7 @@ class Transitions:
         if model.compiled_rows is None:
             by_entry = np.take(weights.ravel(), model.row)
             by_entry *= np.take(values, model.successor)
-            return model.gather(discount * by_entry)
+            return discount * model.gather(by_entry)
         sums = model.compiled_rows.local_gradient(len(self._flat), weights, values)
         return discount * model.of_flat(sums)
 
@@ -390,7 +399,7 @@ class Transitions:
         rows = self.model.compiled_rows
         if rows is not None:
             return rows.flow(self._flat, weights, self.model.n_states)
-        flow: FloatArray = self._transposed @ weights.ravel()
+        flow: FloatArray = self.model.transposed_matrix(self.entries) @ weights.ravel()
         return flow
 
 

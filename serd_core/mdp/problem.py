@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, once_per_state
+from serd_core.arrays import FloatArray, float_array, once_per_state, sum_per_row
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
@@ -77,7 +77,7 @@ def weights_gradient(features: FloatArray, by_reward: FloatArray) -> FloatArray:
     once = once_per_state(features)
     if once.shape == features.shape:
         return np.tensordot(by_reward, features, axes=2)
-    return np.asarray(by_reward.sum(axis=1) @ once[:, 0])
+    return np.asarray(sum_per_row(by_reward) @ once[:, 0])
 
 
 def usable_features(problem: Problem) -> FloatArray:

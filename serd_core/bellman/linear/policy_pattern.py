@@ -177,19 +177,19 @@ class Seam:
 
 @dataclass(frozen=True, eq=False)
 class EntryPattern(PolicyPattern):
-    """The pattern with the row (s, a) and the place in the data of each entry of P, both (E,)."""
+    """The pattern with the place in the data of each entry of P.
 
-    row_of_entry: IntArray
-    position: IntArray
+    places: (nnz, S*A) matrix with a column per row of P, by columns; its numbers are replaced.
+    """
+
+    places: scipy.sparse.csc_array
 
     def system_data(
         self, policy: FloatArray, probabilities: FloatArray, discount: float
     ) -> FloatArray:
         """(nnz,) numbers of I - gamma P_pi for an (S, A) policy and (E,) entries."""
-        weights = np.take(policy.ravel(), self.row_of_entry)
-        weights *= probabilities
-        flow = np.bincount(self.position, weights=weights, minlength=len(self.column))
-        data = np.asarray(flow, dtype=np.float64) * -discount
+        data: FloatArray = with_numbers(self.places, probabilities) @ policy.ravel()
+        data *= -discount
         data[self.diagonal] += 1.0
         return data
 
@@ -299,13 +299,15 @@ def policy_pattern(
     keys = np.concatenate([row // n_actions * n_states + successor, own * (n_states + 1)])
     unique, place = np.unique(keys, return_inverse=True)
     row_start = np.searchsorted(unique, np.arange(n_states + 1, dtype=np.int64) * n_states)
-    place = place.reshape(-1)
+    place = place.reshape(-1).astype(np.int32)
+    ends = np.searchsorted(row, np.arange(n_states * n_actions + 1)).astype(np.int32)
+    structure = np.ones(len(row), dtype=np.int8), place[: len(row)], ends
+    shape = (len(unique), n_states * n_actions)
     return EntryPattern(
         diagonal=place[len(row) :],
         row_start=row_start.astype(np.int32),
         column=(unique % n_states).astype(np.int32),
-        row_of_entry=row,
-        position=place[: len(row)],
+        places=scipy.sparse.csc_array(structure, shape=shape),
     )
 
 
