@@ -8,7 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array, int_array
+from serd_core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    float_array,
+    int_array,
+    weighted_counts,
+)
 from serd_core.errors import SerdError
 
 # Times the usual (median) period after which a decision is late: one and a half, as without the
@@ -97,8 +104,8 @@ def state_action_counts(decisions: Decisions, n_states: int, n_actions: int) -> 
     _require_below("state", decisions.state, n_states)
     _require_below("action", decisions.action, n_actions)
     pair = decisions.state * n_actions + decisions.action
-    counts = np.bincount(pair, minlength=n_states * n_actions)
-    return counts.reshape(n_states, n_actions).astype(np.float64)
+    counts = weighted_counts(pair, np.ones(len(pair)), n_states * n_actions)
+    return counts.reshape(n_states, n_actions)
 
 
 def require_shown(decisions: Decisions, purpose: str) -> None:

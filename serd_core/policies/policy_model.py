@@ -59,10 +59,13 @@ class PolicyModel(ABC):
         self, policy_parameters: FloatArray, policy: FloatArray, counts: FloatArray
     ) -> FloatArray:
         """(S, A) derivative by Q of sum_sa n(s,a) log pi(a|s): (n(s,a) - n(s) pi) / temperature."""
-        surprise = sum_per_row(counts)[:, None] * policy
-        np.subtract(counts, surprise, out=surprise)
-        surprise /= self.temperature(policy_parameters)
-        return surprise
+        visits = sum_per_row(counts)
+        seen = np.flatnonzero(visits)
+        surprise = counts[seen] - visits[seen, None] * policy[seen]
+        # Memory of zeros is taken where they are overwritten only; `zeros_like` writes them.
+        gradient = np.zeros(counts.shape)
+        gradient[seen] = surprise / self.temperature(policy_parameters)
+        return gradient
 
 
 @dataclass(frozen=True)
