@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, unrepeated
 from serd_core.bellman.equations import BellmanEquation
 from serd_core.dynamics.transition_model import Sweeps, Transitions
 from serd_core.errors import SerdError
@@ -27,13 +27,14 @@ class BellmanProblem:
 
     def __post_init__(self) -> None:
         available = self.mdp.available
-        if available.all():
+        if unrepeated(available).all():
             allowed = rewards = self.rewards
         else:
             allowed = np.where(available, self.rewards, 0.0)
             rewards = np.where(available, self.rewards, -np.inf)
         largest = LARGEST_VALUE * (1.0 - self.discount)
-        if not max(float(allowed.max()), -float(allowed.min())) <= largest:
+        once = unrepeated(allowed)
+        if not max(float(once.max()), -float(once.min())) <= largest:
             state, action = np.argwhere(~(np.abs(allowed) <= largest))[0]
             raise SerdError(
                 f"rewards[{state}, {action}] must be finite and at most {largest:.3g} in size, got"
