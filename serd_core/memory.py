@@ -14,7 +14,7 @@ from serd_core.compiled import is_compiled
 from serd_core.errors import SerdError
 
 #: Bytes per entry of P at the peak of a gradient: indices and numbers of P and of I - gamma P_pi.
-BYTES_PER_ENTRY = 100
+BYTES_PER_ENTRY = 90
 #: The same where compiled code sums over the entries of outcome models, which it does not list.
 COMPILED_BYTES_PER_ENTRY = 15
 #: The same where a model is given entry by entry.

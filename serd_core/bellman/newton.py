@@ -37,7 +37,9 @@ FORCING = 3e-2
 #: Share of the residual by which values may fall in a step that counts as rising.
 FALL = 1e-2
 #: A step that shrinks the residual to this share was good enough to keep its matrix.
-KEEP = 0.1
+KEEP = 0.03
+#: A step that shrinks the residual to this share needs no sweeps after it.
+WELL = 0.1
 #: Most sweeps after a step, of which all but one skip states that are settled: where nothing near
 #: moved by more than SETTLED of the residual before the step.
 MOST_SWEEPS, SETTLED = 30, 1e-2
@@ -90,7 +92,7 @@ class Newton(BellmanSolver):
             if unsettled:
                 value = problem.settled(value, Sweeps(1, MOST_SWEEPS, SETTLED * latest.residual))
             proposed = backup(problem, value)
-            good = proposed.residual <= KEEP * latest.residual
+            good = proposed.residual <= WELL * latest.residual
             kept = proposed.residual <= keep * latest.residual and not unsettled
             system = system if kept else None
             unsettled = swept and (unsettled or not good) and proposed.residual > QUADRATIC

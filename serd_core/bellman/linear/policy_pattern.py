@@ -190,8 +190,15 @@ class EntryPattern(PolicyPattern):
         """(nnz,) numbers of I - gamma P_pi for an (S, A) policy and (E,) entries."""
         data: FloatArray = with_numbers(self.places, probabilities) @ policy.ravel()
         data *= -discount
-        data[self.diagonal] += 1.0
+        data += self._identity
         return data
+
+    @cached_property
+    def _identity(self) -> FloatArray:
+        """(nnz,) numbers of I."""
+        identity = np.zeros(len(self.column))
+        identity[self.diagonal] = 1.0
+        return identity
 
 
 @dataclass(frozen=True, eq=False)
