@@ -64,7 +64,7 @@ def test_what_would_not_fit_into_memory_is_refused_with_the_bytes_it_needs(gridw
     with pytest.raises(
         sc.SerdError,
         match=r"the transitions of 25 states and 5 actions must fit into memory, but needs"
-        r" 6.25e\+04 bytes of 3e\+04; use fewer states",
+        r" 5.62e\+04 bytes of 3e\+04; use fewer states",
     ):
         sc.Mdp(problem.mdp.transitions, 0.9)
     with pytest.raises(sc.SerdError, match="second derivatives by 47 parameters over 25 states"):
