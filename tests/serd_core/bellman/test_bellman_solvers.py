@@ -191,3 +191,11 @@ def test_limits_that_no_solver_can_meet_are_refused():
         Newton(max_steps=0)
     with pytest.raises(SerdError, match="the bound of steps must be at least 1, got 0"):
         ValueIteration(max_sweeps=0)
+
+
+@pytest.mark.parametrize("equation", EQUATIONS)
+def test_the_policy_at_a_known_maximum_is_the_policy(equation):
+    q = np.random.default_rng(0).normal(scale=100.0, size=(50, 4))
+    q[::3, 1] = -np.inf
+    found = equation.policy_at(q, equation.maximum(q))
+    np.testing.assert_allclose(found, equation.policy(q), rtol=1e-12, atol=1e-300)
