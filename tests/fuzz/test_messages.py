@@ -243,7 +243,8 @@ def test_no_message_ends_a_node_or_fails_in_it(
                     f"{memory_mb() - before_mb:+.0f} MB",
                     end="",
                 )
-        assert session.work() >= published
+        # A busy machine can take longer than a held key counts, so that the node stops driving.
+        wait_until(lambda: session.work() >= published, turn=lambda: None)
         session.assert_recorded()
         running.assert_alive()
         assert memory_mb() - before_mb < MOST_GROWTH_MB
