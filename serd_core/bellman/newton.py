@@ -100,7 +100,7 @@ class Newton(BellmanSolver):
                 latest = proposed
             else:
                 latest, sweeps_due = backup(problem, latest.target), self.cold_sweeps
-        del system  # the table of Q takes its room
+        del system  # frees its memory for the table of Q
         return solution_from(
             problem, latest, steps=steps, linear_solves=linear_solves, converged=done
         )

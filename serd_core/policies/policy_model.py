@@ -62,7 +62,7 @@ class PolicyModel(ABC):
         visits = sum_per_row(counts)
         seen = np.flatnonzero(visits)
         surprise = counts[seen] - visits[seen, None] * policy[seen]
-        # Memory of zeros is taken where they are overwritten only; `zeros_like` writes them.
+        # `zeros` allocates pages only where they are written; `zeros_like` writes all of them.
         gradient = np.zeros(counts.shape)
         gradient[seen] = surprise / self.temperature(policy_parameters)
         return gradient

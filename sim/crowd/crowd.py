@@ -144,7 +144,7 @@ class Crowd:
         )
 
     def _headings(self, robots: Sequence[RobotBody]) -> Force:
-        """(N,) x and y of where people want to go; at most 1 for those who stand."""
+        """(N,) x and y of where people want to go; at most 1 for those who stand, past no robot."""
         headings = self._routes.headings(self.x_m, self.y_m)
         if self._evasion is not None:
             for body, robot in enumerate(robots, len(self)):

@@ -1,12 +1,13 @@
 """Robots as people see them, and how people walk around one that is in their way."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import shapely
 
 from serd_core.arrays import BoolArray, FloatArray
 from sim.crowd.social_force import Force
-from sim.scenario.polygon import distance_to_segments_m
 
 #: How far before the circle that they walk around people turn aside.
 _NOTICED_M = 2.0
@@ -46,7 +47,7 @@ class Evasion:
         to_robot_m: x, y and length of the vectors from people to the robot. Those whose straight
         way leads through the circle, and whom the robot does not outrun, take the tangent on the
         nearer side, or on the other one where only that has room between robot and walls. Within
-        the circle they walk across its radius.
+        the circle they walk across its radius. Several robots are passed one after the other.
         """
         (to_x, to_y, distance), (wanted_x, wanted_y) = to_robot_m, wanted
         circle_m = self.clearance_m + self.body_radius_m + robot.radius_m
@@ -73,7 +74,13 @@ class Evasion:
 
     def _has_room(self, robot: RobotBody, away_m: FloatArray) -> BoolArray:
         """Whether walls leave room for a person at (N, 2) places relative to the robot."""
-        places_m = np.array([robot.x_m, robot.y_m]) + away_m
-        gap_m = distance_to_segments_m(places_m, self.walls_m).min(axis=1, initial=np.inf)
-        has_room: BoolArray = gap_m >= self.body_radius_m
+        centre_m = np.array([robot.x_m, robot.y_m])
+        places_m = centre_m + away_m
+        ways = shapely.linestrings(np.stack([np.broadcast_to(centre_m, away_m.shape), places_m], 1))
+        near = shapely.distance(shapely.points(places_m), self._walls) < self.body_radius_m
+        has_room: BoolArray = ~(near | shapely.intersects(ways, self._walls))
         return has_room
+
+    @cached_property
+    def _walls(self) -> shapely.MultiLineString:
+        return shapely.multilinestrings(shapely.linestrings(self.walls_m))

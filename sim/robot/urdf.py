@@ -265,4 +265,5 @@ def _numbers(element: ET.Element | None, key: str, default: str) -> FloatArray:
         found = np.array([float(word) for word in text.split()])
     except ValueError:
         found = np.array([])
-    return found if len(found) == n_numbers else np.full(n_numbers, np.nan)
+    sound = len(found) == n_numbers and np.isfinite(found).all()
+    return found if sound else np.full(n_numbers, np.nan)

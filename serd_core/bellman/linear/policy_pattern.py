@@ -306,14 +306,15 @@ def policy_pattern(
     keys = np.concatenate([row // n_actions * n_states + successor, own * (n_states + 1)])
     unique, place = np.unique(keys, return_inverse=True)
     row_start = np.searchsorted(unique, np.arange(n_states + 1, dtype=np.int64) * n_states)
-    place = place.reshape(-1).astype(np.int32)
-    ends = np.searchsorted(row, np.arange(n_states * n_actions + 1)).astype(np.int32)
+    kind = np.int32 if len(keys) < 2**31 else np.int64
+    place = place.reshape(-1).astype(kind)
+    ends = np.searchsorted(row, np.arange(n_states * n_actions + 1)).astype(kind)
     structure = np.ones(len(row), dtype=np.int8), place[: len(row)], ends
     shape = (len(unique), n_states * n_actions)
     return EntryPattern(
         diagonal=place[len(row) :],
-        row_start=row_start.astype(np.int32),
-        column=(unique % n_states).astype(np.int32),
+        row_start=row_start.astype(kind),
+        column=(unique % n_states).astype(kind),
         places=scipy.sparse.csc_array(structure, shape=shape),
     )
 

@@ -16,7 +16,10 @@ print(*sys.modules)
 """
 
 
-@pytest.mark.parametrize("node", ["teleop_mux", "guard", "demo_recorder", "hallway_sim"])
+@pytest.mark.parametrize(
+    "node",
+    ["hallway_sim", "guard", "local_planner", "scripted_expert", "demo_recorder", "teleop_mux"],
+)
 def test_a_node_with_a_scenario_loads_no_package_of_scipy(node: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", _LOADED.format(module=module_of(node))],

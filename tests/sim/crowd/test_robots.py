@@ -67,7 +67,8 @@ def test_people_pass_on_the_other_side_where_a_wall_leaves_no_room():
     robot = robot_at(2.0, 0.3)
     lowest_m = 0.3 - CIRCLE_M / 2.0 * math.hypot(2.0, 0.3)  # of the place beside the robot
     assert heading_of_person_at_origin(robot, walls_m=wall_at_y(lowest_m - 1.1 * BODY_M)) < 0.0
-    assert heading_of_person_at_origin(robot, walls_m=wall_at_y(lowest_m)) > 0.0
+    for wall_m in (lowest_m, lowest_m + 1.1 * BODY_M):
+        assert heading_of_person_at_origin(robot, walls_m=wall_at_y(wall_m)) > 0.0
 
 
 @pytest.mark.parametrize(("clearance_m", "passes"), [(0.2, True), (None, False)])
@@ -87,4 +88,4 @@ def test_in_a_ring_corridor_people_see_the_robot_beyond_the_seam():
     crowd._period_m = 10.0
     crowd._pairs = type(crowd._pairs)(1, 2, 10.0)
     crowd.step(0.05, robot_at(1.0, 0.1))
-    assert crowd.velocity_y_mps[0] < -0.01
+    assert crowd.velocity_y_mps[0] < -0.05

@@ -183,6 +183,7 @@ def test_the_root_link_is_at_the_base_where_no_link_is_called_so(tmp_path):
         ('xyz="0.2 0 0.031"', 'xyz="0.2 0"', "origin of joint 'front_caster_joint' must be three"),
         ('xyz="0.2 0 0.031"', 'xyz="0 0 0" rpy="0 0 north"', "must be three finite numbers"),
         ('xyz="0.2 0 0.031"', 'xyz="0 0 inf"', "must be three finite numbers"),
+        ('xyz="0.2 0 0.031"', 'xyz="0 0 0" rpy="inf 0 0"', "must be three finite numbers"),
     ],
 )  # fmt: skip
 def test_links_that_cannot_be_placed_are_refused_in_one_sentence(tmp_path, old, new, message):
