@@ -4,8 +4,9 @@ import pytest
 
 from bags.command.rewrite import recover
 from bags.writer import BagWriter
-from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.demonstrations.demonstrations import demonstrations_of_drives
 from serd_app.demonstrations.discretise import AFTER_CUT_OFF, CUT_SHORT
+from serd_app.drives.sessions import read_drives
 from serd_core.grid.grid import Grid
 
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -49,7 +50,8 @@ def torn_bag(tmp_path, messages):
 def test_what_follows_the_gap_is_dropped_until_the_next_start(torn_bag, tmp_path):
     recovered = recover(torn_bag, tmp_path / "recovered").target
     for bag, tolerant in ((torn_bag, True), (recovered, False)):
-        found, report = demonstrations_of_bag(bag, GRID, 2.0, tolerant=tolerant)
+        drives = read_drives(bag, tolerant=tolerant)
+        found, report = demonstrations_of_drives(drives, GRID, 2.0)
         decisions = found.decisions
         first = decisions.select(decisions.episode == 4)
         assert first.time_s.tolist() == [100.0, 102.0, 104.0, 106.0]
