@@ -62,7 +62,8 @@ class Evasion:
         away = distance[rows]
         to_x, to_y = to_x[rows] / away, to_y[rows] / away
         left = np.stack([-to_y, to_x], axis=1)
-        on_left, on_right = (self._has_room(robot, circle_m * side) for side in (left, -left))
+        sides_m = circle_m * np.concatenate([left, -left])
+        on_left, on_right = np.split(self._has_room(robot, sides_m), 2)
         passes_left = np.where(on_left == on_right, aside[rows] <= 0.0, on_left)
         sine = np.minimum(circle_m / away, 1.0)
         cosine = np.sqrt(1.0 - sine * sine)
@@ -83,4 +84,6 @@ class Evasion:
 
     @cached_property
     def _walls(self) -> shapely.MultiLineString:
-        return shapely.multilinestrings(shapely.linestrings(self.walls_m))
+        walls = shapely.multilinestrings(shapely.linestrings(self.walls_m))
+        shapely.prepare(walls)
+        return walls
