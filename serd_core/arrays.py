@@ -118,6 +118,11 @@ def index_type(size: int) -> Any:
     return small if small.itemsize < 4 else np.int32 if size <= 2**31 else np.int64
 
 
+def matrix_index_type(largest: int) -> Any:
+    """Type of the index arrays of SciPy's sparse matrices that hold indices up to `largest`."""
+    return np.int32 if largest < 2**31 else np.int64
+
+
 def floored(probabilities: FloatArray) -> FloatArray:
     """Probabilities with a positive floor, so that logarithms stay finite."""
     return np.maximum(probabilities, SMALLEST_PROBABILITY)

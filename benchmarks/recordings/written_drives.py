@@ -149,12 +149,7 @@ def write_ros2(path: Path, drive: Driven, topics: dict[str, str], storage: Stora
     """A rosbag2 of rosbags."""
     store = _ros2_store()
     with Ros2Writer(path, version=9, storage_plugin=storage) as writer:
-        to = {
-            name: writer.add_connection(name, kind, typestore=store)
-            for name, kind in topics.items()
-        }
-        for topic, time_ns, message in _sent(_Messages(store, ros1=False), drive, topics):
-            writer.write(to[topic], time_ns, store.serialize_cdr(message, topics[topic]))
+        _write(writer, store, drive, topics, ros1=False)
     return path
 
 
@@ -164,13 +159,18 @@ def write_ros1(path: Path, drive: Driven, topics: dict[str, str]) -> Path:
     writer = Ros1Writer(path)
     writer.set_compression(Ros1Writer.CompressionFormat.BZ2)
     with writer:
-        to = {
-            name: writer.add_connection(name, kind, typestore=store)
-            for name, kind in topics.items()
-        }
-        for topic, time_ns, message in _sent(_Messages(store, ros1=True), drive, topics):
-            writer.write(to[topic], time_ns, store.serialize_ros1(message, topics[topic]))
+        _write(writer, store, drive, topics, ros1=True)
     return path
+
+
+def _write(
+    writer: Any, store: Typestore, drive: Driven, topics: dict[str, str], *, ros1: bool
+) -> None:
+    """Messages of the drive to an open writer of rosbags."""
+    serialise = store.serialize_ros1 if ros1 else store.serialize_cdr
+    to = {name: writer.add_connection(name, kind, typestore=store) for name, kind in topics.items()}
+    for topic, time_ns, message in _sent(_Messages(store, ros1=ros1), drive, topics):
+        writer.write(to[topic], time_ns, serialise(message, topics[topic]))
 
 
 def write_tum(path: Path, drive: Driven) -> Path:

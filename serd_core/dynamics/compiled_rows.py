@@ -11,7 +11,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, index_type
+from serd_core.arrays import FloatArray, IntArray, index_type, matrix_index_type
 from serd_core.bellman.linear.policy_pattern import PolicyPattern
 from serd_core.compiled import halves, side_by_side
 from serd_core.dynamics.transition_model import RowBlocks, Sweeps
@@ -128,7 +128,7 @@ class CompiledRows:
         )
         longest = int(row_start.max())
         row_start = np.cumsum(row_start)
-        row_start = row_start.astype(np.int32 if row_start[-1] < 2**31 else np.int64)
+        row_start = row_start.astype(matrix_index_type(int(row_start[-1])))
         column: Any = np.empty(int(row_start[-1]), dtype=np.int32)
         slot = np.empty(len(self._rows[0]), dtype=index_type(longest))
         diagonal = np.empty(n_states, dtype=row_start.dtype)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy  # loads sparse at its first use
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
+from serd_core.arrays import BoolArray, FloatArray, IntArray, matrix_index_type, weighted_counts
 from serd_core.bellman.linear.policy_pattern import PolicyPattern, with_numbers
 from serd_core.compiled import is_compiled
 from serd_core.errors import SerdError
@@ -261,7 +261,7 @@ class TransitionModel(ABC):
     @cached_property
     def _structure(self) -> scipy.sparse.csr_array:
         shape = (self.n_states * self.n_actions, self.n_states)
-        kind = np.int32 if max(self.n_entries, self.n_states) < 2**31 else np.int64
+        kind = matrix_index_type(max(self.n_entries, self.n_states))
         places = self.successor.astype(kind), self.row_start.astype(kind)
         ones = np.ones(self.n_entries, dtype=np.int8)
         return scipy.sparse.csr_array((ones, *places), shape=shape)

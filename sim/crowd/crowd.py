@@ -76,7 +76,7 @@ class Crowd:
         """Move all people by one step. robots: those that they see."""
         if not len(self):
             return
-        force_x, force_y = self._forces(robots or _NO_ROBOTS)
+        force_x, force_y = self._forces(robots)
         self.velocity_x_mps += step_s * force_x
         self.velocity_y_mps += step_s * force_y
         self._limit_speed()
@@ -119,6 +119,7 @@ class Crowd:
 
     def _forces(self, robots: Sequence[RobotBody]) -> tuple[FloatArray, FloatArray]:
         """(N,) x and y of dv/dt: relaxation, people, walls, fluctuation."""
+        seen, robots = robots, robots or _NO_ROBOTS
         if len(robots) != self._pairs.dx_m.shape[1] - len(self):
             self._pairs = PairGeometry(len(self), len(self) + len(robots), self._period_m)
         self._pairs.update(
@@ -126,21 +127,16 @@ class Crowd:
             np.concatenate([self.y_m, [each.y_m for each in robots]]),
         )
         self._walls.update(self.x_m, self.y_m)
-        heading_x, heading_y = self._headings(robots)
+        heading_x, heading_y = self._headings(seen)
         bodies = self._bodies(heading_x, heading_y, robots)
         people_x, people_y = self._model.people_force(self._pairs, bodies)
         wall_x, wall_y = self._model.wall_force(self._walls)
         noise = self._fluctuation_mps2 * self._rng.standard_normal((2, len(self)))
         rate = 1.0 / self._model.relaxation_time_s
+        wanted_x, wanted_y = self.desired_speed_mps * heading_x, self.desired_speed_mps * heading_y
         return (
-            rate * (self.desired_speed_mps * heading_x - self.velocity_x_mps)
-            + people_x
-            + wall_x
-            + noise[0],
-            rate * (self.desired_speed_mps * heading_y - self.velocity_y_mps)
-            + people_y
-            + wall_y
-            + noise[1],
+            rate * (wanted_x - self.velocity_x_mps) + people_x + wall_x + noise[0],
+            rate * (wanted_y - self.velocity_y_mps) + people_y + wall_y + noise[1],
         )
 
     def _headings(self, robots: Sequence[RobotBody]) -> Force:

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 import scipy  # loads sparse at its first use
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray, matrix_index_type
 from serd_core.compiled import halves
 
 #: Size of a factor, in entries of the matrix, beyond which it is not counted to the end.
@@ -306,7 +306,7 @@ def policy_pattern(
     keys = np.concatenate([row // n_actions * n_states + successor, own * (n_states + 1)])
     unique, place = np.unique(keys, return_inverse=True)
     row_start = np.searchsorted(unique, np.arange(n_states + 1, dtype=np.int64) * n_states)
-    kind = np.int32 if len(keys) < 2**31 else np.int64
+    kind = matrix_index_type(len(keys))
     place = place.reshape(-1).astype(kind)
     ends = np.searchsorted(row, np.arange(n_states * n_actions + 1)).astype(kind)
     structure = np.ones(len(row), dtype=np.int8), place[: len(row)], ends

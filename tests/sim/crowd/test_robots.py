@@ -84,8 +84,6 @@ def test_who_meets_a_robot_in_line_walks_around_it_and_is_not_pushed_back(cleara
 
 
 def test_in_a_ring_corridor_people_see_the_robot_beyond_the_seam():
-    crowd = crowd_at("collision_prediction", [[9.5, 0.0]], [[50.0, 0.0]])
-    crowd._period_m = 10.0
-    crowd._pairs = type(crowd._pairs)(1, 2, 10.0)
+    crowd = crowd_at("collision_prediction", [[9.5, 0.0]], [[50.0, 0.0]], period_m=10.0)
     crowd.step(0.05, robot_at(1.0, 0.1))
     assert crowd.velocity_y_mps[0] < -0.05

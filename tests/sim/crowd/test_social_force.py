@@ -12,7 +12,9 @@ from sim.crowd.social_force import model_named, model_names
 FAR_WALL = np.array([[[-500.0, -500.0], [500.0, -500.0]]])
 
 
-def crowd_at(model_name, position_m, goal_m, *, walls_m=FAR_WALL, speed_mps=1.34, noise=0.0):
+def crowd_at(
+    model_name, position_m, goal_m, *, walls_m=FAR_WALL, speed_mps=1.34, noise=0.0, period_m=None
+):
     """People at (N, 2) places, each with a separate loop from there to its goal and back."""
     position, goal = np.asarray(position_m, float), np.asarray(goal_m, float)
     across = np.stack([position[:, 1] - goal[:, 1], goal[:, 0] - position[:, 0]], axis=1)
@@ -27,6 +29,7 @@ def crowd_at(model_name, position_m, goal_m, *, walls_m=FAR_WALL, speed_mps=1.34
         walls_m=walls_m,
         fluctuation_mps2=noise,
         rng=np.random.default_rng(1),
+        period_m=period_m,
     )
 
 

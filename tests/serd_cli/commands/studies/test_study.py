@@ -2,6 +2,7 @@
 
 import json
 import shlex
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,8 @@ def test_a_figure_is_drawn_again_from_the_kept_tables(tmp_path):
     (tmp_path / "expected").mkdir()
     (expected,) = redraw(["5.8"], KEPT, tmp_path / "expected")
     assert (tmp_path / "figure_5_8.png").read_bytes() == expected.read_bytes()
+    if version("matplotlib") >= "3.11":  # which drew the kept one
+        assert expected.read_bytes() == (KEPT / "figure_5_8.png").read_bytes()
     assert (tmp_path / "figure_5_8.svg").exists()
 
 
