@@ -16,6 +16,7 @@ from serd_ros.convert.command import to_intent
 from serd_ros.convert.pose import from_odometry, from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
+from sim.scenario.scenario import load_scenario
 from support.waiting import ProcessorWait
 from support.wheeled_robots import STOPPED_MPS
 
@@ -66,8 +67,12 @@ def test_a_plain_twist_drives_and_silence_stops_within_half_a_second(robot, prob
     probe.spin_all()
     silent_since_s, waited = robot.time_s, ProcessorWait()
     probe.spin_until(lambda: abs(robot.speed_mps) < STOPPED_MPS)
-    # 0.5 s of silence, then braking at the acceleration limit, plus the odometry's own period.
-    limit_s = 0.5 + 0.2 / 2.5 + 0.1
+    # 0.5 s of silence, then braking, of which that of the turn takes longest. The last command
+    # comes up to a period after the last odometry, mux and world step once a period, and the robot
+    # settles on its wheels for one.
+    scenario = load_scenario("hallway")
+    braking_s = 2.0 / scenario.robot.acc_lim_theta_radps2
+    limit_s = 0.5 + braking_s + 4 * scenario.control_period_s
     assert robot.time_s - silent_since_s <= limit_s + waited.total_s
 
 
