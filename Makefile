@@ -8,6 +8,8 @@ FUZZ_CASES ?= 10000
 # One thread per process: the node graph and the test workers already fill the cores.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
+# Where Python is told not to keep compiled modules, each node compiles 300 of them when it starts.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help setup build interfaces ubuntu demo test fuzz coverage check format lint types imports bench pictures reference site dist clean
 
@@ -47,7 +49,7 @@ demo: build
 	@$(BIN)/serd demo $(ARGS)
 
 test: build
-	@$(BIN)/python -m pytest -n 3 --dist worksteal $(ARGS)
+	@$(BIN)/python -m pytest -n 4 --dist worksteal $(ARGS)
 
 fuzz: build
 	@SERD_FUZZ_CASES=$(FUZZ_CASES) $(BIN)/python -m pytest -n 2 --dist worksteal --timeout=0 -s -v tests/fuzz $(ARGS)

@@ -20,6 +20,7 @@ class StrictModel(BaseModel):
     """Frozen; refuses unknown keys and numbers that are not finite."""
 
     model_config = ConfigDict(
+        defer_build=True,  # a node uses few of the models that it imports
         frozen=True,
         extra="forbid",
         allow_inf_nan=False,

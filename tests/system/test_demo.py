@@ -16,7 +16,7 @@ from storage.episode_table import load_episodes
 from support.waiting import PATIENCE_S, wait_until
 
 SERD = str(Path(sys.executable).with_name("serd"))
-SMALL = ["--demonstrations", "3", "--episodes", "2", "--seed", "5"]
+SMALL = ["--demonstrations", "2", "--episodes", "1", "--seed", "5"]
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
@@ -79,9 +79,8 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
     code, log = Demo(tmp_path, "--resume", str(run)).wait()
     assert code == 0, log
     assert log.splitlines()[-1] == f"report: {run / 'report.html'}"
-    assert [row.outcome for row in load_episodes(run / "navigation/episodes.csv")] == [
-        "arrived"
-    ] * 2
+    (row,) = load_episodes(run / "navigation/episodes.csv")
+    assert row.outcome == "arrived"
     page = (run / "report.html").read_text()
     assert len(re.findall(r"<figure", page)) >= 6
     for name in ("bag/metadata.yaml", "bag.partial-1/metadata.yaml", "model.yaml", "decisions.csv"):
@@ -92,7 +91,7 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
     again = [SERD, "demo", "--resume", str(run), "--json"]
     printed = subprocess.run(again, cwd=tmp_path, capture_output=True, check=True).stdout
     summary = json.loads(printed)
-    assert (summary["n_arrived"], summary["report"]) == (2, str(run / "report.html"))
+    assert (summary["n_arrived"], summary["report"]) == (1, str(run / "report.html"))
 
 
 def test_a_killed_node_ends_the_demo_with_its_name(tmp_path):

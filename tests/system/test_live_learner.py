@@ -48,13 +48,13 @@ def test_decisions_from_live_topics_equal_those_of_the_recording(nodes, probe, m
     started = nodes.start_stack(
         "demonstrate_and_learn",
         seed=3,
-        scripted_expert__episodes=3,
+        scripted_expert__episodes=2,
         demo_recorder__output=str(tmp_path / "bag"),
         learner__output=str(tmp_path / "model.yaml"),
         learner__decisions=str(tmp_path / "live.csv"),
     )
     probe.spin_until(lambda: started["scripted_expert"].poll() is not None)
-    probe.spin_until(lambda: bool(models) and models[-1].fit.n_episodes == 3)
+    probe.spin_until(lambda: bool(models) and models[-1].fit.n_episodes == 2)
     nodes.end_all()
     offline, _ = demonstrations_of_bag(tmp_path / "bag", GRID, HALLWAY.decision_period_s)
     save_decisions(tmp_path / "offline.csv", offline.decisions)
