@@ -17,7 +17,7 @@ from experiments.running.statistics import StatisticsSettings, mean_interval, pa
 from experiments.running.tables import Row
 from report import style
 from report.style import new_figure
-from serd_app.demonstrations.concatenate import concatenate_renumbered
+from serd_app.demonstrations.decision_table import concatenate_renumbered
 from serd_core.arrays import FloatArray
 from serd_core.bayes.design import expected_information_gain
 from serd_core.bayes.laplace import laplace

@@ -20,7 +20,7 @@ from experiments.running.tables import Row
 from report import style
 from report.learners import bar_lengths
 from report.style import new_figure
-from serd_app.demonstrations.concatenate import concatenate
+from serd_app.demonstrations.decision_table import concatenate
 from serd_core.arrays import FloatArray, IntArray, weighted_counts
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions

@@ -1,7 +1,13 @@
-"""Decisions (s, a, s') as a CSV table; numbers read back exactly."""
+"""Decisions (s, a, s') as a CSV table, whose numbers read back exactly; several tables as one."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from serd_app.errors import AppError
+from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from storage.errors import FileError
@@ -15,6 +21,7 @@ COLUMNS = (
     Column("next_state", int),
     Column("source", str),
 )
+_LABEL = ", episodes"
 _NUMBERS = tuple(column.name for column in COLUMNS[:-1])
 
 
@@ -35,3 +42,44 @@ def load_decisions(path: str | Path) -> Decisions:
         )
     except SerdError as error:
         raise FileError(f"{path}: {error}") from None
+
+
+def concatenate(tables: Sequence[Decisions]) -> Decisions:
+    """All rows of several tables, one after the other; episodes keep their numbers."""
+    return Decisions(
+        episode=np.concatenate([table.episode for table in tables]),
+        time_s=np.concatenate([table.time_s for table in tables]),
+        state=np.concatenate([table.state for table in tables]),
+        action=np.concatenate([table.action for table in tables]),
+        next_state=np.concatenate([table.next_state for table in tables]),
+        source="; ".join(dict.fromkeys(table.source for table in tables)),
+    )
+
+
+def concatenate_renumbered(tables: Sequence[Decisions]) -> Decisions:
+    """All rows in the order given; episodes of later tables are numbered on from the last.
+
+    Episodes keep their numbers in the first table; within each table their order is kept. Where
+    the sources differ, the source of the result names the episodes of each.
+    """
+    if not tables:
+        raise AppError("tables must hold at least one table of decisions, got none")
+    episodes, following = [], 0
+    for table in tables:
+        shift = max(0, following - int(table.episode.min(initial=following)))
+        episodes.append(table.episode + shift)
+        following = max(following, int(episodes[-1].max(initial=-1)) + 1)
+    source = _source([table.source for table in tables], episodes)
+    return replace(concatenate(tables), episode=np.concatenate(episodes), source=source)
+
+
+def _source(sources: Sequence[str], episodes: Sequence[IntArray]) -> str:
+    if len(set(sources)) == 1:
+        return sources[0]
+    return "; ".join(map(_labelled, sources, episodes))
+
+
+def _labelled(source: str, episodes: IntArray) -> str:
+    if not len(episodes) or _LABEL in source:
+        return source
+    return f"{source}{_LABEL} {episodes.min()} to {episodes.max()}"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from bags.errors import BagError
-from serd_app.demonstrations.concatenate import concatenate_renumbered
+from serd_app.demonstrations.decision_table import concatenate_renumbered
 from serd_app.demonstrations.discretise import (
     DiscretisationReport,
     decisions_from_drive,

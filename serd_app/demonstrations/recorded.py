@@ -11,8 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from serd_app.demonstrations.concatenate import concatenate_renumbered
-from serd_app.demonstrations.decision_table import save_decisions
+from serd_app.demonstrations.decision_table import concatenate_renumbered, save_decisions
 from serd_app.demonstrations.demonstrations import demonstrations_of_each, joined_demonstrations
 from serd_app.demonstrations.discretise import DiscretisationReport, Faults
 from serd_app.demonstrations.grid.flow_field import FlowField

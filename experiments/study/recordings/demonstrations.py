@@ -22,8 +22,11 @@ from experiments.study.recordings.drives import Purpose, drive_episodes, world_s
 from experiments.study.recordings.experts import EXPERTS, PEOPLE, planned_policy
 from experiments.study.recordings.reference import reference_dynamics
 from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
-from serd_app.demonstrations.concatenate import concatenate_renumbered
-from serd_app.demonstrations.decision_table import load_decisions, save_decisions
+from serd_app.demonstrations.decision_table import (
+    concatenate_renumbered,
+    load_decisions,
+    save_decisions,
+)
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.demonstrations.discretise import OFF_GRID, DiscretisationReport
 from serd_core.demonstrations.decisions import Decisions

@@ -14,7 +14,7 @@ import numpy as np
 
 from experiments.study.recordings.experts import EXPERTS
 from experiments.study.study import StudyWorld
-from serd_app.demonstrations.concatenate import concatenate
+from serd_app.demonstrations.decision_table import concatenate
 from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.demonstrations.measured_density import MeasuredDensity, density_at, joined_density
 from serd_app.drives.episode_spans import EpisodeSpan

@@ -15,8 +15,12 @@ from experiments.study.recordings.drives import Purpose, drive_episodes, world_s
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
 from report.summary import decisions_per_model
-from serd_app.demonstrations.concatenate import concatenate, concatenate_renumbered
-from serd_app.demonstrations.decision_table import load_decisions, save_decisions
+from serd_app.demonstrations.decision_table import (
+    concatenate,
+    concatenate_renumbered,
+    load_decisions,
+    save_decisions,
+)
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics

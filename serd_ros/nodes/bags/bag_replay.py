@@ -16,10 +16,10 @@ from bags.topic import RawMessage, selected_topics
 from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.replay_publishers import ReplayPublishers
 from serd_ros.errors import NodeError
 from serd_ros.graph.configs import BagReplayConfig
 from serd_ros.graph.readiness import Readiness
+from serd_ros.nodes.bags.replay_publishers import ReplayPublishers
 from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.run_node import run_node
 from serd_ros.process.serd_node import SerdNode

@@ -4,7 +4,7 @@ import pandas as pd
 from experiments.latent.hidden_actions import HiddenActionsConfig, terrain_problem
 from experiments.latent.mixed_experts import MEASURES, demonstrations, summary_of
 from experiments.study.recordings.drives import drive_in
-from serd_app.demonstrations.concatenate import concatenate_renumbered
+from serd_app.demonstrations.decision_table import concatenate_renumbered
 from serd_core.grid.navigation import FEATURE_NAMES
 from serd_core.mixtures.expert_types import choose_expert_types
 from serd_core.mixtures.rand_index import adjusted_rand_index

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.concatenate import concatenate_renumbered
-from serd_app.demonstrations.decision_table import save_decisions
+from serd_app.demonstrations.decision_table import concatenate_renumbered, save_decisions
 from serd_app.demonstrations.demonstrations import Demonstrations
 from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord

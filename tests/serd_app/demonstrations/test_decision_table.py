@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.demonstrations.concatenate import concatenate, concatenate_renumbered
+from serd_app.demonstrations.decision_table import concatenate, concatenate_renumbered
 from serd_app.errors import AppError
 from serd_core.demonstrations.decisions import Decisions
 
