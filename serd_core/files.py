@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy  # loads sparse at its first use
 from numpy.typing import NDArray
 
 from serd_core.errors import SerdError
@@ -57,6 +58,9 @@ def _encoded(value: Any, arrays: dict[str, NDArray[Any]], name: str) -> Any:
         key = f"array{len(arrays)}"
         arrays[key] = np.asarray(value)
         return {"array": key}
+    if isinstance(value, scipy.sparse.csr_array | scipy.sparse.csc_array):
+        parts = (value.data, value.indices, value.indptr, value.shape)
+        return {"sparse": value.format, "parts": _encoded(parts, arrays, name)}
     if isinstance(value, tuple | list):
         return {"tuple": [_encoded(each, arrays, f"{name}[{i}]") for i, each in enumerate(value)]}
     kind = type(value)
@@ -66,7 +70,7 @@ def _encoded(value: Any, arrays: dict[str, NDArray[Any]], name: str) -> Any:
         fields = {
             each.name: _encoded(getattr(value, each.name), arrays, f"{name}.{each.name}")
             for each in dataclasses.fields(value)
-            if each.init
+            if each.init and not each.name.startswith("_")  # these keep what was computed
         }
         return {"class": f"{kind.__module__}:{kind.__name__}", "fields": fields}
     raise SerdError(
@@ -82,6 +86,10 @@ def _decoded(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
         return arrays[value["array"]]
     if "tuple" in value:
         return tuple(_decoded(each, arrays) for each in value["tuple"])
+    if "sparse" in value:
+        *parts, shape = _decoded(value["parts"], arrays)
+        kind = scipy.sparse.csr_array if value["sparse"] == "csr" else scipy.sparse.csc_array
+        return kind(tuple(parts), shape=shape)
     if "enum" in value:
         return _class(value["enum"])(value["value"])
     kind = _class(value["class"])

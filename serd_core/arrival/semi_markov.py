@@ -212,7 +212,14 @@ class _Equations:
             entries = np.concatenate([np.ones(size), -weights[self._onward]])
             self._matrix.data = _complex_counts(self._place, entries, len(self._matrix.data))
             arriving = _complex_counts(self._row, weights[self._arriving], size)
-            found[self._moving] = splu(self._matrix, **_AS_ORDERED).solve(arriving)
+            try:
+                factor = splu(self._matrix, **_AS_ORDERED)
+            except RuntimeError:
+                raise SerdError(
+                    "moves of the chain must take time, got a loop that is certain and takes 0"
+                    " steps; give its dwell times a mass of 0 at step 0"
+                ) from None
+            found[self._moving] = factor.solve(arriving)
         return found
 
 

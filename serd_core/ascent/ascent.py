@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -42,24 +42,6 @@ class FunctionObjective(Objective):
 
 
 @dataclass(frozen=True, eq=False)
-class Scaled(Objective):
-    """An objective over its vector in units of `scale` (n,)."""
-
-    objective: Objective
-    scale: FloatArray
-
-    def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """Value and (n,) gradient."""
-        value, gradient = self.objective.evaluate(vector * self.scale)
-        return value, gradient * self.scale
-
-    def hessian(self, vector: FloatArray) -> FloatArray:
-        """(n, n) second derivatives."""
-        table = self.objective.hessian(vector * self.scale)
-        return np.asarray(table * np.outer(self.scale, self.scale))
-
-
-@dataclass(frozen=True, eq=False)
 class Step:
     """Progress after one accepted step; `vector` is the point it reached."""
 
@@ -96,6 +78,37 @@ class Ascent(ABC):
         self, objective: Objective, start: FloatArray, on_step: StepCallback | None = None
     ) -> AscentResult:
         """Climb from `start` (n,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled(Objective):
+    """An objective over its vector in units of `scale` (n,)."""
+
+    objective: Objective
+    scale: FloatArray
+
+    def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
+        """Value and (n,) gradient."""
+        value, gradient = self.objective.evaluate(vector * self.scale)
+        return value, gradient * self.scale
+
+    def hessian(self, vector: FloatArray) -> FloatArray:
+        """(n, n) second derivatives."""
+        table = self.objective.hessian(vector * self.scale)
+        return np.asarray(table * np.outer(self.scale, self.scale))
+
+    def maximum(
+        self, ascent: Ascent, start: FloatArray, on_step: StepCallback | None = None
+    ) -> AscentResult:
+        """The end of an ascent from `start` in these units; all vectors are in their own."""
+
+        def in_own_units(step: Step) -> bool | None:
+            assert on_step is not None
+            return on_step(replace(step, vector=step.vector * self.scale))
+
+        callback = None if on_step is None else in_own_units
+        found = ascent.maximise(self, start / self.scale, callback)
+        return replace(found, vector=found.vector * self.scale)
 
 
 @dataclass(frozen=True, eq=False)

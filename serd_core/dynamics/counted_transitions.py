@@ -38,6 +38,11 @@ def counted_transitions(
     """
     require_shown(decisions, "the M-estimate of dynamics by counts")
     model = problem.mdp.transitions
+    if isinstance(model, SparseModel) and model.n_copies > 1:
+        raise SerdError(
+            f"problem must have one period to count transitions in, got {model.n_copies}; pass"
+            " finite_horizon the counted transitions of the problem itself"
+        )
     probability = _counted(model, observe(problem.mdp, decisions), pseudo_count)
     state, action = np.divmod(model.groups.row, model.n_actions)
     known = fixed_transitions(
@@ -59,7 +64,7 @@ def most_likely_parameters(
         return model.probabilities.parameters_of(model.gather(counted))
     start = np.zeros(model.n_parameters)
     model.require_transitions(model.local_probabilities(start))
-    counts = seen.counts(model) + _checked(pseudo_count)
+    counts = seen.counts(model) + _checked(pseudo_count) / model.n_copies
     found = NewtonAscent().maximise(LogLikelihood(model, counts), start)
     if not found.converged:
         raise SerdError(

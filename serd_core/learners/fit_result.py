@@ -18,11 +18,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Assumptions:
-    """What a fit assumed; prior: without that of the belief."""
+    """What a fit assumed; prior: without that of the belief.
+
+    by_likelihood: whether it maximised the likelihood, with the prior; other criteria have maxima
+    elsewhere.
+    """
 
     policy_model: PolicyModel
     belief: Belief
     prior: Prior
+    by_likelihood: bool = True
 
     @property
     def whole_prior(self) -> Prior:

@@ -7,7 +7,13 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import FloatArray, require_kind
-from serd_core.ascent.ascent import Ascent, AscentResult, FunctionObjective, StepCallback
+from serd_core.ascent.ascent import (
+    Ascent,
+    AscentResult,
+    FunctionObjective,
+    Scaled,
+    StepCallback,
+)
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe
 from serd_core.dynamics.transition_model import Transitions, transitions_of
@@ -20,6 +26,7 @@ from serd_core.learners.start import (
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import PolicyModel
 from serd_core.posterior.beliefs import FixedBelief
+from serd_core.posterior.coordinates import feature_ranges
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior
@@ -52,13 +59,17 @@ class RewardSearch:
     ) -> FitResult:
         """The fit at the maximum of a function of the (F,) weights with its gradient."""
         require_kind("ascent", ascent, (Ascent,), "Lbfgs()")
-        return self.result(
-            ascent.maximise(FunctionObjective(objective), self.start.reward, on_step)
+        scale = 1.0 / feature_ranges(self.problem)
+        found = Scaled(FunctionObjective(objective), scale).maximum(
+            ascent, self.start.reward, on_step
         )
+        return self.result(found)
 
     def result(self, ascended: AscentResult) -> FitResult:
         """The fit of an ascent over the weights, with the likelihood of its policy."""
-        assumptions = Assumptions(self.policy_model, FixedBelief(), UniformPrior())
+        assumptions = Assumptions(
+            self.policy_model, FixedBelief(), UniformPrior(), by_likelihood=False
+        )
         posterior = Posterior(self.problem, self.observations, self.policy_model, assumptions.prior)
         parameters = self.start.with_block(Block.REWARD, ascended.vector)
         return fit_result(

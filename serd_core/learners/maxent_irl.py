@@ -81,12 +81,12 @@ class TrajectoryModel:
     ) -> tuple[float, FloatArray]:
         """sum_s starts(s) log Z_T(s) and its (F,) gradient: expected feature counts."""
         mdp, features = self.problem.mdp, self.problem.features
-        rewards = np.where(mdp.available, features @ weights, -np.inf)
+        rewards = features @ weights
         ends = absorption_features(self.problem) * mdp.discount**length
         log_z, choices, moves = ends @ weights, [], []
         for step in reversed(range(length)):
             onward, move = self._expected_exponential(log_z)
-            q = mdp.discount**step * rewards + onward
+            q = mdp.discount**step * rewards + onward  # -inf where an action is unavailable
             log_z = _log_sum_exp(q)
             choices.append(np.exp(q - log_z[:, None]))
             moves.append(move)

@@ -68,8 +68,8 @@ def fit_several_goals(
     ranges = np.max([feature_ranges(problem) for problem, _ in goals], axis=0)
     each = [_log_likelihood(problem, decisions, dynamics) for problem, decisions in goals]
     objective = SumOverGoals(each)
-    found = NewtonAscent().maximise(Scaled(objective, 1.0 / ranges), start * ranges, on_step)
-    weights = found.vector / ranges
+    found = Scaled(objective, 1.0 / ranges).maximum(NewtonAscent(), start, on_step)
+    weights = found.vector
     return SharedRewards(
         feature_names=names,
         reward_weights=weights,

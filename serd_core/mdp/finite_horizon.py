@@ -10,7 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, first_index, float_array, int_array
+from serd_core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_index,
+    float_array,
+    int_array,
+)
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.sparse_model import SparseModel, fixed_transitions
@@ -46,7 +53,9 @@ def finite_horizon(
     periods = np.broadcast_to(given, (n_periods, *given.shape))
     if features is not None:
         periods = float_array("features", features, periods.shape)
-    paid = np.where(mdp.final[:, None, None], given, 0.0)
+    last = _last_action(mdp.available)
+    goes_on = given[np.arange(n_states), last][:, None]
+    paid = np.where(mdp.final[:, None, None], goes_on, np.zeros_like(given))
     if terminal_features is not None:
         once = float_array("terminal_features", terminal_features, (n_states, n_features))
         paid = np.broadcast_to((1.0 - mdp.discount) * once[:, None], given.shape)
@@ -99,6 +108,11 @@ def _places(decisions: Decisions) -> IntArray:
     return place
 
 
+def _last_action(available: BoolArray) -> IntArray:
+    """(S,) the one action in period T: the first that the state has."""
+    return np.asarray(available.argmax(axis=1))
+
+
 def _in_periods(model: TransitionModel, n_periods: int) -> TransitionModel:
     """The same transitions, each into the next period; those of the last one stay."""
     if isinstance(model, OutcomeModels):
@@ -117,7 +131,7 @@ def _outcomes_in_periods(model: OutcomeModels, n_periods: int) -> OutcomeModels:
     moved = (model.successors.astype(np.int64) + shift).reshape(-1, *model.successors.shape[1:])
     last = n_states * n_periods + np.arange(n_states)
     stays = np.broadcast_to(last[:, None, None], model.successors.shape)
-    only_first = np.broadcast_to(np.arange(n_actions) == 0, (n_states, n_actions))
+    only_first = np.arange(n_actions) == _last_action(model.available)[:, None]
     return replace(
         model,
         successors=np.concatenate([moved, stays]),
@@ -132,7 +146,7 @@ def _entries_in_periods(model: SparseModel, n_periods: int) -> SparseModel:
     last = n_states * n_periods + np.arange(n_states)
     columns = (
         np.concatenate([np.tile(model.state, n_periods) + n_states * period, last]),
-        np.concatenate([np.tile(model.action, n_periods), np.zeros_like(last)]),
+        np.concatenate([np.tile(model.action, n_periods), _last_action(model.available)]),
         np.concatenate([np.tile(model.next_state, n_periods) + n_states * (period + 1), last]),
     )
     n_pairs = (n_states * (n_periods + 1), n_actions)
@@ -140,7 +154,8 @@ def _entries_in_periods(model: SparseModel, n_periods: int) -> SparseModel:
     if not model.parameter_count:
         return fixed_transitions(n_pairs, *columns, entries(np.zeros(0)))
     gradient = _SummedGradient(model.vector_jacobian, n_periods, n_states)
-    return SparseModel(n_pairs, *columns, model.parameter_count, entries, gradient)
+    n_copies = n_periods * model.n_copies
+    return SparseModel(n_pairs, *columns, model.parameter_count, entries, gradient, n_copies)
 
 
 @dataclass(frozen=True, eq=False)

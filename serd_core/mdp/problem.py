@@ -42,6 +42,11 @@ class TabularProblem:
     feature_names: tuple[str, ...]
 
     def __post_init__(self) -> None:
+        if not len(self.feature_names):
+            raise SerdError(
+                "feature_names must name at least one feature, got none; a feature that is constant"
+                " makes a null model"
+            )
         shape = (self.mdp.n_states, self.mdp.n_actions, len(self.feature_names))
         given = np.asarray(self.features)
         if given.shape == shape and not (given.strides[1] == 0 and np.isfinite(given[:, 0]).all()):

@@ -251,8 +251,8 @@ def fit_routes(
     start = _start(likelihood, initial_weights)
     sizes = np.abs(network.features).max(axis=0)
     scale = 1.0 / np.where(sizes > 0, sizes, 1.0)
-    found = NewtonAscent(max_steps=max_steps).maximise(Scaled(likelihood, scale), start / scale)
-    weights = found.vector * scale
+    found = Scaled(likelihood, scale).maximum(NewtonAscent(max_steps=max_steps), start)
+    weights = found.vector
     return RouteFit(
         feature_names=network.feature_names,
         weights=weights,

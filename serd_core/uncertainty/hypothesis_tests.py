@@ -141,7 +141,7 @@ def vuong_test(
             f"the models must differ in what they predict of at least 2 episodes, got {len(each)}"
             f" with a standard deviation of {spread}; use likelihood_ratio_test for nested ones"
         )
-    statistic = float(np.sum(each)) / (np.sqrt(len(each)) * spread)
+    statistic = float(np.sum(each) / (np.sqrt(len(each)) * spread))
     return HypothesisTest(statistic, None, float(2.0 * scipy.stats.norm.sf(abs(statistic))))
 
 
@@ -160,6 +160,12 @@ def _require_likelihood(*fits: FitResult) -> None:
             raise SerdError(
                 "a test of likelihoods must have fits that record what they assumed, got"
                 " assumptions=None; fit again"
+            )
+        if not own.by_likelihood:
+            raise SerdError(
+                "a test of likelihoods must have fits that maximised the likelihood, got one by"
+                " another criterion; use fit_mdce_irl_by_likelihood, or fit_mdce_serd with"
+                " prior=UniformPrior()"
             )
         proper = [
             prior for prior in (own.prior, own.belief.prior) if not isinstance(prior, UniformPrior)

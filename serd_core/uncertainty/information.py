@@ -29,7 +29,7 @@ from serd_core.posterior.derivatives.posterior_hessian import (
 )
 from serd_core.posterior.derivatives.scores import transition_scores
 from serd_core.posterior.hidden_actions import move_scores
-from serd_core.posterior.parameters import Parameters
+from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import Prior
 
@@ -104,9 +104,11 @@ def fit_information(
     free_scores = scores @ jacobian
     sizes = score_sizes(posterior, fit.parameters, q, by_q)
     counts = np.concatenate([observations.group_count, observations.hidden.count])
+    observed = -vector_hessian(assumed.belief, hessian, at.gradient, fit.parameters)
+    scaling = _free_scaling(posterior, fit.parameters, jacobian)
     return Information(
         names=free_names(problem, fit.parameters, jacobian),
-        observed=-vector_hessian(assumed.belief, hessian, at.gradient, fit.parameters),
+        observed=observed if scaling is None else _flat_along(scaling, observed),
         outer_product=(free_scores * counts[:, None]).T @ free_scores,
         gradient=assumed.belief.pull_back(at.gradient, fit.parameters),
         score_sizes=np.max(np.abs(jacobian) * sizes[:, None], axis=0),
@@ -118,6 +120,30 @@ def fit_information(
         key=observations.key,
         scores=free_scores,
     )
+
+
+def _free_scaling(
+    posterior: Posterior, at: Parameters, jacobian: FloatArray
+) -> FloatArray | None:
+    """(n,) direction in which all weights grow with the temperature, where nothing determines it.
+
+    Policies over optimal Q-values depend on the ratio alone; the prior may hold either.
+    """
+    if not len(at.policy):
+        return None
+    both = at.zeros().with_block(Block.REWARD, at.reward).with_block(Block.POLICY, at.policy)
+    model, prior = posterior.problem.mdp.transitions, posterior.prior
+    held = prior.hessian(model, at) @ both.vector
+    if np.any(held) or float(prior.evaluate(model, at).gradient.vector @ both.vector):
+        return None
+    return np.asarray(np.linalg.lstsq(jacobian, both.vector)[0])
+
+
+def _flat_along(direction: FloatArray, matrix: FloatArray) -> FloatArray:
+    """(n, n) the symmetric matrix without what rounding and an inexact maximum leave along one."""
+    unit = direction / np.linalg.norm(direction)
+    across = np.eye(len(unit)) - np.outer(unit, unit)
+    return np.asarray(across @ matrix @ across)
 
 
 def _assumptions(

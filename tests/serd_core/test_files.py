@@ -56,3 +56,17 @@ def test_other_files_are_refused(tmp_path):
     for name in ("text.npz", "arrays.npz"):
         with pytest.raises(sc.SerdError, match="must be a file written by save"):
             sc.load(tmp_path / name)
+
+
+def test_a_mixture_of_experts_comes_back(tmp_path):
+    rng = np.random.default_rng(0)
+    table = rng.dirichlet(np.ones(4), size=(4, 2))
+    problem = sc.from_transitions(table, rng.normal(size=(4, 2, 1)), discount=0.8)
+    policy = sc.soft_policy(problem, [1.0]).probabilities
+    decisions = sc.sample_decisions(problem.mdp, policy, n_episodes=8, n_steps=6, rng=rng)
+    types = sc.fit_expert_types(problem, decisions, 2)
+    sc.save(tmp_path / "types.npz", types)
+    read = sc.load(tmp_path / "types.npz")
+    np.testing.assert_array_equal(read.reward_weights, types.reward_weights)
+    # Computed anew, from other starting values of the Bellman equation.
+    np.testing.assert_allclose(read.responsibilities, types.responsibilities, atol=1e-12)

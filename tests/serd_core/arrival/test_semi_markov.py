@@ -142,3 +142,9 @@ def test_negative_probabilities_are_rejected():
 def test_masses_that_are_no_probabilities_are_rejected():
     with pytest.raises(SerdError, match=r"mass\[1\] must be probabilities"):
         DwellTimes(0.1, np.array([[0, 1.0], [0.7, 0.7]]))
+
+
+def test_a_certain_loop_that_takes_no_time_is_rejected():
+    chain = RenewalChain([0, 1], [0, 1], [1.0, 1.0], [0, 0], [False, True])
+    with pytest.raises(SerdError, match="moves of the chain must take time"):
+        semi_markov_arrival(chain, DwellTimes(1.0, np.array([[1.0]])), 5)

@@ -3,6 +3,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+import serd_core as sc
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.sparse_model import fixed_transitions
@@ -152,3 +153,14 @@ def test_stochastic_demonstrations_give_a_finite_converged_fit(make_gridworld):
         case.problem, sampled, initial_weights=np.ones(2), dynamics=case.probabilities
     )
     np.testing.assert_allclose(indifferent.reward_weights, 0, atol=0.3)
+
+
+def test_an_unavailable_action_has_no_part_where_the_future_is_worth_nothing():
+    rng = np.random.default_rng(0)
+    table = rng.dirichlet(np.ones(4), size=(4, 3))
+    table[0, 2] = 0.0
+    problem = sc.from_transitions(table, rng.normal(size=(4, 3, 2)), discount=0.0)
+    policy = sc.soft_policy(problem, [1.0, 1.0]).probabilities
+    decisions = sc.sample_decisions(problem.mdp, policy, n_episodes=9, n_steps=5, rng=rng)
+    fit = sc.fit_maxent_irl(problem, decisions, initial_weights=np.zeros(2))
+    assert fit.converged

@@ -6,6 +6,7 @@ from scipy.special import logsumexp
 
 import serd_core as sc
 from serd_core.errors import SerdError
+from serd_core.posterior.parameters import Parameters
 
 WEIGHTS = np.array([1.5, -0.7])
 TRUTH = np.array([[0.7, 0.2, 0.1], [0.1, 0.3, 0.6]])
@@ -185,3 +186,39 @@ def test_what_does_not_fit_is_rejected():
     given = sc.decisions_in_periods(decisions, 6, 9, period=np.array([3, 4]))
     assert given.state.tolist() == [18, 25]
     assert given.next_state.tolist() == [25, 32]
+
+
+def test_a_final_state_goes_on_paying_for_the_one_action_it_has():
+    table, features = np.zeros((3, 2, 3)), np.zeros((3, 2, 1))
+    table[0, 0, 1] = table[0, 1, 2] = table[1, 0, 0] = table[1, 1, 2] = table[2, 1, 2] = 1.0
+    features[0, 0], features[2, 1] = 0.3, 1.0
+    problem = sc.from_transitions(table, features, discount=0.9)
+    ended = sc.soft_policy(sc.finite_horizon(problem, 3), [2.0])
+    value = np.array([0.0, 0.0, 2.0 / (1.0 - 0.9)])
+    for _ in range(3):
+        quality = features[:, :, 0] * 2.0 + 0.9 * table @ value
+        value = logsumexp(np.where(problem.mdp.available, quality, -np.inf), axis=1)
+    np.testing.assert_allclose(ended.value[:3], value, rtol=1e-12)
+
+
+def test_pseudo_counts_are_of_all_periods_together():
+    rng = np.random.default_rng(0)
+    table, features = rng.dirichlet(np.ones(3), size=(3, 2)), rng.normal(size=(3, 2, 1))
+    problem = sc.from_transitions(table, features, discount=0.9, learned=True)
+    known = sc.from_transitions(table, features, discount=0.9)
+    policy = sc.soft_policy(known, [1.0]).probabilities
+    decisions = sc.sample_decisions(known.mdp, policy, n_episodes=30, n_steps=4, rng=rng)
+    several = sc.finite_horizon(problem, 4)
+    moved = sc.decisions_in_periods(decisions, 3, 4)
+    np.testing.assert_allclose(
+        sc.estimate_dynamics(several, moved), sc.estimate_dynamics(problem, decisions), atol=1e-8
+    )
+    parameters = rng.normal(size=problem.mdp.transitions.n_parameters)
+    at = Parameters(np.zeros(1), parameters, parameters, np.zeros(0))
+    of_one, of_several = (
+        sc.DirichletPrior(2.0).evaluate(each.mdp.transitions, at) for each in (problem, several)
+    )
+    assert of_several.value == pytest.approx(of_one.value)
+    np.testing.assert_allclose(of_several.gradient.truth, of_one.gradient.truth, atol=1e-12)
+    with pytest.raises(SerdError, match="one period to count transitions in, got 4"):
+        sc.counted_transitions(several, moved)

@@ -149,3 +149,8 @@ def test_transitions_to_be_learned_keep_their_terminal_states():
     problem = sc.from_transitions(table, [[0.0], [1.0]], discount=0.5, terminal=[1], learned=True)
     assert problem.mdp.transitions.n_parameters == 1
     assert problem.mdp.final.tolist() == [False, True]
+
+
+def test_a_problem_has_a_feature():
+    with pytest.raises(sc.SerdError, match="at least one feature, got none"):
+        sc.from_transitions(np.ones((1, 1, 1)), np.zeros((1, 0)), discount=0.9)

@@ -7,6 +7,7 @@ import pytest
 import scipy.stats
 
 import serd_core as sc
+from serd_core.errors import SerdError
 from serd_core.selection.evaluation import decision_log_likelihoods
 from serd_core.uncertainty import hypothesis_tests
 
@@ -333,3 +334,53 @@ def test_likelihood_ratios_are_those_of_nested_fits_of_the_same_decisions():
         sc.likelihood_ratio_test(full, restricted, n_restrictions=1)
     with pytest.raises(sc.SerdError, match="got assumptions=None; fit again"):
         sc.likelihood_ratio_test(replace(restricted, assumptions=None), full)
+
+
+def random_problem(seed, scale=1.0):
+    rng = np.random.default_rng(seed)
+    table, features = rng.dirichlet(np.ones(5), size=(5, 3)), scale * rng.normal(size=(5, 3, 2))
+    problem = sc.from_transitions(table, features, discount=0.9)
+    policy = sc.soft_policy(problem, np.array([1.0, -0.7]) / scale).probabilities
+    return problem, sc.sample_decisions(problem.mdp, policy, n_episodes=40, n_steps=10, rng=rng)
+
+
+def test_tests_of_likelihoods_refuse_fits_by_other_criteria():
+    problem, decisions = random_problem(0)
+    likely = fitted(problem, decisions)
+    for fit in (sc.fit_mdce_irl_by_entropy, sc.fit_maxent_irl, sc.fit_policy_matching):
+        other = fit(problem, decisions, initial_weights=np.zeros(2))
+        with pytest.raises(SerdError, match="by another criterion; use fit_mdce_irl_by_likelihood"):
+            sc.likelihood_ratio_test(other, likely, n_restrictions=1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_policy_matching_alone_does_not_determine_the_scale_of_rewards(seed):
+    problem, decisions = random_problem(seed)
+    fit = sc.fit_pm_serd(problem, decisions, initial_weights=np.zeros(2))
+    assert np.isinf(
+        sc.standard_errors(problem, sc.fit_information(problem, decisions, fit)).reward
+    ).all()
+    held = sc.fit_pm_serd(
+        problem,
+        decisions,
+        initial_weights=np.zeros(2),
+        prior=sc.GaussianPrior(0.1, sc.Block.POLICY, 1.0),
+    )
+    errors = sc.standard_errors(problem, sc.fit_information(problem, decisions, held)).reward
+    assert np.isfinite(errors).all()
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_units_of_features_change_no_fit(scale):
+    (problem, decisions), (other, same) = random_problem(1), random_problem(1, scale)
+    np.testing.assert_array_equal(decisions.action, same.action)
+    for fit in (
+        sc.fit_mdce_irl_by_likelihood,
+        sc.fit_mdce_irl_by_entropy,
+        sc.fit_maxent_irl,
+        sc.fit_policy_matching,
+    ):
+        wanted = fit(problem, decisions, initial_weights=np.zeros(2))
+        found = fit(other, same, initial_weights=np.zeros(2))
+        assert found.converged, found.message
+        np.testing.assert_allclose(found.reward_weights * scale, wanted.reward_weights, atol=1e-3)
