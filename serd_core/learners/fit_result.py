@@ -49,7 +49,8 @@ class FitResult:
     policy_log_likelihood, dynamics_log_likelihood: of decisions with their action;
     hidden_log_likelihood: of those without.
     gradient_norm: largest entry of the gradient over the numbers that were free, for SERD per
-    decision; at a kink that of the smallest mean of the gradients around (`KinkedAscent`).
+    decision, for learners of rewards alone over weights times the range of their feature; at a
+    kink that of the smallest mean of the gradients around (`KinkedAscent`).
     converged: the gradient norm is within the ascent's tolerance, the last Bellman solve certified,
     and where J is smooth Newton's method finds the only maximum there (`learners.certificate`).
     undetermined: directions along which J is constant; a fit that has any did not converge.
