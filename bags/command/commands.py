@@ -1,8 +1,8 @@
 """The commands, on any screen. Each returns its exit code: 1 where a bag is not sound or whole."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, TypeVar
 
 from bags.command.results import (
     Line,
@@ -21,11 +21,12 @@ from bags.command.results import (
 from bags.command.rewrite import RewriteReport, convert, recover
 from bags.errors import BagError
 from bags.formats.rosbag2.layout import storage_name
-from bags.health.check import check_bag
-from bags.health.contents import contents_of_bag
+from bags.health.check import BagCheck, check_bag
+from bags.health.contents import BagContents, contents_of_bag
 
 FAILED = 1
 Compression = Literal["none", "zstd"]
+Result = TypeVar("Result")
 
 
 class Screen(Protocol):
@@ -51,29 +52,28 @@ class Screen(Protocol):
 
 def show_contents(bags: Sequence[Path], screen: Screen) -> int:
     """`info`: what bags hold."""
-    found = [contents_of_bag(bag) for bag in bags]
-    if screen.as_json:
-        screen.values([contents_values(each) for each in found])
-        return 0
-    for each in found:
-        screen.heading(bag_heading(each))
-        screen.table(contents_table(each))
-        for fault in each.faults:
+
+    def show(contents: BagContents) -> None:
+        screen.heading(bag_heading(contents))
+        screen.table(contents_table(contents))
+        for fault in contents.faults:
             screen.remark(fault)
+
+    _shown(map(contents_of_bag, bags), show, contents_values, screen)
     return 0
 
 
 def show_checks(bags: Sequence[Path], required: Sequence[str], screen: Screen) -> int:
     """`check`: read bags completely and list their faults."""
-    checks = [check_bag(bag, required) for bag in bags]
-    if screen.as_json:
-        screen.values([check_values(each) for each in checks])
-    else:
-        for each in checks:
-            screen.heading(bag_heading(each))
-            screen.table(check_table(each))
-            for line in verdict(each):
-                screen.line(line)
+
+    def show(check: BagCheck) -> None:
+        screen.heading(bag_heading(check))
+        screen.table(check_table(check))
+        for line in verdict(check):
+            screen.line(line)
+
+    found = (check_bag(bag, required) for bag in bags)
+    checks = _shown(found, show, check_values, screen)
     return 0 if all(each.sound for each in checks) else FAILED
 
 
@@ -104,16 +104,32 @@ def _rewritten(
 ) -> list[RewriteReport]:
     if output is not None and len(bags) > 1:
         raise BagError(f"--output must be left out for several bags, got {output}; run each")
-    reports = [rewrite(bag, output or _beside(bag, ending)) for bag in bags]
-    if screen.as_json:
-        screen.values([rewrite_values(each) for each in reports])
-        return reports
-    for report in reports:
+
+    def show(report: RewriteReport) -> None:
         screen.heading(rewrite_heading(report))
         screen.table(rewrite_table(report))
         for line in loss_lines(report):
             screen.line(line)
-    return reports
+
+    reports = (rewrite(bag, output or _beside(bag, ending)) for bag in bags)
+    return _shown(reports, show, rewrite_values, screen)
+
+
+def _shown(
+    found: Iterable[Result],
+    show: Callable[[Result], None],
+    values_of: Callable[[Result], dict[str, Any]],
+    screen: Screen,
+) -> list[Result]:
+    """All results; each is shown before the next bag is read, which may fail."""
+    results = []
+    for each in found:
+        results.append(each)
+        if not screen.as_json:
+            show(each)
+    if screen.as_json:
+        screen.values([values_of(each) for each in results])
+    return results
 
 
 def _beside(bag: Path, ending: str) -> Path:

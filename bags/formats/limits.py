@@ -12,6 +12,8 @@ MOST_DEFINITIONS = 32 << 20
 #: Lines in which the faults of a bag are reported.
 MOST_FAULTS = 20
 MOST_FAULTS_OF_A_FILE = 12
+#: Of messages that are left out: no bag can hold such times.
+WRONG_TIMES = "messages have times outside of 0 to 2^63-1 ns"
 
 
 def most_unpacked(file_size: int) -> int:

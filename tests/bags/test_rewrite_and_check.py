@@ -8,6 +8,7 @@ from operator import itemgetter
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer as FileWriter
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -289,3 +290,43 @@ def test_check_reports_damage(small_bag):
     folder = small_bag()
     (folder / "metadata.yaml").unlink()
     assert not check_bag(folder).sound
+
+
+def foreign_file(path, messages, kinds, times_ns):
+    """An MCAP file with a channel of one topic for each kind, by turns."""
+    with path.open("wb") as stream:
+        writer = FileWriter(stream)
+        writer.start(profile="ros2")
+        channels = [
+            writer.register_channel("/pose", "cdr", writer.register_schema(name, "ros2msg", text))
+            for name, text in kinds
+        ]
+        for number, time_ns in enumerate(times_ns):
+            data = messages.pose(number, 1.0, 2.0)
+            writer.add_message(channels[number % len(channels)], time_ns, data, time_ns)
+        writer.finish()
+    return path
+
+
+def test_messages_of_a_second_type_are_left_out_and_counted(messages, tmp_path):
+    text = message_type(POSE).text
+    commented = "# as recorded elsewhere\n" + text
+    kinds = [(POSE, text.encode()), (POSE, commented.encode()), (POSE, b"float64 other")]
+    bag = foreign_file(tmp_path / "two.mcap", messages, kinds, range(90))
+    faults = check_bag(bag).faults
+    assert any("30 messages are of another type than the first of their topic" in f for f in faults)
+    report = recover(bag, tmp_path / "kept")
+    assert (report.n_messages, report.n_lost) == (60, 30)
+    with AnyReader([tmp_path / "kept"]) as reader:
+        for connection, _, data in reader.messages():
+            assert reader.deserialize(data, connection.msgtype).pose.position.x == 1.0
+
+
+@pytest.mark.parametrize("time_ns", [2**63, 2**64 - 1])
+def test_a_time_that_no_bag_can_hold_costs_its_message_alone(messages, tmp_path, time_ns):
+    kinds = [(POSE, message_type(POSE).text.encode())]
+    bag = foreign_file(tmp_path / "odd.mcap", messages, kinds, [*range(40), time_ns])
+    check = check_bag(bag)
+    assert any("1 messages have times outside of 0 to 2^63-1 ns" in f for f in check.faults)
+    report = recover(bag, tmp_path / "kept")
+    assert (report.n_messages, report.n_lost) == (40, 1)

@@ -1,5 +1,6 @@
 """Schemas and channels of one MCAP file, wherever they stand: data section, chunks or summary."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 from mcap.opcode import Opcode
@@ -72,6 +73,14 @@ class Definitions:
                 found[channel.topic] = self._topic(channel)
         return list(found.values())
 
+    def is_of_its_topic(self, number: int) -> bool:
+        """Whether a channel has the type of the first channel of its topic."""
+        channel = self.channels[number]
+        first = next(each for each in self.channels.values() if each.topic == channel.topic)
+        own, of_topic = self._schema(channel), self._schema(first)
+        same_text = _fields(own.text) == _fields(of_topic.text)
+        return channel.encoding == first.encoding and own.name == of_topic.name and same_text
+
     def names(self, number: int) -> tuple[str, str]:
         """(topic, type name) of a channel."""
         channel = self.channels[number]
@@ -107,3 +116,10 @@ class Definitions:
         name, encoding, text = self._schema(channel)
         recorded = MessageType(name, text, channel.type_hash, encoding)
         return Topic(channel.topic, recorded, qos_of_text(channel.qos), channel.encoding)
+
+
+@lru_cache(maxsize=256)
+def _fields(text: str) -> list[list[str]]:
+    """The words of each line of a definition that has any but a comment."""
+    lines = (line.split("#")[0].split() for line in text.splitlines())
+    return [words for words in lines if words]

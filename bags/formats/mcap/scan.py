@@ -12,6 +12,7 @@ from mcap.opcode import Opcode
 
 from bags.damage import Damage, DamageLog
 from bags.errors import BagError
+from bags.formats.limits import WRONG_TIMES
 from bags.formats.mcap.data_section import IN_AREAS, Area, DataSection
 from bags.formats.mcap.definitions import DEFINITIONS
 from bags.formats.mcap.file_end import FileEnd
@@ -89,7 +90,7 @@ class McapScan:
         unpack_message, message_size = MESSAGE_HEAD.unpack_from, MESSAGE_HEAD.size
         counts, names = self._counts, dict[int, tuple[str, str] | None]()
         block, offset, end, is_chunk, is_torn = area
-        left, n_unknown = section.n_records, 0
+        left, n_unknown, n_other, n_untimed = section.n_records, 0, 0, 0
         for left in range(section.n_records - 1, -1, -1):  # noqa: B007 (what is left after it)
             if offset + message_size > end or block[offset] != _MESSAGE:
                 following = self._skip(section, area, offset)
@@ -106,9 +107,15 @@ class McapScan:
                 offset = following
                 continue
             offset = following
+            if (log_time | publish_time) >> 63:
+                n_untimed += 1
+                continue
             if number not in names:
                 if not self._is_defined(section, area, number):
                     n_unknown += 1
+                    continue
+                if not self._definitions.is_of_its_topic(number):
+                    n_other += 1
                     continue
                 topic, type_name = self._definitions.names(number)
                 wanted = topics is None or topic in topics
@@ -125,6 +132,10 @@ class McapScan:
                 section.stop()
         if n_unknown:
             section.note(f"{n_unknown} messages are of topics declared in a part that is lost")
+        if n_other:
+            section.note(f"{n_other} messages are of another type than the first of their topic")
+        if n_untimed:
+            section.note(f"{n_untimed} {WRONG_TIMES}")
 
     def _skip(self, section: DataSection, area: Area, offset: int) -> int | None:
         """The end of a record that is no message; None where it is not in the area."""

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from bags.damage import Damage
 from bags.errors import BagError, DamagedBagError
-from bags.formats.limits import LARGEST_CONTENT
+from bags.formats.limits import LARGEST_CONTENT, WRONG_TIMES
 from bags.formats.rosbag2.message_types import ENCODING, MessageType
 from bags.formats.rosbag2.qos import qos_of_text
 from bags.formats.sqlite.pages import SqlitePages
@@ -56,7 +56,7 @@ class SqliteScan:
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
         """Messages of the given topics, None for all; publish times are the log times."""
-        n_unknown = 0
+        n_unknown = n_untimed = 0
         with _complete(self.path) as path:
             fault = _fault(path, whole=self._thorough)
             if fault:
@@ -71,6 +71,9 @@ class SqliteScan:
                 if number not in n_read or data.__class__ is not bytes:
                     n_unknown += 1
                     continue
+                if time_ns.__class__ is not int or time_ns < 0:
+                    n_untimed += 1
+                    continue
                 n_read[number] += 1
                 if wanted is None or number in wanted:
                     # NamedTuple's own constructor takes twice as long.
@@ -79,6 +82,8 @@ class SqliteScan:
                 self.counts[names[number][0]] += count
         if n_unknown:
             self._note(f"{n_unknown} messages have lost their topic or their content")
+        if n_untimed:
+            self._note(f"{n_untimed} {WRONG_TIMES}")
 
     def _salvaged(self, path: Path) -> Iterator[_Row]:
         """Rows of messages, each once."""

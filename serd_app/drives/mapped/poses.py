@@ -17,6 +17,8 @@ from serd_core.arrays import FloatArray, IntArray
 from storage.nearest import hint
 
 _LONGEST_STEP_BACK_S = 1.0
+#: Poses in order, of which fewer may be messages that a recorder received late.
+_FEWEST_OF_A_RUN = 20
 #: Earlier stamps (s since 1970) are of a simulated world, which begins near 0.
 _FIRST_REAL_STAMP_S = 1e8
 _AT_FRAME = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -90,6 +92,7 @@ class MappedPoses:
         rows = finite_poses(found, self._source)
         self.n_bad = len(found) - len(rows)
         rows[:, 1] = self._placed(rows[:, 0], rows[:, 1])
+        self._require_one_run(rows[:, 1])
         rows = rows[np.unique(rows[:, 1], return_index=True)[1]]
         if not len(rows):
             raise BagError(f"{self._source} has no pose on {self._topic}; check the mapping")
@@ -163,11 +166,23 @@ class MappedPoses:
             self._refuse_two_runs(back_s)
         return log_s
 
+    def _require_one_run(self, time_s: FloatArray) -> None:
+        """Runs of a clock that was set back to a time that the first one had, too."""
+        back_s = falls_back_s(time_s)
+        falls = np.flatnonzero(np.diff(back_s, prepend=0.0) > _LONGEST_STEP_BACK_S)
+        runs = [run for run in np.split(time_s, falls) if len(run) >= _FEWEST_OF_A_RUN]
+        latest_s = -np.inf
+        for first_s, last_s in sorted((run.min(), run.max()) for run in runs):
+            if latest_s > first_s + _LONGEST_STEP_BACK_S:
+                self._refuse_two_runs(back_s)
+            latest_s = max(latest_s, last_s)
+
     def _refuse_two_runs(self, back_s: FloatArray) -> None:
         """Poses of two runs of a clock, put in order, would be a drive that never took place."""
         row = int(np.argmax(back_s > _LONGEST_STEP_BACK_S))
         raise BagError(
-            f"{self._source}: stamps on {self._topic} must not fall back by more than"
+            f"{self._source}: times on {self._topic} must not fall back by more than"
             f" {_LONGEST_STEP_BACK_S:g} s, that of pose {row + 1} does by {back_s[row]:.1f} s:"
-            " the world was started again; give each run as a bag of its own"
+            " the world was started again, or a clock was set back; give each run as a bag of its"
+            " own"
         )

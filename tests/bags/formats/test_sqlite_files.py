@@ -248,3 +248,12 @@ def test_definitions_and_hashes_are_read_without_the_table_of_the_schema(make):
         connection.execute("DROP TABLE schema")
         connection.commit()
     assert BagReader(bag).topics == topics
+
+
+def test_a_time_before_zero_costs_its_message_alone(make, tmp_path):
+    bag = make()
+    with closing(sqlite3.connect(next(bag.glob("*.db3")))) as connection, connection:
+        connection.execute("UPDATE messages SET timestamp = -5 WHERE id = 7")
+    assert any("1 messages have times outside of" in fault for fault in check_bag(bag).faults)
+    n_before = N_MESSAGES + N_MESSAGES // 20
+    assert recover(bag, tmp_path / "kept").n_messages == n_before - 1

@@ -404,6 +404,24 @@ def test_poses_of_two_runs_of_a_clock_are_never_mixed(tmp_path, messages, back_s
         assert len(mapped_drive_in(BagReader(tmp_path / "two"), mapping, 2.0).pose_time_s) > 35
 
 
+@pytest.mark.parametrize(("back_s", "refused"), [(3.02, True), (4.0, True), (60.0, False)])
+def test_a_clock_of_all_times_that_is_set_back_is_refused_where_runs_overlap(
+    tmp_path, messages, back_s, refused
+):
+    """Log times and stamps agree; runs that do not overlap are put in order, as split files are."""
+    with BagWriter(tmp_path / "two") as writer:
+        writer.add_topic("/pose", POSE)
+        for tick in range(80):
+            time_s = 100.0 + 0.1 * tick - (back_s if tick >= 40 else 0.0)
+            writer.write("/pose", messages.pose(time_s, 0.5, 0.1 * tick), round(time_s * 1e9))
+    mapping = BagMapping(pose_topic="/pose", action_from="hidden")
+    if refused:
+        with pytest.raises(BagError, match=r"that of pose 41 does by .* a clock was set back"):
+            mapped_drive_in(BagReader(tmp_path / "two"), mapping, 2.0)
+    else:
+        assert len(mapped_drive_in(BagReader(tmp_path / "two"), mapping, 2.0).pose_time_s) == 80
+
+
 def test_simulated_time_and_frames_are_put_right(foreign_bag):
     mapping = BagMapping(
         pose_topic="/robot/pose",
