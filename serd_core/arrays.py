@@ -21,6 +21,8 @@ Shape = Sequence[int | None]
 
 #: Probabilities below this count as this in logarithms.
 SMALLEST_PROBABILITY = 1e-300
+#: Characters of an argument that an error quotes at most.
+LONGEST_SHOWN = 80
 
 
 def float_array(name: str, values: Any, shape: Shape | None = None) -> FloatArray:
@@ -39,12 +41,36 @@ def int_array(
     dtype: None to keep that of integers.
     """
     given, full = _converted(name, values, None)
-    if given.size and not np.issubdtype(given.dtype, np.integer):
-        require_finite(name, np.asarray(given, dtype=np.float64))
+    if given.dtype == np.bool_ or not np.can_cast(given.dtype, np.int64):
         _require_whole(name, np.asarray(given, dtype=np.float64))
         given = given.astype(np.int64)
     _require_shape(name, full, shape)
     return _frozen(given.astype(dtype or given.dtype, copy=False), full)
+
+
+def number_array(name: str, values: Any) -> NDArray[Any]:
+    """`values` as an array, not copied where they are one; SerdError where they are no numbers.
+
+    Text, dates and complex numbers are none, even where NumPy would convert them.
+    """
+    try:
+        given = np.asarray(values)
+        if given.dtype == np.object_:
+            given = np.asarray(given.tolist()).reshape(given.shape)
+        if given.dtype == np.object_ and values is not None:
+            given = given.astype(np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise SerdError(
+            f"{name} must be an array of numbers, which this is not: {error}; pass equally long"
+            " rows of numbers"
+        ) from error
+    if given.dtype.kind not in "biuf":
+        example = given.ravel()[:1].tolist()
+        raise SerdError(
+            f"{name} must be an array of numbers, got {given.dtype} such as {example}; number"
+            " labels from 0, and give dates in seconds"
+        )
+    return given
 
 
 def bool_array(name: str, values: Any, shape: Shape | None = None) -> BoolArray:
@@ -89,7 +115,7 @@ def require_kind(name: str, given: object, kinds: tuple[type, ...], example: str
     if not isinstance(given, kinds):
         wanted = " or ".join(kind.__name__ for kind in kinds)
         raise SerdError(
-            f"{name} must be a {wanted} object, got {given!r}; use for example {example}"
+            f"{name} must be a {wanted} object, got {shown(given)}; use for example {example}"
         )
 
 
@@ -99,6 +125,34 @@ def require_generator(rng: object) -> None:
         raise SerdError(
             f"rng must be a numpy.random.Generator, got {rng!r}; use numpy.random.default_rng(0)"
         )
+
+
+def require_count(name: str, value: object, least: int, example: str) -> None:
+    """SerdError unless an argument is one whole number of at least `least`."""
+    if not (isinstance(value, int | np.integer) and value >= least):
+        raise SerdError(
+            f"{name} must be a whole number of at least {least}, got {shown(value)}; use {example}"
+        )
+
+
+def require_positive(name: str, value: Any, example: str = "1") -> None:
+    """SerdError unless an argument is one finite number above 0."""
+    if not (is_number(value) and np.isfinite(value) and value > 0):
+        raise SerdError(
+            f"{name} must be finite and above 0, got {shown(value)}; use for example {example}"
+        )
+
+
+def is_number(value: Any) -> bool:
+    """Whether an argument is one real number; an array of shape () is one, too."""
+    scalar = value[()] if isinstance(value, np.ndarray) else value
+    return isinstance(scalar, int | float | np.integer | np.floating)
+
+
+def shown(value: object) -> str:
+    """Text of a wrong argument, or its type where that is long."""
+    text = str(value) if isinstance(value, np.generic) else repr(value)
+    return text if len(text) <= LONGEST_SHOWN else f"one of type {type(value).__name__}"
 
 
 def unrepeated(array: NDArray[Number]) -> NDArray[Number]:
@@ -155,17 +209,20 @@ def first_index(mask: BoolArray | np.bool_) -> tuple[int, ...] | None:
 
 def _converted(name: str, values: Any, dtype: Any) -> tuple[NDArray[Any], tuple[int, ...]]:
     """A copy without repeats, and the whole shape."""
-    try:
-        given = np.asarray(values)
-        return np.array(unrepeated(given), dtype=dtype), given.shape
-    except (TypeError, ValueError) as error:
-        raise SerdError(f"{name} must be an array of numbers: {error}") from error
+    given = number_array(name, values)
+    return np.array(unrepeated(given), dtype=dtype), given.shape
 
 
 def _require_whole(name: str, array: FloatArray) -> None:
+    require_finite(name, array)
     bad = first_index(array != np.floor(array))
     if bad is not None:
         raise SerdError(f"{name}{list(bad)} must be a whole number, got {array[bad]}; round it")
+    bad = first_index(np.abs(array) >= 2.0**63)
+    if bad is not None:
+        raise SerdError(
+            f"{name}{list(bad)} must be below 2**63 in size, got {array[bad]}; number from 0"
+        )
 
 
 def _require_shape(name: str, given: tuple[int, ...], shape: Shape | None) -> None:

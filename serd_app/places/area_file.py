@@ -45,7 +45,7 @@ def read_area_m(path: Path, at_m: tuple[float, float] | None = None) -> shapely.
         with np.errstate(invalid="ignore", over="ignore"):  # of numbers that are not finite
             shape = shapely.force_2d(_READERS[path.suffix.lower()](read_text(path)))
     except (shapely.GEOSException, UnicodeDecodeError) as error:  # the other: of GEOS's own message
-        reason = str(error).splitlines()[0]
+        reason = next(iter(str(error).splitlines()), type(error).__name__)
         raise FileError(
             f"{path} must hold polygons as WKT or GeoJSON, got an error for them: {reason}; export"
             " them again"

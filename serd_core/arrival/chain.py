@@ -19,11 +19,19 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    int_array,
+    require_count,
+    require_index,
+)
 from serd_core.arrival.absorption import probability_of_ever_arriving
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
+from serd_core.mdp.problem import require_problem
 
 
 class GoalProblem(Protocol):
@@ -63,20 +71,19 @@ class ArrivalTimes:
 def arrival_time_distribution(
     problem: GoalProblem,
     policy: FloatArray,
-    outcome_probabilities: FloatArray,
+    outcome_probabilities: FloatArray | None,
     start_distribution: FloatArray,
     n_periods: int,
 ) -> ArrivalTimes:
     """Distribution of the number of decision periods until a goal state is reached.
 
-    policy: (S, A) probabilities; start_distribution: (S,) probabilities.
+    policy: (S, A) probabilities; outcome_probabilities: None for transitions without parameters;
+    start_distribution: (S,) probabilities.
     """
+    goal = goal_mask(problem)
     chain = policy_chain(problem.mdp, policy, outcome_probabilities)
     share = checked_distribution("start_distribution", start_distribution, problem.mdp.n_states)
-    if n_periods < 0:
-        raise SerdError(f"n_periods must not be negative, got {n_periods}; use the time-out's")
-    goal = np.zeros(problem.mdp.n_states, dtype=np.bool_)
-    goal[problem.goal_states] = True
+    require_count("n_periods", n_periods, 0, "the time-out's")
     cdf = np.empty(n_periods + 1)
     moving, arrived = np.where(goal, 0.0, share), float(share[goal].sum())
     cdf[0] = arrived
@@ -93,12 +100,22 @@ def arrival_time_distribution(
     )
 
 
+def goal_mask(problem: GoalProblem) -> BoolArray:
+    """(S,) which states count as arrived; SerdError where a goal is no state of the problem."""
+    require_problem(problem, "goal_states", "NavigationProblem")
+    goals = int_array("goal_states", problem.goal_states, (None,))
+    require_index("goal_states", goals, problem.mdp.n_states, "a state")
+    mask = np.zeros(problem.mdp.n_states, dtype=np.bool_)
+    mask[goals] = True
+    return mask
+
+
 def policy_chain(
-    mdp: Mdp, policy: FloatArray, outcome_probabilities: FloatArray
+    mdp: Mdp, policy: FloatArray, outcome_probabilities: FloatArray | None
 ) -> scipy.sparse.csr_array:
-    """(S, S) Markov chain of an (S, A) policy."""
+    """(S, S) Markov chain of an (S, A) policy; None for transitions without parameters."""
     choice = checked_policy("policy", policy, mdp)
-    transitions = transitions_of(mdp.transitions, np.asarray(outcome_probabilities, np.float64))
+    transitions = transitions_of(mdp.transitions, outcome_probabilities)
     entries = transitions.entries * choice.ravel()[mdp.transitions.row]
     state = mdp.transitions.row // mdp.n_actions
     shape = (mdp.n_states, mdp.n_states)
@@ -150,15 +167,16 @@ class ArrivalByState:
 def arrival_by_state(
     problem: GoalProblem,
     policy: FloatArray,
-    outcome_probabilities: FloatArray,
+    outcome_probabilities: FloatArray | None,
     n_periods: int,
 ) -> ArrivalByState:
-    """Run the chain of an (S, A) policy backwards from its goals for `n_periods` periods."""
-    if n_periods < 0:
-        raise SerdError(f"n_periods must not be negative, got {n_periods}; use the time-out's")
+    """Run the chain of an (S, A) policy backwards from its goals for `n_periods` periods.
+
+    outcome_probabilities: None for transitions without parameters.
+    """
+    require_count("n_periods", n_periods, 0, "the time-out's")
+    goal = goal_mask(problem)
     chain = policy_chain(problem.mdp, policy, outcome_probabilities)
-    goal = np.zeros(problem.mdp.n_states, dtype=np.bool_)
-    goal[problem.goal_states] = True
     cdf = np.empty((n_periods + 1, len(goal)))
     cdf[0] = goal
     for period in range(1, n_periods + 1):

@@ -16,7 +16,7 @@ from enum import Enum
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.arrival.chain import ArrivalByState, policy_chain
+from serd_core.arrival.chain import ArrivalByState, goal_mask, policy_chain
 from serd_core.arrival.semi_markov import RenewalChain
 from serd_core.grid.grid import Action, Grid
 from serd_core.grid.navigation import WAITING, NavigationProblem, model_of_action
@@ -62,10 +62,9 @@ def crossing_moves(
     problem: NavigationProblem, policy: FloatArray, outcome_probabilities: FloatArray
 ) -> CrossingMoves:
     """The moves out of its cells that an (S, A) policy makes under outcome models."""
+    goal = goal_mask(problem)
     chain = policy_chain(problem.mdp, policy, outcome_probabilities).tocoo()
     chain.sum_duplicates()
-    goal = np.zeros(problem.grid.n_states, dtype=np.bool_)
-    goal[problem.goal_states] = True
     leaving = (chain.row != chain.col) & ~goal[chain.row] & (chain.data > 0)
     state, successor = (each[leaving].astype(np.int64) for each in (chain.row, chain.col))
     total = np.bincount(state, chain.data[leaving], minlength=len(goal))

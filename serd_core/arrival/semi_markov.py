@@ -33,7 +33,7 @@ from serd_core.arrays import (
     require_index,
 )
 from serd_core.arrival.absorption import probability_of_ever_arriving
-from serd_core.arrival.chain import ArrivalByState, GoalProblem
+from serd_core.arrival.chain import ArrivalByState, GoalProblem, goal_mask
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
@@ -132,7 +132,7 @@ def renewal_chain(
 
     dwell: (M, K) class of each outcome of each model; None for one class of all moves.
     """
-    mdp = problem.mdp
+    goal, mdp = goal_mask(problem), problem.mdp
     choice = checked_policy("policy", policy, mdp)
     filled = transitions_of(mdp.transitions, outcome_probabilities)
     model, classes = mdp.transitions, np.zeros(filled.model.n_entries, dtype=np.int64)
@@ -144,8 +144,6 @@ def renewal_chain(
             )
         table = int_array("dwell", dwell, (model.n_models, model.n_outcomes))
         classes = table.ravel()[model.local_index]
-    goal = np.zeros(mdp.n_states, dtype=np.bool_)
-    goal[problem.goal_states] = True
     return RenewalChain(
         state=model.row // mdp.n_actions,
         successor=model.successor,

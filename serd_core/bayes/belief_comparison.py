@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.special
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, require_count, require_generator
 from serd_core.ascent.ascent import StepCallback
 from serd_core.bayes.draws import N_DRAWS, PosteriorDraws, draws_at
 from serd_core.bayes.evidence_fit import EvidenceFit, evidence_start, fit_by_evidence
@@ -76,8 +76,8 @@ class BeliefComparison:
 
     def draws(self, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
         """n draws of the best where it is decided, otherwise of all by their probability."""
-        if n < 2:
-            raise SerdError(f"n must be at least 2, got {n}; use {N_DRAWS}")
+        require_count("n", n, 2, f"{N_DRAWS}")
+        require_generator(rng)
         shares = np.eye(len(self.probabilities))[0] if self.decided else self.probabilities
         parts = [
             draws_at(one.problem, one.coordinates, one.sample(int(count), rng))

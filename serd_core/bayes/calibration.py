@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.stats
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray, require_generator
 from serd_core.bayes.draws import PosteriorDraws, laplace_draws
 from serd_core.bayes.laplace import laplace
 from serd_core.bayes.strengths import PriorByEvidence
@@ -61,6 +61,7 @@ def calibration_ranks(
     prior: with both strengths given, as they are those of the true parameters. Episodes start
     anywhere.
     """
+    require_generator(rng)
     if prior.deviation is None or prior.pseudo_count is None:
         raise SerdError(
             "prior must have a deviation and a pseudo_count, from which the truth is drawn, got"

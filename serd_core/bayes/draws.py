@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, require_count, require_generator
 from serd_core.bayes.laplace import Laplace
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.newton import Newton
@@ -66,8 +66,8 @@ def draws_at(problem: Problem, space: Coordinates, coordinates: FloatArray) -> P
 
 def laplace_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
     """n draws of Laplace's approximation, outcome models by Dirichlet distributions."""
-    if n < 2:
-        raise SerdError(f"n must be at least 2, got {n}; use {N_DRAWS}")
+    require_count("n", n, 2, f"{N_DRAWS}")
+    require_generator(rng)
     return draws_at(found.problem, found.coordinates, found.sample(n, rng))
 
 

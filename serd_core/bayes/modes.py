@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.special
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, require_count, require_generator
 from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.bayes.draws import N_DRAWS, PosteriorDraws, draws_at
 from serd_core.bayes.laplace import Laplace, laplace_at, log_posterior_of
@@ -47,6 +47,8 @@ class PosteriorModes:
 
     def draws(self, problem: Problem, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
         """n draws of the mixture."""
+        require_count("n", n, 1, f"{N_DRAWS}")
+        require_generator(rng)
         counts = rng.multinomial(n, self.weights)
         pairs = zip(self.approximations, counts, strict=True)
         points = np.concatenate([found.sample(int(count), rng) for found, count in pairs])
@@ -61,8 +63,8 @@ def posterior_modes(
     n_starts: int = 12,
 ) -> PosteriorModes:
     """Search from the fit, and from reward weights drawn from its prior; SerdError without one."""
-    if n_starts < 1:
-        raise SerdError(f"n_starts must be at least 1, got {n_starts}; use 12")
+    require_count("n_starts", n_starts, 1, "12")
+    require_generator(rng)
     objective = log_posterior_of(problem, decisions, fit)
     first = objective.coordinates.of(fit.parameters)
     n_features = len(problem.feature_names)

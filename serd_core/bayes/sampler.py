@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, require_count, require_generator
 from serd_core.bayes.draws import PosteriorDraws, draws_at
 from serd_core.bayes.laplace import Laplace
 from serd_core.bayes.modes import PosteriorModes
@@ -62,8 +62,8 @@ def sample_posterior(
 ) -> SampledPosterior:
     """Chains around every mode of at least that weight."""
     for name, value, least in (("n_chains", n_chains, 2), ("n_draws", n_draws, 4)):
-        if value < least:
-            raise SerdError(f"{name} must be at least {least}, got {value}")
+        require_count(name, value, least, "the default")
+    require_generator(rng)
     arviz = _library("arviz")
     kept = modes.weights >= min(least_weight, float(modes.weights.max()))
     weights = modes.weights[kept] / modes.weights[kept].sum()

@@ -12,8 +12,12 @@ from serd_core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    bool_array,
     float_array,
     int_array,
+    number_array,
+    require_index,
+    require_kind,
     weighted_counts,
 )
 from serd_core.errors import SerdError
@@ -67,7 +71,7 @@ class Decisions:
 
     def with_hidden_actions(self, rows: BoolArray | None = None) -> "Decisions":
         """The same decisions without the actions of the given rows (N,), by default of all."""
-        wanted = np.ones(len(self), dtype=np.bool_) if rows is None else rows
+        wanted = True if rows is None else bool_array("rows", rows, (len(self),))
         return replace(self, action=np.where(wanted, HIDDEN, self.action))
 
     @property
@@ -76,13 +80,18 @@ class Decisions:
         return np.unique(self.episode)
 
     def select(self, rows: BoolArray | IntArray) -> "Decisions":
-        """The decisions of the given rows (mask or indices), in that order."""
+        """The decisions of the given rows (mask (N,) or indices), in that order."""
+        if number_array("rows", rows).dtype == np.bool_:
+            chosen = np.flatnonzero(bool_array("rows", rows, (len(self),)))
+        else:
+            chosen = int_array("rows", rows, (None,))
+            require_index("rows", chosen, len(self), "a row")
         return Decisions(
-            episode=self.episode[rows],
-            time_s=self.time_s[rows],
-            state=self.state[rows],
-            action=self.action[rows],
-            next_state=self.next_state[rows],
+            episode=self.episode[chosen],
+            time_s=self.time_s[chosen],
+            state=self.state[chosen],
+            action=self.action[chosen],
+            next_state=self.next_state[chosen],
             source=self.source,
         )
 
@@ -110,12 +119,18 @@ def state_action_counts(decisions: Decisions, n_states: int, n_actions: int) -> 
 
 def require_shown(decisions: Decisions, purpose: str) -> None:
     """SerdError naming the first decision whose action is hidden."""
+    require_decisions(decisions)
     rows = np.flatnonzero(decisions.hidden)
     if rows.size:
         raise SerdError(
             f"action[{rows[0]}] must be known for {purpose}, got a hidden one; learn by"
             " fit_mdce_serd or fit_pm_serd, which need states only"
         )
+
+
+def require_decisions(decisions: object, name: str = "decisions") -> None:
+    """SerdError unless an argument is a `Decisions` object."""
+    require_kind(name, decisions, (Decisions,), "decisions_from_columns(table)")
 
 
 def state_counts(decisions: Decisions, n_states: int) -> FloatArray:

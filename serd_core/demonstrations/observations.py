@@ -9,10 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
-from serd_core.demonstrations.decisions import Decisions, state_action_counts, state_counts
+from serd_core.demonstrations.decisions import (
+    Decisions,
+    require_decisions,
+    state_action_counts,
+    state_counts,
+)
 from serd_core.dynamics.transition_model import TransitionModel, places_of
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
+from serd_core.mdp.problem import Problem, require_problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +80,7 @@ class Observations:
 
 def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observations:
     """Count; SerdError naming the first decision the MDP rules out."""
+    require_decisions(decisions, name)
     if not len(decisions):
         raise SerdError(f"{name} must hold at least one decision, got none; record an episode")
     _require_distinct_times(decisions, name)
@@ -102,6 +109,12 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
         entry_group=entry_group[kept],
         hidden=HiddenMoves(moves.astype(np.float64), place, move),
     )
+
+
+def observe_in(problem: Problem, decisions: Decisions) -> Observations:
+    """`observe` for learners; SerdError where problem or decisions are of another kind."""
+    require_problem(problem)
+    return observe(problem.mdp, decisions)
 
 
 def explained(mdp: Mdp, decisions: Decisions) -> BoolArray:

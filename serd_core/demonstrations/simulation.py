@@ -4,7 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, require_generator
+from serd_core.arrays import (
+    FloatArray,
+    IntArray,
+    require_count,
+    require_generator,
+    require_kind,
+)
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.errors import SerdError
@@ -28,14 +34,18 @@ def sample_decisions(
     start_distribution: (S,); None for a uniform one over the states that are not final. Time counts
     in decisions. Episodes that start in a final state have no decisions.
     """
-    if n_episodes < 1 or n_steps < 1:
-        raise SerdError(
-            f"n_episodes and n_steps must be at least 1, got {n_episodes} and {n_steps}"
-        )
+    require_kind("mdp", mdp, (Mdp,), "problem.mdp")
+    require_count("n_episodes", n_episodes, 1, "100")
+    require_count("n_steps", n_steps, 1, "50")
     require_generator(rng)
     choice = checked_policy("policy", policy, mdp)
     if start_distribution is None:
-        start_distribution = np.where(mdp.final, 0.0, 1.0 / max(1, int(np.sum(~mdp.final))))
+        if mdp.final.all():
+            raise SerdError(
+                f"mdp must have a state that is not final to start in, got {mdp.n_states} final"
+                " ones; give one of them a transition that leaves it"
+            )
+        start_distribution = np.where(mdp.final, 0.0, 1.0 / np.sum(~mdp.final))
     starts = checked_distribution("start_distribution", start_distribution, mdp.n_states)
     transitions = transitions_of(mdp.transitions, outcome_probabilities)
     cumulative = np.cumsum(starts)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, floored, weighted_counts
+from serd_core.arrays import FloatArray, floored, require_positive, weighted_counts
 from serd_core.ascent.ascent import Objective
 from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.demonstrations.decisions import Decisions, require_shown
@@ -62,9 +62,10 @@ def most_likely_parameters(
     if isinstance(model.probabilities, LogOdds):
         counted = _counted(model, seen, pseudo_count)[model.groups.group_of_entry]
         return model.probabilities.parameters_of(model.gather(counted))
+    require_positive("pseudo_count", pseudo_count)
     start = np.zeros(model.n_parameters)
     model.require_transitions(model.local_probabilities(start))
-    counts = seen.counts(model) + _checked(pseudo_count) / model.n_copies
+    counts = seen.counts(model) + pseudo_count / model.n_copies
     found = NewtonAscent().maximise(LogLikelihood(model, counts), start)
     if not found.converged:
         raise SerdError(
@@ -96,14 +97,7 @@ class LogLikelihood(Objective):
 
 def _counted(model: TransitionModel, seen: Observations, pseudo_count: float) -> FloatArray:
     """(G,) estimate of each distinct transition."""
-    counts = seen.counts(model) + _checked(pseudo_count)
+    require_positive("pseudo_count", pseudo_count)
+    counts = seen.counts(model) + pseudo_count
     row = model.groups.row
     return np.asarray(counts / weighted_counts(row, counts, model.available.size)[row])
-
-
-def _checked(pseudo_count: float) -> float:
-    if not (np.isfinite(pseudo_count) and pseudo_count > 0):
-        raise SerdError(
-            f"pseudo_count must be finite and above 0, got {pseudo_count}; 1 is a uniform prior"
-        )
-    return pseudo_count

@@ -28,9 +28,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, weighted_counts
+from serd_core.arrays import FloatArray, IntArray, require_positive, weighted_counts
 from serd_core.demonstrations.decisions import Decisions, require_shown
-from serd_core.demonstrations.observations import Observations, observe
+from serd_core.demonstrations.observations import Observations, observe_in
 from serd_core.dynamics.counted_transitions import most_likely_parameters
 from serd_core.dynamics.covariate_models import CovariateModels, most_likely_coefficients
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -143,14 +143,13 @@ def estimate_dynamics(
     Of a SparseModel, whose prior adds to each transition of each pair, its parameters.
     """
     require_shown(decisions, "the M-estimate of dynamics by counts")
+    seen = observe_in(problem, decisions)
     if isinstance(problem.mdp.transitions, SparseModel):
-        seen = observe(problem.mdp, decisions)
         return most_likely_parameters(problem.mdp.transitions, seen, pseudo_count)
     model = outcome_models_of(problem.mdp)
     if isinstance(model, CovariateModels):
-        seen = observe(problem.mdp, decisions)
         return model.local_probabilities(most_likely_coefficients(model, seen, pseudo_count))
-    estimate = most_likely_dynamics(model, observe(problem.mdp, decisions), pseudo_count)
+    estimate = most_likely_dynamics(model, seen, pseudo_count)
     if not estimate.converged:
         raise SerdError(
             f"the M-estimate of the dynamics must converge, but after {estimate.steps} steps may"
@@ -169,10 +168,7 @@ def most_likely_dynamics(
     max_steps: int = 200,
 ) -> DynamicsEstimate:
     """From the uniform distribution, by steps that share and then by Newton's, until certified."""
-    if not (np.isfinite(pseudo_count) and pseudo_count > 0):
-        raise SerdError(
-            f"pseudo_count must be finite and above 0, got {pseudo_count}; 1 is a uniform prior"
-        )
+    require_positive("pseudo_count", pseudo_count)
     seen = outcome_sets(model, observations)
     start = _shared(model, seen, pseudo_count)
     found = [

@@ -20,7 +20,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy  # loads sparse at its first use
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, matrix_index_type, weighted_counts
+from serd_core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    matrix_index_type,
+    number_array,
+    weighted_counts,
+)
 from serd_core.bellman.linear.policy_pattern import PolicyPattern, with_numbers
 from serd_core.compiled import is_compiled
 from serd_core.errors import SerdError
@@ -420,6 +427,7 @@ def transitions_of(model: TransitionModel, local_probabilities: FloatArray | Non
                 " parameters, got None; pass those of a fit or of the truth"
             )
         local_probabilities = model.local_probabilities(np.zeros(0))
-    transitions = Transitions(model, np.asarray(local_probabilities, dtype=np.float64))
+    given = number_array("outcome_probabilities", local_probabilities)
+    transitions = Transitions(model, np.asarray(given, dtype=np.float64))
     model.require_transitions(transitions.local_probabilities)
     return transitions

@@ -19,6 +19,7 @@ from serd_core.arrays import (
     first_index,
     float_array,
     int_array,
+    number_array,
     require_index,
 )
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -186,7 +187,7 @@ def _checked_flow(flow: IntArray, n_states: int) -> IntArray:
 
 
 def _checked_goals(goal_states: Sequence[int] | IntArray, n_states: int) -> IntArray:
-    goals = int_array("goal_states", np.unique(np.asarray(goal_states)), (None,))
+    goals = int_array("goal_states", np.unique(number_array("goal_states", goal_states)), (None,))
     if not goals.size:
         raise SerdError("goal_states must name at least one state, got none")
     require_index("goal_states", goals, n_states, "a state")

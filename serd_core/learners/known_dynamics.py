@@ -15,7 +15,7 @@ from serd_core.ascent.ascent import (
     StepCallback,
 )
 from serd_core.demonstrations.decisions import Decisions, require_shown
-from serd_core.demonstrations.observations import Observations, observe
+from serd_core.demonstrations.observations import Observations, observe_in
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
 from serd_core.learners.start import (
@@ -95,7 +95,7 @@ def reward_search(
 ) -> RewardSearch:
     """Prepare a search from the arguments that all these learners take."""
     require_shown(decisions, "learners of rewards by features or choices")
-    observations = observe(problem.mdp, decisions)
+    observations = observe_in(problem, decisions)
     known = dynamics_or_estimate(problem, decisions, dynamics)
     weights = initial_weights_or_sample(problem, initial_weights, rng)
     return RewardSearch(

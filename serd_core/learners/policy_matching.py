@@ -12,7 +12,7 @@ Both gradients run through dQ*/dtheta, here by one adjoint solve.
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, require_positive
 from serd_core.ascent.ascent import Ascent, StepCallback
 from serd_core.ascent.lbfgs import Lbfgs
 from serd_core.bellman.backup import BellmanProblem
@@ -21,7 +21,6 @@ from serd_core.bellman.equations import HardBellman, boltzmann
 from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.known_dynamics import reward_search
 from serd_core.mdp.problem import Problem, rewards, weights_gradient
@@ -62,14 +61,11 @@ def fit_policy_matching(
     dynamics: (M, K), or the parameters of a SparseModel; None for the M-estimate. The loss is not
     convex: start more than once.
     """
-    if not (np.isfinite(inverse_temperature) and inverse_temperature > 0):
-        raise SerdError(
-            f"inverse_temperature must be finite and above 0, got {inverse_temperature}"
-        )
-    mdp = problem.mdp
+    require_positive("inverse_temperature", inverse_temperature)
     policy_model = PolicyMatchingPolicy(1.0 / inverse_temperature)
     search = reward_search(problem, decisions, policy_model, initial_weights, rng, dynamics)
     counts, transitions = search.observations.state_action, search.transitions
+    mdp = problem.mdp
     last: list[BellmanSolution] = []
 
     def matching(weights: FloatArray) -> tuple[float, FloatArray]:

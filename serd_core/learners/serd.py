@@ -33,7 +33,7 @@ from serd_core.bellman.linear.automatic import Automatic
 from serd_core.bellman.linear.linear_solver import LinearSolver
 from serd_core.bellman.newton import Newton
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe
+from serd_core.demonstrations.observations import observe_in
 from serd_core.learners.certificate import certificate
 from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
 from serd_core.learners.start import (
@@ -96,13 +96,14 @@ def fit_serd(
     M-estimate with a uniform prior.
     on_step: called after each step, with J per decision; returning True stops the fit.
     """
+    observations = observe_in(problem, decisions)
     if isinstance(settings.prior, PriorByEvidence):
         # Without parameters there are no dynamics to learn, or to have a prior.
         learns = problem.mdp.transitions.n_parameters > 0
         belief = settings.belief if learns else FixedBelief()
         posterior = Posterior(
             problem,
-            observe(problem.mdp, decisions),
+            observations,
             policy_model,
             UNIFORM,
             settings.solver,
@@ -116,7 +117,6 @@ def fit_serd(
     weights = initial_weights_or_sample(problem, initial_weights, rng)
     learned = settings.belief.learns_dynamics
     given = dynamics_or_estimate(problem, decisions, dynamics, learned=learned)
-    observations = observe(problem.mdp, decisions)
     start = starting_parameters(problem, policy_model, weights, given, settings.belief)
     initial_probabilities = problem.mdp.transitions.local_probabilities(start.truth)
     require_possible(observations, problem.mdp, initial_probabilities)

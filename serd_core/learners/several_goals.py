@@ -15,10 +15,10 @@ from serd_core.arrays import FloatArray, float_array
 from serd_core.ascent.ascent import Objective, Scaled, StepCallback
 from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe
+from serd_core.demonstrations.observations import observe_in
 from serd_core.errors import SerdError
 from serd_core.learners.start import starting_parameters
-from serd_core.mdp.problem import Problem
+from serd_core.mdp.problem import Problem, require_problem
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.coordinates import LogPosterior, feature_ranges, free_numbers
@@ -106,6 +106,7 @@ def _log_likelihood(
             f"dynamics must be given for a model with {model.n_parameters} parameters, got None;"
             " pass estimate_dynamics(problem, decisions) or the truth"
         )
+    observations = observe_in(problem, decisions)
     known = np.zeros(0) if dynamics is None else np.asarray(dynamics, dtype=np.float64)
     if decisions.hidden.any():
         raise SerdError(
@@ -114,7 +115,7 @@ def _log_likelihood(
         )
     zeros = np.zeros(len(problem.feature_names))
     at = starting_parameters(problem, policy_model, zeros, known, FixedBelief())
-    posterior = Posterior(problem, observe(problem.mdp, decisions), policy_model, UniformPrior())
+    posterior = Posterior(problem, observations, policy_model, UniformPrior())
     return _PolicyOnly(posterior, free_numbers(problem, FixedBelief(), at))
 
 
@@ -130,6 +131,8 @@ class _PolicyOnly(LogPosterior):
 def _shared_names(goals: Sequence[tuple[Problem, Decisions]]) -> tuple[str, ...]:
     if not goals:
         raise SerdError("goals must be at least one, got none; pass (problem, decisions) pairs")
+    for problem, _ in goals:
+        require_problem(problem)
     names = goals[0][0].feature_names
     for number, (problem, _) in enumerate(goals):
         if problem.feature_names != names:

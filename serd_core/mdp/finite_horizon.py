@@ -17,6 +17,7 @@ from serd_core.arrays import (
     first_index,
     float_array,
     int_array,
+    require_count,
 )
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -41,8 +42,7 @@ def finite_horizon(
     on arrival in period T; by default 0, and in states that are final anyway what they go on
     paying. Outcome models and parameters stay those of the problem, which all periods share.
     """
-    if not (n_periods >= 1 and float(n_periods).is_integer()):
-        raise SerdError(f"n_periods must be a whole number of at least 1, got {n_periods}")
+    require_count("n_periods", n_periods, 1, "10")
     mdp, given = problem.mdp, problem.features
     n_states, n_features = mdp.n_states, given.shape[2]
     require_memory(

@@ -9,7 +9,15 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray, Shape, first_index, float_array
+from serd_core.arrays import (
+    BoolArray,
+    FloatArray,
+    Shape,
+    first_index,
+    float_array,
+    is_number,
+    shown,
+)
 from serd_core.bellman.linear.policy_pattern import PolicyPattern, policy_pattern
 from serd_core.dynamics.sparse_model import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel
@@ -91,8 +99,8 @@ class Mdp:
 
 def require_discount(discount: float) -> None:
     """SerdError unless 0 <= discount < 1."""
-    if not 0.0 <= discount < 1.0:
-        raise SerdError(f"discount must be in [0, 1), got {discount}; use for example 0.99")
+    if not (is_number(discount) and 0.0 <= discount < 1.0):
+        raise SerdError(f"discount must be in [0, 1), got {shown(discount)}; use for example 0.99")
 
 
 #: How far a sum may be from 1; tables read from files are rounded.

@@ -8,7 +8,13 @@ from typing import Protocol
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, once_per_state, sum_per_row
+from serd_core.arrays import (
+    FloatArray,
+    float_array,
+    number_array,
+    once_per_state,
+    sum_per_row,
+)
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
@@ -48,11 +54,22 @@ class TabularProblem:
                 " makes a null model"
             )
         shape = (self.mdp.n_states, self.mdp.n_actions, len(self.feature_names))
-        given = np.asarray(self.features)
+        given = number_array("features", self.features)
         if given.shape == shape and not (given.strides[1] == 0 and np.isfinite(given[:, 0]).all()):
             given = np.where(self.mdp.available[:, :, None], given, 0.0)
         object.__setattr__(self, "features", float_array("features", given, shape))
         object.__setattr__(self, "feature_names", unique_names(self.feature_names))
+
+
+def require_problem(
+    problem: object, has: str = "feature_names", example: str = "TabularProblem"
+) -> None:
+    """SerdError unless an argument is a problem that `has` an attribute besides its MDP."""
+    if not (hasattr(problem, "mdp") and hasattr(problem, has)):
+        raise SerdError(
+            f"problem must have an mdp and {has}, got a {type(problem).__name__}; use for example a"
+            f" {example}"
+        )
 
 
 def unique_names(names: tuple[str, ...]) -> tuple[str, ...]:

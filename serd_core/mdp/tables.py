@@ -8,12 +8,22 @@ A pair (s, a) without transitions is not available.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import index
 from typing import Any
 
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import FloatArray, IntArray, float_array, int_array, require_index
+from serd_core.arrays import (
+    FloatArray,
+    IntArray,
+    bool_array,
+    float_array,
+    int_array,
+    number_array,
+    require_index,
+    shown,
+)
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.sparse_model import fixed_transitions, learned_transitions
 from serd_core.errors import SerdError
@@ -21,6 +31,8 @@ from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
 
 COLUMNS = ("state", "action", "next_state", "probability")
+#: Probability, next state, reward, terminated.
+Outcome = tuple[float, int, float, bool]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +71,8 @@ def from_transitions(
     transitions: (S, A, S) array; or a sequence of A sparse (S, S) matrices; or a mapping or data
     frame with the columns state, action, next_state, probability (E,).
     features: (S, F) of states or (S, A, F) of pairs; for a table of columns also a mapping of names
-    to (E,) values per transition, of which the expectation counts.
-    terminal: states in which an episode ends.
+    to (E,) values per transition, or a data frame of them, of which the expectation counts.
+    terminal: states in which an episode ends, or an (S,) mask of them.
     learned: whether the probabilities are unknown. The table then lists which transitions can
     happen, by any positive numbers, and each pair has a distribution of its own over them.
     """
@@ -69,21 +81,22 @@ def from_transitions(
     names = None if feature_names is None else tuple(feature_names)
     goes_on = ~np.isin(table.state, ends)
     kept_rows = table.select(goes_on)
-    if isinstance(features, Mapping):
+    if isinstance(features, Mapping) or hasattr(features, "columns"):
         if learned:
             raise SerdError(
                 "features by name must come with known transitions, whose expectation they are, got"
-                " learned=True; pass (S, F) or (S, A, F) features"
+                " learned=True; pass an (S, F) or (S, A, F) array"
             )
         if not columns:
             raise SerdError(
                 "features by name must come with transitions as columns, got an array; pass"
-                " (S, F) or (S, A, F) features"
+                " an (S, F) or (S, A, F) array"
             )
-        names = names or tuple(features)
-        if set(names) != set(features):
+        given_names = tuple(getattr(features, "columns", features))
+        names = names or given_names
+        if set(names) != set(given_names):
             raise SerdError(
-                f"feature_names must be the names of features, {tuple(features)}, got {names};"
+                f"feature_names must be the names of features, {given_names}, got {names};"
                 " pass each name once"
             )
         size = len(np.atleast_1d(transitions["state"]))
@@ -125,10 +138,10 @@ def from_gymnasium(
     rows = _gymnasium_rows(environment)
     n_states, n_actions = len(rows), max(len(actions) for actions in rows)
     ends = _terminal_states(
-        {int(s) for row in rows for a in row for _, s, _, done in a if done}, n_states
+        {s for row in rows for a in row for _, s, _, done in a if done}, n_states
     )
     flat = [
-        (state, action, int(following), float(probability), float(reward))
+        (state, action, following, probability, reward)
         for state, actions in enumerate(rows)
         for action, outcomes in enumerate(actions)
         for probability, following, reward, _ in outcomes
@@ -151,7 +164,10 @@ def from_gymnasium(
     available = np.any(successors >= 0, axis=2)
     available[ends], successors[ends] = False, ends[:, None, None]
     available[ends, 0] = True
-    which = np.broadcast_to(int_array("model_of", model_of), (n_states, n_actions))
+    which = int_array("model_of", model_of)
+    if not which.ndim:
+        which = np.broadcast_to(which, available.shape)
+    which = int_array("model_of", which, available.shape)
     models = OutcomeModels(successors, which, available, n_models=int(which.max()) + 1)
     names = None if feature_names is None else tuple(feature_names)
     return _problem(Mdp(models, discount), features, names, ends)
@@ -162,13 +178,13 @@ def _problem(
 ) -> TabularProblem:
     """The problem with (S, F) or (S, A, F) features, which count once in terminal states."""
     pairs = mdp.available.shape
-    values = np.asarray(features, dtype=np.float64)
+    values = np.asarray(number_array("features", features), dtype=np.float64)
     if values.ndim == 2 and len(values) == pairs[0]:
         values = np.broadcast_to(values[:, None, :], (*pairs, values.shape[1]))
     if values.ndim != 3 or values.shape[:2] != pairs:
         raise SerdError(
             f"features must have shape ({pairs[0]}, F) or ({pairs[0]}, {pairs[1]}, F), got"
-            f" {np.shape(features)}; reshape them"
+            f" {values.shape}; reshape them"
         )
     if len(ends):
         values = values.copy()
@@ -180,7 +196,14 @@ def _problem(
 
 def _table_of(transitions: Any) -> tuple[TransitionTable, bool]:
     """The entries that are not 0, and whether they were given as columns."""
+    if isinstance(transitions, np.ndarray):
+        transitions = np.atleast_1d(transitions)
     is_list = isinstance(transitions, np.ndarray | Sequence) or scipy.sparse.issparse(transitions)
+    if not (is_list or hasattr(transitions, "__contains__")):
+        raise SerdError(
+            "transitions must be an (S, A, S) array, a sequence of sparse matrices or a table with"
+            f" the columns {', '.join(COLUMNS)}, got {shown(transitions)}; pass one of these"
+        )
     if not is_list:
         missing = [name for name in COLUMNS if name not in transitions]
         if missing:
@@ -235,44 +258,73 @@ def _of_matrices(matrices: list[scipy.sparse.coo_array]) -> TransitionTable:
 
 
 def _terminal_states(terminal: Iterable[int], n_states: int) -> IntArray:
-    given = np.asarray(list(terminal))
-    if given.dtype == np.bool_:
-        given = np.flatnonzero(given)
-    ends = np.unique(int_array("terminal", given.astype(np.int64) if not given.size else given))
+    try:
+        listed = list(terminal)
+    except TypeError as error:
+        raise SerdError(
+            f"terminal must list states, got {shown(terminal)}; use for example [0]"
+        ) from error
+    ends = int_array("terminal", listed, (None,))
+    if listed and np.asarray(listed).dtype == np.bool_:
+        ends = np.flatnonzero(bool_array("terminal", listed, (n_states,)))
     require_index("terminal", ends, n_states, "a state")
-    return ends
+    return np.unique(ends)
 
 
-def _gymnasium_rows(environment: Any) -> list[list[list[tuple[float, int, float, bool]]]]:
+def _gymnasium_rows(environment: Any) -> list[list[list[Outcome]]]:
     table = getattr(getattr(environment, "unwrapped", environment), "P", None)
     if table is None:
         raise SerdError(
             "environment must have a table P of its transitions, as FrozenLake, Taxi and"
             f" CliffWalking have, got {type(environment).__name__}; use from_transitions"
         )
-    _require_numbered("P", table)
-    for state in range(len(table)):
-        _require_numbered(f"P[{state}]", table[state])
-    return [[list(table[s][a]) for a in range(len(table[s]))] for s in range(len(table))]
+    rows = [
+        [_outcomes(f"P[{s}][{a}]", each) for a, each in enumerate(_numbered(f"P[{s}]", actions))]
+        for s, actions in enumerate(_numbered("P", table))
+    ]
+    if not any(outcomes for row in rows for outcomes in row):
+        raise SerdError(
+            f"P must list at least one outcome, got {shown(table)}; pass a made environment"
+        )
+    return rows
 
 
-def _require_numbered(name: str, table: Mapping[int, Any]) -> None:
+def _numbered(name: str, table: Any) -> list[Any]:
+    """The values of a mapping with the keys 0, 1 and so on."""
+    if not isinstance(table, Mapping):
+        raise SerdError(
+            f"{name} must be a dictionary, got {shown(table)}; use dict(enumerate(...))"
+        )
     if set(table) != set(range(len(table))):
         raise SerdError(
-            f"the keys of {name} must be 0 to {len(table) - 1}, got {sorted(table)}; use"
+            f"the keys of {name} must be 0 to {len(table) - 1}, got {shown(list(table))}; use"
             " from_transitions, in which a pair may be left out"
         )
+    return [table[number] for number in range(len(table))]
 
 
-def _outcome_lists(
-    rows: list[list[list[tuple[float, int, float, bool]]]], n_actions: int
-) -> IntArray:
+def _outcomes(name: str, listed: Any) -> list[Outcome]:
+    """The outcomes of one pair as numbers."""
+    try:
+        # 0.0 + refuses text, which float() reads.
+        return [
+            (float(0.0 + probability), index(state), float(0.0 + reward), bool(done))
+            for probability, state, reward, done in listed
+        ]
+    except (TypeError, ValueError) as error:
+        raise SerdError(
+            f"{name} must list outcomes (probability, next state, reward, terminated), got"
+            f" {shown(listed)}; use from_transitions for tables of another form"
+        ) from error
+
+
+def _outcome_lists(rows: list[list[list[Outcome]]], n_actions: int) -> IntArray:
     """(S, A, K) next states, -1 where there is no action; a certain outcome is all K outcomes."""
     n_outcomes = max(len(outcomes) for row in rows for outcomes in row)
     successors = np.full((len(rows), n_actions, n_outcomes), -1, dtype=np.int64)
     for state, row in enumerate(rows):
         for action, outcomes in enumerate(row):
-            reached = [int(following) for _, following, _, _ in outcomes]
+            reached = [following for _, following, _, _ in outcomes]
             if len(reached) not in (1, n_outcomes):
                 raise SerdError(
                     f"P[{state}][{action}] must list 1 or {n_outcomes} outcomes where models are"

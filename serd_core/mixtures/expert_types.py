@@ -21,7 +21,7 @@ import numpy as np
 import scipy.optimize
 from scipy.special import entr
 
-from serd_core.arrays import FloatArray, IntArray, int_array
+from serd_core.arrays import FloatArray, IntArray, int_array, require_count, require_generator
 from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.bayes.draws import PosteriorDraws
 from serd_core.bayes.strengths import DEVIATION, PriorByEvidence, strengths_of
@@ -189,6 +189,8 @@ class ExpertTypes:
 
     def draws(self, rng: np.random.Generator, n: int) -> tuple[PosteriorDraws, ...]:
         """n draws of the posterior per type, each of the same dynamics."""
+        require_count("n", n, 1, "40")
+        require_generator(rng)
         half = rng.standard_normal(((n + 1) // 2, self.root.shape[1]))
         drawn = self.mode + np.concatenate([half, -half])[:n] @ self.root.T
         model = self.objective.problem.mdp.transitions

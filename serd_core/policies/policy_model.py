@@ -9,9 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, largest_per_row, sum_per_row
+from serd_core.arrays import FloatArray, largest_per_row, require_positive, sum_per_row
 from serd_core.bellman.equations import BellmanEquation, HardBellman, SoftBellman, boltzmann
-from serd_core.errors import SerdError
 
 
 class PolicyModel(ABC):
@@ -107,10 +106,7 @@ class PolicyMatchingPolicy(PolicyModel):
     start_temperature: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.start_temperature) and self.start_temperature > 0):
-            raise SerdError(
-                f"start_temperature must be finite and above 0, got {self.start_temperature}"
-            )
+        require_positive("start_temperature", self.start_temperature)
 
     @property
     def equation(self) -> HardBellman:

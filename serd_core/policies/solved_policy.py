@@ -10,14 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray, require_positive
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.bellman_solver import BellmanSolution, BellmanSolver
 from serd_core.bellman.equations import BellmanEquation, HardBellman, SoftBellman, boltzmann
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.transition_model import transitions_of
-from serd_core.errors import SerdError
-from serd_core.mdp.problem import Problem, rewards
+from serd_core.mdp.problem import Problem, require_problem, rewards
 
 NEWTON = Newton()
 
@@ -69,8 +68,7 @@ def boltzmann_policy(
     solver: BellmanSolver = NEWTON,
 ) -> Policy:
     """Boltzmann distribution over optimal Q-values (4.62)."""
-    if not (np.isfinite(temperature) and temperature > 0):
-        raise SerdError(f"temperature must be finite and above 0, got {temperature}")
+    require_positive("temperature", temperature)
     solution = _solved(problem, reward_weights, outcome_probabilities, HardBellman(), solver)
     return _policy(solution, boltzmann(solution.q, temperature))
 
@@ -82,10 +80,13 @@ def _solved(
     equation: BellmanEquation,
     solver: BellmanSolver,
 ) -> BellmanSolution:
+    require_problem(problem)
     mdp = problem.mdp
+    with np.errstate(over="ignore", invalid="ignore"):  # BellmanProblem rejects what overflows
+        reward = rewards(problem, reward_weights)
     bellman = BellmanProblem(
         equation=equation,
-        rewards=rewards(problem, reward_weights),
+        rewards=reward,
         transitions=transitions_of(mdp.transitions, outcome_probabilities),
         mdp=mdp,
     )

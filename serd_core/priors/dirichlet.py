@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln
 
-from serd_core.arrays import FloatArray, floored
+from serd_core.arrays import FloatArray, floored, require_positive
 from serd_core.dynamics.counted_transitions import LogLikelihood
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.sparse_model import SparseModel
@@ -36,11 +36,7 @@ class DirichletPrior(Prior):
     block: Block = Block.TRUTH
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.pseudo_count) and self.pseudo_count > 0):
-            raise SerdError(
-                "pseudo_count of DirichletPrior must be finite and above 0, got"
-                f" {self.pseudo_count}; use for example 1"
-            )
+        require_positive("pseudo_count of DirichletPrior", self.pseudo_count)
         if self.block not in (Block.BELIEF, Block.TRUTH):
             raise SerdError(
                 f"block of DirichletPrior must be BELIEF or TRUTH, got {self.block.name}"

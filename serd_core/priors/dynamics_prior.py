@@ -9,7 +9,7 @@ from abc import abstractmethod
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, first_index, float_array, floored
+from serd_core.arrays import FloatArray, first_index, float_array, floored, require_kind
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.derivatives.transition_derivatives import transition_hessian
@@ -33,6 +33,7 @@ class DynamicsPrior(Prior):
     def __post_init__(self) -> None:
         name = type(self).__name__
         require_weight(f"weight of {name}", self.weight)
+        require_kind(f"block of {name}", self.block, (Block,), "Block.TRUTH")
         if self.block not in (Block.BELIEF, Block.TRUTH):
             raise SerdError(f"block of {name} must be BELIEF or TRUTH, got {self.block.name}")
 

@@ -12,7 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import (
+    FloatArray,
+    is_number,
+    number_array,
+    require_kind,
+    require_positive,
+    shown,
+)
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
@@ -33,8 +40,11 @@ class GaussianPrior(Prior):
 
     def __post_init__(self) -> None:
         _require_deviations("GaussianPrior", self.standard_deviation)
-        if not np.isfinite(self.mean):
-            raise SerdError(f"mean of GaussianPrior must be finite, got {self.mean}")
+        require_kind("block of GaussianPrior", self.block, (Block,), "Block.REWARD")
+        if not (is_number(self.mean) and np.isfinite(self.mean)):
+            raise SerdError(
+                f"mean of GaussianPrior must be finite, got {shown(self.mean)}; use for example 0"
+            )
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
         """Value and gradient."""
@@ -126,10 +136,5 @@ class GaussianAroundTruth(Prior):
 
 def _require_deviations(name: str, given: float | tuple[float, ...]) -> None:
     """SerdError unless all are finite and above 0."""
-    values = np.atleast_1d(given)
-    wrong = values[~(np.isfinite(values) & (values > 0))]
-    if wrong.size:
-        raise SerdError(
-            f"standard_deviation of {name} must be finite and above 0, got {wrong[0]}; use for"
-            " example 1"
-        )
+    for value in number_array(f"standard_deviation of {name}", given).ravel():
+        require_positive(f"standard_deviation of {name}", value)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, is_number, require_kind, require_positive, shown
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
@@ -29,12 +29,12 @@ class NormPrior(Prior):
 
     def __post_init__(self) -> None:
         require_weight("weight of NormPrior", self.weight)
-        if not (np.isfinite(self.p) and self.p >= 1.0):
-            raise SerdError(f"p of NormPrior must be finite and at least 1, got {self.p}")
-        if not (np.isfinite(self.smoothing) and self.smoothing > 0):
+        require_kind("block of NormPrior", self.block, (Block,), "Block.REWARD")
+        if not (is_number(self.p) and np.isfinite(self.p) and self.p >= 1.0):
             raise SerdError(
-                f"smoothing of NormPrior must be finite and above 0, got {self.smoothing}"
+                f"p of NormPrior must be finite and at least 1, got {shown(self.p)}; use 2"
             )
+        require_positive("smoothing of NormPrior", self.smoothing, "1e-4")
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
         """Value (4.86) and gradient (4.87)."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, is_number, require_kind, shown
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.derivatives.differences import gradient_differences
@@ -94,6 +94,10 @@ class SumOfPriors(Prior):
 
     terms: tuple[Prior, ...]
 
+    def __post_init__(self) -> None:
+        for term in self.terms:
+            require_kind("a term of a sum of priors", term, (Prior,), "UniformPrior()")
+
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
         """Sum of values and of gradients."""
         first, *others = (term.evaluate(model, parameters) for term in self.terms)
@@ -123,5 +127,7 @@ class SumOfPriors(Prior):
 
 def require_weight(name: str, weight: float) -> None:
     """SerdError unless the weight is finite and not negative."""
-    if not (np.isfinite(weight) and weight >= 0):
-        raise SerdError(f"{name} must be finite and not negative, got {weight}; use 0 for none")
+    if not (is_number(weight) and np.isfinite(weight) and weight >= 0):
+        raise SerdError(
+            f"{name} must be finite and not negative, got {shown(weight)}; use 0 for none"
+        )

@@ -11,7 +11,14 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import FloatArray, IntArray, float_array, int_array, require_index
+from serd_core.arrays import (
+    FloatArray,
+    IntArray,
+    float_array,
+    int_array,
+    require_count,
+    require_index,
+)
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import unique_names
 
@@ -33,6 +40,7 @@ class RouteNetwork:
     exits: IntArray | None = None
 
     def __post_init__(self) -> None:
+        require_count("n_links", self.n_links, 1, "the number of links")
         names = unique_names(self.feature_names)
         features = float_array("features", self.features, (None, len(names)))
         if not len(features):

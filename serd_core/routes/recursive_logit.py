@@ -26,7 +26,15 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
-from serd_core.arrays import FloatArray, IntArray, first_index, float_array, int_array
+from serd_core.arrays import (
+    FloatArray,
+    IntArray,
+    first_index,
+    float_array,
+    int_array,
+    require_index,
+    require_kind,
+)
 from serd_core.ascent.ascent import Objective, Scaled
 from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.errors import SerdError
@@ -64,8 +72,19 @@ class RouteLikelihood(Objective):
     _slope_tables: tuple[RouteValues, list[FloatArray]] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        n_goals = len(self.trips.destinations)
-        copies = COPIES + len(self.network.feature_names)
+        require_kind("network", self.network, (RouteNetwork,), "the one of the trips")
+        require_kind("trips", self.trips, (Trips,), "trips_on(network, destination, links)")
+        n_goals, n_features = len(self.trips.destinations), len(self.network.feature_names)
+        require_index("origin", self.trips.origin, self.network.n_links, "a link")
+        float_array("features of trips", self.trips.features, (len(self.trips), n_features))
+        assert self.network.exits is not None
+        bad = first_index(~np.isin(self.trips.destinations, self.network.exits[:, 1]))
+        if bad is not None:
+            raise SerdError(
+                f"destinations[{bad[0]}] must have an exit in the network, got"
+                f" {self.trips.destinations[bad]}; add the exit or drop the destination"
+            )
+        copies = COPIES + n_features
         require_memory(
             f"value functions of {self.network.n_links} links and {n_goals} destinations",
             8.0 * copies * self.network.n_links * n_goals,
@@ -274,13 +293,6 @@ def route_values(
     """
     checked = float_array("weights", weights, (len(network.feature_names),))
     goals = int_array("destinations", destinations, (None,))
-    assert network.exits is not None
-    bad = first_index(~np.isin(goals, network.exits[:, 1]))
-    if bad is not None:
-        raise SerdError(
-            f"destinations[{bad[0]}] must have an exit in the network, got {goals[bad]}; add the"
-            " exit or drop the destination"
-        )
     none = np.zeros(0, dtype=np.int64)
     trips = Trips(none, goals, none, np.zeros((0, len(network.feature_names))))
     found = RouteLikelihood(network, trips)._found(checked)

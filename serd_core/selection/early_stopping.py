@@ -8,7 +8,7 @@ import numpy as np
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Ascent, AscentResult, Objective, Step, StepCallback, largest
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe
+from serd_core.demonstrations.observations import observe_in
 from serd_core.dynamics.transition_model import transitions_at
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
@@ -104,6 +104,7 @@ def fit_serd_with_early_stopping(
     on_step: StepCallback | None = None,
 ) -> FitResult:
     """`fit_serd` on the (training) decisions, ended by the likelihood of the validation ones."""
+    observe_in(problem, decisions)  # rejects what no learner takes
     weights = initial_weights_or_sample(problem, initial_weights, rng)
     learned = settings.belief.learns_dynamics
     given = dynamics_or_estimate(problem, decisions, dynamics, learned=learned)
@@ -131,7 +132,7 @@ def validation_score(
 
     like: parameters of the fit's block lengths (and of its fixed blocks).
     """
-    observations = observe(problem.mdp, decisions)
+    observations = observe_in(problem, decisions)
     posterior = Posterior(problem, observations, policy_model, UniformPrior())
 
     def score(vector: FloatArray) -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.cluster.hierarchy
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray, require_count, require_generator
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 
@@ -75,8 +75,8 @@ def multi_start(
     tolerance: distance up to which two fits are the same explanation; probabilities count as they
     are and reward weights relative to their size.
     """
-    if n_starts < 1:
-        raise SerdError(f"n_starts must be at least 1, got {n_starts}")
+    require_count("n_starts", n_starts, 1, "12")
+    require_generator(rng)
     fits = tuple(fit(generator) for generator in rng.spawn(n_starts))
     starts = np.flatnonzero([one.converged for one in fits])
     labels = _labels([signature(fits[start]) for start in starts], tolerance)

@@ -122,9 +122,7 @@ def fit_information(
     )
 
 
-def _free_scaling(
-    posterior: Posterior, at: Parameters, jacobian: FloatArray
-) -> FloatArray | None:
+def _free_scaling(posterior: Posterior, at: Parameters, jacobian: FloatArray) -> FloatArray | None:
     """(n,) direction in which all weights grow with the temperature, where nothing determines it.
 
     Policies over optimal Q-values depend on the ratio alone; the prior may hold either.

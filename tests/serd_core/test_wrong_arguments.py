@@ -5,6 +5,7 @@ import pytest
 
 import serd_core as sc
 from serd_core import memory
+from serd_core.policies.policy_model import PolicyMatchingPolicy
 
 FITS = [sc.fit_mdce_serd, sc.fit_pm_serd]
 
@@ -25,6 +26,32 @@ def test_objects_of_another_kind_are_rejected(gridworld, fit, argument, message)
         fit(gridworld.problem, gridworld.decisions, **argument)
 
 
+@pytest.mark.parametrize("learn", [*FITS, sc.clone_behaviour, sc.estimate_dynamics])
+def test_problems_and_decisions_of_another_kind_are_rejected(gridworld, learn):
+    problem, decisions = gridworld.problem, gridworld.decisions
+    with pytest.raises(sc.SerdError, match="decisions must be a Decisions object, got one of"):
+        learn(problem, decisions.columns())
+    with pytest.raises(sc.SerdError, match=r"(problem|decisions) must"):
+        learn(decisions, problem)
+    with pytest.raises(sc.SerdError, match="problem must have an mdp and feature_names, got a Mdp"):
+        learn(problem.mdp, decisions)
+
+
+@pytest.mark.parametrize("wrong", ["1", None, 0.0])
+def test_what_is_no_positive_number_is_rejected(gridworld, wrong):
+    problem, decisions = gridworld.problem, gridworld.decisions
+    calls = {
+        "temperature": lambda: sc.boltzmann_policy(problem, [0.0, 0.0], None, wrong),
+        "start_temperature": lambda: PolicyMatchingPolicy(wrong),
+        "pseudo_count": lambda: sc.estimate_dynamics(problem, decisions, wrong),
+    }
+    for name, call in calls.items():
+        with pytest.raises(
+            sc.SerdError, match=f"^{name} must be finite and above 0, got {wrong!r}"
+        ):
+            call()
+
+
 @pytest.mark.parametrize("size", [1e308, 1e300])
 @pytest.mark.parametrize("solve", [sc.soft_policy, sc.optimal_policy])
 def test_weights_whose_values_overflow_are_rejected(gridworld, solve, size):
@@ -32,6 +59,10 @@ def test_weights_whose_values_overflow_are_rejected(gridworld, solve, size):
         sc.SerdError, match=r"rewards\[\d+, \d\] must be finite and at most 1e\+299"
     ):
         solve(gridworld.problem, [0.0, size], gridworld.probabilities)
+    with pytest.raises(sc.SerdError, match=r"rewards\[\d+, \d\] must be finite"):
+        solve(gridworld.problem, [size, -size], gridworld.probabilities)
+    with pytest.raises(sc.SerdError, match="problem must have an mdp and feature_names, got a Mdp"):
+        solve(gridworld.problem.mdp, [0.0, 1.0], gridworld.probabilities)
     large = solve(gridworld.problem, [0.0, 1e298], gridworld.probabilities)
     assert np.all(np.isfinite(large.probabilities))
 

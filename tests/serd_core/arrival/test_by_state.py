@@ -157,7 +157,7 @@ def test_the_probability_within_some_periods_is_cut_at_the_horizon():
 def test_wrong_arguments_are_refused_by_name():
     problem, policy = corridor_north(3)
     table = np.tile([0.0, 1.0, 0, 0, 0], (4, 1))
-    with pytest.raises(SerdError, match="n_periods must not be negative, got -1"):
+    with pytest.raises(SerdError, match="n_periods must be a whole number of at least 0, got -1"):
         arrival_by_state(problem, policy, table, -1)
     with pytest.raises(SerdError, match="state must be a state from 0 to 2, got 3"):
         arrival_by_state(problem, policy, table, 3).from_state(3)

@@ -1,9 +1,12 @@
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
 
+import serd_core as sc
 from serd_core.arrival.bands import clopper_pearson, empirical_arrival_cdf, sampling_band
 from serd_core.arrival.chain import arrival_time_distribution
 from serd_core.demonstrations.simulation import sample_decisions
@@ -166,8 +169,10 @@ def test_wrong_arguments_are_refused_by_name():
         arrival_time_distribution(problem, np.tile(np.eye(5)[1], (6, 1)), outcomes(1), start, 3)
     with pytest.raises(SerdError, match=r"policy\[0\] must sum to 1, got 0.5"):
         arrival_time_distribution(problem, good * 0.5, outcomes(1), start, 3)
-    with pytest.raises(SerdError, match="n_periods must not be negative, got -1"):
+    with pytest.raises(SerdError, match="n_periods must be a whole number of at least 0, got -1"):
         arrival_time_distribution(problem, good, outcomes(1), start, -1)
+    with pytest.raises(SerdError, match=r"n_periods must be a whole number .* got 30\.5"):
+        arrival_time_distribution(problem, good, outcomes(1), start, 30.5)
     with pytest.raises(SerdError, match="coverage must be between 0 and 1, got 95"):
         empirical_arrival_cdf([1.0], [False], 10.0, coverage=95)
     with pytest.raises(SerdError, match="at least one episode"):
@@ -192,3 +197,21 @@ def test_what_starts_at_the_goal_has_arrived_once_and_for_all():
     half = np.array([0.5, 0, 0, 0, 0, 0.5])
     arrival = arrival_time_distribution(problem, policy, outcomes(1.0), half, 6)
     np.testing.assert_allclose(arrival.cdf, [0.5, 0.5, 0.5, 0.5, 0.5, 1.0, 1.0])
+
+
+@dataclass
+class GoalsOf:
+    mdp: sc.Mdp
+    goal_states: list
+
+
+def test_known_transitions_need_no_probabilities_and_goals_must_be_states():
+    world = sc.from_transitions(np.full((2, 1, 2), 0.5), np.ones((2, 1)), discount=0.9)
+    given = (np.ones((2, 1)), None, np.array([1.0, 0.0]), 2)
+    arrival = arrival_time_distribution(GoalsOf(world.mdp, [1]), *given)
+    np.testing.assert_allclose(arrival.cdf, [0.0, 0.5, 0.75])
+    with pytest.raises(SerdError, match="problem must have an mdp and goal_states, got a Tabular"):
+        arrival_time_distribution(world, *given)
+    for goal in (99, -1):
+        with pytest.raises(SerdError, match=rf"goal_states\[0\] must be a state .* got {goal}"):
+            arrival_time_distribution(GoalsOf(world.mdp, [goal]), *given)

@@ -62,7 +62,7 @@ def test_what_is_undecided_is_averaged():
     assert found.sentence().startswith("Undecided: the expert's belief is ")
     draws = found.draws(np.random.default_rng(0), 21)
     assert len(draws) == 21
-    with pytest.raises(SerdError, match="n must be at least 2, got 1"):
+    with pytest.raises(SerdError, match="n must be a whole number of at least 2, got 1"):
         found.draws(np.random.default_rng(0), 1)
     policy = posterior_policy(problem, draws)
     np.testing.assert_allclose(policy.sum(axis=1), 1.0)

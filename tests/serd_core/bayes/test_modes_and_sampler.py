@@ -5,6 +5,7 @@ import pytest
 import scipy.stats
 
 from serd_core.bayes import sampler
+from serd_core.bayes.draws import laplace_draws
 from serd_core.bayes.laplace import laplace
 from serd_core.bayes.modes import posterior_modes
 from serd_core.bayes.sampler import sample_posterior
@@ -105,8 +106,12 @@ def test_a_missing_library_is_named(counted, monkeypatch):
 def test_too_few_starts_and_chains_are_rejected(counted):
     problem, decisions = counted
     fit = fit_mdce_serd(problem, decisions, prior=GIVEN)
-    with pytest.raises(SerdError, match="n_starts must be at least 1, got 0"):
+    with pytest.raises(SerdError, match="n_starts must be a whole number of at least 1, got 0"):
         posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=0)
+    with pytest.raises(SerdError, match=r"rng must be a .*Generator, got 3"):
+        posterior_modes(problem, decisions, fit, 3)
+    with pytest.raises(SerdError, match=r"rng must be a .*Generator, got 3"):
+        laplace_draws(laplace(problem, decisions, fit), 3)
     modes = posterior_modes(problem, decisions, fit, np.random.default_rng(0), n_starts=1)
-    with pytest.raises(SerdError, match="n_chains must be at least 2, got 1"):
+    with pytest.raises(SerdError, match="n_chains must be a whole number of at least 2, got 1"):
         sample_posterior(problem, modes, np.random.default_rng(0), n_chains=1)

@@ -64,6 +64,16 @@ def test_columns_cannot_be_changed_afterwards():
         ({"action": [np.nan]}, r"action\[0\] must be finite, got nan"),
         ({"time_s": [np.nan]}, r"time_s\[0\] must be finite, got nan"),
         ({"time_s": ["soon"]}, "time_s must be an array of numbers"),
+        ({"episode": ["a"]}, r"episode must be an array of numbers, got <U1 such as \['a'\]"),
+        ({"episode": np.array(["1"], dtype=object)}, "episode must be an array of numbers"),
+        ({"episode": [[1], [1, 2]]}, "episode must be an array of numbers, which this is not"),
+        ({"state": [1e30]}, r"state\[0\] must be below 2\*\*63 in size, got 1e\+30"),
+        ({"state": np.array([2**64 - 1], dtype=np.uint64)}, r"must be .* got 1\.844\d+e\+19"),
+        ({"state": [1j]}, "state must be an array of numbers, got complex128"),
+        (
+            {"time_s": np.array(["2020-01-01"], "M8[D]")},
+            "time_s must .* got datetime64.* in seconds",
+        ),
     ],
 )
 def test_wrong_columns_are_refused_with_the_place(change, sentence):
@@ -82,3 +92,24 @@ def test_decisions_of_a_larger_problem_are_refused():
         state_counts(five_decisions(), 2)
     with pytest.raises(SerdError, match=r"action\[0\] must be below 1, got 1"):
         state_action_counts(five_decisions(), 3, 1)
+
+
+@pytest.mark.parametrize(
+    ("rows", "sentence"),
+    [
+        ([10**6], r"rows\[0\] must be a row from 0 to 4, got 1000000"),
+        ([-1], r"rows\[0\] must be a row from 0 to 4, got -1"),
+        ([True], r"rows must have shape \(5\), got \(1,\)"),
+        (["a"], "rows must be an array of numbers"),
+    ],
+)
+def test_rows_that_are_not_there_are_refused(rows, sentence):
+    with pytest.raises(SerdError, match=sentence):
+        five_decisions().select(rows)
+
+
+def test_actions_are_hidden_by_a_mask_of_all_rows_only():
+    hidden = five_decisions().with_hidden_actions([True, False, False, False, True])
+    assert hidden.action.tolist() == [-1, 0, 0, 1, -1]
+    with pytest.raises(SerdError, match=r"rows must have shape \(5\), got \(1,\)"):
+        five_decisions().with_hidden_actions([True])

@@ -2,6 +2,7 @@
 
 import gymnasium
 import numpy as np
+import pandas as pd
 import pytest
 import scipy.sparse
 
@@ -42,6 +43,9 @@ def test_features_of_transitions_count_by_their_expectation():
     dense[columns["state"], columns["action"], columns["next_state"]] = cost
     np.testing.assert_allclose(problem.features[:, :, 0], (dense * table).sum(axis=2))
     assert problem.feature_names == ("cost",)
+    frame = sc.from_transitions(pd.DataFrame(columns), pd.DataFrame({"cost": cost}), discount=0.9)
+    np.testing.assert_array_equal(frame.features, problem.features)
+    assert frame.feature_names == problem.feature_names
 
 
 def test_the_feature_of_a_terminal_state_counts_once():
@@ -94,13 +98,23 @@ def test_outcome_models_of_an_environment_have_its_transitions():
         ({"transitions": np.full((2, 1, 2), 0.4)}, "but the row sums to 0.8; normalise that row"),
         ({"features": np.ones(3)}, r"features must have shape \(2, F\) or \(2, 1, F\), got \(3,\)"),
         ({"features": {"one": [1.0]}}, "features by name must come with transitions as columns"),
+        ({"features": [["a"], ["b"]]}, "features must be an array of numbers, got <U1"),
+        ({"features": [[1.0], [1.0, 2.0]]}, "features must be an array of numbers"),
+        ({"features": pd.DataFrame({"one": [1.0, 2.0]})}, "features by name must come with trans"),
+        ({"transitions": None}, "transitions must be an .* got None; pass one of these"),
+        ({"transitions": 3}, "transitions must be an .* got 3; pass one of these"),
+        ({"terminal": 3}, "terminal must list states, got 3"),
+        ({"terminal": [[1], [0, 1]]}, "terminal must be an array of numbers"),
+        ({"terminal": ["a"]}, "terminal must be an array of numbers"),
+        ({"terminal": [True]}, r"terminal must have shape \(2\), got \(1,\)"),
+        ({"discount": "0.9"}, r"discount must be in \[0, 1\), got '0.9'"),
         ({"terminal": [2]}, r"terminal\[0\] must be a state from 0 to 1, got 2"),
     ],
 )
 def test_wrong_tables_are_rejected_with_a_sentence(change, message):
-    given = {"transitions": np.full((2, 1, 2), 0.5), "features": np.ones((2, 1)), **change}
+    given = {"transitions": np.full((2, 1, 2), 0.5), "features": np.ones((2, 1)), "discount": 0.9}
     with pytest.raises(sc.SerdError, match=message):
-        sc.from_transitions(discount=0.9, **given)
+        sc.from_transitions(**given | change)
 
 
 def test_an_environment_without_a_table_is_rejected():
@@ -129,6 +143,7 @@ def test_features_by_name_have_the_order_of_feature_names():
     [
         ({0: {0: [(1.0, 0, 0.0, False)], 2: [(1.0, 1, 0.0, True)]}, 1: {0: []}}, r"P\[0\]"),
         ({1: {0: [(1.0, 1, 0.0, False)]}}, "P"),
+        ({0: {0: [(1.0, 0, 0.0, False)]}, "a": {}}, "P"),
     ],
 )
 def test_tables_that_leave_out_an_action_or_a_state_are_rejected(table, name):
@@ -154,3 +169,29 @@ def test_transitions_to_be_learned_keep_their_terminal_states():
 def test_a_problem_has_a_feature():
     with pytest.raises(sc.SerdError, match="at least one feature, got none"):
         sc.from_transitions(np.ones((1, 1, 1)), np.zeros((1, 0)), discount=0.9)
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({}, r"P must list at least one outcome, got \{\}"),
+        ({0: {}}, "P must list at least one outcome"),
+        ({0: {0: []}}, "P must list at least one outcome"),
+        ([[[(1.0, 0, 0.0, False)]]], "P must be a dictionary, got"),
+        ({0: [[(1.0, 0, 0.0, False)]]}, r"P\[0\] must be a dictionary, got"),
+        ({0: {0: [(1.0, 0, 0.0)]}}, r"P\[0\]\[0\] must list outcomes \(probability, next state"),
+        ({0: {0: [("1", 0, 0.0, False)]}}, r"P\[0\]\[0\] must list outcomes"),
+        ({0: {0: [(1.0, 0.5, 0.0, False)]}}, r"P\[0\]\[0\] must list outcomes"),
+    ],
+)
+def test_tables_of_another_form_than_gymnasium_s_are_rejected(table, message):
+    environment = type("Environment", (), {"P": table})()
+    with pytest.raises(sc.SerdError, match=message):
+        sc.from_gymnasium(environment, discount=0.9)
+
+
+@pytest.mark.parametrize("model_of", [np.zeros((3, 3)), [0, 0, 0, 0], "a"])
+def test_models_of_another_shape_than_the_pairs_are_rejected(model_of):
+    lake, features = gymnasium.make("FrozenLake-v1"), np.ones((16, 1))
+    with pytest.raises(sc.SerdError, match="model_of must"):
+        sc.from_gymnasium(lake, discount=0.9, features=features, model_of=model_of)

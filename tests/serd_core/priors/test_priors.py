@@ -191,6 +191,18 @@ def test_coupling_is_zero_where_belief_and_truth_are_the_same():
         (lambda: NormPrior(1.0, Block.REWARD, smoothing=0.0), "smoothing of NormPrior"),
         (lambda: GaussianPrior(0.0, Block.REWARD), "standard_deviation of GaussianPrior"),
         (lambda: GaussianPrior(1.0, Block.REWARD, mean=float("inf")), "mean of GaussianPrior"),
+        (
+            lambda: GaussianPrior("a", Block.REWARD),
+            "standard_deviation of GaussianPrior must be an",
+        ),
+        (lambda: GaussianPrior(1.0, "reward"), "block of GaussianPrior .* Block object, got 'rewa"),
+        (lambda: NormPrior(1.0, "reward"), "block of NormPrior must be a Block object"),
+        (lambda: EntropyPrior(1.0, "truth"), "block of EntropyPrior must be a Block object"),
+        (lambda: EntropyPrior("1"), "weight of EntropyPrior must be finite .* got '1'"),
+        (
+            lambda: DirichletPrior(1.0) + 3,
+            "a term of a sum of priors must be a Prior object, got 3",
+        ),
         (lambda: CouplingPrior(-2.0), "^weight of CouplingPrior must be finite"),
         (lambda: NormPrior(-1.0, Block.REWARD), "^weight of NormPrior must be finite"),
     ],

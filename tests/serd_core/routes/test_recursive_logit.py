@@ -178,3 +178,24 @@ def test_wrong_networks_trips_and_weights_are_rejected_with_a_sentence():
     one_way = sc.RouteNetwork(2, [0], [1], np.ones((1, 1)), ("x",))
     with pytest.raises(sc.SerdError, match="no turns lead there; choose another pair"):
         sc.sample_routes(one_way, [-1.0], [1], [0], rng=np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("n_links", [3.5, "3", 0])
+def test_a_number_of_links_that_is_no_count_is_rejected(n_links):
+    with pytest.raises(sc.SerdError, match="n_links must be a whole number of at least 1, got"):
+        sc.RouteNetwork(n_links, [0], [1], np.ones((1, 1)), ("x",))
+
+
+def test_trips_of_another_network_are_rejected():
+    line = sc.RouteNetwork(4, [0, 1, 2], [1, 2, 3], np.ones((3, 1)), ("x",))
+    short = sc.RouteNetwork(2, [0], [1], np.ones((1, 1)), ("x",))
+    wide = sc.RouteNetwork(4, [0, 1, 2], [1, 2, 3], np.ones((3, 2)), ("x", "y"))
+    trips, begun = sc.trips_on(line, [3], [[2, 3]]), sc.trips_on(line, [3], [[1, 2, 3]])
+    with pytest.raises(sc.SerdError, match=r"origin\[0\] must be a link from 0 to 1, got 2"):
+        sc.fit_routes(short, trips)
+    with pytest.raises(sc.SerdError, match=r"destinations\[0\] must have an exit in the network"):
+        sc.fit_routes(short, begun)
+    with pytest.raises(sc.SerdError, match="features of trips must have shape"):
+        sc.fit_routes(wide, trips)
+    with pytest.raises(sc.SerdError, match="network must be a RouteNetwork object"):
+        sc.fit_routes(trips, line)

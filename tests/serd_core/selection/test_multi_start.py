@@ -70,8 +70,10 @@ def test_one_seed_gives_the_same_fits(minimum_example, always_a):
 
 
 def test_no_starts_are_refused():
-    with pytest.raises(SerdError, match="n_starts must be at least 1, got 0"):
+    with pytest.raises(SerdError, match="n_starts must be a whole number of at least 1, got 0"):
         multi_start(lambda _: None, 0, np.random.default_rng(0))
+    with pytest.raises(SerdError, match=r"rng must be a .*Generator, got 3"):
+        multi_start(lambda _: None, 2, 3)
 
 
 def test_the_open_scale_of_policy_matching_makes_no_second_explanation(minimum_example, always_a):
