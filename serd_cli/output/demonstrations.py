@@ -27,6 +27,7 @@ from serd_app.drives.unmarked import BUTTON, GAP, GOAL, STOP, TURN
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.navigation import NO_FLOW
+from storage.files import delete_file
 from storage.quantities import counted
 
 #: Share of decisions off the grid above which a bag may be that of another place.
@@ -221,7 +222,7 @@ def save_pictures(
     if advice is not None:
         save_figure(files["resolution picture"], draw_resolution(advice))
     if flow is None:
-        files["flow picture"].unlink(missing_ok=True)
+        delete_file(files["flow picture"])
         return
     figure = draw_flow_map(
         place.grid, flow.flow, flow.order, layout=layout, scenario_flow=place.flow
