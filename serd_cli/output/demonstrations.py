@@ -78,9 +78,11 @@ def remarks(found: Sequence[RecordedDemonstrations]) -> Iterable[str]:
 
 def _damage(recording: Recording) -> Iterable[str]:
     yield from recording.damage
-    if recording.damage:
-        at_least = "" if recording.losses.all_known else "at least "
-        yield f"{at_least}{counted(recording.losses.n_messages, 'message')} lost"
+    lost = recording.losses
+    if recording.damage and not (lost.n_messages or lost.all_known):
+        yield "messages lost: unknown, the damaged bag has no count"
+    elif recording.damage:
+        yield f"{'' if lost.all_known else 'at least '}{counted(lost.n_messages, 'message')} lost"
 
 
 def _pieces(recording: Recording) -> Iterable[str]:

@@ -168,6 +168,8 @@ def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
     assert list(record.damage) == damage
     assert record.n_lost == values["bags"][0]["n_lost"] > 0
     assert f"drive: {damage[0]}" in serd(*words).out
+    (bag / "metadata.yaml").unlink()
+    assert "drive: messages lost: unknown, the damaged bag has no count\n" in serd(*words).out
 
 
 def test_how_many_messages_a_damage_cost_is_said(serd, drive_bag):
