@@ -19,11 +19,14 @@ from storage.quantities import counted, seconds_in_words
 class Summary:
     """Plain numbers; a median is None when fewer than half of the episodes arrived.
 
-    Without episodes all that is measured is None, and so is the gap.
+    Without episodes all that is measured is None, and so is the gap. n_decisions: learned from, as
+    are decisions_per_model; of a model without a posterior these are of n_compared_decisions, those
+    of the demonstrations that it is compared with.
     """
 
     n_demonstrations: int
     n_decisions: int
+    n_compared_decisions: int
     n_episodes: int
     n_arrived: int
     measured_arrival_probability: float | None
@@ -70,6 +73,7 @@ def summary_of(inputs: ReportInputs) -> Summary:
     return Summary(
         n_demonstrations=inputs.n_demonstrations or len(inputs.demonstrations.episodes),
         n_decisions=fit.n_decisions if inputs.n_demonstrations else len(inputs.demonstrations),
+        n_compared_decisions=len(inputs.demonstrations),
         n_episodes=len(episodes),
         n_arrived=len(times),
         measured_arrival_probability=len(times) / len(episodes) if episodes else None,
@@ -154,8 +158,8 @@ def trapped_states(inputs: ReportInputs) -> BoolArray:
 
 
 def known_decisions(inputs: ReportInputs) -> IntArray:
-    """(M,) decisions per outcome model; those of the fit where the demonstrations are not given."""
-    if len(inputs.demonstrations) or inputs.knowledge is None:
+    """(M,) decisions per outcome model; see `Summary`."""
+    if not inputs.n_demonstrations or inputs.knowledge is None:
         return decisions_per_model(inputs.problem, inputs.demonstrations)
     known = inputs.knowledge.by_model
     counts = [round(known[name][0].decisions) for name in inputs.problem.model_names]

@@ -1,8 +1,10 @@
 """The subcommands of `serd` and their exit codes."""
 
+import errno
 import os
 import signal
 import sys
+from pathlib import Path
 from threading import Timer
 from typing import Annotated, Any
 
@@ -16,6 +18,7 @@ from serd_cli.output.terminal import progress_console
 from serd_cli.signatures import MODULES, FlagGroup, app_of, known_signatures
 from serd_core import __version__
 from serd_core.errors import SerdError
+from storage.errors import disk_error
 
 
 class LazyCommands(FlagGroup):
@@ -96,21 +99,37 @@ def _options(
 
 #: After this, an interrupt that Python ignored is repeated.
 _REPEATED_AFTER_S = 0.05
+#: Of what is printed; errors of other files have their names.
+_OUTPUT_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
 
 def run(app: typer.Typer) -> int:
     """Run the command; its exit code. An error of the project is one line on stderr."""
     sys.unraisablehook = _repeat_interrupt
     try:
-        return int(app(standalone_mode=True) or 0)
+        return _printed(app)
     except KeyboardInterrupt:
         progress_console.print("interrupted")
         return INTERRUPTED
     except SerdError as error:
         progress_console.print(f"[red]serd:[/red] {escape(str(error))}", soft_wrap=True)
         return error.exit_code if isinstance(error, RunError) else BAD_INPUT
-    finally:
-        _flush_output()
+
+
+def _printed(app: typer.Typer) -> int:
+    """Run the command and write what it prints; RunError where that is not possible."""
+    if sys.stdout is None:
+        raise RunError("the output must be open, got a closed one; redirect it to /dev/null")
+    try:
+        try:
+            return int(app(standalone_mode=True) or 0)
+        finally:
+            _flush_output()
+    except OSError as error:
+        if error.filename is not None or error.errno not in _OUTPUT_ERRORS:
+            raise
+        _drop_output()
+        raise RunError(str(disk_error("write", Path("the output"), error))) from None
 
 
 def _repeat_interrupt(ignored: Any) -> None:
@@ -126,4 +145,9 @@ def _flush_output() -> None:
     try:
         sys.stdout.flush()
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
+
+
+def _drop_output() -> None:
+    """Nothing that is buffered is written at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

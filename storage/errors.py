@@ -27,7 +27,7 @@ class FileError(SerdError):
 
 
 def disk_error(doing: str, path: Path, error: OSError) -> FileError:
-    """FileError with the operating system's reason; doing: "read" or "write"."""
+    """FileError with the operating system's reason; doing: "read", "write" or "delete"."""
     unknown = (error.strerror or str(error), "check the path and the disk")
     reason, fix = _REASON_AND_FIX.get(error.errno or 0, unknown)
     return FileError(f"cannot {doing} {path}: {reason}; {fix}")

@@ -47,6 +47,16 @@ def atomic_write_bytes(path: str | Path, content: bytes) -> None:
         raise disk_error("write", path, error) from None
 
 
+def delete_file(path: Path) -> None:
+    """Delete the file where there is one; FileError where that is not possible."""
+    if not os.path.lexists(path):  # read-only file systems refuse that as well
+        return
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise disk_error("delete", path, error) from None
+
+
 def _replace(target: Path, content: bytes) -> None:
     mode = target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_umask()
     descriptor, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:100]}.")

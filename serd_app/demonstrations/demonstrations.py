@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
 from bags.errors import BagError
 from serd_app.demonstrations.decision_table import concatenate_renumbered
 from serd_app.demonstrations.discretise import (
     DiscretisationReport,
     decisions_from_drive,
+    episode_rows,
     joined_reports,
 )
 from serd_app.demonstrations.goal import goal_entries_s
@@ -32,13 +31,8 @@ class Demonstrations:
 
     @cached_property
     def episode_rows(self) -> dict[int, bytes]:
-        """Every decision of each episode as bytes, by which repeated episodes are recognised."""
-        table = self.decisions
-        columns = (table.time_s, table.state, table.action, table.next_state)
-        return {
-            int(episode): b"".join(column[table.episode == episode].tobytes() for column in columns)
-            for episode in table.episodes
-        }
+        """See `discretise.episode_rows`."""
+        return episode_rows(self.decisions)
 
 
 def joined(parts: Sequence[Demonstrations]) -> Demonstrations:
@@ -155,11 +149,6 @@ def fresh_from_drive(
 
     An episode that was seen already in every decision counts once.
     """
-    decisions, report = decisions_from_drive(drive, grid, decision_period_s)
-    rows = Demonstrations(decisions).episode_rows
-    fresh = [episode for episode, row in rows.items() if row not in seen]
-    seen.update(rows.values())
-    decisions = decisions.select(np.isin(decisions.episode, fresh))
-    report = report.without_repeated(decisions)
+    decisions, report = decisions_from_drive(drive, grid, decision_period_s, seen)
     entry_s = goal_entries_s(drive.episodes, decisions, decision_period_s)
     return Demonstrations(decisions, tuple(entry_s.tolist())), report

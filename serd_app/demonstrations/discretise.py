@@ -12,11 +12,12 @@ fault: its progress is not that of the robot. Faults are counted, and so is what
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import astuple, dataclass, field
 from enum import Enum
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bags.errors import BagError
 from serd_app.drives.episode_mark import DISCARDED
@@ -123,20 +124,6 @@ class DiscretisationReport:
         """Recorded intents, each either a decision or dropped."""
         return self.n_decisions + sum(self.dropped.values())
 
-    def without_repeated(self, kept: Decisions) -> "DiscretisationReport":
-        """The same once the decisions of episodes that were known before are dropped."""
-        n_repeated = self.n_decisions - len(kept)
-        if not n_repeated:
-            return self
-        dropped = {**self.dropped, REPEATED: n_repeated}
-        return replace(
-            self,
-            n_decisions=len(kept),
-            n_episodes=len(kept.episodes),
-            dropped=dropped,
-            n_moving_waits=min(self.n_moving_waits, len(kept)),
-        )
-
     def __str__(self) -> str:
         """One sentence with every count."""
         dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(self.dropped.items()))
@@ -190,9 +177,12 @@ def next_state_of(grid: Grid, state: int, reached: int, end_m: FloatArray) -> tu
 
 
 def decisions_from_drive(
-    drive: RecordedDrive, grid: Grid, decision_period_s: float
+    drive: RecordedDrive, grid: Grid, decision_period_s: float, seen: set[bytes] | None = None
 ) -> tuple[Decisions, DiscretisationReport]:
-    """Decisions of a recorded drive on a grid, and what became of every intent."""
+    """Decisions of a recorded drive on a grid, and what became of every intent.
+
+    seen: `episode_rows` of episodes that are dropped here; those of this drive are added.
+    """
     if not decision_period_s > 0:
         raise BagError(f"decision_period_s must be above 0, got {decision_period_s}")
     drops = _DropLog(len(drive.intent_time_s), drive.dropped)
@@ -203,29 +193,51 @@ def decisions_from_drive(
     drops.drop(~(start_known & end_known), NO_POSE)
     state, reached = grid.states_at(start_m), grid.states_at(end_m)
     drops.drop((state < 0) | (reached < 0), OFF_GRID)
-    moves = _assign(grid, state, reached, end_m, drops)
-    kept = np.flatnonzero(drops.kept)
-    moved = np.hypot(*(end_m - start_m)[kept].T) >= drive.minimum_speed_mps * decision_period_s
+    moves = _assign(grid, state, reached, end_m, drops.kept)
+    rows = np.flatnonzero(drops.kept & (reached >= 0))
     numbers = np.array([each.number for each in drive.episodes], dtype=np.int64)
     decisions = Decisions(
-        episode=numbers[span[kept]],
-        time_s=drive.intent_time_s[kept],
-        state=state[kept],
-        action=drive.intent_action[kept],
-        next_state=reached[kept],
+        episode=numbers[span[rows]],
+        time_s=drive.intent_time_s[rows],
+        state=state[rows],
+        action=drive.intent_action[rows],
+        next_state=reached[rows],
         source=drive.source,
     )
+    repeated = _repeated(decisions, set() if seen is None else seen)
+    drops.drop(np.isin(span, span[rows[repeated]]), REPEATED)
+    drops.drop(reached < 0, UNEXPLAINED)
+    decisions, kept = decisions.select(~repeated), drops.kept
+    moved = np.hypot(*(end_m - start_m)[kept].T) >= drive.minimum_speed_mps * decision_period_s
+    kinds = Counter(moves[kept])
     return decisions, DiscretisationReport(
-        n_decisions=len(kept),
+        n_decisions=len(decisions),
         n_episodes=len(decisions.episodes),
-        n_diagonal=moves[Move.DIAGONAL],
-        n_far=moves[Move.FAR],
+        n_diagonal=kinds[Move.DIAGONAL],
+        n_far=kinds[Move.FAR],
         dropped=dict(drops.dropped),
         n_bad_poses=drive.n_bad_poses,
         n_unplaced_poses=drive.n_unplaced_poses,
         n_bad_commands=drive.n_bad_commands,
         n_moving_waits=int((moved & (decisions.action == Action.WAIT)).sum()),
     )
+
+
+def episode_rows(decisions: Decisions) -> dict[int, bytes]:
+    """Every decision of each episode as bytes, by which repeated episodes are recognised."""
+    columns = (decisions.time_s, decisions.state, decisions.action, decisions.next_state)
+    return {
+        int(episode): b"".join(column[decisions.episode == episode].tobytes() for column in columns)
+        for episode in decisions.episodes
+    }
+
+
+def _repeated(decisions: Decisions, seen: set[bytes]) -> BoolArray:
+    """(N,) decisions of episodes that were seen already in every decision; adds the others."""
+    rows = episode_rows(decisions)
+    repeated = [episode for episode, row in rows.items() if row in seen]
+    seen.update(rows.values())
+    return np.isin(decisions.episode, repeated)
 
 
 class _DropLog:
@@ -307,15 +319,14 @@ def _positions(drive: RecordedDrive, times_s: FloatArray) -> tuple[FloatArray, B
 
 
 def _assign(
-    grid: Grid, state: IntArray, reached: IntArray, end_m: FloatArray, drops: _DropLog
-) -> Counter[Move]:
-    """Put the next state of the rule in place of the cell reached, where that is no neighbour."""
-    moves: Counter[Move] = Counter()
+    grid: Grid, state: IntArray, reached: IntArray, end_m: FloatArray, kept: BoolArray
+) -> NDArray[np.object_]:
+    """(N,) kinds of moves; puts the next state of the rule in place of the cell reached, -1 where
+    no neighbour explains the move."""
+    moves = np.full(len(state), Move.ADJACENT, dtype=object)
     adjacent = (reached == state) | (grid.neighbours[state] == reached[:, None]).any(axis=1)
-    unexplained = np.zeros(len(state), dtype=bool)
-    for row in np.flatnonzero(drops.kept & ~adjacent):
-        reached[row], move = next_state_of(grid, int(state[row]), int(reached[row]), end_m[row])
-        unexplained[row] = reached[row] < 0
-        moves[move] += int(reached[row] >= 0)
-    drops.drop(unexplained, UNEXPLAINED)
+    for row in np.flatnonzero(kept & ~adjacent):
+        reached[row], moves[row] = next_state_of(
+            grid, int(state[row]), int(reached[row]), end_m[row]
+        )
     return moves

@@ -18,6 +18,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.density import crowd_shares
 from serd_core.grid.grid import Action, Grid
 from storage.errors import FileError
+from storage.files import delete_file
 from storage.table import Column, read_table, write_table
 
 #: Age of a sighting from which on the density is not known.
@@ -139,7 +140,7 @@ def save_density(
     files = files_beside(table)
     if density is None:
         for name in ("density", "mean density"):
-            files[name].unlink(missing_ok=True)
+            delete_file(files[name])
         return
     numbers = zip(decisions.episode.tolist(), decisions.time_s.tolist(), strict=True)
     aimed_at = density.aimed_at_pm2.round(4).tolist()

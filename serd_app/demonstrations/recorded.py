@@ -36,7 +36,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid
 from sim.scenario.grid import flow_of
 from sim.scenario.scenario import Scenario
-from storage.files import atomic_write_text
+from storage.files import atomic_write_text, delete_file
 from storage.yaml_config import StrictModel, load_yaml_model, model_yaml
 
 
@@ -196,11 +196,11 @@ def save_demonstrations(
     save_grid(files["grid"], place.grid, place.name)
     atomic_write_text(files["record"], model_yaml(_record(place, found, advice)))
     for name in ("resolution", "resolution picture"):  # those of other recordings
-        files[name].unlink(missing_ok=True)
+        delete_file(files[name])
     if advice is not None:
         save_resolution(files["resolution"], advice)
     if flow is None:  # that of other recordings must not stay beside this table
-        files["flow"].unlink(missing_ok=True)
+        delete_file(files["flow"])
         return
     save_flow(
         files["flow"],

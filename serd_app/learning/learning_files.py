@@ -35,6 +35,7 @@ FlowSource = Literal["auto", "scenario", "recorded", "none"]
 class LearningFiles:
     """task: where it was; flow_from: scenario, recorded or none; n_after_goal: decisions left out;
     n_elsewhere: those of episodes that end in other places than the goal, also left out;
+    n_left_out: episodes of which nothing is left;
     elsewhere_m: centres of these places.
     goals_m: centres (x, y) of the goal cells; n_reaching_goal: episodes that come to one. scenario:
     None where the grid was fitted. cells: the decisions on the cells of the grid; with density the
@@ -47,10 +48,19 @@ class LearningFiles:
     goals_m: tuple[tuple[float, float], ...]
     n_after_goal: int
     n_elsewhere: int
+    n_left_out: int
     elsewhere_m: tuple[tuple[float, float], ...]
     n_reaching_goal: int
     cells: Decisions
     scenario: Scenario | None = None
+
+    def left_out(self) -> str:
+        """How many decisions, and why; empty where there are none."""
+        reasons = (
+            (self.n_after_goal, "after the goal"),
+            (self.n_elsewhere, "of episodes that end elsewhere"),
+        )
+        return ", ".join(f"{count} {why}" for count, why in reasons if count)
 
     def remarks(self) -> Iterable[str]:
         """A warning where no episode reaches the goal."""
@@ -122,6 +132,7 @@ def read_learning_files(
         goals_m=_centres_m(grid, goals),
         n_after_goal=len(decisions) - len(kept),
         n_elsewhere=len(all_decisions) - len(decisions),
+        n_left_out=len(all_decisions.episodes) - len(kept.episodes),
         elsewhere_m=_centres_m(grid, others),
         n_reaching_goal=n_reaching(decisions, goals),
         cells=cells,

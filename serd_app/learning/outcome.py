@@ -16,7 +16,7 @@ from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.mixtures.expert_types import ExpertTypes
 from serd_core.posterior.parameters import Parameters
-from storage.files import atomic_write_text
+from storage.files import atomic_write_text, delete_file
 from storage.model_file import ModelFile, ModelType, save_model
 from storage.quantities import counted
 from storage.table import Column, read_table
@@ -124,7 +124,7 @@ def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
     save_grid(files["grid"], grid, outcome.model.scenario)
     atomic_write_text(files["learning"], outcome.trace_table())
     for name in ("posterior", "gain", "gain_map"):
-        files[name].unlink(missing_ok=True)  # of an earlier fit
+        delete_file(files[name])  # of an earlier fit
     if outcome.knowledge is not None:
         save_knowledge(files, outcome.knowledge)
     save_model(files["model"], outcome.model)

@@ -10,7 +10,7 @@ from pathlib import Path
 from serd_app.errors import AppError
 from sim.scenario.scenario import Scenario, builtin_scenarios, load_scenario
 from storage.errors import FileError
-from storage.files import atomic_write_text, read_text
+from storage.files import atomic_write_text, delete_file, read_text
 from storage.yaml_config import model_yaml, yaml_model
 
 
@@ -35,7 +35,7 @@ def keep_scenario(beside: Path, text: str) -> None:
     require_replaceable(beside, text)
     file = kept_scenario_file(beside)
     if not text:
-        file.unlink(missing_ok=True)
+        delete_file(file)
     elif not file.is_file() or _is_generated(file):
         atomic_write_text(file, _first_line(text) + text)
 

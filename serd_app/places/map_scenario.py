@@ -108,6 +108,11 @@ def map_scenario_yaml(
 
     goal_m, start_m: points in the cells of goal and start; by default far from each other.
     """
+    if area.is_empty:
+        raise AppError(
+            "the free area must be wider than 1 mm, got one that is not; correct the resolution of"
+            " the map, in metres per cell"
+        )
     outline, *solids = rings_m(area)
     cell_m, clearance_m = settings.cell_m, settings.clearance_m
     try:

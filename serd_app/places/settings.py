@@ -2,6 +2,7 @@
 
 import math
 
+from sim.scenario.rules import LEAST_PERIOD_S
 from sim.scenario.settings import RobotSettings
 from storage.settings import setting, setting_of
 from storage.yaml_config import StrictModel
@@ -25,7 +26,7 @@ class PlaceSettings(StrictModel):
         None,
         "decision period; by default that in which the robot drives 1.25 cells at full speed",
         unit="s",
-        gt=0,
+        ge=LEAST_PERIOD_S,
     )
 
     @property

@@ -27,6 +27,7 @@ from serd_app.drives.unmarked import BUTTON, GAP, GOAL, STOP, TURN
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import state_counts
 from serd_core.grid.navigation import NO_FLOW
+from storage.files import delete_file
 from storage.quantities import counted
 
 #: Share of decisions off the grid above which a bag may be that of another place.
@@ -77,9 +78,11 @@ def remarks(found: Sequence[RecordedDemonstrations]) -> Iterable[str]:
 
 def _damage(recording: Recording) -> Iterable[str]:
     yield from recording.damage
-    if recording.damage:
-        at_least = "" if recording.losses.all_known else "at least "
-        yield f"{at_least}{counted(recording.losses.n_messages, 'message')} lost"
+    lost = recording.losses
+    if recording.damage and not (lost.n_messages or lost.all_known):
+        yield "messages lost: unknown, the damaged bag has no count"
+    elif recording.damage:
+        yield f"{'' if lost.all_known else 'at least '}{counted(lost.n_messages, 'message')} lost"
 
 
 def _pieces(recording: Recording) -> Iterable[str]:
@@ -221,7 +224,7 @@ def save_pictures(
     if advice is not None:
         save_figure(files["resolution picture"], draw_resolution(advice))
     if flow is None:
-        files["flow picture"].unlink(missing_ok=True)
+        delete_file(files["flow picture"])
         return
     figure = draw_flow_map(
         place.grid, flow.flow, flow.order, layout=layout, scenario_flow=place.flow

@@ -28,6 +28,8 @@ from storage.yaml_config import dotted
 START_SPREAD = 0.2
 #: People's steps stay shorter than what walls hold them off by.
 LONGEST_CONTROL_PERIOD_S = 0.2
+#: Of control and decision: shorter ones divide a drive into more than can be handled.
+LEAST_PERIOD_S = 0.001
 #: Cells of the decision grid, walkable or not, that learning and planning can still handle.
 MOST_CELLS = 40_000
 

@@ -60,14 +60,14 @@ class Scenario(StrictModel):
         "time between decisions, a multiple of the control period, in which an unhindered robot"
         " must reach the next cell",
         unit="s",
-        gt=0,
+        ge=rules.LEAST_PERIOD_S,
     )
     control_period_s: float = setting(
         0.05,
         f"time between commands, at most {rules.LONGEST_CONTROL_PERIOD_S:g} s; the robot must drive"
         " less than its radius in it",
         unit="s",
-        ge=0.001,
+        ge=rules.LEAST_PERIOD_S,
     )
     episode_timeout_s: float = setting(
         420.0,

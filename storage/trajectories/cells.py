@@ -107,8 +107,11 @@ def _text(path: Path, text: str) -> Cells:
     names = _split(rows[0], separator)
     if _is_values(names, decimal):
         names = _named_in_comments(comments, separator, len(names))
-    else:
-        rows = rows[1:]
+    elif not (rows := rows[1:]):
+        raise FileError(
+            f"{path} must hold rows of values below the names of its columns, it holds none; check"
+            " the path"
+        )
     frame = _frame(path, rows, separator, decimal)
     if frame.shape[1] < _FEWEST_COLUMNS:
         raise FileError(

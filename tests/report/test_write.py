@@ -197,3 +197,20 @@ def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_nex
     for row in known.outcomes[::5]:
         assert row.known_from in page.text
         assert f"{row.from_choices_nats:.2f}" in page.text
+
+
+def test_decisions_of_the_fit_are_told_from_those_it_is_compared_with(inputs: ReportInputs) -> None:
+    decisions = inputs.demonstrations
+    fit = fit_mdce_serd(inputs.problem, decisions)
+    posterior = posterior_of(inputs.problem, decisions, fit)
+    assert posterior is not None
+    compared = replace(
+        inputs,
+        fit=fit,
+        knowledge=knowledge_of(inputs.problem, posterior),
+        demonstrations=decisions.select(decisions.episode == decisions.episode[0]),
+        n_demonstrations=6,
+    )
+    summary = summary_of(compared)
+    assert summary.n_decisions == sum(summary.decisions_per_model.values()) == len(decisions)
+    assert summary.n_compared_decisions == len(compared.demonstrations) < len(decisions)

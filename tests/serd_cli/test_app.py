@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -13,12 +14,14 @@ from serd_core import __version__
 HEAVY = ("numpy", "scipy", "pandas", "matplotlib", "pybullet", "rclpy", "PIL", "mcap", "joblib")
 
 
-def serd(root, *words, **environment):
+def serd(root, *words, stdout=subprocess.PIPE, preexec_fn=None, **environment):
     program = "import sys; from serd_cli.main import main; sys.argv[0] = 'serd'; sys.exit(main())"
     return subprocess.run(
         [sys.executable, "-c", program, *words],
         env={**os.environ, "PYTHONPATH": str(root), **environment},
-        capture_output=True,
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        preexec_fn=preexec_fn,
         text=True,
         check=False,
     )
@@ -110,3 +113,27 @@ def test_a_reader_that_ends_early_is_no_error(root):
         process.stdout.close()
         errors = process.stderr.read()
     assert errors == ""
+
+
+FULL = Path("/dev/full")
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="a device that is always full")
+@pytest.mark.parametrize(
+    "words", ["--help", "--version", "scenario schema", "scenario list", "doctor --help"]
+)
+def test_a_full_disk_under_the_output_gets_a_sentence(root, words):
+    with FULL.open("w") as full:
+        done = serd(root, *words.split(), stdout=full)
+    assert done.returncode == 1
+    assert done.stderr == (
+        "serd: cannot write the output: the disk is full; free some space or choose another"
+        " folder\n"
+    )
+
+
+def test_a_closed_output_gets_a_sentence(root):
+    done = serd(root, "scenario", "list", preexec_fn=lambda: os.close(1), stdout=None)
+    assert done.returncode == 1
+    sentence = "the output must be open, got a closed one; redirect it to /dev/null"
+    assert done.stderr == f"serd: {sentence}\n"

@@ -3,11 +3,12 @@
 import errno
 import os
 import stat
+from pathlib import Path
 
 import pytest
 
 from storage.errors import FileError
-from storage.files import atomic_write_bytes, atomic_write_text
+from storage.files import atomic_write_bytes, atomic_write_text, delete_file
 
 
 def test_the_content_is_written_and_folders_are_made(tmp_path):
@@ -57,3 +58,22 @@ def test_a_file_where_a_folder_should_be_gets_a_sentence(tmp_path):
 def test_a_folder_in_the_way_gets_a_sentence(tmp_path):
     with pytest.raises(FileError, match="it is a folder; name a file"):
         atomic_write_bytes(tmp_path, b"x")
+
+
+def test_a_file_is_deleted_where_there_is_one_and_a_folder_gets_a_sentence(tmp_path, monkeypatch):
+    path = tmp_path / "file"
+    path.touch()
+    delete_file(path)
+    assert not path.exists()
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(FileError, match=r"cannot delete .*folder: "):
+        delete_file(tmp_path / "folder")
+
+    def fail(*_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(Path, "unlink", fail)
+    delete_file(path)
+    path.touch()
+    with pytest.raises(FileError, match="the file system is read-only; choose a folder"):
+        delete_file(path)

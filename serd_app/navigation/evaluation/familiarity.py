@@ -36,7 +36,7 @@ from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
 from serd_core.selection.surprise import EpisodeScores, episode_scores, tail_probabilities
-from sim.scenario.scenario import Scenario, load_scenario
+from sim.scenario.scenario import load_scenario
 from storage.errors import FileError
 from storage.model_file import ModelFile, load_model
 
@@ -47,18 +47,26 @@ _OF_OPTIMAL_VALUES = ("pm_serd", "policy_matching")
 
 @dataclass(frozen=True, eq=False)
 class Familiarity:
-    """decisions (N,) with their tail probabilities (N,); scores of the episodes.
+    """files: of the decisions up to the goal; tails: (N,) probabilities of these; scores: of the
+    episodes.
 
-    discretised: what became of the recording, empty for a table of decisions. scenario: that of the
-    grid, None for a fitted grid.
+    discretised: what became of the recording, empty for a table of decisions.
     """
 
-    problem: NavigationProblem
-    decisions: Decisions
+    files: LearningFiles
     tails: FloatArray
     scores: EpisodeScores
     discretised: str
-    scenario: Scenario | None
+
+    @property
+    def problem(self) -> NavigationProblem:
+        """In which they were scored."""
+        return self.files.task.problem
+
+    @property
+    def decisions(self) -> Decisions:
+        """(N,) on the cells of the grid."""
+        return self.files.cells
 
     def surprising(self, level: float) -> BoolArray:
         """(N,) decisions with a tail probability below the level."""
@@ -103,7 +111,7 @@ def familiarity_of(
         rng=np.random.default_rng(seed),
     )
     tails = tail_probabilities(task.problem, decisions, policy, outcomes)
-    return Familiarity(task.problem, files.cells, tails, scores, discretised, files.scenario)
+    return Familiarity(files, tails, scores, discretised)
 
 
 def _policy(

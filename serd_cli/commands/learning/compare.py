@@ -14,7 +14,7 @@ from report.figures.maps import draw_surprises
 from report.style import save_figure
 from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_app.drives.table_drives import is_table
-from serd_app.learning.learning_files import FlowSource
+from serd_app.learning.learning_files import FlowSource, LearningFiles
 from serd_app.navigation.evaluation.familiarity import Familiarity, familiarity_of
 from serd_cli.options import AsJson
 from serd_cli.output.paths import require_apart, require_suffix
@@ -80,11 +80,11 @@ def compare(
 
     serd compare model.yaml others.csv
 
-    The table has a row per episode: its mean log-likelihood per decision, that
-    of episodes simulated from the model, and its rank among these, from 0 (less
-    likely than all) to 1. Beside it is a picture: decisions are surprising where
-    all that is as likely or less in their cell has a probability below
-    --surprise together.
+    The table has a row per episode that begins before the goal: its mean
+    log-likelihood per decision, that of episodes simulated from the model, and
+    its rank among these, from 0 (less likely than all) to 1. Beside it is a
+    picture: decisions are surprising where all that is as likely or less in
+    their cell has a probability below --surprise together.
     """
     require_suffix(output, ".csv")
     picture = output.with_suffix(".png")
@@ -103,7 +103,7 @@ def compare(
         n_simulated=simulations,
         seed=seed,
     )
-    layout = layout_of(found.scenario) if found.scenario else None
+    layout = layout_of(found.files.scenario) if found.files.scenario else None
     rows = _rows(found, surprise)
     write_table(output, columns_of(EpisodeRow), map(astuple, rows))
     figure = draw_surprises(found.problem.grid, found.decisions, found.surprising(surprise), layout)
@@ -112,7 +112,7 @@ def compare(
     if as_json:
         print_json({**values, "episodes": [asdict(each) for each in rows]})
         return
-    _print(rows, values)
+    _print(rows, values, found.files)
 
 
 def _rows(found: Familiarity, level: float) -> list[EpisodeRow]:
@@ -140,6 +140,9 @@ def _values(found: Familiarity, rows: list[EpisodeRow], files: dict[str, Path]) 
     return {
         "n_episodes": len(rows),
         "n_decisions": len(found.decisions),
+        "n_after_goal": found.files.n_after_goal,
+        "n_elsewhere": found.files.n_elsewhere,
+        "n_episodes_left_out": found.files.n_left_out,
         "n_hidden": int(found.decisions.hidden.sum()),
         "log_likelihood": _finite(float(weights @ scores.log_likelihood)),
         "simulated": _finite(float(weights @ scores.expected)),
@@ -151,7 +154,7 @@ def _values(found: Familiarity, rows: list[EpisodeRow], files: dict[str, Path]) 
     }
 
 
-def _print(rows: list[EpisodeRow], values: dict[str, Any]) -> None:
+def _print(rows: list[EpisodeRow], values: dict[str, Any], files: LearningFiles) -> None:
     table = Table(title="Episodes of the lowest ranks", title_justify="left")
     names = ("episode", "decisions", "log-likelihood", "simulated", "rank", "surprising")
     for name in names:
@@ -174,6 +177,14 @@ def _print(rows: list[EpisodeRow], values: dict[str, Any]) -> None:
         f" {_UNUSUAL:g}: {values['n_unusual']}; surprising decisions: {values['n_surprising']}",
         soft_wrap=True,
     )
+    if files.left_out():
+        console.print(f"decisions left out: {files.left_out()}", soft_wrap=True)
+    if files.n_left_out:
+        elsewhere = " or end elsewhere" if files.n_elsewhere else ""
+        console.print(
+            f"episodes left out: {files.n_left_out} that begin in the goal{elsewhere}",
+            soft_wrap=True,
+        )
     if values["discretised"]:
         console.print(f"on the grid of the model: {values['discretised']}", soft_wrap=True)
     for name, path in values["files"].items():

@@ -52,6 +52,7 @@ from serd_cli.output.terminal import console, print_json
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NO_FLOW
 from sim.scenario.grid import grid_of
+from sim.scenario.rules import LEAST_PERIOD_S
 from sim.scenario.scenario import load_scenario
 from storage.yaml_config import load_yaml_model
 
@@ -276,3 +277,5 @@ def _require_place(
     for name, value in (("--cell-size-m", cell_size_m), ("--period-s", period_s)):
         if value is not None and not 0 < value < math.inf:
             raise UsageError(f"{name} must be finite and above 0, got {value:g}; try 1")
+    if period_s is not None and period_s < LEAST_PERIOD_S:
+        raise UsageError(f"--period-s must be at least {LEAST_PERIOD_S:g}, got {period_s:g}; try 1")

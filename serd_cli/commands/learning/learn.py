@@ -218,11 +218,7 @@ def _fitted(
 
 def _print(files: LearningFiles, outcome: FitOutcome, certainty: Certainty, output: Path) -> None:
     decisions = files.demonstrations.decisions
-    reasons = (
-        (files.n_after_goal, "after the goal"),
-        (files.n_elsewhere, "of episodes that end elsewhere"),
-    )
-    left_out = "".join(f", {count} {why} left out" for count, why in reasons if count)
+    left_out = f", {files.left_out()} left out" if files.left_out() else ""
     across = ", so every move is across it" if files.flow_from == "none" else ""
     place = f"scenario {files.task.scenario}" if files.task.scenario else "fitted grid"
     console.print(

@@ -315,14 +315,29 @@ def test_reports_of_several_drives_are_added_count_by_count():
     assert joined_reports([one, other]) == both
 
 
-def test_decisions_of_known_episodes_are_counted_as_repeated():
-    """Of 5 decisions, 4 of them waits while moving, the 2 of one episode remain."""
-    report = DiscretisationReport(5, 2, 1, 1, {OFF_GRID: 3}, n_bad_poses=2, n_moving_waits=4)
-    decisions, _ = decisions_from_drive(drive([(0.5, 0.5)] * 5, [(0.0, 0), (2.0, 0)]), GRID, 2.0)
-    dropped = {OFF_GRID: 3, REPEATED: 3}
-    fresh = DiscretisationReport(2, 1, 1, 1, dropped, n_bad_poses=2, n_moving_waits=2)
-    assert report.without_repeated(decisions) == fresh
-    assert fresh.without_repeated(decisions) is fresh
+def test_nothing_but_the_number_of_decisions_is_counted_of_repeated_episodes():
+    """The first episode has a diagonal, an unexplained and a far move, the second one a wait."""
+    grid = Grid((0.0, 0.0), 1.0, np.array([[1, 0, 1], [1, 1, 0], [1, 1, 1]], dtype=bool))
+    diagonal, unexplained = [(0.5, 1.5), (1.0, 2.0), (1.5, 2.5)], [(2.5, 0.5), (2, 1), (1.5, 1.5)]
+    far, wait = [(0.5, 0.5), (0.5, 1.5), (0.5, 2.5)], [(0.5, 1.1), (0.5, 1.5), (0.5, 1.9)]
+    intents = [(time_s, Action.WAIT) for time_s in (0.0, 3.0, 6.0, 9.0)]
+    spans = (EpisodeSpan(3, 0.0, 8.5, "timeout"), EpisodeSpan(4, 8.5, 11.0, "timeout"))
+    recorded = dataclasses.replace(
+        drive([*diagonal, *unexplained, *far, *wait], intents),
+        minimum_speed_mps=0.1,
+        episodes=spans,
+    )
+    seen = set()
+    every, report = decisions_from_drive(recorded, grid, PERIOD_S, seen)
+    assert every.episode.tolist() == [3, 3, 4]
+    assert report == DiscretisationReport(3, 2, 1, 1, {UNEXPLAINED: 1}, n_moving_waits=3)
+    repeated = DiscretisationReport(0, 0, 0, 0, {REPEATED: 4})
+    assert decisions_from_drive(recorded, grid, PERIOD_S, seen)[1] == repeated
+    second = set(discretise.episode_rows(every.select_episodes([4])).values())
+    first, of_first = decisions_from_drive(recorded, grid, PERIOD_S, second)
+    assert first.episodes.tolist() == [3]
+    assert Faults.of(of_first) == Faults(1, 1, 1, 3)
+    assert (of_first.dropped, of_first.n_moving_waits) == ({UNEXPLAINED: 1, REPEATED: 1}, 2)
 
 
 @pytest.mark.parametrize(("moved_m", "n_moving"), [(0.375, 0), (0.5, 1), (0.625, 1)])

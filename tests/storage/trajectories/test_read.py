@@ -356,6 +356,7 @@ def test_durations_and_a_repeated_index_of_parquet_are_read(tmp_path):
     [
         ("", "must hold rows of values, it holds none"),
         ("# only a comment\n", "must hold rows of values, it holds none"),
+        ("t,x,y\n", "must hold rows of values below the names of its columns, it holds none"),
         ("name,colour\na,b\nc,d\n", "must hold numbers, it holds none"),
         ("hello\nworld\n", "must have columns of time, x and y, got 1 column"),
         (

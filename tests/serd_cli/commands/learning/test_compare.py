@@ -94,6 +94,20 @@ def test_a_table_of_decisions_is_compared_as_it_is(serd, model, tmp_path):
     assert "--mapping must be left out for a table of decisions" in ended.err
 
 
+def test_what_is_left_out_is_counted(serd, model, tmp_path):
+    """A goal in the middle, where one of those who walk across begins."""
+    table = tmp_path / "decisions.csv"
+    words = (model, table, "--goal", "5.5,0.5", "--output", tmp_path / "out.csv")
+    values, every = compared(serd, *words), load_decisions(table)
+    assert values["n_episodes_left_out"] == 1
+    assert values["n_episodes"] == len(every.episodes) - 1
+    assert values["n_elsewhere"] == 0
+    assert values["n_after_goal"] == len(every) - values["n_decisions"] > 0
+    printed = serd("compare", *words).out
+    assert f"\ndecisions left out: {values['n_after_goal']} after the goal\n" in printed
+    assert "\nepisodes left out: 1 that begin in the goal\n" in printed
+
+
 def test_a_model_with_density_needs_people(serd, model, tmp_path):
     file = load_model(model)
     rows = (*file.outcome_models, *file.outcome_models)

@@ -168,6 +168,8 @@ def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
     assert list(record.damage) == damage
     assert record.n_lost == values["bags"][0]["n_lost"] > 0
     assert f"drive: {damage[0]}" in serd(*words).out
+    (bag / "metadata.yaml").unlink()
+    assert "drive: messages lost: unknown, the damaged bag has no count\n" in serd(*words).out
 
 
 def test_how_many_messages_a_damage_cost_is_said(serd, drive_bag):
@@ -256,6 +258,7 @@ def test_a_recording_of_ours_needs_its_scenario_or_a_cell_size(serd, drive_bag):
         (("a", "--scenario", "hallway", "--cell-size-m", "1"), "must be given, got both"),
         (("a", "--scenario", "hallway", "--period-s", "1"), "--period-s must be left out"),
         (("a", "--cell-size-m", "0"), "--cell-size-m must be finite and above 0, got 0"),
+        (("a", "--cell-size-m", "1", "--period-s", "1e-6"), "--period-s must be at least 0.001"),
         (("a", "--cell-size-m", "1", "--period-s", "nan"), "--period-s must be finite and above 0"),
         (("a", "--scenario", "hallway", "--output", "a.txt"), "--output must end in .csv"),
         (("a", "--scenario", "hallway", "--mapping", "m.yaml"), "cannot read m.yaml"),
