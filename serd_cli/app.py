@@ -99,7 +99,7 @@ def _options(
 
 #: After this, an interrupt that Python ignored is repeated.
 _REPEATED_AFTER_S = 0.05
-#: Of what is printed; errors of other files have their names.
+#: Of what is printed; opening a file fails with its name.
 _OUTPUT_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
 

@@ -123,7 +123,8 @@ def require_generator(rng: object) -> None:
     """SerdError unless `rng` is a generator of NumPy."""
     if not isinstance(rng, np.random.Generator):
         raise SerdError(
-            f"rng must be a numpy.random.Generator, got {rng!r}; use numpy.random.default_rng(0)"
+            f"rng must be a numpy.random.Generator, got {shown(rng)};"
+            " use numpy.random.default_rng(0)"
         )
 
 

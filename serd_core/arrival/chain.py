@@ -23,6 +23,7 @@ from serd_core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
+    bool_array,
     int_array,
     require_count,
     require_index,
@@ -101,8 +102,13 @@ def arrival_time_distribution(
 
 
 def goal_mask(problem: GoalProblem) -> BoolArray:
-    """(S,) which states count as arrived; SerdError where a goal is no state of the problem."""
+    """(S,) which states count as arrived: those of `goal_states`, numbers or an (S,) mask.
+
+    SerdError where a goal is no state of the problem.
+    """
     require_problem(problem, "goal_states", "NavigationProblem")
+    if np.asarray(problem.goal_states).dtype == np.bool_:
+        return bool_array("goal_states", problem.goal_states, (problem.mdp.n_states,))
     goals = int_array("goal_states", problem.goal_states, (None,))
     require_index("goal_states", goals, problem.mdp.n_states, "a state")
     mask = np.zeros(problem.mdp.n_states, dtype=np.bool_)

@@ -58,7 +58,10 @@ StepCallback = Callable[[Step], bool | None]
 
 @dataclass(frozen=True, eq=False)
 class AscentResult:
-    """Where an ascent ended; converged means the gradient norm is within its tolerance."""
+    """Where an ascent ended; converged means the gradient norm is within its tolerance.
+
+    by_rounding: whether it did not converge because rounding hides what a step gains.
+    """
 
     vector: FloatArray
     objective: float
@@ -68,6 +71,7 @@ class AscentResult:
     converged: bool
     message: str
     objective_trace: FloatArray
+    by_rounding: bool = False
 
 
 class Ascent(ABC):

@@ -1,6 +1,6 @@
 """Limited-memory BFGS of scipy.optimize, stopped by the gradient and nothing weaker."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.optimize
@@ -41,7 +41,8 @@ class Lbfgs(Ascent):
                 reason = self._minimise(run)
         out = len(climb.trace) >= self.max_steps
         otherwise = OUT_OF_STEPS if out else f"not converged: {reason}"
-        return climb.result(run.here, self.gradient_tolerance, otherwise)
+        found = climb.result(run.here, self.gradient_tolerance, otherwise)
+        return replace(found, by_rounding=not (found.converged or climb.stopped or out))
 
     def _done(self, run: "_Run") -> bool:
         out = len(run.climb.trace) >= self.max_steps

@@ -209,6 +209,7 @@ class EvidenceFit:
                 posterior.policy_model,
                 self.strengths.relation(self.logs),
                 self.strengths.prior(problem, self.logs),
+                by_likelihood=True,
             ),
             at,
             final,

@@ -11,15 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import (
-    AT_A_KINK,
-    AT_MAXIMUM,
-    OUT_OF_STEPS,
-    STOPPED,
-    AscentResult,
-    Step,
-    StepCallback,
-)
+from serd_core.ascent.ascent import AT_A_KINK, AT_MAXIMUM, AscentResult, Step, StepCallback
 from serd_core.ascent.newton_ascent import STILL, NewtonAscent, NewtonStep, newton_step
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates, free_in_use
@@ -55,13 +47,14 @@ def certificate(
 
     Numbers on which nothing in the problem depends may be anything.
 
-    on_step: called once where the fit moves on to that maximum. An ascent that was stopped, ran out
-    of steps or ended at a kink stays as it is. So do those of policies over optimal Q-values, whose
-    log posterior has kinks. One that rounding stopped, as with features of 1e6, is judged by
-    Newton's method alone.
+    on_step: called once where the fit moves on to that maximum. An ascent that did not converge, or
+    ended at a kink, stays as it is. So do those of policies over optimal Q-values, whose log
+    posterior has kinks. One that rounding ended, as with features of 1e6, is judged by Newton's
+    method alone.
     """
     smooth = posterior.policy_model.equation.curved
-    if not smooth or ascended.message in (STOPPED, OUT_OF_STEPS, AT_A_KINK):
+    ended = ascended.converged or ascended.by_rounding
+    if not (ended and smooth) or ascended.message == AT_A_KINK:
         return Certificate(parameters, ascended)
     space = coordinates(posterior.problem, belief, parameters)
     objective = LogPosterior(posterior, space)

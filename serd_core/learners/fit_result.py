@@ -21,13 +21,13 @@ class Assumptions:
     """What a fit assumed; prior: without that of the belief.
 
     by_likelihood: whether it maximised the likelihood, with the prior; other criteria have maxima
-    elsewhere.
+    elsewhere. None where a file of version 0.2.0 does not state it.
     """
 
     policy_model: PolicyModel
     belief: Belief
     prior: Prior
-    by_likelihood: bool = True
+    by_likelihood: bool | None = None
 
     @property
     def whole_prior(self) -> Prior:
@@ -51,8 +51,9 @@ class FitResult:
     gradient_norm: largest entry of the gradient over the numbers that were free, for SERD per
     decision, for learners of rewards alone over weights times the range of their feature; at a
     kink that of the smallest mean of the gradients around (`KinkedAscent`).
-    converged: the gradient norm is within the ascent's tolerance, the last Bellman solve certified,
-    and where J is smooth Newton's method finds the only maximum there (`learners.certificate`).
+    converged: the gradient norm is within the ascent's tolerance, or as small as rounding lets it
+    be, the last Bellman solve certified, and where J is smooth Newton's method finds the only
+    maximum there (`learners.certificate`).
     undetermined: directions along which J is constant; a fit that has any did not converge.
     residual, error_bound: certificate of that solve (`BellmanSolution`), NaN where a file has none;
     assumptions: None where a file does not state them.

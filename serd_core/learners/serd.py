@@ -120,7 +120,7 @@ def fit_serd(
     start = starting_parameters(problem, policy_model, weights, given, settings.belief)
     initial_probabilities = problem.mdp.transitions.local_probabilities(start.truth)
     require_possible(observations, problem.mdp, initial_probabilities)
-    assumptions = Assumptions(policy_model, settings.belief, settings.prior)
+    assumptions = Assumptions(policy_model, settings.belief, settings.prior, by_likelihood=True)
     prior = assumptions.whole_prior.anchored(initial_probabilities)
     posterior = Posterior(
         problem, observations, policy_model, prior, settings.solver, settings.linear_solver

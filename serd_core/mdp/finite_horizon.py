@@ -40,7 +40,9 @@ def finite_horizon(
 
     features: (T, S, A, F) where they depend on the period. terminal_features: (S, F), counted once,
     on arrival in period T; by default 0, and in states that are final anyway what they go on
-    paying. Outcome models and parameters stay those of the problem, which all periods share.
+    paying. Outcome models and parameters stay those of the problem, which all periods share;
+    pseudo-counts of a DirichletPrior are of all periods together, other priors of transitions count
+    each period.
     """
     require_count("n_periods", n_periods, 1, "10")
     mdp, given = problem.mdp, problem.features

@@ -9,7 +9,7 @@ same Fisher information for many decisions under a true model; a large differenc
 evidence against the model.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -134,7 +134,7 @@ def _free_scaling(posterior: Posterior, at: Parameters, jacobian: FloatArray) ->
     held = prior.hessian(model, at) @ both.vector
     if np.any(held) or float(prior.evaluate(model, at).gradient.vector @ both.vector):
         return None
-    return np.asarray(np.linalg.lstsq(jacobian, both.vector)[0])
+    return np.asarray(np.linalg.lstsq(jacobian, both.vector, rcond=None)[0])
 
 
 def _flat_along(direction: FloatArray, matrix: FloatArray) -> FloatArray:
@@ -149,10 +149,11 @@ def _assumptions(
 ) -> Assumptions:
     own = fit.assumptions
     if own is not None:
-        return Assumptions(
-            own.policy_model if policy_model is None else policy_model,
-            own.belief if belief is None else belief,
-            own.prior if prior is None else prior,
+        return replace(
+            own,
+            policy_model=own.policy_model if policy_model is None else policy_model,
+            belief=own.belief if belief is None else belief,
+            prior=own.prior if prior is None else prior,
         )
     if policy_model is None or belief is None or prior is None:
         raise SerdError(

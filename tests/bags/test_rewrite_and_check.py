@@ -322,6 +322,13 @@ def test_messages_of_a_second_type_are_left_out_and_counted(messages, tmp_path):
             assert reader.deserialize(data, connection.msgtype).pose.position.x == 1.0
 
 
+def test_a_channel_without_a_definition_may_have_the_type_of_its_topic(messages, tmp_path):
+    kinds = [(POSE, b""), (POSE, message_type(POSE).text.encode())]
+    bag = foreign_file(tmp_path / "brief.mcap", messages, kinds, range(40))
+    assert check_bag(bag).sound
+    assert recover(bag, tmp_path / "kept").n_messages == 40
+
+
 @pytest.mark.parametrize("time_ns", [2**63, 2**64 - 1])
 def test_a_time_that_no_bag_can_hold_costs_its_message_alone(messages, tmp_path, time_ns):
     kinds = [(POSE, message_type(POSE).text.encode())]

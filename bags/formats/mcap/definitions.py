@@ -38,6 +38,7 @@ class Definitions:
     def __init__(self) -> None:
         self.schemas: dict[int, _Schema] = {}
         self.channels: dict[int, _Channel] = {}
+        self._first: dict[str, _Channel] = {}
         self._seen: dict[tuple[int, bytes], int] = {}
         self._size = self._n_conflicts = 0
 
@@ -64,6 +65,8 @@ class Definitions:
         """Add what only `other` has."""
         self.schemas = other.schemas | self.schemas
         self.channels.update({**other.channels, **self.channels})
+        for channel in self.channels.values():
+            self._first.setdefault(channel.topic, channel)
 
     def topics(self) -> list[Topic]:
         """Topics of all channels, each once."""
@@ -74,12 +77,12 @@ class Definitions:
         return list(found.values())
 
     def is_of_its_topic(self, number: int) -> bool:
-        """Whether a channel has the type of the first channel of its topic."""
+        """Whether a channel has the type of the first one of its topic, if both are known."""
         channel = self.channels[number]
-        first = next(each for each in self.channels.values() if each.topic == channel.topic)
-        own, of_topic = self._schema(channel), self._schema(first)
-        same_text = _fields(own.text) == _fields(of_topic.text)
-        return channel.encoding == first.encoding and own.name == of_topic.name and same_text
+        own, first = self._schema(channel), self._schema(self._first[channel.topic])
+        if not (own.text and first.text):
+            return True
+        return own.name == first.name and _fields(own.text) == _fields(first.text)
 
     def names(self, number: int) -> tuple[str, str]:
         """(topic, type name) of a channel."""
@@ -102,6 +105,7 @@ class Definitions:
             channel.metadata.get(TYPE_HASH, ""),
         )
         same = self.channels.setdefault(channel.id, described) == described
+        self._first.setdefault(channel.topic, described)
         return same, f"channel {channel.id}"
 
     def _check_size(self, size: int) -> None:

@@ -169,8 +169,8 @@ class MappedPoses:
     def _require_one_run(self, time_s: FloatArray) -> None:
         """Runs of a clock that was set back to a time that the first one had, too."""
         back_s = falls_back_s(time_s)
-        falls = np.flatnonzero(np.diff(back_s, prepend=0.0) > _LONGEST_STEP_BACK_S)
-        runs = [run for run in np.split(time_s, falls) if len(run) >= _FEWEST_OF_A_RUN]
+        turns = np.flatnonzero(np.abs(np.diff(back_s, prepend=0.0)) > _LONGEST_STEP_BACK_S)
+        runs = [run for run in np.split(time_s, turns) if len(run) >= _FEWEST_OF_A_RUN]
         latest_s = -np.inf
         for first_s, last_s in sorted((run.min(), run.max()) for run in runs):
             if latest_s > first_s + _LONGEST_STEP_BACK_S:

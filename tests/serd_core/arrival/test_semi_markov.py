@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.stats import gamma, nbinom
@@ -148,3 +150,12 @@ def test_a_certain_loop_that_takes_no_time_is_rejected():
     chain = RenewalChain([0, 1], [0, 1], [1.0, 1.0], [0, 0], [False, True])
     with pytest.raises(SerdError, match="moves of the chain must take time"):
         semi_markov_arrival(chain, DwellTimes(1.0, np.array([[1.0]])), 5)
+
+
+@pytest.mark.parametrize("goals", [[2], [False, False, True]])
+def test_goals_are_numbers_or_a_mask(goals):
+    problem = hallway(rows=3, columns=1)
+    given = SimpleNamespace(mdp=problem.mdp, goal_states=goals)
+    outcomes = np.full((4, 5), 0.2)
+    chain = renewal_chain(given, any_policy(problem, 0), outcomes)
+    assert chain.goal.tolist() == [False, False, True]

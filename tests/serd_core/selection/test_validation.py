@@ -89,6 +89,8 @@ def test_no_other_step_of_the_fit_explains_the_validation_set_better(make_gridwo
     reached = validation_log_likelihood(case.problem, validation, fit)
     assert reached == pytest.approx(max(scores[: fit.n_steps + 15]), abs=1e-6)
     assert reached > scores[-1]
+    assert not fit.converged
+    assert fit.message.startswith("stopped early")
 
 
 def test_a_prior_weight_is_selected_on_the_validation_set(make_gridworld):

@@ -422,6 +422,19 @@ def test_a_clock_of_all_times_that_is_set_back_is_refused_where_runs_overlap(
         assert len(mapped_drive_in(BagReader(tmp_path / "two"), mapping, 2.0).pose_time_s) == 80
 
 
+@pytest.mark.parametrize("n_late", [1, 10])
+def test_poses_that_a_recorder_received_late_are_no_second_run(tmp_path, messages, n_late):
+    with BagWriter(tmp_path / "late") as writer:
+        writer.add_topic("/pose", POSE)
+        ticks = [*range(60), *range(25, 25 + n_late), *range(60, 120)]
+        for row, tick in enumerate(ticks):
+            time_s = 100.0 + 0.1 * tick + (0.05 if 60 <= row < 60 + n_late else 0.0)
+            writer.write("/pose", messages.pose(time_s, 0.5, 0.1 * tick), round(time_s * 1e9))
+    mapping = BagMapping(pose_topic="/pose", action_from="hidden")
+    drive = mapped_drive_in(BagReader(tmp_path / "late"), mapping, 2.0)
+    assert len(drive.pose_time_s) == 120 + n_late
+
+
 def test_simulated_time_and_frames_are_put_right(foreign_bag):
     mapping = BagMapping(
         pose_topic="/robot/pose",
