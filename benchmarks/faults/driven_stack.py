@@ -177,11 +177,8 @@ class DrivenStack:
         self.motion.close()
 
     def drive(self, speed_mps: float = 0.4) -> None:
-        """Drive until this speed is reached; after a fault, by a key that is pressed anew."""
-        if self._page is None:
-            self._begin()
-        else:
-            self._page.press_anew()
+        """Drive until this speed is reached."""
+        self._begin()
         for _ in range(_TRIES):
             if self._spin(lambda: self._drives(speed_mps), _PATIENCE_S / _TRIES):
                 return

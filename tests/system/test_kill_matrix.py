@@ -21,51 +21,56 @@ CHAIN_S = 0.5 + 1.2 / 2.5 + 0.2
 SOURCE_S = 3.0 + 4.0
 
 
-def faults(stack, node, numbers, ros_env, tmp_path, **given):
-    """By signal: how the motion ends, by how much later, and whether a stopped node drives on."""
+def run(stack, node, number, ros_env, tmp_path, **given):
+    """How the motion ends, and whether a stopped node drives on when it continues."""
     with DrivenStack(stack, {"people": 0, **given}, ros_env, tmp_path) as driven:
-        for number in numbers:
-            driven.drive()
-            waited = ProcessorWait()
-            standing = driven.inject(node, number)
-            late_s = waited.total_s
-            yield standing, late_s, number == STOP and driven.resume(node)
+        driven.drive()
+        waited = ProcessorWait()
+        standing = driven.inject(node, number)
+        late_s = waited.total_s
+        resumes = number == STOP and driven.resume(node)
+    return standing, late_s, resumes
 
 
 @pytest.mark.parametrize(
-    ("node", "numbers"),
-    [("local_planner", (STOP, KILL)), ("teleop_mux", (KILL,)), ("teleop_page", (STOP, KILL))],
+    ("node", "number"),
+    [
+        ("local_planner", KILL),
+        ("teleop_mux", KILL),
+        ("teleop_page", KILL),
+        ("local_planner", STOP),
+        ("teleop_page", STOP),
+    ],
 )
-def test_the_robot_stands_after_a_node_of_teleoperation_died(node, numbers, ros_env, tmp_path):
+def test_the_robot_stands_after_a_node_of_teleoperation_died(node, number, ros_env, tmp_path):
     given = {"demo_recorder.output": str(tmp_path / "bag"), "port": 0}
-    for standing, late_s, resumes in faults("teleop", node, numbers, ros_env, tmp_path, **given):
-        assert standing.after_s <= CHAIN_S + late_s
-        assert standing.distance_m <= 1.2 * (0.6 + late_s)
-        assert not resumes  # the key that is still held counts after it was pressed anew
+    standing, late_s, resumes = run("teleop", node, number, ros_env, tmp_path, **given)
+    assert standing.after_s <= CHAIN_S + late_s
+    assert standing.distance_m <= 1.2 * (0.6 + late_s)
+    assert not resumes  # the key that is still held counts after it was pressed anew
 
 
 @pytest.mark.parametrize(
-    ("node", "numbers", "limit_s"),
-    [("local_planner", (KILL,), CHAIN_S), ("strategy", (STOP, KILL), SOURCE_S)],
+    ("node", "number", "limit_s"),
+    [("local_planner", KILL, CHAIN_S), ("strategy", KILL, SOURCE_S), ("strategy", STOP, SOURCE_S)],
 )
 def test_the_robot_stands_after_a_node_of_goto_died(
-    node, numbers, limit_s, ros_env, tmp_path, save_model_of
+    node, number, limit_s, ros_env, tmp_path, save_model_of
 ):
-    model = str(save_model_of())
-    for standing, late_s, _ in faults("goto", node, numbers, ros_env, tmp_path, model=model):
-        assert standing.after_s <= limit_s + late_s
-        if node == "strategy":
-            assert "local_planner: no recent waypoint" in standing.reports
+    standing, late_s, _ = run("goto", node, number, ros_env, tmp_path, model=str(save_model_of()))
+    assert standing.after_s <= limit_s + late_s
+    if node == "strategy":
+        assert "local_planner: no recent waypoint" in standing.reports
 
 
 def test_a_silent_source_of_intents_ends_the_motion_in_its_cell(ros_env, tmp_path):
-    ((standing, late_s, _),) = faults("live", SOURCE, (KILL,), ros_env, tmp_path)
+    standing, late_s, _ = run("live", SOURCE, KILL, ros_env, tmp_path)
     assert standing.after_s <= SOURCE_S + late_s
     assert standing.distance_m <= 1.5 + 1.2 * late_s
 
 
 def test_the_loss_of_the_world_stops_the_planner(ros_env, tmp_path):
-    ((standing, *_),) = faults("live", "hallway_sim", (STOP,), ros_env, tmp_path)
+    standing, _, _ = run("live", "hallway_sim", STOP, ros_env, tmp_path)
     assert any(each.startswith("local_planner: stale") for each in standing.reports)
 
 
@@ -80,11 +85,14 @@ def launched(ros_env, tmp_path):
             stack.end()
 
 
-def test_serd_launch_names_a_stopped_node_and_ends_all_nodes_when_one_is_killed(launched):
-    stopped = launched.stop_node("hallway_sim")
-    assert (stopped.named, stopped.n_left) == (True, len(find_stack("live").nodes))
-    killed = launched.kill_node("local_planner")
-    assert (killed.named, killed.n_left) == (True, 0)
+def test_serd_launch_ends_all_nodes_when_one_is_killed(launched):
+    ending = launched.kill_node("local_planner")
+    assert (ending.named, ending.n_left) == (True, 0)
+
+
+def test_serd_launch_names_a_node_that_is_stopped(launched):
+    ending = launched.stop_node("hallway_sim")
+    assert (ending.named, ending.n_left) == (True, len(find_stack("live").nodes))
 
 
 def test_a_killed_serd_launch_leaves_no_node_behind(launched):
