@@ -73,6 +73,18 @@ def number_array(name: str, values: Any) -> NDArray[Any]:
     return given
 
 
+def chosen_indices(name: str, values: Any, size: int, what: str) -> IntArray:
+    """(k,) indices into `size` things, given as such or as a mask (size,), in the order given.
+
+    SerdError where one is no `what`.
+    """
+    if number_array(name, values).dtype == np.bool_:
+        return np.flatnonzero(bool_array(name, values, (size,)))
+    chosen = int_array(name, values, (None,))
+    require_index(name, chosen, size, what)
+    return chosen
+
+
 def bool_array(name: str, values: Any, shape: Shape | None = None) -> BoolArray:
     """Read-only boolean copy of `values` (zeros and ones are taken as booleans)."""
     given, full = _converted(name, values, None)

@@ -23,10 +23,8 @@ from serd_core.arrays import (
     BoolArray,
     FloatArray,
     IntArray,
-    bool_array,
-    int_array,
+    chosen_indices,
     require_count,
-    require_index,
 )
 from serd_core.arrival.absorption import probability_of_ever_arriving
 from serd_core.dynamics.transition_model import transitions_of
@@ -107,12 +105,9 @@ def goal_mask(problem: GoalProblem) -> BoolArray:
     SerdError where a goal is no state of the problem.
     """
     require_problem(problem, "goal_states", "NavigationProblem")
-    if np.asarray(problem.goal_states).dtype == np.bool_:
-        return bool_array("goal_states", problem.goal_states, (problem.mdp.n_states,))
-    goals = int_array("goal_states", problem.goal_states, (None,))
-    require_index("goal_states", goals, problem.mdp.n_states, "a state")
-    mask = np.zeros(problem.mdp.n_states, dtype=np.bool_)
-    mask[goals] = True
+    n_states = problem.mdp.n_states
+    mask = np.zeros(n_states, dtype=np.bool_)
+    mask[chosen_indices("goal_states", problem.goal_states, n_states, "a state")] = True
     return mask
 
 

@@ -13,10 +13,9 @@ from serd_core.arrays import (
     FloatArray,
     IntArray,
     bool_array,
+    chosen_indices,
     float_array,
     int_array,
-    number_array,
-    require_index,
     require_kind,
     weighted_counts,
 )
@@ -81,11 +80,7 @@ class Decisions:
 
     def select(self, rows: BoolArray | IntArray) -> "Decisions":
         """The decisions of the given rows (mask (N,) or indices), in that order."""
-        if number_array("rows", rows).dtype == np.bool_:
-            chosen = np.flatnonzero(bool_array("rows", rows, (len(self),)))
-        else:
-            chosen = int_array("rows", rows, (None,))
-            require_index("rows", chosen, len(self), "a row")
+        chosen = chosen_indices("rows", rows, len(self), "a row")
         return Decisions(
             episode=self.episode[chosen],
             time_s=self.time_s[chosen],

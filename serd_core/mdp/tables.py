@@ -17,7 +17,7 @@ import scipy.sparse
 from serd_core.arrays import (
     FloatArray,
     IntArray,
-    bool_array,
+    chosen_indices,
     float_array,
     int_array,
     number_array,
@@ -264,11 +264,7 @@ def _terminal_states(terminal: Iterable[int], n_states: int) -> IntArray:
         raise SerdError(
             f"terminal must list states, got {shown(terminal)}; use for example [0]"
         ) from error
-    ends = int_array("terminal", listed, (None,))
-    if listed and np.asarray(listed).dtype == np.bool_:
-        ends = np.flatnonzero(bool_array("terminal", listed, (n_states,)))
-    require_index("terminal", ends, n_states, "a state")
-    return np.unique(ends)
+    return np.unique(chosen_indices("terminal", listed, n_states, "a state"))
 
 
 def _gymnasium_rows(environment: Any) -> list[list[list[Outcome]]]:

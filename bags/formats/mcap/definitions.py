@@ -70,11 +70,7 @@ class Definitions:
 
     def topics(self) -> list[Topic]:
         """Topics of all channels, each once."""
-        found: dict[str, Topic] = {}
-        for channel in self.channels.values():
-            if channel.topic not in found:
-                found[channel.topic] = self._topic(channel)
-        return list(found.values())
+        return list(map(self._topic, self._first.values()))
 
     def is_of_its_topic(self, number: int) -> bool:
         """Whether a channel has the type of the first one of its topic, if both are known."""
@@ -94,8 +90,8 @@ class Definitions:
         if opcode == Opcode.SCHEMA:
             schema = read_record(Schema, content)
             text = schema.data.decode("utf-8", errors="replace")
-            kept = _Schema(schema.name, schema.encoding, text)
-            return self.schemas.setdefault(schema.id, kept) == kept, f"schema {schema.id}"
+            read = _Schema(schema.name, schema.encoding, text)
+            return self.schemas.setdefault(schema.id, read) == read, f"schema {schema.id}"
         channel = read_record(Channel, content)
         described = _Channel(
             channel.topic,
@@ -104,9 +100,9 @@ class Definitions:
             channel.metadata.get(QOS, ""),
             channel.metadata.get(TYPE_HASH, ""),
         )
-        same = self.channels.setdefault(channel.id, described) == described
-        self._first.setdefault(channel.topic, described)
-        return same, f"channel {channel.id}"
+        kept = self.channels.setdefault(channel.id, described)
+        self._first.setdefault(kept.topic, kept)
+        return kept == described, f"channel {channel.id}"
 
     def _check_size(self, size: int) -> None:
         self._size += size
