@@ -1,10 +1,8 @@
 """The subcommands of `serd` and their exit codes."""
 
-import errno
 import os
 import signal
 import sys
-from pathlib import Path
 from threading import Timer
 from typing import Annotated, Any
 
@@ -13,12 +11,12 @@ from rich.markup import escape
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command as click_command
 
-from serd_cli.errors import BAD_INPUT, INTERRUPTED, RunError
+from serd_cli.errors import BAD_INPUT, FAILED, INTERRUPTED, RunError
 from serd_cli.output.terminal import progress_console
 from serd_cli.signatures import MODULES, FlagGroup, app_of, known_signatures
 from serd_core import __version__
 from serd_core.errors import SerdError
-from storage.errors import disk_error
+from storage.standard_output import written_output
 
 
 class LazyCommands(FlagGroup):
@@ -99,37 +97,21 @@ def _options(
 
 #: After this, an interrupt that Python ignored is repeated.
 _REPEATED_AFTER_S = 0.05
-#: Of what is printed; opening a file fails with its name.
-_OUTPUT_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
 
 def run(app: typer.Typer) -> int:
     """Run the command; its exit code. An error of the project is one line on stderr."""
     sys.unraisablehook = _repeat_interrupt
     try:
-        return _printed(app)
+        with written_output():
+            return int(app(standalone_mode=True) or 0)
     except KeyboardInterrupt:
         progress_console.print("interrupted")
         return INTERRUPTED
     except SerdError as error:
         progress_console.print(f"[red]serd:[/red] {escape(str(error))}", soft_wrap=True)
         return error.exit_code if isinstance(error, RunError) else BAD_INPUT
-
-
-def _printed(app: typer.Typer) -> int:
-    """Run the command and write what it prints; RunError where that is not possible."""
-    if sys.stdout is None:
-        raise RunError("the output must be open, got a closed one; redirect it to /dev/null")
-    try:
-        try:
-            return int(app(standalone_mode=True) or 0)
-        finally:
-            _flush_output()
-    except OSError as error:
-        if error.filename is not None or error.errno not in _OUTPUT_ERRORS:
-            raise
-        _drop_output()
-        raise RunError(str(disk_error("write", Path("the output"), error))) from None
+    return FAILED
 
 
 def _repeat_interrupt(ignored: Any) -> None:
@@ -138,16 +120,3 @@ def _repeat_interrupt(ignored: Any) -> None:
         Timer(_REPEATED_AFTER_S, os.kill, (os.getpid(), signal.SIGINT)).start()
     else:
         sys.__unraisablehook__(ignored)
-
-
-def _flush_output() -> None:
-    """Write what is buffered; a reader that has ended, as `head`, is no error."""
-    try:
-        sys.stdout.flush()
-    except BrokenPipeError:
-        _drop_output()
-
-
-def _drop_output() -> None:
-    """Nothing that is buffered is written at the end."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -6,8 +6,10 @@ is executed on reading: classes are named, and only dataclasses of this package 
 
 import dataclasses
 import importlib
+import io
 import json
 import zipfile
+import zlib
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,11 @@ from serd_core.errors import SerdError
 
 FORMAT = "serd-core 1"
 _PACKAGE = "serd_core."
+#: What reading a damaged or made-up file raises.
+_UNREADABLE = (
+    *(ValueError, LookupError, TypeError, AttributeError, RuntimeError, MemoryError),
+    *(EOFError, OSError, zipfile.BadZipFile, zlib.error),
+)
 
 
 def save(path: str | Path, record: Any) -> None:
@@ -38,13 +45,14 @@ def save(path: str | Path, record: Any) -> None:
 
 def load(path: str | Path) -> Any:
     """The record of a file that `save` wrote; SerdError where it is no such file."""
+    whole = io.BytesIO(Path(path).read_bytes())
     try:
-        with np.load(Path(path), allow_pickle=False) as found:
+        with np.load(whole, allow_pickle=False) as found:
             content = json.loads(str(found["structure"]))
             arrays = {name: found[name] for name in found.files}
             if content["format"] == FORMAT:
                 return _decoded(content["record"], arrays)
-    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except _UNREADABLE as error:
         if isinstance(error, SerdError):
             raise
         raise SerdError(f"{path} must be a file written by save, got: {error}") from error

@@ -1,6 +1,7 @@
 """`serd-bag`: info, check, recover and convert on any machine, without ROS.
 
-Exit codes: 0 done, 1 a bag is not sound or whole, 2 bad usage or input, 130 interrupted.
+Exit codes: 0 done, 1 a bag is not sound or whole, or the reader of the output has ended, 2 bad
+usage or input, 130 interrupted.
 """
 
 import argparse
@@ -15,8 +16,9 @@ from typing import Any
 from bags.command.commands import convert_bags, recover_bags, show_checks, show_contents
 from bags.command.results import Line, Table
 from serd_core.errors import SerdError
+from storage.standard_output import written_output
 
-BAD_INPUT, INTERRUPTED = 2, 130
+OUTPUT_ENDED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 _LEAST_TEXT_WIDTH = 12
 _BETWEEN = "  "
 
@@ -24,20 +26,25 @@ _BETWEEN = "  "
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point."""
     given = _parser().parse_args(arguments)
-    screen = PlainScreen(as_json=given.json)
     try:
-        if given.command == "info":
-            return show_contents(given.bags, screen)
-        if given.command == "check":
-            return show_checks(given.bags, given.require, screen)
-        if given.command == "recover":
-            return recover_bags(given.bags, given.output, screen)
-        return convert_bags(given.bags, given.output, given.compression, screen)
+        with written_output():
+            return _done(given, PlainScreen(as_json=given.json))
     except SerdError as error:
         print(f"serd-bag: {error}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         return INTERRUPTED
+    return OUTPUT_ENDED
+
+
+def _done(given: argparse.Namespace, screen: "PlainScreen") -> int:
+    if given.command == "info":
+        return show_contents(given.bags, screen)
+    if given.command == "check":
+        return show_checks(given.bags, given.require, screen)
+    if given.command == "recover":
+        return recover_bags(given.bags, given.output, screen)
+    return convert_bags(given.bags, given.output, given.compression, screen)
 
 
 class PlainScreen:

@@ -8,7 +8,7 @@ from setuptools.command.build_py import build_py
 
 ROOT = Path("../..")
 NEEDED = {
-    "storage": {"__init__", "errors", "files", "nearest", "quantities"},
+    "storage": {"__init__", "errors", "files", "nearest", "quantities", "standard_output"},
     "serd_core": {"__init__", "arrays", "errors"},
 }
 

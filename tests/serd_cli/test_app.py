@@ -125,7 +125,7 @@ FULL = Path("/dev/full")
 def test_a_full_disk_under_the_output_gets_a_sentence(root, words):
     with FULL.open("w") as full:
         done = serd(root, *words.split(), stdout=full)
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert done.stderr == (
         "serd: cannot write the output: the disk is full; free some space or choose another"
         " folder\n"
@@ -134,6 +134,6 @@ def test_a_full_disk_under_the_output_gets_a_sentence(root, words):
 
 def test_a_closed_output_gets_a_sentence(root):
     done = serd(root, "scenario", "list", preexec_fn=lambda: os.close(1), stdout=None)
-    assert done.returncode == 1
+    assert done.returncode == 2
     sentence = "the output must be open, got a closed one; redirect it to /dev/null"
     assert done.stderr == f"serd: {sentence}\n"

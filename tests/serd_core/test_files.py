@@ -1,6 +1,7 @@
 """Records come back from files as they were; nothing else is read or written."""
 
 import json
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -41,6 +42,19 @@ def test_functions_are_refused_and_leave_the_old_file(tmp_path):
     assert (tmp_path / "old.npz").read_bytes() == b"old"
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_damaged_files_are_refused_or_read_as_they_were(tmp_path, seed):
+    file = tmp_path / "grid.npz"
+    sc.save(file, table := np.linspace(0.0, 1.0, 500))
+    content = bytearray(file.read_bytes())
+    rng = np.random.default_rng(seed)
+    for place in rng.integers(len(content), size=3):
+        content[place] = rng.integers(256)
+    file.write_bytes(content)
+    with suppress(sc.SerdError):
+        np.testing.assert_array_equal(sc.load(file), table)
+
+
 @pytest.mark.parametrize("place", ["os:system", "serd_core.files:Path", "serd_core.nothing:None"])
 def test_a_file_cannot_name_other_classes(tmp_path, place):
     record = {"class": place, "fields": {}}
@@ -53,7 +67,9 @@ def test_a_file_cannot_name_other_classes(tmp_path, place):
 def test_other_files_are_refused(tmp_path):
     (tmp_path / "text.npz").write_text("no archive")
     np.savez(tmp_path / "arrays.npz", one=np.ones(1))
-    for name in ("text.npz", "arrays.npz"):
+    text = json.dumps({"format": "serd-core 1", "record": {"class": 5, "fields": {}}})
+    np.savez(tmp_path / "class.npz", structure=np.array(text))
+    for name in ("text.npz", "arrays.npz", "class.npz"):
         with pytest.raises(sc.SerdError, match="must be a file written by save"):
             sc.load(tmp_path / name)
 

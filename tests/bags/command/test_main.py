@@ -1,6 +1,10 @@
 """`serd-bag`, the command without ROS."""
 
 import json
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -60,6 +64,31 @@ def test_bad_input_is_one_line_and_exit_code_2(words, sentence, capsys):
     error = capsys.readouterr().err
     assert error.startswith(f"serd-bag: {sentence}")
     assert error.count("\n") == 1
+
+
+FULL = Path("/dev/full")
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="a device that is always full")
+def test_a_full_disk_under_the_output_is_one_line(small_bag):
+    with FULL.open("w") as full:
+        done = run("info", small_bag(), stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2
+    sentence = "cannot write the output: the disk is full; free some space or choose another folder"
+    assert done.stderr == f"serd-bag: {sentence}\n"
+
+
+def test_a_reader_that_has_ended_is_no_error(small_bag):
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = run("info", small_bag(), stdout=writer, stderr=subprocess.PIPE)
+    os.close(writer)
+    assert done.stderr == b""
+
+
+def run(*words, **streams):
+    """The command in a process of its own."""
+    return subprocess.run([sys.executable, "-m", "bags.command.main", *words], **streams)
 
 
 @pytest.mark.parametrize("columns", [200, 80, 50])

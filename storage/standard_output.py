@@ -1,0 +1,37 @@
+"""What a command prints: a full disk behind it is one sentence, a reader that ended is no error."""
+
+import errno
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from storage.errors import FileError, disk_error
+
+#: Of what is printed; opening a file fails with its name.
+_OUTPUT_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+
+
+@contextmanager
+def written_output() -> Iterator[None]:
+    """Write what is printed within, until its reader ends; FileError where that is not possible."""
+    if sys.stdout is None:
+        raise FileError("the output must be open, got a closed one; redirect it to /dev/null")
+    try:
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        _drop()
+    except OSError as error:
+        if error.filename is not None or error.errno not in _OUTPUT_ERRORS:
+            raise
+        _drop()
+        raise disk_error("write", Path("the output"), error) from None
+
+
+def _drop() -> None:
+    """Nothing that is buffered is written at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
