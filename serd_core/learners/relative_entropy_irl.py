@@ -44,6 +44,7 @@ from serd_core.learners.importance_samples import hoeffding_thresholds, importan
 from serd_core.learners.known_dynamics import reward_search
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy
+from serd_core.posterior.coordinates import feature_ranges
 
 
 def fit_relative_entropy_irl(
@@ -70,21 +71,24 @@ def fit_relative_entropy_irl(
     dynamics: (M, K), or the parameters of a SparseModel, None for the M-estimate; for the policy of
     the weights, the fit itself does not use them.
     Where the demonstrated features lie outside what the samples span, the dual grows without bound;
-    weights then stop at `largest_weight` and the fit has not converged.
+    weights then stop at `largest_weight`, in units of one over the range of their feature, and the
+    fit has not converged.
     """
     if not largest_weight > 0:
         raise SerdError(f"largest_weight must be above 0, got {largest_weight}; use 100")
     require_limits(gradient_tolerance, max_steps)
     search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
     observe(problem.mdp, samples, name="samples")
+    scale = 1.0 / feature_ranges(problem)
     dual = SampledDual(
-        wanted=feature_counts(problem, decisions).mean(axis=0),
-        sampled=feature_counts(problem, samples),
+        wanted=scale * feature_counts(problem, decisions).mean(axis=0),
+        sampled=scale * feature_counts(problem, samples),
         log_weights=importance_log_weights(problem, samples, sampling_policy, baseline_policy),
-        thresholds=_thresholds(problem, decisions, thresholds, confidence),
+        thresholds=scale * _thresholds(problem, decisions, thresholds, confidence),
+        scale=scale,
     )
     climb = Climb(FunctionObjective(dual.evaluate), on_step)
-    start = search.start.reward
+    start = search.start.reward / scale
     found = scipy.optimize.minimize(
         lambda halves: _negative(climb.evaluate(halves)),
         np.concatenate([np.maximum(start, 0.0), np.maximum(-start, 0.0)]),
@@ -99,19 +103,21 @@ def fit_relative_entropy_irl(
 
 @dataclass(frozen=True, eq=False)
 class SampledDual:
-    """g(theta) on samples, by the positive and negative parts of theta, (2 F,) in a row.
+    """g(theta) on samples, by the positive and negative parts of theta / scale, (2 F,) in a row.
 
-    wanted: (F,) phi~; sampled: (N, F); log_weights: (N,) log U_Q / U_a; thresholds: (F,) epsilon.
+    wanted: (F,) phi~; sampled: (N, F); log_weights: (N,) log U_Q / U_a; thresholds: (F,) epsilon;
+    all but log_weights times scale (F,).
     """
 
     wanted: FloatArray
     sampled: FloatArray
     log_weights: FloatArray
     thresholds: FloatArray
+    scale: FloatArray
 
     def evaluate(self, halves: FloatArray) -> tuple[float, FloatArray]:
         """g and its (2 F,) gradient."""
-        weights = self.weights(halves)
+        weights = self._weights(halves)
         log_terms = self.log_weights + self.sampled @ weights
         highest = float(log_terms.max())
         share = np.exp(log_terms - highest)
@@ -121,15 +127,14 @@ class SampledDual:
         both = np.concatenate([gradient - self.thresholds, -gradient - self.thresholds])
         return float(weights @ self.wanted) - log_z - slack, both
 
-    def weights(self, halves: FloatArray) -> FloatArray:
-        """(F,) theta."""
+    def _weights(self, halves: FloatArray) -> FloatArray:
         return halves[: len(self.wanted)] - halves[len(self.wanted) :]
 
     def at(self, halves: FloatArray) -> Point:
         """The weights with g and the gradient that is left once parts held at 0 are taken out."""
         value, gradient = self.evaluate(halves)
         free = np.where((halves > 0) | (gradient > 0), gradient, 0.0)
-        return Point(self.weights(halves), value, free)
+        return Point(self.scale * self._weights(halves), value, free)
 
 
 def _thresholds(

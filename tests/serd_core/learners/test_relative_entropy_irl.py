@@ -17,6 +17,7 @@ from serd_core.learners.importance_samples import (
 )
 from serd_core.learners.maxent_irl import TrajectoryModel
 from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl
+from serd_core.posterior.coordinates import feature_ranges
 
 
 def uniform_samples(case, n_episodes, seed=0):
@@ -54,6 +55,24 @@ def test_with_exact_matching_the_weighted_samples_have_the_features_of_the_exper
     matched = share @ counts / share.sum()
     wanted = feature_counts(case.problem, case.decisions).mean(axis=0)
     np.testing.assert_allclose(matched, wanted, atol=1e-4)
+
+
+@pytest.mark.parametrize("unit", [1e-4, 1e5])
+def test_weights_are_the_inverse_of_the_unit_of_the_features(case, unit):
+    samples, policy = uniform_samples(case, 500)
+    given = {"samples": samples, "sampling_policy": policy, "thresholds": np.zeros(2)}
+    fit, other = (
+        fit_relative_entropy_irl(
+            replace(case.problem, features=each * case.problem.features),
+            case.decisions,
+            initial_weights=np.zeros(2),
+            **given,
+        )
+        for each in (1.0, unit)
+    )
+    assert fit.converged
+    assert other.converged
+    np.testing.assert_allclose(unit * other.reward_weights, fit.reward_weights, rtol=1e-5)
 
 
 def test_many_samples_approach_the_exact_sum_over_trajectories(case):
@@ -107,7 +126,8 @@ def test_features_that_no_sample_reaches_are_said_and_weights_stay_finite(case):
     )
     assert not fit.converged
     assert fit.message == "not converged: weights reached largest_weight; take more samples"
-    assert np.max(np.abs(fit.reward_weights)) == 40.0
+    ranges = feature_ranges(case.problem)
+    assert np.max(np.abs(ranges * fit.reward_weights)) == pytest.approx(40.0, rel=1e-12)
 
 
 def test_a_shorter_horizon_narrows_the_thresholds(case):
