@@ -422,6 +422,19 @@ def test_a_clock_of_all_times_that_is_set_back_is_refused_where_runs_overlap(
         assert len(mapped_drive_in(BagReader(tmp_path / "two"), mapping, 2.0).pose_time_s) == 80
 
 
+@pytest.mark.parametrize("log_back", [False, True])
+def test_tf_of_two_runs_of_a_clock_is_never_mixed(tmp_path, messages, log_back):
+    with BagWriter(tmp_path / "two") as writer:
+        writer.add_topic("/tf", TF)
+        for tick in range(80):
+            time_s = 100.0 + 0.1 * tick - (4.0 if tick >= 40 else 0.0)
+            log_s = time_s if log_back else 100.0 + 0.1 * tick
+            writer.write("/tf", tf(messages, time_s, 0.1 * tick), round(log_s * 1e9))
+    mapping = BagMapping(pose_topic="/tf", frame="map", robot_frame="odom", action_from="hidden")
+    with pytest.raises(BagError, match=r"that of pose 41 does by .* a clock was set back"):
+        mapped_drive_in(BagReader(tmp_path / "two"), mapping, 2.0)
+
+
 @pytest.mark.parametrize("n_late", [1, 10])
 def test_poses_that_a_recorder_received_late_are_no_second_run(tmp_path, messages, n_late):
     with BagWriter(tmp_path / "late") as writer:
