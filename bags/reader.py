@@ -27,7 +27,7 @@ class BagReader:
     tolerant: continue past damage and collect it in `damage`; otherwise damage raises a
     DamagedBagError when it is found, which for missing messages is at the end.
     thorough: compare the index of messages with the messages too.
-    losses: what is missing, once all messages were read.
+    losses: what is missing, once all messages were read; has_checksums: then whether all have them.
     copied: then (file, (offset, length) of each of its sound attachments and metadata records).
     """
 
@@ -36,6 +36,7 @@ class BagReader:
         self.tolerant = tolerant
         self.damage: list[Damage] = []
         self.losses = Losses()
+        self.has_checksums = True
         self.copied: list[tuple[Path, list[tuple[int, int]]]] = []
         self.layout: BagLayout = bag_layout(path)
         self._thorough = thorough
@@ -55,6 +56,7 @@ class BagReader:
         for file, scan in self._scans():
             unpacking = Decompression()
             yield from unpacking.messages(scan.messages(wanted))
+            self.has_checksums &= scan.has_checksums
             counts.update(scan.counts)
             n_read = scan.counts.total() - unpacking.n_broken
             files.append(FileCount(file, n_read, scan.expected))

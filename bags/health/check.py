@@ -16,7 +16,6 @@ import numpy as np
 from bags.damage import at_most
 from bags.errors import BagError
 from bags.formats.limits import MOST_FAULTS
-from bags.formats.rosbag2.layout import storage_name
 from bags.formats.rosbag2.message_types import ENCODING, message_type
 from bags.health.topic_check import TopicCheck, check_topic
 from bags.health.two_clocks import TwoClocks
@@ -30,8 +29,8 @@ _MOST_COMPARED = 1_000_000
 #: Characters of a definition in which its first field is sought.
 _LONGEST_BEGINNING = 20_000
 _NO_CHECKSUMS = (
-    "sqlite3 files have no checksums: changed bytes within messages cannot be detected;"
-    " 'serd bag convert' adds checksums"
+    "a part of the bag has no checksums: changed bytes in it cannot be detected; 'serd bag convert'"
+    " adds checksums"
 )
 
 
@@ -92,7 +91,7 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
     remarks = _remarks(topics)
     if further:
         remarks.append(f"rates, gaps and clocks are those of the first {n_compared} messages")
-    if any(storage_name(file).endswith(".db3") for file in reader.layout.files):
+    if topics and not reader.has_checksums:
         remarks.append(_NO_CHECKSUMS)
     lines = (tuple(at_most(each, MOST_FAULTS)) for each in (faults, remarks))
     return BagCheck(Path(path), topics, *lines)

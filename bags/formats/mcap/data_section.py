@@ -60,7 +60,8 @@ class DataSection:
     Where its reader has read an area, it sets n_records to the records left that may be read, and
     consumed to the place in the block where it stopped.
     copied: (offset, length) of each sound attachment and metadata record; visited: offsets of
-    chunks; ended: whether the record at the end of the data was found.
+    chunks; ended: whether the record at the end of the data was found; has_checksums: whether all
+    that was read has them.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class DataSection:
         self.copied: list[tuple[int, int]] = []
         self.visited: set[int] = set()
         self.ended = False
+        self.has_checksums = True
         self._window, self._end, self._log = window, end, log
         self._indexes = MessageIndexes() if thorough else None
         self._n_unpacked = most_unpacked(size)
@@ -204,6 +206,7 @@ class DataSection:
             self._n_unpacked -= head.size
             if self._n_unpacked < 0:
                 raise BagError("the file unpacks to more than one of its size can hold")
+        self.has_checksums &= head.checksum != 0
         records, start = unpack_chunk(head, *self._window.locate(self._offset, size))
         if head.compression:
             self._window.release()
@@ -234,6 +237,7 @@ class DataSection:
             self._offset += RECORD_HEAD.size + length
             return
         self._check_index()
+        self.has_checksums = False
         block, at = self._window.locate(self._offset, RECORD_HEAD.size + length)
         starts, index = self._end.chunk_starts, bisect_right(self._end.chunk_starts, self._offset)
         limit = min(self._limit, starts[index]) if index < len(starts) else self._limit
@@ -298,6 +302,7 @@ class DataSection:
             )
             if checksum and self._window.checksum(0, end) != checksum:
                 self.note("the checksum of the data does not fit")
+            self.has_checksums |= checksum != 0
 
     def _begins_record(self, offset: int) -> bool:
         """Whether the data ends here, or a record can begin."""

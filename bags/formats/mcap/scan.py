@@ -29,6 +29,7 @@ class McapScan:
 
     expected: number of messages by the summary, None without one.
     copied: (offset, length) of each sound attachment and metadata record.
+    has_checksums: whether all messages have them.
     thorough: compare the index behind each chunk with the chunk.
     size: of the file as it was recorded, which limits what is read; None for its size here.
     """
@@ -36,6 +37,7 @@ class McapScan:
     def __init__(self, path: Path, *, thorough: bool = False, size: int | None = None) -> None:
         self.path = path
         self.copied: list[tuple[int, int]] = []
+        self.has_checksums = True
         self._log = DamageLog(path)
         self._end = FileEnd(path)
         self._definitions = self._end.definitions
@@ -74,7 +76,7 @@ class McapScan:
                 for area in section.areas():
                     yield from self._messages(section, area, topics)
                     del area  # before the next one is read
-                self.copied = section.copied
+                self.copied, self.has_checksums = section.copied, section.has_checksums
                 self._compare_with_end(section)
         except OSError as error:
             raise BagError(str(disk_error("read", self.path, error))) from None

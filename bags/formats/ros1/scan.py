@@ -116,6 +116,8 @@ class _Reader(Reader):
 class Ros1Scan:
     """One pass through one file; `damage` and `counts` are complete after `messages`."""
 
+    has_checksums = False
+
     def __init__(self, path: Path) -> None:
         self.path = path
         self._log = DamageLog(path)

@@ -39,6 +39,8 @@ class SqliteScan:
     thorough: let SQLite check the whole file first, else only what it reads.
     """
 
+    has_checksums = False
+
     def __init__(self, path: Path, *, thorough: bool = False) -> None:
         self.path = path
         self.damage: list[Damage] = []

@@ -183,7 +183,7 @@ def test_check_reports_that_such_files_have_no_checksums(make):
     bag = make()
     check = check_bag(bag)
     assert check.sound
-    assert "changed bytes within messages cannot be detected" in check.remarks[-1]
+    assert "changed bytes in it cannot be detected" in check.remarks[-1]
     converted = check_bag(convert(bag, bag.with_name("new")).target)
     assert not any("checksum" in remark for remark in converted.remarks)
 

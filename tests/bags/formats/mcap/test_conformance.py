@@ -68,6 +68,16 @@ def test_every_flipped_bit_is_reported_where_checksums_cover_the_file(tmp_path, 
         assert found_in(path)[1], (place, bit)
 
 
+@pytest.mark.parametrize("features", [Feature.NONE, Feature.CHUNKS])
+@pytest.mark.parametrize("checksums", [True, False])
+def test_check_reports_files_without_checksums(tmp_path, features, checksums):
+    path = tmp_path / "file.mcap"
+    path.write_bytes(mcap_file(CONTENTS["OneMessage"], features, checksums=checksums))
+    check = check_bag(path)
+    assert check.sound
+    assert any("has no checksums" in remark for remark in check.remarks) != checksums
+
+
 def test_a_flipped_bit_of_an_attachment_is_reported_by_its_own_checksum(tmp_path):
     path = tmp_path / "file.mcap"
     whole = bytearray(mcap_file(CONTENTS["OneAttachment"], Feature.NONE, checksums=False))

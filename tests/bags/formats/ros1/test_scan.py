@@ -172,6 +172,10 @@ def test_a_damaged_chunk_costs_its_own_messages(ros1_bag, part, number):
             list(BagReader(ros1_bag).messages())
 
 
+def test_check_reports_that_such_files_have_no_checksums(ros1_bag):
+    assert any("has no checksums" in remark for remark in check_bag(ros1_bag).remarks)
+
+
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
