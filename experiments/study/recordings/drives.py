@@ -104,7 +104,7 @@ def drive_in(
 ) -> Drives:
     """The same in a scenario. starts: number and start area of each episode.
 
-    guard: of `run_episode`; without any the shipped bags and the kept results were made.
+    guard: of `run_episode`; the kept results were made without any.
     """
     local_planner = make_planner(planner, scenario)
     tables, records, densities, reports = [], [], [], []

@@ -110,8 +110,8 @@ class MappedActions:
         return len(self._rows) // 4
 
     def stated(self, track: PoseTrack) -> tuple[FloatArray, FloatArray, int]:
-        """Times (N,) on the clock of the poses, vectors (N, 2), and how many more are not finite;
-        BagError where the topic has no message."""
+        """Times (N,) on the clock of the poses, vectors (N, 2), and how many more are not finite,
+        of messages that were sent again one; BagError where the topic has no message."""
         rows = np.array(self._rows).reshape(-1, 4)
         if not len(rows):
             raise BagError(
@@ -120,8 +120,10 @@ class MappedActions:
                 " action_from: hidden"
             )
         at_s = track.placed(rows[:, 0], rows[:, 1])
-        order = np.argsort(at_s, kind="stable")
-        at_s, vectors = at_s[order], rows[order, 2:]
+        rows = np.column_stack([at_s, rows[:, 2:]])[np.argsort(at_s, kind="stable")]
+        sent_again = (rows[1:] == rows[:-1]).all(axis=1)
+        rows = rows[np.append(True, ~sent_again)]
+        at_s, vectors = rows[:, 0], rows[:, 1:]
         clear = np.isfinite(vectors).all(axis=1)
         return at_s[clear], vectors[clear], int((~clear).sum())
 

@@ -140,7 +140,7 @@ def test_bags_of_another_place_are_refused(bags_folder, tmp_path):
     config = tmp_path / "corridor.yaml"
     config.write_text("scenario: corridor\n")
     settings = study_settings(quick=True, config=config, bags=[bags_folder / "training"])
-    sentence = r"must be recorded in the scenario 'corridor', but 428 of 584 decisions lie outside"
+    sentence = r"must be recorded in the scenario 'corridor', but 443 of 599 decisions lie outside"
     with pytest.raises(SerdError, match=sentence):
         check_bags(Study(settings, tmp_path))
 

@@ -67,7 +67,7 @@ class TestSetsFromBags:
     def test_a_bag_given_twice_is_refused(self, with_bags):
         bags = with_bags.demonstrations.bags
         twice = with_bags.demonstrations.model_copy(update={"bags": (*bags, bags[0])})
-        with pytest.raises(SerdError, match="584 of an episode that was there before"):
+        with pytest.raises(SerdError, match="599 of an episode that was there before"):
             sets_from_bags(Study(with_bags.model_copy(update={"demonstrations": twice}), Path()), 0)
 
     def test_too_few_episodes_are_refused(self, with_bags):

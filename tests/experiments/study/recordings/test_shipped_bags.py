@@ -6,14 +6,10 @@ import numpy as np
 import pytest
 
 from experiments.study.recordings.demonstrations import ROLES, start_area_of
-from experiments.study.recordings.drives import drive_episodes, world_seed
+from experiments.study.recordings.drives import drive_in, world_seed
 from experiments.study.recordings.experts import PEOPLE
-from experiments.study.settings import study_settings
-from experiments.study.study import Study
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from sim.drivers.catalogue import make_driver
-from sim.scenario.scenario import load_scenario
-from storage.yaml_config import model_yaml
 
 BAGS = Path(__file__).parents[4] / "bags" / "data" / "hallway"
 
@@ -31,29 +27,19 @@ def test_every_bag_holds_the_episodes_the_study_asks_for(role, study):
     assert not report.dropped
 
 
-@pytest.fixture
-def study_as_recorded(tmp_path):
-    """With a robot that brakes as it accelerates, as it did when the bags were recorded."""
-    scenario, file = load_scenario("hallway"), tmp_path / "hallway.yaml"
-    braking = {"decel_lim_x_mps2": scenario.robot.acc_lim_x_mps2}
-    robot = scenario.robot.model_copy(update=braking)
-    file.write_text(model_yaml(scenario.model_copy(update={"robot": robot})))
-    settings = study_settings().model_copy(update={"scenario": str(file)})
-    return Study(settings, tmp_path)
-
-
 @pytest.mark.parametrize("role", ["training", "transfer"])
-def test_a_bag_recorded_through_ros_equals_the_drive_in_process(role, study_as_recorded):
-    study = study_as_recorded
+def test_a_bag_recorded_through_ros_equals_the_drive_in_process(role, study):
     recorded, _ = shipped(role, study)
     settings = study.settings
     seed = world_seed(settings.seed, PEOPLE, 0, ROLES[role])
-    driven = drive_episodes(
-        study,
+    driven = drive_in(
+        study.scenario,
+        study.problem,
+        settings.planner,
         make_driver(settings.demonstrations.driver, study.scenario, seed),
         seed=seed,
-        episodes=[0],
-        start_area=start_area_of(role),
+        starts=[(0, start_area_of(role))],
+        guard=None,  # the guard of the world, which the stack has and the study has not
     ).decisions
     first = recorded.select_episodes([0])
     for column in ("time_s", "state", "action", "next_state"):

@@ -339,6 +339,16 @@ def test_an_intent_or_waypoint_that_is_not_finite_is_dropped_and_counted(tmp_pat
         assert drive.intent_action.tolist() == [Action.EAST, Action.EAST]
 
 
+def test_an_intent_that_was_sent_again_is_one(tmp_path, messages):
+    poses = [row for row in drive_east(messages) if row[0] == "/pose"]
+    times_s = (50.0, 50.0, 50.0, 52.0, 54.0, 54.0)
+    wishes = [("/wish", time_s, messages.intent(time_s, 1.0, 0.0)) for time_s in times_s]
+    path = written(tmp_path / "again", KINDS | {"/wish": VECTOR}, *poses, *wishes)
+    mapping = BagMapping(pose_topic="/pose", action_from="intent", action_topic="/wish")
+    drive = mapped_drive_in(BagReader(path), mapping, 2.0)
+    assert drive.intent_time_s.tolist() == [50.0, 52.0, 54.0]
+
+
 @pytest.mark.parametrize(
     ("step_s", "gap_s", "n_episodes"), [(0.1, 0.6, 2), (0.2, 0.9, 1), (0.2, 1.2, 2)]
 )
