@@ -158,7 +158,8 @@ def from_scan(
     n_rays = len(message.ranges)
     last_rad = message.angle_min + (n_rays - 1) * message.angle_increment
     step_rad = abs(message.angle_increment)
-    if not n_rays or not step_rad or abs(last_rad - message.angle_max) > step_rad:
+    # Many lidars name the end of a full turn, a step after their last ray, in single precision.
+    if not n_rays or not step_rad or abs(last_rad - message.angle_max) > 1.5 * step_rad:
         raise MessageError(
             "ranges must have one ray per angle_increment from angle_min to angle_max",
             f"{n_rays} rays, angles {angles}",

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sensor_msgs.msg import LaserScan
 from visualization_msgs.msg import Marker
 
 from serd_app.drives.episode_mark import EpisodeMark
@@ -207,6 +208,27 @@ def test_a_scan_keeps_its_ranges_and_its_geometry():
     assert message.angle_min + (settings.n_rays - 1) * message.angle_increment == pytest.approx(
         message.angle_max, abs=1e-5
     )
+
+
+@pytest.mark.parametrize(
+    ("first_rad", "last_rad", "step_rad", "n_rays"),
+    [
+        pytest.param(0.0, 6.28318548203, 0.0174532923847, 360, id="lidar of the TurtleBot3"),
+        pytest.param(-math.pi, math.pi, math.pi / 360, 720, id="pointcloud_to_laserscan"),
+        pytest.param(math.pi, -math.pi, -math.pi / 360, 720, id="clockwise"),
+    ],
+)
+def test_angle_max_may_be_the_end_of_the_turn_after_the_last_ray(
+    first_rad, last_rad, step_rad, n_rays
+):
+    message = LaserScan(
+        angle_min=first_rad, angle_max=last_rad, angle_increment=step_rad, ranges=[1.0] * n_rays
+    )
+    message.header.frame_id = "base_link"
+    assert len(from_scan(message)[1]) == n_rays
+    message.ranges = message.ranges[:-1]
+    with pytest.raises(MessageError, match="one ray per angle_increment"):
+        from_scan(message)
 
 
 def test_a_map_keeps_its_cells_row_by_row_from_the_south():
