@@ -38,16 +38,26 @@ class PageAccess:
 
     def admits_host(self, host: str) -> bool:
         """Whether a Host header names this server."""
-        return not is_loopback(self.address) or is_loopback(urlsplit(f"//{host}").hostname or "")
+        return not is_loopback(self.address) or is_loopback(_name_of(host))
 
     def admits_token(self, token: str) -> bool:
         """Whether a token is the right one, compared in constant time."""
-        return not self.token or hmac.compare_digest(self.token.encode(), token.encode())
+        # Bytes of a header that are no UTF-8 are surrogates.
+        given = token.encode(errors="surrogatepass")
+        return not self.token or hmac.compare_digest(self.token.encode(), given)
 
 
 def admits_origin(origin: str | None, host: str) -> bool:
     """Whether a WebSocket is opened by a page of this server."""
     return origin is not None and origin == f"http://{host}"
+
+
+def _name_of(host: str) -> str:
+    """The name in a Host header; empty where it has none."""
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
 
 
 def is_loopback(address: str) -> bool:

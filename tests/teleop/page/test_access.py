@@ -22,7 +22,7 @@ def test_a_short_token_is_refused():
         PageAccess("127.0.0.1", "abc")
 
 
-@pytest.mark.parametrize("token", ["", "a-long-random-toke", TOKEN + "x", "ü" * 20])
+@pytest.mark.parametrize("token", ["", "a-long-random-toke", TOKEN + "x", "ü" * 20, "\udcff"])
 def test_a_wrong_token_is_not_admitted(token):
     assert not PageAccess("0.0.0.0", TOKEN).admits_token(token)
 
@@ -31,6 +31,7 @@ def test_on_loopback_the_host_must_be_a_name_of_loopback():
     access = PageAccess("127.0.0.1")
     assert all(access.admits_host(host) for host in ("127.0.0.1:8765", "localhost", "[::1]:80"))
     assert not any(access.admits_host(host) for host in ("robot.example:8765", "", "10.0.0.1"))
+    assert not any(access.admits_host(host) for host in ("[::1", "]", "127.0.0.1\u2100"))
 
 
 def test_only_the_servers_own_origin_may_connect():
