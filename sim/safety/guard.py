@@ -141,7 +141,7 @@ class Guard:
     def ages_s(self, now_s: float) -> dict[Source, float]:
         """Age of each input by its newest stamp, inf for one that never came."""
         return {
-            source: math.inf if each.stamp_s is None else now_s - each.stamp_s
+            source: math.inf if each.shown_s is None else now_s - each.shown_s
             for source, each in self._stamps.items()
         }
 
@@ -162,7 +162,9 @@ class Guard:
         monitor = self._stamps.get(source)
         if monitor is None:
             return False
-        if not (valid and math.isfinite(stamp_s) and monitor.is_new(stamp_s)):
+        now_s = math.inf if self._now_s is None else self._now_s
+        sound = valid and math.isfinite(stamp_s) and not monitor.is_from_future(stamp_s, now_s)
+        if not (sound and monitor.is_new(stamp_s)):
             self.n_rejected[source] += 1
             return False
         monitor.receive(stamp_s)

@@ -27,13 +27,29 @@ _JUMP_RATIO = 1.5
 
 
 class StampMonitor:
-    """Age and rate of one input."""
+    """Age and rate of one input.
+
+    A message from the future counts as none, since sound ones would not be newer for as long.
+    """
 
     def __init__(self, settings: GuardSettings) -> None:
         self._settings = settings
         self._period_s = 0.0
         self._previous_s: float | None = None
         self.stamp_s: float | None = None
+        self._future_s: float | None = None
+
+    @property
+    def shown_s(self) -> float | None:
+        """The newest stamp, also one from the future."""
+        return self.stamp_s if self._future_s is None else self._future_s
+
+    def is_from_future(self, stamp_s: float, now_s: float) -> bool:
+        """Whether a stamp is from the future, which is a fault until a sound one comes."""
+        if stamp_s - now_s <= self._settings.transform_tolerance:
+            return False
+        self._future_s = stamp_s
+        return True
 
     def is_new(self, stamp_s: float) -> bool:
         """Whether a stamp is newer than the last one; others are no message."""
@@ -46,6 +62,7 @@ class StampMonitor:
             weight = _PERIOD_WEIGHT if self._period_s else 1.0
             self._period_s += weight * (gap_s - self._period_s)
         self.stamp_s = self._previous_s = stamp_s
+        self._future_s = None
 
     def begin_session(self) -> None:
         """Discard the rate, after a gap in the clock."""
@@ -53,11 +70,11 @@ class StampMonitor:
 
     def check(self, now_s: float) -> Check:
         """What age and rate allow."""
+        if self._future_s is not None:
+            return 0.0, Fault.FUTURE
         if self.stamp_s is None:
             return 0.0, Fault.MISSING
         settings, age_s = self._settings, now_s - self.stamp_s
-        if age_s < -settings.transform_tolerance:
-            return 0.0, Fault.FUTURE
         if age_s >= settings.source_timeout - _EARLY_S:
             return 0.0, Fault.STALE
         age_s = max(age_s, min(self._period_s, settings.source_timeout))

@@ -137,6 +137,17 @@ def test_stamps_in_the_future_stand_the_robot(name):
     assert Fault.FUTURE in {fault for _, fault in drive.reasons()}
 
 
+@pytest.mark.parametrize("name", ["odometry", "pose", "people", "scan"])
+def test_a_clock_of_an_input_that_was_an_hour_ahead_is_no_fault_once_it_is_right(name):
+    drive = driving(**{name: late_by(-3600.0)})
+    drive.until_zero_s()
+    assert min(drive.guard.ages_s(drive.time_s).values()) == pytest.approx(-3600.0, abs=0.1)
+    drive.faults = {}
+    drive.run(3.0)
+    assert drive.output.reasons == ()
+    assert drive.speed_mps == 1.2
+
+
 def test_a_slow_lidar_makes_the_robot_slower_without_stopping_it():
     every_second = [0]
 
