@@ -155,6 +155,7 @@ def from_scan(
     require_frame(message.header, frame or message.header.frame_id)
     angles = message.angle_min, message.angle_max, message.angle_increment
     require_finite("angles", angles)
+    require_finite("range_min and range_max", (message.range_min, message.range_max))
     n_rays = len(message.ranges)
     last_rad = message.angle_min + (n_rays - 1) * message.angle_increment
     step_rad = abs(message.angle_increment)

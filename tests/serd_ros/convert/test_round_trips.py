@@ -231,6 +231,15 @@ def test_angle_max_may_be_the_end_of_the_turn_after_the_last_ray(
         from_scan(message)
 
 
+@pytest.mark.parametrize("limits", [{"range_min": math.nan}, {"range_max": math.inf}])
+def test_a_scan_whose_valid_ranges_are_unknown_is_rejected(limits):
+    message = to_scan(np.ones(360, dtype=np.float32), LidarSettings(), 0.1)
+    for name, value in limits.items():
+        setattr(message, name, value)
+    with pytest.raises(MessageError, match="range_min and range_max must be finite"):
+        from_scan(message)
+
+
 def test_a_map_keeps_its_cells_row_by_row_from_the_south():
     cells = np.array([[0, 100, -1], [100, 0, 0]], dtype=np.int8)
     message = to_occupancy_grid(OccupancyRaster((1.0, -2.0), 0.05, cells), 0.0)
