@@ -85,22 +85,24 @@ class Frames:
     def _own(self, frame: str) -> str:
         return plain_name(frame).removeprefix(self.prefix)
 
-    def place(self, frame: str, target: str, *, level: bool = True) -> Placement:
-        """The frame in the target; level: whether it must be level there."""
+    def place(
+        self, frame: str, target: str, *, level: bool = True, field: str = "frame_id"
+    ) -> Placement:
+        """The frame in the target; level: whether it must be level there; field: that names it."""
         up, down = self._ancestry(self._own(frame)), self._ancestry(self._own(target))
         shared = next((each for each in up if each in down), None)
         if shared is None:
             raise MessageError(
-                f"frame_id must be {target!r} or joined with it by /tf",
+                f"{field} must be {target!r} or joined with it by /tf",
                 f"{frame!r}; frames of /tf: {', '.join(self.names) or 'none'}",
-                f"publish the transform from {target!r} to {frame!r}",
+                f"publish the transform from {target!r} to {frame!r}" if frame else f"set {field}",
             )
         up, down = up[: up.index(shared)], down[: down.index(shared)]
         self._require_fresh([*up, *down])
         matrix = np.linalg.inv(self._product(down)) @ self._product(up)
         if level and matrix[2, 2] < _LEAST_UPRIGHT:
             raise MessageError(
-                f"frame_id must be of a frame that is level in {target!r}",
+                f"{field} must be of a frame that is level in {target!r}",
                 f"{frame!r}, whose z axis points elsewhere",
                 "publish in a level frame",
             )

@@ -132,7 +132,8 @@ def from_odometry(
     pose = frames.pose_in(topics.ODOM_FRAME, message.header.frame_id, pose)
     speeds = message.twist.twist.linear.x, message.twist.twist.angular.z
     if message.child_frame_id != topics.BASE_FRAME:
-        child = frames.place(message.child_frame_id, topics.BASE_FRAME).pose
+        field = "child_frame_id"
+        child = frames.place(message.child_frame_id, topics.BASE_FRAME, field=field).pose
         base = motion_between(child, STANDING)
         pose, speeds = compose(pose, base), _speeds_of_base(message.twist.twist, base)
     require_finite("twist", speeds)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovariance
 from nav_msgs.msg import Odometry
 
 from bags.messages.plain import Header, Transform
@@ -55,6 +55,13 @@ def test_a_chain_of_frames_is_followed_and_its_stamp_is_that_of_the_motion(frame
 def test_a_frame_that_nothing_joins_is_refused_by_name(frames):
     with pytest.raises(MessageError, match=r"'map' or joined with it by /tf, got 'world'; frames"):
         frames.place("world", "map")
+
+
+def test_odometry_without_a_child_frame_is_refused_by_the_field_that_lacks_it(frames):
+    message = Odometry(pose=PoseWithCovariance(pose=to_pose((3.0, 0.5, 0.2))))
+    message.header.frame_id = "odom"
+    with pytest.raises(MessageError, match=r"^child_frame_id must be 'base_link' .*set child_fr"):
+        from_odometry(message, frames)
 
 
 def test_a_tilted_frame_is_refused(frames):
