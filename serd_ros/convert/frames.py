@@ -60,6 +60,11 @@ class Frames:
         """Keep a transform in place of the one before; MessageError where it is none."""
         moved, turned = transform.placed[:3], transform.placed[3:]
         length = math.hypot(*turned)
+        parent, child = self._own(transform.header.frame), self._own(transform.child)
+        if parent == child:
+            raise MessageError(
+                "transforms must be between two frames", repr(child), "correct what publishes it"
+            )
         # Not so for NaN either.
         if not (math.hypot(*moved) <= _FARTHEST_M and abs(length - 1) < 0.01):
             raise MessageError(
@@ -71,8 +76,18 @@ class Frames:
         x, y, z, w = turned
         matrix[:3, :3] = matrix_of((x / length, y / length, z / length, w / length))
         matrix[:3, 3] = moved
-        parent, stamp_ns = self._own(transform.header.frame), transform.header.stamp_ns
-        self._edges[self._own(transform.child)] = parent, matrix, None if static else stamp_ns
+        stamp_ns = None if static else transform.header.stamp_ns
+        self._edges[child] = parent, matrix, stamp_ns
+        self._break_loop(child, stamp_ns)
+
+    def _break_loop(self, frame: str, stamp_ns: int | None) -> None:
+        """Discard transforms that have stopped of a loop that the newest one closes."""
+        if stamp_ns is None:
+            return
+        for child in self._loop_of(self._chain(frame)):
+            other_ns = self._edges[child][2]
+            if other_ns is not None and abs(stamp_ns - other_ns) * 1e-9 > LONGEST_S:
+                del self._edges[child]
 
     def add_prefix(self, message: Any) -> None:
         """Put the prefix before the robot's frames in a message to be published."""
@@ -135,11 +150,26 @@ class Frames:
         return matrix
 
     def _ancestry(self, frame: str) -> list[str]:
-        found: list[str] = []
-        while frame not in found:
-            found.append(frame)
-            frame = self._edges[frame][0] if frame in self._edges else frame
+        found = self._chain(frame)
+        if loop := self._loop_of(found):
+            raise MessageError(
+                "transforms of /tf must form no loop",
+                " in ".join(map(repr, [*loop, loop[0]])),
+                "end what publishes one of them",
+            )
         return found
+
+    def _chain(self, frame: str) -> list[str]:
+        """A frame and those that it is in, each once."""
+        found = [frame]
+        while found[-1] in self._edges and (parent := self._edges[found[-1]][0]) not in found:
+            found.append(parent)
+        return found
+
+    def _loop_of(self, chain: list[str]) -> list[str]:
+        """The frames at the end of a chain that are in each other; empty if there are none."""
+        last = self._edges.get(chain[-1])
+        return [] if last is None else chain[chain.index(last[0]) :]
 
 
 #: Where no transform is known.

@@ -76,6 +76,22 @@ def test_a_transform_that_has_stopped_is_named(frames):
         frames.place("base_link", "map")
 
 
+def test_a_loop_places_nothing_until_one_of_its_transforms_has_stopped(frames):
+    before = frames.place("base_link", "map").pose
+    frames.take(transform("base_link", "map", 0.0, 0.0, 0.0), static=False)
+    with pytest.raises(MessageError, match="no loop, got 'base_link' in 'base_footprint' in 'odom"):
+        frames.place("base_link", "map")
+    later = 5 * SECOND
+    frames.take(transform("odom", "base_footprint", 3.0, 0.5, 0.2, stamp_ns=later), static=False)
+    frames.take(transform("map", "odom", 2.0, 1.0, math.pi / 2, stamp_ns=later), static=False)
+    assert frames.place("base_link", "map").pose == before
+
+
+def test_a_transform_of_a_frame_in_itself_is_refused(frames):
+    with pytest.raises(MessageError, match="between two frames, got 'base_link'"):
+        frames.take(transform("base_link", "base_link", 1.0, 0.0, 0.0), static=False)
+
+
 def test_a_transform_that_is_not_finite_is_refused(frames):
     with pytest.raises(MessageError, match="finite"):
         frames.take(transform("map", "odom", math.nan, 0.0, 0.0), static=False)
