@@ -87,14 +87,18 @@ def refusal_of(parameters: Sequence[Parameter], config_class: type[NodeConfig]) 
 def accept_changes(node: Node, changes: Mapping[str, Callable[[Any], None]]) -> OnSet:
     """Call `changes[name](value)` when that parameter is set; a SerdError rejects the value.
 
+    Of two at once, the first would have changed when the second is rejected, so both are.
     Returns the callback, for `remove_on_set_parameters_callback`.
     """
 
     def on_set(parameters: Sequence[Parameter]) -> SetParametersResult:
+        changed = [each for each in parameters if each.name in changes]
+        if len(changed) > 1:
+            names = " and ".join(each.name for each in changed)
+            return SetParametersResult(successful=False, reason=f"set {names} one after the other")
         try:
-            for parameter in parameters:
-                if parameter.name in changes:
-                    changes[parameter.name](parameter.value)
+            for parameter in changed:
+                changes[parameter.name](parameter.value)
         except SerdError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

@@ -105,6 +105,16 @@ def test_a_goal_that_is_set_is_driven_to_and_a_wrong_one_is_refused(given):
         assert node.get_parameter("goal").value == "3.5, 3.5"
 
 
+def test_a_goal_that_is_set_beside_a_wrong_model_changes_nothing(given):
+    with node_in_process("strategy", **given["strategy"]) as running:
+        node = running.node
+        before = node._navigator.strategy.scenario.goal_area_m
+        wanted = [Parameter("goal", value="3.5, 3.5"), Parameter("model", value="missing.yaml")]
+        refused = node.set_parameters_atomically(wanted)
+        assert refused.reason == "set goal and model one after the other"
+        assert node._navigator.strategy.scenario.goal_area_m == before
+
+
 def test_the_strategy_plans_for_the_people_of_the_run(given):
     with node_in_process("strategy", **given["strategy"], people=90) as running:
         assert running.node.scenario.pedestrians.count == 90
