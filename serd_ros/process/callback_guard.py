@@ -74,8 +74,8 @@ class CallbackGuard:
                 callback(*arguments)
             except MessageError as error:
                 self._reject(topic, error.rule, str(error))
-            except SerdError:
-                raise
+            except SerdError as error:  # an executor would print its traceback
+                self._fail(str(error))
             except Exception as error:
                 self.note(topic, callback, error)
             finally:
@@ -118,8 +118,8 @@ class CallbackGuard:
             try:
                 callback()
                 n_failures = 0
-            except SerdError:
-                raise
+            except SerdError as error:  # an executor would print its traceback
+                self._fail(str(error))
             except Exception as error:
                 n_failures += 1
                 self.note(name, callback, error)

@@ -12,6 +12,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.episodes.page_view import episode_values
+from storage.errors import FileError
 from support.nodes_in_process import node_in_process
 from support.valid_messages import valid_message
 
@@ -208,6 +209,18 @@ def test_a_timer_that_fails_ten_times_in_a_row_ends_the_node(capsys):
                 running.call_timers()
         assert running.node.finished.result() == 2
     assert "step failed 10 times in a row" in capsys.readouterr().err
+
+
+def test_a_full_disk_ends_the_node_with_its_sentence_and_no_traceback(capsys):
+    def fail(*_):
+        raise FileError("the disk is full; free some space")
+
+    with node_in_process("teleop_mux") as running:
+        running.node._mux.step = fail
+        running.call_timers()
+        assert running.node.finished.result() == 2
+        running.receive("e_stop", valid_message("e_stop", 0.0))
+    assert capsys.readouterr().err == "teleop_mux: the disk is full; free some space\n"
 
 
 @pytest.mark.parametrize(
