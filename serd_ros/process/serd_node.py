@@ -27,6 +27,7 @@ from serd_ros.convert.frames import Frames
 from serd_ros.convert.stamp import Jump, stamp_ns
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import matching_subscriptions
+from serd_ros.errors import NodeError
 from serd_ros.graph.configs import NodeConfig
 from serd_ros.graph.parameters import given_parameters, read_config, refusal_of
 from serd_ros.process.callback_guard import CallbackGuard
@@ -58,12 +59,16 @@ class SerdNode(Node, Generic[Config]):
         self.kind = kind
         self._reported_counts = (0, 0)
         self._subscribed: dict[Subscription, Callable[[QoSProfile], Subscription]] = {}
-        super().__init__(
-            kind,
-            namespace=namespace,
-            parameter_overrides=[Parameter(name, value=value) for name, value in given.items()],
-            automatically_declare_parameters_from_overrides=True,
-        )
+        try:
+            super().__init__(
+                kind,
+                namespace=namespace,
+                parameter_overrides=[Parameter(name, value=value) for name, value in given.items()],
+                automatically_declare_parameters_from_overrides=True,
+            )
+        except ValueError:
+            _require_values(kind, self._parameter_overrides)
+            raise
         self.given = given_parameters(self)
         self.config: Config = read_config(self, kind, self.given, config_class)
         self.frames = Frames(getattr(self.config, "frame_prefix", ""))
@@ -239,6 +244,15 @@ class SerdNode(Node, Generic[Config]):
     def wall_s(self) -> float:
         """Steady wall time, independent of /clock."""
         return self.wall_clock.now().nanoseconds * 1e-9
+
+
+def _require_values(kind: str, given: Mapping[str, Parameter]) -> None:
+    """Refuse parameters without a value, which ROS makes of empty lists."""
+    names = [name for name, each in given.items() if each.type_ is Parameter.Type.NOT_SET]
+    if names:
+        raise NodeError(
+            f"parameter of {kind}: {', '.join(names)} must have a value, got none; leave it out"
+        )
 
 
 def _without_info(callback: Callable[[Any], None]) -> Callable[[Any, object], None]:

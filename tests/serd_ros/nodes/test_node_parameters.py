@@ -9,6 +9,7 @@ from rclpy.parameter import Parameter
 
 from bags.formats.rosbag2.message_types import message_type
 from bags.writer import BagWriter
+from serd_ros.errors import NodeError
 from serd_ros.graph.configs import CONFIGS
 from storage.settings import settings_of
 from support.bag_messages import POSE
@@ -78,6 +79,15 @@ def test_every_number_has_its_unit_and_its_range(kind):
         suffix = re.search(r"_([a-z0-9]+)$", setting.name)
         if suffix and suffix[1] in UNITS:
             assert f"({UNITS[suffix[1]]})" in setting.description, setting.name
+
+
+def test_an_empty_list_is_refused_by_its_name():
+    sentence = "parameter of guard: observation_sources must have a value, got none; leave it out"
+    with (
+        pytest.raises(NodeError, match=sentence),
+        node_in_process("guard", observation_sources=[]),
+    ):
+        pass
 
 
 def test_a_node_lives_on_after_use_sim_time_was_set_and_unset():
