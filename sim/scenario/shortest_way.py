@@ -75,10 +75,12 @@ def _visibility(
     place: _Place,
 ) -> tuple[shapely.Geometry, shapely.Geometry, FloatArray, FloatArray]:
     """Free space, goal in it, (N, 2) corners that ways bend at, (N,) way from each to the goal."""
-    solids = shapely.union_all([shapely.Polygon(each) for each in place.solids_m])
-    room = shapely.Polygon(place.area_m).difference(solids)
+    outlines = [shapely.Polygon(each) for each in (place.area_m, *place.solids_m)]
+    area, *solids = map(_sound, outlines)
+    thin = [each.exterior.buffer(_TOUCHING_M) for each in outlines if not each.is_valid]
+    room = area.difference(shapely.union_all([*solids, *thin]))
     free = room.buffer(-place.radius_m, quad_segs=_QUARTER_SEGMENTS)
-    goal = shapely.Polygon(place.goal_m).intersection(free)
+    goal = _sound(shapely.Polygon(place.goal_m)).intersection(free)
     free = free.buffer(_TOUCHING_M)
     shapely.prepare(free)
     corners_m = np.concatenate([_bends(free), shapely.get_coordinates(goal)])
@@ -89,6 +91,11 @@ def _visibility(
     last = shapely.shortest_line(shapely.points(corners_m), goal)
     at_goal = np.where(shapely.covers(free, last), shapely.length(last), np.inf)
     return free, goal, corners_m, _ways_to_goal(length_m, at_goal)
+
+
+def _sound(outline: shapely.Polygon) -> shapely.Geometry:
+    """The area within an outline, which may have walls without thickness."""
+    return outline if outline.is_valid else outline.buffer(0.0)
 
 
 @lru_cache(maxsize=4)

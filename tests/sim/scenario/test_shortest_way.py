@@ -57,6 +57,17 @@ def test_a_gap_that_is_too_narrow_is_no_way():
     assert shortest_way_m(closed, 1.0, 5.0) == math.inf
 
 
+def test_a_wall_without_thickness_is_gone_round():
+    solid = with_solid([[4.99, -1], [5.01, -1], [5.01, 8], [4.99, 8]])
+    spike = {"walkable_area_m": [[0, 0], [5, 0], [5, 8], [5, 0], [10, 0], [10, 10], [0, 10]]}
+    thin = Scenario.model_validate(ROOM | spike)
+    expected = shortest_way_m(solid, 1.0, 5.0)
+    assert shortest_way_m(thin, 1.0, 5.0) == pytest.approx(expected, rel=1e-2)
+    beyond = {"walkable_area_m": [[0, 0], [10, 0], [10, 10], [10, 15], [10, 10], [0, 10]]}
+    outside = Scenario.model_validate(ROOM | beyond)
+    assert shortest_way_m(outside, 1.0, 5.0) == pytest.approx(7.0)
+
+
 def test_a_door_across_the_room_is_no_wall():
     door = DOOR | {"outline_m": [[0, 5], [10, 5], [10, 5.05], [0, 5.05]], "hinge_m": [0, 5.025]}
     assert shortest_way_m(room(door), 1.0, 1.0) == shortest_way_m(room(), 1.0, 1.0) < math.inf
