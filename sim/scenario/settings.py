@@ -103,7 +103,12 @@ class LidarSettings(StrictModel):
     n_rays: int = setting(360, "rays of a scan, over the full circle", ge=4)
     range_min_m: float = setting(0.1, "smallest range; smaller ones are inf", unit="m", ge=0)
     range_max_m: float = setting(10.0, "largest range; larger ones are inf", unit="m", gt=0)
-    rate_hz: float = setting(10.0, "scans per second, at whole control periods", unit="Hz", gt=0)
+    rate_hz: float = setting(
+        10.0,
+        "scans per second, at whole control periods; slower ones are too old for the guard",
+        unit="Hz",
+        ge=1.25,
+    )
     noise_deviation_m: float = setting(
         0.0, "standard deviation of the normal noise of each range", unit="m", ge=0
     )

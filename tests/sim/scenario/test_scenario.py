@@ -259,6 +259,7 @@ def test_a_room_of_ones_own_is_a_scenario(tmp_path):
             {"cell_size_m": 0.001},
             r"cell_size_m must make at most 40000 cells of the 10 m x 10 m .* raise it to 0\.05 ",
         ),
+        ({"lidar": {"rate_hz": 1.0}}, r"lidar\.rate_hz must be greater than or equal to 1\.25"),
         ({"lidar": {"rate_hz": 3.0}}, r"the period of lidar\.rate_hz must be a whole number"),
         ({"cell_size_m": 1e300}, r"cell_size_m must be at most 1e\+06 in size, got 1e\+300"),
         ({"cell_size_m": 1e-300}, r"cell_size_m must be greater than or equal to 0\.001"),
