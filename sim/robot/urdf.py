@@ -4,7 +4,7 @@ Frames are those of the root link at zero joint angles: x forward, y left, z up.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,12 +63,14 @@ def read_differential_drive(
     for name, link in links.items():
         _require_massive(path, name, link)
     wheels = [_wheel_joint(path, joints, name) for name in (left_joint, right_joint)]
+    _require_tree(path, links, joints)
     names = [_end(wheel, "child") for wheel in wheels]
     for name in names:
-        if name not in links or links[name].find("inertial") is None:
-            raise SimError(
-                f"{path}: the wheel link {name!r} must have an <inertial> element, got none; add it"
-            )
+        for part in ("inertial", "collision"):
+            if links[name].find(part) is None:
+                raise SimError(
+                    f"{path}: the wheel link {name!r} must have <{part}>, got none; add it"
+                )
     frames = [_frame_in_root(wheel, joints) for wheel in wheels]
     axes = [
         rotated(turn, _vector(wheel.find("axis"), "xyz", "1 0 0"))
@@ -80,11 +82,11 @@ def read_differential_drive(
         path=path,
         wheel_joints=(left_joint, right_joint),
         turns_forward=(float(np.sign(axes[0][1])), float(np.sign(axes[1][1]))),
-        radius_m=_wheel_radius_m(links[names[0]]),
+        radius_m=_wheel_radius_m(path, links[names[0]]),
         separation_m=left_m[1] - right_m[1],
         axle_height_m=left_m[2],
         friction={
-            name: float(value.get("value", "nan"))
+            name: _friction(path, name, value)
             for name, link in links.items()
             if (value := link.find("contact/lateral_friction")) is not None
         },
@@ -102,14 +104,7 @@ def link_transforms(path: Path, base: str) -> list[LinkTransform]:
     joints = _joints(root)
     by_child = {_end(each, "child"): each for each in joints.values()}
     links = {each.get("name", "") for each in root.findall("link")}
-    roots = sorted(links - by_child.keys())
-    ends = {_end(each, which) for each in joints.values() for which in ("parent", "child")}
-    if len(roots) != 1 or len(by_child) < len(joints) or not ends <= links:
-        raise SimError(
-            f"{path} must have links that joints make one tree, got the roots"
-            f" {', '.join(roots) or 'none'} and {len(joints)} joints for {len(links)} links; repair"
-            " it"
-        )
+    top = _require_tree(path, links, joints)
     above = list(_chain(by_child[base], by_child)) if base in by_child else []
     found = []
     for joint in joints.values():
@@ -122,7 +117,21 @@ def link_transforms(path: Path, base: str) -> list[LinkTransform]:
         if joint in above:
             parent, child, placed = child, parent, _inverse(placed)
         found.append((parent, child, placed))
-    return found if base in links else [(base, roots[0], _AT_ORIGIN), *found]
+    return found if base in links else [(base, top, _AT_ORIGIN), *found]
+
+
+def _require_tree(path: Path, links: Collection[str], joints: dict[str, ET.Element]) -> str:
+    """The root link of the tree that joints make of the links."""
+    by_child = {_end(each, "child"): each for each in joints.values()}
+    roots = sorted(set(links) - by_child.keys())
+    ends = {_end(each, which) for each in joints.values() for which in ("parent", "child")}
+    if len(roots) != 1 or len(by_child) < len(joints) or not ends <= set(links):
+        raise SimError(
+            f"{path} must have links that joints make one tree, got the roots"
+            f" {', '.join(roots) or 'none'} and {len(joints)} joints for {len(links)} links; repair"
+            " it"
+        )
+    return roots[0]
 
 
 def _joints(root: ET.Element) -> dict[str, ET.Element]:
@@ -140,7 +149,7 @@ def _parsed(path: Path) -> ET.Element:
             f"urdf must be a file that can be read, got {str(path)!r} ({error.strerror})"
             "; name an existing file"
         ) from None
-    except ET.ParseError as error:
+    except (ET.ParseError, LookupError, ValueError) as error:  # the others: of its encoding
         raise SimError(f"{path} must be a URDF in XML, but it is not: {error}; repair it") from None
     if root.tag != "robot":
         raise SimError(f"{path} must have the root element <robot>, got <{root.tag}>; repair it")
@@ -238,13 +247,29 @@ def _chain(joint: ET.Element, by_child: dict[str, ET.Element]) -> Iterator[ET.El
         seen = by_child.get(_end(seen, "parent"))
 
 
-def _wheel_radius_m(link: ET.Element) -> float | None:
+def _wheel_radius_m(path: Path, link: ET.Element) -> float | None:
     for geometry in ("collision", "visual"):
         for shape in ("sphere", "cylinder"):
             found = link.find(f"{geometry}/geometry/{shape}")
             if found is not None:
-                return float(_numbers(found, "radius", "nan")[0])
+                radius_m = float(_numbers(found, "radius", "nan")[0])
+                if not radius_m > 0.0:
+                    raise SimError(
+                        f"{path}: the radius of the wheel {link.get('name')!r} must be a number"
+                        f" above 0, got {found.get('radius')!r}; set it"
+                    )
+                return radius_m
     return None
+
+
+def _friction(path: Path, name: str, element: ET.Element) -> float:
+    friction = float(_numbers(element, "value", "nan")[0])
+    if not friction >= 0.0:
+        raise SimError(
+            f"{path}: the lateral_friction of link {name!r} must be a number from 0 on, got"
+            f" {element.get('value')!r}; set it"
+        )
+    return friction
 
 
 def _end(joint: ET.Element, which: str) -> str:
