@@ -62,11 +62,11 @@ def require_whole_periods(name: str, period_s: float, control_period_s: float) -
 def require_control_period(control_period_s: float, robot: RobotSettings) -> None:
     """No one may get past a wall within one period, nor may people leap."""
     speed_mps = max(robot.max_vel_x_mps, -robot.min_vel_x_mps)
-    most_s = min(LONGEST_CONTROL_PERIOD_S, robot.radius_m / speed_mps)
-    if control_period_s > LONGEST_CONTROL_PERIOD_S or control_period_s >= most_s:
+    too_long_s = robot.radius_m / speed_mps
+    if control_period_s > LONGEST_CONTROL_PERIOD_S or control_period_s >= too_long_s:
         raise ValueError(
             f"control_period_s must be at most {LONGEST_CONTROL_PERIOD_S:g} s, and below the "
-            f"{robot.radius_m / speed_mps:.3g} s in which the robot drives its own radius at "
+            f"{too_long_s:.3g} s in which the robot drives its own radius at "
             f"{speed_mps:g} m/s, got {control_period_s:g} s; lower it"
         )
 

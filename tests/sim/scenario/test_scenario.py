@@ -178,6 +178,11 @@ def test_a_room_of_ones_own_is_a_scenario(tmp_path):
     assert load_scenario(room(tmp_path)).cells.walkable.sum() == 100
 
 
+def test_the_longest_control_period_is_allowed(tmp_path):
+    values = {"control_period_s": 0.2, "lidar": {"rate_hz": 5.0}, "robot": {"max_vel_x_mps": 1.0}}
+    assert load_scenario(room(tmp_path, **values)).ticks_per_decision == 10
+
+
 @pytest.mark.parametrize(
     ("values", "sentence"),
     [
