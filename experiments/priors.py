@@ -96,7 +96,7 @@ def surfaces_figure(surfaces: dict[str, Surface], optima: pd.DataFrame) -> Figur
         axes.plot(np.cos(angle), np.sin(angle), color=INK, linewidth=1)
         found = optima[optima["prior"] == name].dropna(subset="theta_1")
         axes.plot(found["theta_1"], found["theta_2"], "o", color=RED)
-        axes.set(title=name, xlabel=r"$\theta_1$", ylabel=r"$\theta_2$", aspect="equal")
+        axes.set(title=name, xlabel="θ₁", ylabel="θ₂", aspect="equal")
         bar = figure.colorbar(drawn, ax=axes, shrink=0.75)
         bar.locator = MaxNLocator(5)
         bar.update_ticks()

@@ -14,6 +14,7 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from storage.files import atomic_write_bytes
 
@@ -115,9 +116,23 @@ def save_figure(path: Path, figure: Figure) -> None:
 def _saved(figure: Figure, kind: str, metadata: dict[str, None], dpi: int) -> bytes:
     buffer = BytesIO()
     with report_style():
+        _take_names_as_they_are(figure)
         figure.draw_without_rendering()  # maps of fixed aspect settle in the second layout only
         figure.savefig(buffer, format=kind, metadata=metadata, dpi=dpi)
     return buffer.getvalue()
+
+
+def _take_names_as_they_are(figure: Figure) -> None:
+    """Dollar signs begin no formula but in the numbers of logarithmic axes."""
+    numbers = {
+        label
+        for axes in figure.axes
+        for axis in (axes.xaxis, axes.yaxis)
+        for label in axis.get_ticklabels(which="both")
+    }
+    for each in figure.findobj(Text):
+        if isinstance(each, Text) and each not in numbers:
+            each.set_parse_math(False)
 
 
 def in_words(name: str) -> str:

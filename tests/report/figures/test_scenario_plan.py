@@ -57,3 +57,8 @@ def test_movable_obstacles_are_drawn_where_the_scenario_has_them():
     (axes,) = draw_scenario_plan(room(chair, DOOR | {"hinge_m": (5.025, 6.0)})).axes
     drawn = [each.get_xy() for each in axes.patches if each.get_gid() == "movable obstacle"]
     assert [shape[:-1].tolist() for shape in drawn] == [chair["outline_m"], DOOR["outline_m"]]
+
+
+def test_a_name_with_dollar_signs_is_no_formula():
+    """matplotlib would take what is between them for one, and fail."""
+    assert png_bytes(draw_scenario_plan(HALLWAY.model_copy(update={"name": "$x_1^$ <b>"})))
