@@ -23,8 +23,9 @@ from sim.world.command import STOP, Command
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
 
-#: A robot that stands nearer than this (m) to its waypoint is never stuck.
-_AT_WAYPOINT_M = 0.25
+#: A robot that stands nearer than this (m), and than this share of a cell, to its waypoint is never
+#: stuck.
+_AT_WAYPOINT_M, _AT_WAYPOINT_CELLS = 0.25, 0.25
 #: Where the space behind the robot is checked before and while it drives backward.
 _FREE_SPACE_BEHIND_M = 0.35
 
@@ -91,6 +92,7 @@ class RecoveringPlanner:
         self._settings = scenario.local_planner
         self._robot, self._period_s = scenario.robot, scenario.control_period_s
         self._limits = self._settings.limited(scenario.robot)
+        self._at_waypoint_m = min(_AT_WAYPOINT_M, _AT_WAYPOINT_CELLS * scenario.cell_size_m)
         self._person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         self._walls = wall_distance_raster(scenario)
         self._progress = ProgressChecker(
@@ -152,7 +154,7 @@ class RecoveringPlanner:
     def _is_at(self, observation: Observation, waypoint: Waypoint) -> bool:
         """Whether the robot may stand still because it has reached its waypoint."""
         away_m = math.hypot(waypoint.x_m - observation.x_m, waypoint.y_m - observation.y_m)
-        return away_m < max(_AT_WAYPOINT_M, self._settings.xy_goal_tolerance)
+        return away_m < max(self._at_waypoint_m, self._settings.xy_goal_tolerance)
 
     def _begin_anew(self) -> None:
         self.status = PlannerStatus.NONE

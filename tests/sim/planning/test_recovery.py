@@ -297,6 +297,15 @@ def test_a_robot_may_stand_nearer_to_its_waypoint_than_a_quarter_of_a_metre(
     assert planner.n_recoveries == n_recoveries
 
 
+def test_a_robot_recovers_where_cells_are_small():
+    """The waypoint is the next cell, 0.24 m away."""
+    small = HALLWAY.model_copy(update={"cell_size_m": 0.24})
+    planner = RecoveringPlanner(StandingPlanner(), small)
+    for time_s in quarters(45):
+        planner.step(standing_at(time_s), Waypoint(3.0, 8.24))
+    assert planner.n_recoveries == 1
+
+
 @pytest.mark.parametrize(
     ("parameters", "expected"),
     [
