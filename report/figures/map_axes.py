@@ -27,6 +27,8 @@ OUTLINE_DASHES = (0, (2, 1))
 _MARGIN_M = 0.5
 #: From the edge of an area to where its name may stand.
 _BESIDE_M = 0.4
+#: Between ticks, or a multiple of it where there would be more of them.
+_TICKS_M, _MOST_TICKS = 4.0, 15
 _GAP_IN, _SIDE_IN, _FOOT_IN = 0.3, 0.85, 1.3
 _TITLE_HEIGHT_IN, _TITLE_WIDTH_IN, _LEGEND_WIDTH_IN = 0.45, 1.4, 4.3
 _LONGER_SIDE_IN, _SHORTEST_SIDE_IN = 5.5, 2.5
@@ -271,8 +273,10 @@ def _frame(axes: Axes, layout: HallwayLayout) -> None:
     axes.set(aspect="equal", xlabel="x in m", ylabel="y in m")
     axes.set_xlim(x_min - _MARGIN_M, x_max + _MARGIN_M)
     axes.set_ylim(y_min - _MARGIN_M, y_max + _MARGIN_M)
+    longest_m = max(x_max - x_min, y_max - y_min)
+    step_m = _TICKS_M * 2.0 ** max(0, math.ceil(math.log2(longest_m / (_MOST_TICKS * _TICKS_M))))
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MultipleLocator(4.0))
+        axis.set_major_locator(MultipleLocator(step_m))
     axes.label_outer()
     axes.tick_params(length=3)
     for spine in axes.spines.values():

@@ -91,19 +91,22 @@ def _first_and_others(frames: Iterable[Frame]) -> tuple[Frame, Iterator[Frame]]:
 
 
 _HEIGHT_PX, _TEXT_PX, _MARGIN_PX = 22, 13, 6
+#: Room for the time at the end of a caption.
+_NARROWEST_PX = 120
 _PAPER, _INK = (255, 255, 255), (38, 50, 61)
 
 
 def with_caption(frame: Frame, text: str) -> Frame:
-    """The frame with a line of text below it."""
+    """The frame with a line of text below it, of which a narrow frame has the end."""
     height, width = frame.shape[:2]
+    width = max(width, _NARROWEST_PX)
     image = Image.new("RGB", (width, height + _HEIGHT_PX), _PAPER)
     image.paste(Image.fromarray(frame), (0, 0))
+    font, shown = ImageFont.load_default(_TEXT_PX), text
+    while font.getlength(shown) > width - 2 * _MARGIN_PX:
+        text = text[1:]
+        shown = f"…{text}"
     ImageDraw.Draw(image).text(
-        (_MARGIN_PX, height + _HEIGHT_PX // 2),
-        text,
-        fill=_INK,
-        font=ImageFont.load_default(_TEXT_PX),
-        anchor="lm",
+        (_MARGIN_PX, height + _HEIGHT_PX // 2), shown, fill=_INK, font=font, anchor="lm"
     )
     return np.asarray(image)

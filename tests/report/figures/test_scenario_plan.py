@@ -62,3 +62,10 @@ def test_movable_obstacles_are_drawn_where_the_scenario_has_them():
 def test_a_name_with_dollar_signs_is_no_formula():
     """matplotlib would take what is between them for one, and fail."""
     assert png_bytes(draw_scenario_plan(HALLWAY.model_copy(update={"name": "$x_1^$ <b>"})))
+
+
+def test_the_axes_of_a_long_place_have_few_numbers():
+    """At every 4 m they would lie over each other."""
+    outline = ((0.0, 0.0), (200.0, 0.0), (200.0, 4.0), (0.0, 4.0))
+    (axes,) = draw_scenario_plan(HALLWAY.model_copy(update={"walkable_area_m": outline})).axes
+    assert len(axes.get_xticks()) < 20

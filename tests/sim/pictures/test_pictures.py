@@ -112,6 +112,15 @@ def test_a_movie_whose_frames_fail_leaves_nothing_behind(save, trajectory, tmp_p
     assert not list(tmp_path.iterdir())
 
 
+def test_a_narrow_frame_has_the_end_of_a_long_caption():
+    frame = np.zeros((40, 60, 3), dtype=np.uint8)
+    assert np.array_equal(
+        with_caption(frame, "a long name of a narrow place, 12.3 s"),
+        with_caption(frame, "another long name of a narrow place, 12.3 s"),
+    )
+    assert with_caption(frame, "12.3 s").shape == (62, 120, 3)
+
+
 def test_a_caption_adds_a_strip_with_dark_text():
     frame = np.full((30, 200, 3), 128, np.uint8)
     captioned = with_caption(frame, "12.3 s")
