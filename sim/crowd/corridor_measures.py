@@ -191,20 +191,24 @@ def _rounds(place_m: FloatArray, length_m: float) -> list[Track]:
 
 
 def _table(tracks: Sequence[Track], corridor: Corridor, period_s: float) -> "pd.DataFrame":
-    """Columns id, frame, x along the corridor and y across it, from its middle."""
+    """Columns id, frame, x along the corridor and y across it, from its middle.
+
+    Of several rows of one person in a frame, and of several people at one place, there is one.
+    """
     import pandas as pd  # takes half a second
 
     place = np.concatenate([each.position_m for each in tracks]) - corridor.middle_m
-    return pd.DataFrame(
+    frame = np.concatenate([each.time_s for each in tracks]) / period_s
+    first = frame.min()
+    table = pd.DataFrame(
         {
             "id": np.repeat(np.arange(len(tracks)), [len(each.time_s) for each in tracks]),
-            "frame": np.concatenate([np.rint(each.time_s / period_s) for each in tracks]).astype(
-                int
-            ),
+            "frame": np.rint(frame - (first - np.rint(first))).astype(int),
             "x": place[:, corridor.axis],
             "y": place[:, 1 - corridor.axis],
         }
     )
+    return table.drop_duplicates(["id", "frame"]).drop_duplicates(["frame", "x", "y"])
 
 
 def _measures(

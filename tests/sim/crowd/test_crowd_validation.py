@@ -226,6 +226,23 @@ def test_measures_of_a_recording_made_by_hand(tmp_path):
     assert measures.nearest_m.min() == pytest.approx(0.8)
 
 
+def test_a_recording_may_begin_half_a_frame_later_and_hold_a_person_twice():
+    """Half frames were rounded to even ones, so that people were twice in these."""
+    pytest.importorskip("pedpy", reason="PedPy needs Python 3.11")
+    frame = np.arange(150.0)
+    along_m = (frame - 75.0) / 25.0
+
+    def measured(frame):
+        tracks = [
+            Track(f"{side} {sign}", frame / 25.0, np.stack([sign * along_m, y_m], axis=1))
+            for sign, side in ((1.0, 0.4), (-1.0, -0.4), (1.0, 0.4))
+            for y_m in [np.full_like(along_m, side)]
+        ]
+        return measure_recording(tracks, Corridor(0, (0.0, 0.0), 4.0))
+
+    np.testing.assert_allclose(measured(frame + 0.5).density_pm2, measured(frame).density_pm2)
+
+
 @pytest.mark.parametrize("apart_m", [0.8, 1.0])
 def test_people_on_a_moving_lattice_have_its_density_its_speed_and_its_distance(apart_m):
     pytest.importorskip("pedpy", reason="PedPy needs Python 3.11")
