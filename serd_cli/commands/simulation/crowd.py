@@ -1,6 +1,6 @@
 """`serd crowd`: compare simulated people with measured ones."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +13,7 @@ from report.figures.crowd_comparison import CrowdCurve, CrowdPlace, draw_crowd_c
 from report.style import save_figure
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
+from serd_cli.output.demonstrations import short_names
 from serd_cli.output.paths import require_file_place, require_suffix
 from serd_cli.output.terminal import console, finite_values, print_json, progress_console
 from sim.crowd.comparison import (
@@ -73,7 +74,9 @@ def compare(
     for name, value in (("--fps", fps), ("--width", width)):
         if value is not None and not value > 0:
             raise UsageError(f"{name} must be above 0, got {value:g}")
-    recorded = [_read(path, fps, width) for path in recording or ()]
+    recorded = [
+        (name, *_read(path, fps, width)) for name, path in _named(dict.fromkeys(recording or ()))
+    ]
     rows = []
     with progress_console.status("walking") as status:
         for row in _compared(recorded):
@@ -88,7 +91,16 @@ def compare(
     print(f"picture: {output.resolve()}")
 
 
-def _read(path: Path, fps: float | None, width_m: float | None) -> _Recording:
+def _named(paths: Iterable[Path]) -> Iterator[tuple[str, Path]]:
+    """Files with names by which they differ."""
+    files = list(paths)
+    stems = [path.with_suffix("") for path in files]
+    return zip(short_names(stems if len({*stems}) == len(stems) else files), files, strict=True)
+
+
+def _read(
+    path: Path, fps: float | None, width_m: float | None
+) -> tuple[Corridor, CorridorMeasures]:
     people = read_trajectories(path, TableColumns(fps=fps))
     try:
         walking = corridor_people(people.tracks)
@@ -104,7 +116,7 @@ def _read(path: Path, fps: float | None, width_m: float | None) -> _Recording:
         f"{path.name}: {len(walking.tracks)} people, corridor of {corridor.width_m:g} m along "
         f"{'xy'[corridor.axis]}, {corridor.flow}"
     )
-    return path.stem, corridor, measures
+    return corridor, measures
 
 
 def _compared(recorded: list[_Recording]) -> Iterator[ComparedCrowd]:

@@ -1,6 +1,7 @@
 """`serd crowd compare`: the crowd against measured ones, as a table and a picture."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -49,6 +50,17 @@ def test_every_model_is_compared_with_weidmann_and_with_the_recording(serd, reco
     assert 0.4 <= people["measured_nearest_m"] <= 0.8
     assert 0.8 < weidmann["speed_mps"] < 1.5
     assert "8 people, corridor of 3.2 m along x, two ways" in ended.err
+
+
+def test_recordings_of_one_file_name_are_different_places(serd, recording, tmp_path):
+    given = []
+    for run in ("first", "second"):
+        (tmp_path / run).mkdir()
+        given += ["--recording", shutil.copy(recording, tmp_path / run)]
+    picture = tmp_path / "crowd.png"
+    ended = serd("crowd", "compare", *given, *given[:2], "--output", picture, "--json")
+    places = [row["place"] for row in json.loads(ended.out)["rows"]]
+    assert places[:3] == ["Weidmann", "first/people", "second/people"]
 
 
 def test_a_recording_along_y_with_other_frames_is_the_same(serd, recording, tmp_path):
