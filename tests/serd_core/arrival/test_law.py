@@ -7,7 +7,13 @@ from hypothesis import strategies as st
 from scipy.stats import ks_2samp
 
 from serd_core.arrival.chain import ArrivalTimes
-from serd_core.arrival.law import ArrivalLaw, entry_times_s, largest_gap, law_in_seconds
+from serd_core.arrival.law import (
+    ArrivalLaw,
+    entry_times_s,
+    largest_gap,
+    law_in_seconds,
+    steps_within,
+)
 from serd_core.errors import SerdError
 
 
@@ -40,6 +46,12 @@ def test_entry_times_spread_each_arrival_evenly_over_the_gaps_between_them():
     shares = np.array([1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6, 1, 4 / 3, 5 / 3, 2])
     expected = np.where(shares <= 1, 0.4 * shares, 0.4 + 0.6 * (shares - 1))
     np.testing.assert_allclose(law.probability_by(asked), expected)
+
+
+def test_a_law_with_entry_times_has_forty_steps_per_period_and_one_at_each_entry():
+    law = law_in_seconds(counted([0.0, 0.4, 0.6]), period_s=2.0, entry_times_s=(1.51, 0.5))
+    within_s = np.sort([*np.arange(0.05, 2.01, 0.05), 1.51])
+    np.testing.assert_allclose(law.times_s, [0.0, *within_s, *(2.0 + within_s)])
 
 
 def test_equal_entry_times_are_one_jump_of_the_law():
@@ -101,6 +113,12 @@ def test_the_largest_gap_is_the_kolmogorov_smirnov_statistic(seed):
         assert largest_gap(law, measured) == pytest.approx(expected)
 
 
+def test_the_law_of_one_that_starts_at_the_goal_is_compared_at_its_only_step():
+    law = law_in_seconds(counted([0.75], ever=1.0), period_s=2.0)
+    assert law.times_s.tolist() == [0.0]
+    assert largest_gap(law, [0.0, 3.0]) == pytest.approx(0.25)
+
+
 def test_those_who_never_arrive_leave_a_gap_at_the_end():
     law = ArrivalLaw(np.array([0.0, 2.0, 4.0]), np.array([0.0, 0.5, 1.0]), 1.0)
     assert largest_gap(law, [2.0, np.inf]) == 0.5
@@ -134,8 +152,11 @@ def test_wrong_arguments_are_refused_by_name():
             law_in_seconds(arrival, period_s=period_s)
         with pytest.raises(SerdError, match="period_s must be above 0 and finite, got"):
             entry_times_s([1.0], period_s)
-    with pytest.raises(SerdError, match=r"entry_times_s\[1\] must be above 0 and at most period_s"):
-        law_in_seconds(arrival, period_s=2.0, entry_times_s=(1.0, 2.5))
+    for entry_s in (2.5, 0.0, -0.5):
+        with pytest.raises(
+            SerdError, match=rf"entry_times_s\[1\] must be above 0 and at most .* got {entry_s}"
+        ):
+            law_in_seconds(arrival, period_s=2.0, entry_times_s=(1.0, entry_s))
 
 
 @pytest.mark.parametrize("time_s", [0.0, -1.0])
@@ -154,7 +175,7 @@ def test_a_law_takes_the_entry_times_of_measured_arrivals_as_they_come():
 @pytest.mark.parametrize("times_s", [[], [1.0, np.nan]])
 def test_a_gap_to_no_measurement_is_refused(times_s):
     law = law_in_seconds(counted([0.0, 1.0]), period_s=2.0)
-    with pytest.raises(SerdError, match="arrival_times_s must hold at least one time and no NaN"):
+    with pytest.raises(SerdError, match=r"^arrival_times_s must hold at least one time and no NaN"):
         largest_gap(law, times_s)
 
 
@@ -171,3 +192,29 @@ def test_a_quantile_is_reached_where_the_law_equals_it():
     law = ArrivalLaw(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 1.0]), 1.0)
     assert law.quantile_s(0.5) == 1.0
     assert law.quantile_s(1.0) == 2.0
+
+
+def test_steps_within_a_time_are_the_fewest_that_last_as_long_up_to_rounding():
+    asked = [(0.0, 2.0, 0), (4.0, 2.0, 2), (4.1, 2.0, 3), (0.3, 0.1, 3), (0.7, 0.1, 7)]
+    for time_s, step_s, n_steps in asked:
+        assert steps_within(time_s, step_s) == n_steps
+
+
+def test_a_delayed_law_has_the_same_steps_later_and_nothing_before():
+    draws = np.array([[0.0, 0.4], [0.2, 0.6]])
+    law = ArrivalLaw(np.array([0.0, 1.0]), np.array([0.1, 0.5]), 0.9, draws)
+    later = law.delayed(3.0)
+    assert later.probability_by([2.9, 3.0, 3.9, 4.0]).tolist() == [0.0, 0.1, 0.1, 0.5]
+    assert later.quantile_s(0.5) == 4.0
+    assert later.arrival_probability == 0.9
+    np.testing.assert_array_equal(later.cdf_draws, draws)
+
+
+def test_each_draw_of_a_posterior_has_the_law_of_its_own_arrival():
+    each = [counted([0.0, 0.4, 0.6]), counted([0.1, 0.2, 0.3]), counted([0.0, 0.0, 0.5])]
+    given = {"period_s": 2.0, "entry_times_s": (1.5, 0.5)}
+    law = law_in_seconds(ArrivalTimes.average(each), **given)
+    alone = np.stack([law_in_seconds(one, **given).cdf for one in each])
+    np.testing.assert_allclose(law.cdf_draws, alone)
+    np.testing.assert_allclose(law.cdf, alone.mean(axis=0))
+    assert law_in_seconds(each[0], **given).cdf_draws is None

@@ -6,12 +6,20 @@ import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import serd_core as sc
 from serd_core.arrays import floored
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics import estimation
-from serd_core.dynamics.estimation import estimate_dynamics, most_likely_dynamics
+from serd_core.dynamics.covariate_models import CovariateModels
+from serd_core.dynamics.estimation import (
+    OutcomeCounts,
+    estimate_dynamics,
+    maximum_of,
+    most_likely_dynamics,
+    outcome_models_of,
+)
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action, Grid
@@ -35,6 +43,20 @@ def test_unambiguous_counts_give_the_dirichlet_mean(minimum_example):
 def test_an_unobserved_action_keeps_the_uniform_prior(minimum_example):
     estimate = estimate_dynamics(minimum_example, decisions_of([(0, 0, 1)]))
     np.testing.assert_allclose(estimate[1], [0.5, 0.5])
+    # One pseudo-observation of each outcome, unless another number is given.
+    np.testing.assert_allclose(estimate[0], [1 / 3, 2 / 3])
+
+
+def test_counts_that_no_wall_hides_are_shared_to_the_estimate_before_newtons_method(
+    minimum_example,
+):
+    decisions = decisions_of([(0, 0, 1)] * 2 + [(0, 0, 0)] + [(0, 1, 1)] * 5)
+    observations = observe(minimum_example.mdp, decisions)
+    found = most_likely_dynamics(minimum_example.mdp.transitions, observations, 0.5)
+    np.testing.assert_allclose(found.probabilities, [[1.5 / 4, 2.5 / 4], [0.5 / 6, 5.5 / 6]])
+    assert found.converged
+    assert found.steps == 1
+    assert found.error_bound < 1e-9
 
 
 def walled_problem():
@@ -194,6 +216,9 @@ def test_estimates_stopped_early_are_within_their_error_bound():
 def test_a_pseudo_count_lost_in_the_counts_is_said():
     """Only the wall is observed, so that nothing but 1e-300 decides between what it hides."""
     problem, everything = wall_heavy_problem(), wall_heavy_decisions()
+    seen = observe(problem.mdp, everything.select(np.arange(100_000)))
+    found = most_likely_dynamics(problem.mdp.transitions, seen, 1e-300)
+    assert (found.steps, found.error_bound, found.converged) == (0, np.inf, False)
     with pytest.raises(SerdError, match="may be off by a share of inf; pass dynamics"):
         estimate_dynamics(problem, everything.select(np.arange(100_000)), pseudo_count=1e-300)
 
@@ -201,15 +226,20 @@ def test_a_pseudo_count_lost_in_the_counts_is_said():
 def test_running_out_of_steps_is_said_with_a_way_out(monkeypatch):
     problem, decisions = wall_heavy_problem(), wall_heavy_decisions()
     short = partial(most_likely_dynamics, max_steps=1)
-    assert not short(problem.mdp.transitions, observe(problem.mdp, decisions)).converged
+    found = short(problem.mdp.transitions, observe(problem.mdp, decisions))
+    assert not found.converged
+    assert found.steps == 1
     monkeypatch.setattr(estimation, "most_likely_dynamics", short)
-    with pytest.raises(SerdError, match=r"estimate_dynamics\(problem, decisions, pseudo_count=10"):
-        estimate_dynamics(problem, decisions)
+    for fewer, more in ((0.5, "10.0"), (4.0, "40.0")):
+        with pytest.raises(
+            SerdError, match=rf"estimate_dynamics\(problem, decisions, pseudo_count={more}\)"
+        ):
+            estimate_dynamics(problem, decisions, fewer)
 
 
 @pytest.mark.parametrize("pseudo_count", [0.0, -1.0, float("nan")])
 def test_a_pseudo_count_that_is_not_positive_is_refused(minimum_example, pseudo_count):
-    with pytest.raises(SerdError, match="pseudo_count must be finite and above 0"):
+    with pytest.raises(SerdError, match=r"^pseudo_count must be finite and above 0"):
         estimate_dynamics(minimum_example, decisions_of([(0, 0, 1)]), pseudo_count)
 
 
@@ -226,3 +256,114 @@ def test_a_pseudo_count_that_is_not_positive_is_refused(minimum_example, pseudo_
 def test_decisions_that_the_problem_rules_out_are_named(minimum_example, rows, sentence):
     with pytest.raises(SerdError, match=sentence):
         estimate_dynamics(minimum_example, decisions_of(rows))
+
+
+#: Three outcomes, seen 30 times as 0 or 1, 12 times as 1 or 2, twice as 0 and 5 times as 2.
+SETS = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+COUNTS = np.array([30.0, 12.0, 2.0, 5.0])
+
+
+@pytest.mark.parametrize("pseudo_count", [0.25, 4.0])
+def test_a_newton_step_solves_the_equations_of_the_objective(pseudo_count):
+    """Sums outcome by outcome, and differences of the objective along the step."""
+    counts = OutcomeCounts(SETS, COUNTS, pseudo_count)
+    probabilities = np.array([0.5, 0.2, 0.3])
+    value = sum(
+        n * np.log(probabilities[each > 0].sum()) for n, each in zip(COUNTS, SETS, strict=True)
+    )
+    value += pseudo_count * np.log(probabilities).sum()
+    assert counts.objective(probabilities) == pytest.approx(value)
+    curvature, wanted = pseudo_count * np.eye(3), np.full(3, pseudo_count)
+    for n, each in zip(COUNTS, SETS, strict=True):
+        share = each * probabilities / probabilities[each > 0].sum()
+        curvature, wanted = curvature + n * np.outer(share, share), wanted + n * share
+    move, size, slope = counts.newton(probabilities)
+    assert probabilities @ move == pytest.approx(0.0, abs=1e-12)
+    rest = (curvature @ move - wanted) / probabilities
+    np.testing.assert_allclose(rest, rest[0])
+    assert size == pytest.approx(move @ curvature @ move)
+    assert slope == pytest.approx(size)
+    along = [counts.objective(probabilities * (1.0 + t * move)) for t in (-1e-4, 0.0, 1e-4)]
+    assert (along[2] - along[0]) / 2e-4 == pytest.approx(slope, rel=1e-5)
+    assert (2.0 * along[1] - along[2] - along[0]) / 1e-8 == pytest.approx(size, rel=1e-4)
+
+
+@pytest.mark.parametrize("pseudo_count", [0.25, 4.0])
+def test_the_error_bound_is_that_of_the_decrement_where_it_is_below_a_third(pseudo_count):
+    counts = OutcomeCounts(SETS, COUNTS, pseudo_count)
+    exact = maximum_of(counts, np.full(3, 1 / 3), 1e-9, 100)
+    assert exact.converged
+
+    def away(length):
+        return (
+            exact.probabilities
+            * (1.0 + length * np.array([1.0, -1.0, 0.0]))
+            / (1.0 + length * (exact.probabilities[0] - exact.probabilities[1]))
+        )
+
+    def decrement(length):
+        return np.sqrt(counts.newton(away(length))[1] / min(1.0, pseudo_count))
+
+    for wanted, certified in ((0.1, True), (0.3, True), (0.36, False), (0.6, False)):
+        length = scipy.optimize.brentq(lambda t, d=wanted: decrement(t) - d, 0.0, 0.9)
+        early = maximum_of(counts, away(length), tolerance=10.0, max_steps=1)
+        assert early.converged == certified
+        assert early.steps == 1
+        bound = wanted / (1.0 - wanted) if certified else np.inf
+        assert early.error_bound == pytest.approx(bound)
+        assert np.all(np.abs(early.probabilities - exact.probabilities) <= bound)
+
+
+@pytest.mark.parametrize("start", [(1e-9, 1e-9), (1e-9, 0.5), (0.5, 1e-9), (0.999, 5e-4)])
+def test_newtons_method_reaches_the_maximum_from_far_away_without_a_loss(start):
+    counts = OutcomeCounts(SETS, COUNTS, 0.25)
+    exact = maximum_of(counts, np.full(3, 1 / 3), 1e-9, 100).probabilities
+    probabilities = np.array([*start, 1.0 - sum(start)])
+    found = maximum_of(counts, probabilities, 1e-9, 100)
+    assert found.converged
+    np.testing.assert_allclose(found.probabilities, exact, rtol=1e-8)
+    assert found.probabilities.sum() == pytest.approx(1.0, abs=1e-14)
+    values = [
+        counts.objective(maximum_of(counts, probabilities, 1e-9, n_steps).probabilities)
+        for n_steps in range(1, found.steps)
+    ]
+    assert np.all(np.diff([counts.objective(probabilities), *values]) > -1e-9)
+
+
+def test_decisions_without_actions_cannot_be_counted(minimum_example):
+    hidden = decisions_of([(0, 0, 1)]).with_hidden_actions()
+    with pytest.raises(
+        SerdError, match=r"^action\[0\] must be known for the M-estimate of dynamics by counts"
+    ):
+        estimate_dynamics(minimum_example, hidden)
+
+
+def test_listed_transitions_have_the_mean_of_the_dirichlet_posterior_of_each_pair():
+    table = np.array([[[0.5, 0.5]], [[0.5, 0.5]]])
+    problem = sc.from_transitions(table, np.zeros((2, 1, 1)), discount=0.9, learned=True)
+    decisions = decisions_of([(0, 0, 1)] * 3 + [(0, 0, 0)] + [(1, 0, 1)])
+    parameters = estimate_dynamics(problem, decisions, 0.5)
+    probabilities = problem.mdp.transitions.local_probabilities(parameters)
+    np.testing.assert_allclose(probabilities, [1.5 / 5, 3.5 / 5, 0.5 / 2, 1.5 / 2])
+
+
+def test_indicators_of_the_models_as_covariates_have_the_estimate_of_the_models(minimum_example):
+    models = minimum_example.mdp.transitions
+    same = CovariateModels(
+        models.successors, models.model_of, models.available, 2, covariates=np.eye(2)
+    )
+    problem = TabularProblem(Mdp(same, 0.9), np.zeros((2, 3, 1)), ("nothing",))
+    decisions = decisions_of([(0, 0, 1)] * 2 + [(0, 0, 0)] + [(0, 1, 1)] * 5)
+    for pseudo_count in (0.5, 2.0):
+        np.testing.assert_allclose(
+            estimate_dynamics(problem, decisions, pseudo_count),
+            estimate_dynamics(minimum_example, decisions, pseudo_count),
+            atol=1e-6,
+        )
+
+
+def test_outcome_models_are_asked_for_where_dynamics_have_none():
+    table = np.array([[[0.5, 0.5]], [[0.5, 0.5]]])
+    listed = sc.from_transitions(table, np.zeros((2, 1, 1)), discount=0.9, learned=True)
+    with pytest.raises(SerdError, match=r"^dynamics must be OutcomeModels here, got SparseModel"):
+        outcome_models_of(listed.mdp)

@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
 import scipy.integrate
+import scipy.stats
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import serd_core as sc
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.posterior.derivatives.differences import gradient_differences
@@ -14,10 +16,12 @@ from serd_core.priors.divergence import KldPrior
 from serd_core.priors.entropy import EntropyPrior
 from serd_core.priors.gaussian import GaussianAroundTruth, GaussianPrior
 from serd_core.priors.norm import NormPrior
-from serd_core.priors.prior import UniformPrior
+from serd_core.priors.prior import LogPrior, Prior, UniformPrior
 
 #: Two states, one action, three outcomes; in state 1 two of them land in the same cell.
 MODEL = OutcomeModels([[[0, 1, 0]], [[1, 0, 1]]], [[0], [0]], np.ones((2, 1), bool), n_models=1)
+#: The same dynamics, of which the energies have another scale.
+SCALED = OutcomeModels(MODEL.successors, MODEL.model_of, MODEL.available, n_models=1, beta=0.7)
 REFERENCE = np.array([[0.2, 0.3, 0.5]])
 
 PRIORS = [
@@ -33,6 +37,7 @@ PRIORS = [
     KldPrior(0.7, REFERENCE, state_action_weights=np.array([[2.0], [0.5]]), mean_over_pairs=True),
     EntropyPrior(0.7, mean_over_pairs=True),
     CouplingPrior(0.7),
+    CouplingPrior(0.7, np.array([[3.0], [0.25]])),
     DirichletPrior(0.7),
     DirichletPrior(0.3, Block.BELIEF),
     GaussianAroundTruth(0.8),
@@ -53,13 +58,13 @@ def blocks(vector):
 @given(seed=st.integers(0, 10_000))
 def test_the_gradient_is_the_finite_difference(prior, seed):
     vector = np.random.default_rng(seed).normal(size=9)
-    gradient = prior.evaluate(MODEL, blocks(vector)).gradient
+    gradient = prior.evaluate(SCALED, blocks(vector)).gradient
     found = np.concatenate([gradient.reward, gradient.belief, gradient.truth, gradient.policy])
     step = 5e-8  # NormPrior bends within its smoothing of 1e-4
     numeric = [
         (
-            prior.evaluate(MODEL, blocks(vector + step * unit)).value
-            - prior.evaluate(MODEL, blocks(vector - step * unit)).value
+            prior.evaluate(SCALED, blocks(vector + step * unit)).value
+            - prior.evaluate(SCALED, blocks(vector - step * unit)).value
         )
         / (2 * step)
         for unit in np.eye(9)
@@ -72,9 +77,9 @@ def test_the_gradient_is_the_finite_difference(prior, seed):
 @given(seed=st.integers(0, 10_000))
 def test_second_derivatives_are_differences_of_the_gradient(prior, seed):
     vector = np.random.default_rng(seed).normal(size=9)
-    exact = prior.hessian(MODEL, blocks(vector))
+    exact = prior.hessian(SCALED, blocks(vector))
     numeric = gradient_differences(
-        lambda v: prior.evaluate(MODEL, blocks(v)).gradient.vector, vector, step=1e-7
+        lambda v: prior.evaluate(SCALED, blocks(v)).gradient.vector, vector, step=1e-7
     )
     np.testing.assert_allclose(exact, numeric, rtol=1e-5, atol=1e-7)
 
@@ -108,6 +113,20 @@ def test_norms_are_those_of_the_textbook():
     for p, norm in ((1.0, 7.0), (2.0, 5.0), (3.0, 91 ** (1 / 3))):
         value = NormPrior(2.0, Block.REWARD, p=p).evaluate(MODEL, point).value
         assert value == pytest.approx(-2 * norm, abs=1e-6)
+
+
+def test_large_powers_of_large_parameters_stay_finite():
+    prior = NormPrior(2.0, Block.REWARD, p=400.0)
+    assert prior.evaluate(MODEL, at(reward=(3e3, -4e3))).value == pytest.approx(-8e3)
+
+
+def test_a_block_without_parameters_has_no_preference():
+    empty = Parameters(np.array([1.0]), np.zeros(3), np.zeros(3), np.zeros(0))
+    prior = NormPrior(0.7, Block.POLICY)
+    found = prior.evaluate(MODEL, empty)
+    assert found.value == 0.0
+    np.testing.assert_array_equal(found.gradient.vector, np.zeros(7))
+    np.testing.assert_array_equal(prior.hessian(MODEL, empty), np.zeros((7, 7)))
 
 
 def test_a_norm_of_zeros_has_a_gradient_of_zero():
@@ -162,6 +181,13 @@ def test_a_weighted_mean_divides_by_the_weights_of_available_pairs():
         none.evaluate(model, EVENS)
 
 
+def test_weights_below_one_and_of_zero_are_allowed():
+    few = KldPrior(1.0, REFERENCE, Block.TRUTH, np.array([[0.25], [0.0]]), mean_over_pairs=True)
+    each = KldPrior(1.0, REFERENCE, Block.TRUTH, np.array([[1.0], [0.0]]))
+    assert few.evaluate(MODEL, at()).value == pytest.approx(each.evaluate(MODEL, at()).value)
+    assert each.evaluate(MODEL, at()).value < 0
+
+
 def test_transitions_that_the_reference_rules_out_do_not_count():
     prior = KldPrior(1.0, np.array([[1.0, 0.0, 0.0]]))
     value = prior.evaluate(MODEL, at(truth=(0.0, 0.0, 0.0))).value
@@ -171,14 +197,51 @@ def test_transitions_that_the_reference_rules_out_do_not_count():
 def test_an_unanchored_divergence_takes_the_initial_dynamics():
     prior = (KldPrior(1.0) + UniformPrior()).anchored(REFERENCE)
     assert prior.evaluate(MODEL, at(truth=np.log(REFERENCE[0]))).value == pytest.approx(0)
-    with pytest.raises(SerdError, match="reference of KldPrior must be given"):
+    with pytest.raises(SerdError, match=r"^reference of KldPrior must be given"):
         KldPrior(1.0).evaluate(MODEL, at())
+
+
+def test_anchoring_keeps_a_given_reference_and_priors_that_need_none():
+    for prior in (KldPrior(1.0, REFERENCE), EntropyPrior(1.0), UniformPrior()):
+        assert prior.anchored(np.array([[0.5, 0.25, 0.25]])) is prior
 
 
 def test_coupling_is_zero_where_belief_and_truth_are_the_same():
     same = np.array([0.3, -0.2, 1.0])
     assert CouplingPrior(3.0).evaluate(MODEL, at(belief=same, truth=same)).value == 0
     assert CouplingPrior(3.0).evaluate(MODEL, at(belief=same)).value < 0
+
+
+def test_coupling_is_the_sum_of_divergences_by_the_weights_of_pairs():
+    belief, truth = REFERENCE[0], np.array([0.6, 0.1, 0.3])
+    ends = [(truth[[0, 2]].sum(), belief[[0, 2]].sum()), (truth[1], belief[1])]
+    divergence = sum(p * np.log(p / q) for p, q in ends)
+    place = at(belief=np.log(belief), truth=np.log(truth))
+    for weights, total in ((None, 2.0), (np.array([[3.0], [0.25]]), 3.25)):
+        value = CouplingPrior(0.7, weights).evaluate(MODEL, place).value
+        assert value == pytest.approx(-0.7 * total * divergence)
+
+
+class Quartic(Prior):
+    """A prior without second derivatives of its own."""
+
+    def evaluate(self, model: OutcomeModels, parameters: Parameters) -> LogPrior:
+        weight, reward = model.n_models, parameters.reward
+        gradient = parameters.zeros().with_block(Block.REWARD, -4.0 * weight * reward**3)
+        return LogPrior(-weight * float(np.sum(reward**4)), gradient)
+
+
+def test_a_prior_that_gives_no_second_derivatives_has_them_by_differences():
+    table = Quartic().hessian(MODEL, at(reward=(1.0, -2.0)))
+    np.testing.assert_allclose(table, np.diag([-12.0, -48.0] + [0.0] * 7), rtol=1e-6, atol=1e-6)
+
+
+def test_no_preference_has_the_value_and_the_derivatives_zero():
+    found = UniformPrior().evaluate(MODEL, at(reward=(1.0, 2.0)))
+    assert found.value == 0.0
+    np.testing.assert_array_equal(found.gradient.vector, np.zeros(9))
+    np.testing.assert_array_equal(UniformPrior().hessian(MODEL, at()), np.zeros((9, 9)))
+    assert UniformPrior().log_constant(MODEL, at()) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -188,21 +251,33 @@ def test_coupling_is_zero_where_belief_and_truth_are_the_same():
         (lambda: KldPrior(1.0, block=Block.REWARD), "block of KldPrior must be BELIEF or TRUTH"),
         (lambda: EntropyPrior(float("nan")), "weight of EntropyPrior must be finite"),
         (lambda: NormPrior(1.0, Block.REWARD, p=0.5), "p of NormPrior must be .* got 0.5"),
-        (lambda: NormPrior(1.0, Block.REWARD, smoothing=0.0), "smoothing of NormPrior"),
-        (lambda: GaussianPrior(0.0, Block.REWARD), "standard_deviation of GaussianPrior"),
+        (lambda: NormPrior(1.0, Block.REWARD, smoothing=0.0), "^smoothing of NormPrior"),
+        (lambda: GaussianPrior(0.0, Block.REWARD), "^standard_deviation of GaussianPrior"),
         (lambda: GaussianPrior(1.0, Block.REWARD, mean=float("inf")), "mean of GaussianPrior"),
         (
             lambda: GaussianPrior("a", Block.REWARD),
-            "standard_deviation of GaussianPrior must be an",
+            "^standard_deviation of GaussianPrior must be an",
         ),
-        (lambda: GaussianPrior(1.0, "reward"), "block of GaussianPrior .* Block object, got 'rewa"),
-        (lambda: NormPrior(1.0, "reward"), "block of NormPrior must be a Block object"),
+        (
+            lambda: GaussianPrior(1.0, "reward"),
+            "^block of GaussianPrior .* Block object, got 'rewa",
+        ),
+        (lambda: NormPrior(1.0, "reward"), "^block of NormPrior must be a Block object"),
         (lambda: EntropyPrior(1.0, "truth"), "block of EntropyPrior must be a Block object"),
-        (lambda: EntropyPrior("1"), "weight of EntropyPrior must be finite .* got '1'"),
+        (lambda: EntropyPrior("1"), "^weight of EntropyPrior must be finite .* got '1'"),
         (
             lambda: DirichletPrior(1.0) + 3,
-            "a term of a sum of priors must be a Prior object, got 3",
+            "^a term of a sum of priors must be a Prior object, got 3",
         ),
+        (lambda: EntropyPrior(float("inf")), "weight of EntropyPrior must be finite .* got inf"),
+        (lambda: NormPrior(1.0, Block.REWARD, p=float("inf")), "p of NormPrior must be .* got inf"),
+        (lambda: NormPrior(1.0, Block.REWARD, p="2"), "p of NormPrior must be .* got '2'"),
+        (lambda: GaussianPrior(1.0, Block.REWARD, mean="0"), "mean of GaussianPrior .* got '0'"),
+        (lambda: GaussianAroundTruth(0.0), "^standard_deviation of GaussianAroundTruth must be"),
+        (lambda: GaussianAroundTruth("a"), "^standard_deviation of GaussianAroundTruth must be an"),
+        (lambda: DirichletPrior(0.0), "^pseudo_count of DirichletPrior must be finite and above 0"),
+        (lambda: DirichletPrior(1.0, "truth"), "^block must be a Block object, got 'truth'"),
+        (lambda: DirichletPrior(1.0, Block.REWARD), "must be BELIEF or TRUTH, got REWARD"),
         (lambda: CouplingPrior(-2.0), "^weight of CouplingPrior must be finite"),
         (lambda: NormPrior(-1.0, Block.REWARD), "^weight of NormPrior must be finite"),
     ],
@@ -219,7 +294,7 @@ def test_a_weight_of_zero_is_allowed_and_leaves_no_preference():
 
 def test_wrong_pair_weights_are_refused():
     prior = EntropyPrior(1.0, state_action_weights=np.ones(3))
-    with pytest.raises(SerdError, match=r"state_action_weights must have shape \(2, 1\)"):
+    with pytest.raises(SerdError, match=r"^state_action_weights must have shape \(2, 1\)"):
         prior.evaluate(MODEL, at())
 
 
@@ -261,3 +336,126 @@ def test_the_maximum_under_a_dirichlet_prior_is_its_mean():
 def test_deviations_by_number_must_be_as_many_as_the_block_has():
     with pytest.raises(SerdError, match="one number or 2, one per parameter of the block reward"):
         GaussianPrior((1.0, 2.0, 3.0), Block.REWARD).evaluate(MODEL, blocks(np.zeros(9)))
+
+
+PLANE = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]) / np.sqrt([[2.0], [6.0]])
+
+
+def two_models(beta):
+    """Two outcome models of three outcomes, and energies of both that have no gauge."""
+    model = OutcomeModels([[[0, 1, 0]], [[1, 0, 1]]], [[0], [1]], np.ones((2, 1), bool), 2, beta)
+    coordinates = np.array([[0.4, -1.1], [0.9, 0.2]]), np.array([[-0.3, 0.5], [1.2, -0.7]])
+    belief, truth = ((each @ PLANE).ravel() for each in coordinates)
+    return model, Parameters(np.zeros(0), belief, truth, np.zeros(0)), coordinates
+
+
+@pytest.mark.parametrize("beta", [1.0, 0.5])
+@pytest.mark.parametrize("block", [Block.BELIEF, Block.TRUTH])
+def test_a_dirichlet_prior_is_that_distribution_of_each_model_by_energies(block, beta):
+    model, parameters, _ = two_models(beta)
+    prior = DirichletPrior(0.7, block)
+    found = prior.evaluate(model, parameters).value + prior.log_constant(model, parameters)
+    volume = 2.0 * np.log(beta) + 0.5 * np.log(3.0)
+    expected = 0.0
+    for row in model.local_probabilities(parameters.block(block)):
+        # By log-ratios the density has the factor prod P more than by probabilities.
+        expected += scipy.stats.dirichlet.logpdf(row, [0.7] * 3) + np.sum(np.log(row)) + volume
+    assert found == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("beta", [1.0, 0.5])
+def test_a_belief_around_the_truth_is_normal_in_each_direction_of_energies(beta):
+    model, parameters, (belief, truth) = two_models(beta)
+    prior = GaussianAroundTruth(0.8)
+    found = prior.evaluate(model, parameters).value + prior.log_constant(model, parameters)
+    assert found == pytest.approx(scipy.stats.norm.logpdf(belief, truth, 0.8 / beta).sum())
+
+
+def test_a_common_offset_of_the_energies_of_a_model_is_no_deviation_from_the_truth():
+    model, parameters, _ = two_models(0.5)
+    offset = np.repeat([3.0, -1.0], 3)
+    moved = parameters.with_block(Block.BELIEF, parameters.belief + offset)
+    here, there = (GaussianAroundTruth(0.8).evaluate(model, at) for at in (parameters, moved))
+    assert there.value == pytest.approx(here.value)
+    np.testing.assert_allclose(there.gradient.vector, here.gradient.vector, atol=1e-12)
+
+
+def test_a_gaussian_prior_is_the_normal_density_of_each_number():
+    place = at(reward=(1.3, -0.4))
+    for deviation in (1.5, (0.5, 2.0)):
+        prior = GaussianPrior(deviation, Block.REWARD, mean=0.3)
+        found = prior.evaluate(MODEL, place).value + prior.log_constant(MODEL, place)
+        assert found == pytest.approx(scipy.stats.norm.logpdf(place.reward, 0.3, deviation).sum())
+    both = GaussianPrior(1.5, Block.REWARD) + DirichletPrior(0.7) + UniformPrior()
+    assert both.log_constant(MODEL, place) == pytest.approx(
+        GaussianPrior(1.5, Block.REWARD).log_constant(MODEL, place)
+        + DirichletPrior(0.7).log_constant(MODEL, place)
+    )
+    assert both.blocks == (Block.REWARD, Block.TRUTH)
+
+
+def listed_transitions():
+    """State 0 stays or goes on, which is listed twice, state 1 stays: one parameter."""
+    return sc.learned_transitions((2, 1), [0, 0, 0, 1], [0, 0, 0, 0], [1, 0, 1, 1])
+
+
+@pytest.mark.parametrize("block", [Block.BELIEF, Block.TRUTH])
+def test_a_dirichlet_prior_of_listed_transitions_counts_each_distinct_one(block):
+    model, prior = listed_transitions(), DirichletPrior(0.7, block)
+    vector = np.array([0.5, np.log(3.0), np.log(3.0)])
+
+    def of(vector):
+        return Parameters(vector[:1], vector[1:2], vector[2:], np.zeros(0))
+
+    value = prior.evaluate(model, of(vector)).value
+    assert value == pytest.approx(0.7 * (np.log(0.25) + np.log(0.75)))
+    slopes = [
+        (
+            prior.evaluate(model, of(vector + step)).value
+            - prior.evaluate(model, of(vector - step)).value
+        )
+        / 2e-5
+        for step in 1e-5 * np.eye(3)
+    ]
+    np.testing.assert_allclose(prior.evaluate(model, of(vector)).gradient.vector, slopes, atol=1e-8)
+    numeric = gradient_differences(lambda v: prior.evaluate(model, of(v)).gradient.vector, vector)
+    np.testing.assert_allclose(prior.hessian(model, of(vector)), numeric, atol=1e-8)
+
+
+def test_the_pseudo_count_of_transitions_that_occur_in_several_periods_is_of_all_together():
+    problem = sc.from_transitions(
+        np.array([[[0.25, 0.75]], [[0.0, 1.0]]]), np.zeros((2, 1, 1)), discount=0.9, learned=True
+    )
+    several = sc.finite_horizon(problem, 4)
+    place = Parameters(np.zeros(1), np.array([0.2]), np.array([-0.4]), np.zeros(0))
+    one, four = (
+        DirichletPrior(2.0).evaluate(each.mdp.transitions, place) for each in (problem, several)
+    )
+    assert four.value == pytest.approx(one.value)
+    np.testing.assert_allclose(four.gradient.truth, one.gradient.truth, atol=1e-12)
+
+
+def test_priors_of_outcome_models_name_what_they_are_given_instead():
+    place = Parameters(np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(0))
+    dirichlet_prior, around_truth = DirichletPrior(1.0), GaussianAroundTruth(1.0)
+    listed = listed_transitions()
+    calls = [
+        ("DirichletPrior", dirichlet_prior.log_constant, listed, "SparseModel"),
+        ("DirichletPrior", dirichlet_prior.evaluate, None, "NoneType"),
+        ("DirichletPrior", dirichlet_prior.hessian, None, "NoneType"),
+        ("GaussianAroundTruth", around_truth.log_constant, listed, "SparseModel"),
+        ("GaussianAroundTruth", around_truth.evaluate, listed, "SparseModel"),
+        ("GaussianAroundTruth", around_truth.hessian, listed, "SparseModel"),
+    ]
+    for name, call, model, kind in calls:
+        with pytest.raises(SerdError, match=f"^{name} is a prior of OutcomeModels, got {kind}"):
+            call(model, place)
+
+
+def test_priors_that_are_no_densities_have_no_constant():
+    for prior in (NormPrior(1.0, Block.REWARD), KldPrior(1.0, REFERENCE), CouplingPrior(1.0)):
+        name = type(prior).__name__
+        with pytest.raises(SerdError, match=f"need priors that are densities, .* got {name}"):
+            prior.log_constant(MODEL, at())
+        with pytest.raises(SerdError, match=f"need priors that are densities, .* got {name}"):
+            _ = prior.blocks

@@ -1,0 +1,166 @@
+"""Empirical CDFs and their bands against closed forms and sums of binomial probabilities."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from serd_core.arrival.bands import clopper_pearson, empirical_arrival_cdf, sampling_band
+from serd_core.errors import SerdError
+
+
+def test_the_empirical_cdf_counts_time_outs_as_not_arrived():
+    measured = empirical_arrival_cdf([3.0, 1.0, 3.0, 99.0], [False, False, False, True], 10.0)
+    np.testing.assert_allclose(measured.times_s, [0, 1, 3, 10])
+    np.testing.assert_allclose(measured.cdf, [0, 0.25, 0.75, 0.75])
+    assert (measured.n_arrived, measured.n_episodes) == (3, 4)
+
+
+def test_clopper_pearson_has_its_closed_form_at_the_ends():
+    lower, upper = clopper_pearson([0, 10], 10)
+    assert lower[0] == 0
+    assert upper[0] == pytest.approx(1 - 0.025 ** (1 / 10))
+    assert upper[1] == 1
+    assert lower[1] == pytest.approx(0.025 ** (1 / 10))
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(1, 60), st.floats(0.01, 0.99))
+def test_the_exact_interval_covers_at_least_as_often_as_it_says(n_trials, probability):
+    counts = np.arange(n_trials + 1)
+    lower, upper = clopper_pearson(counts, n_trials)
+    covered = (lower <= probability) & (probability <= upper)
+    assert binom.pmf(counts, n_trials, probability)[covered].sum() >= 0.95 - 1e-9
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(1, 60), st.floats(1e-6, 1.0) | st.just(0.0))
+def test_the_sampling_band_holds_the_share_of_episodes_as_often_as_it_says(n_episodes, probability):
+    counts = np.arange(n_episodes + 1)
+    lower, upper = sampling_band(np.array([probability]), n_episodes)
+    inside = (counts / n_episodes >= lower[0] - 1e-12) & (counts / n_episodes <= upper[0] + 1e-12)
+    assert binom.pmf(counts, n_episodes, probability)[inside].sum() >= 0.95 - 1e-9
+
+
+def test_the_sampling_band_of_a_number_is_two_numbers():
+    lower, upper = sampling_band(0.5, 20)
+    assert np.shape(lower) == np.shape(upper) == ()
+    assert (lower, upper) == tuple(np.ravel(sampling_band([0.5], 20)))
+
+
+def test_the_sampling_band_of_a_posterior_holds_counts_of_its_mixture_of_binomials():
+    draws = np.random.default_rng(4).beta(20.0, [[4.0, 20.0, 0.5]], size=(50, 3))
+    n_episodes, counts = 60, np.arange(61)
+    lower, upper = sampling_band(draws, n_episodes)
+    mixture = binom.pmf(counts[:, None, None], n_episodes, draws).mean(axis=1)
+    inside = (counts[:, None] >= n_episodes * lower) & (counts[:, None] <= n_episodes * upper)
+    covered = np.where(inside, mixture, 0.0).sum(axis=0)
+    assert np.all(covered >= 0.95)
+    ends = [mixture[: round(60 * low) + 1, t].sum() for t, low in enumerate(lower)]
+    assert np.all(np.array(ends) >= 0.025)
+    narrow = sampling_band(draws.mean(axis=0), n_episodes)
+    assert np.all(upper - lower >= narrow[1] - narrow[0])
+    assert upper[1] - lower[1] > 1.2 * (narrow[1] - narrow[0])[1]
+
+
+def test_the_empirical_cdf_has_the_exact_interval_of_its_counts():
+    measured = empirical_arrival_cdf([0.0, 0.5, 4.0, 4.5], [False] * 4, 4.0, coverage=0.8)
+    np.testing.assert_allclose(measured.times_s, [0, 0.5, 4])
+    np.testing.assert_allclose(measured.cdf, [0.25, 0.5, 0.75])
+    lower, upper = clopper_pearson([1, 2, 3], 4, coverage=0.8)
+    np.testing.assert_allclose(measured.lower, lower)
+    np.testing.assert_allclose(measured.upper, upper)
+    assert measured.n_arrived == 3
+
+
+def test_the_time_of_an_episode_that_timed_out_is_not_read():
+    for given_s in (None, np.nan, -1.0, 0.5):
+        measured = empirical_arrival_cdf([1.0, given_s], [False, True], 2.0)
+        np.testing.assert_allclose(measured.cdf, [0, 0.5, 0.5])
+
+
+def test_a_horizon_of_zero_has_those_who_started_at_the_goal():
+    measured = empirical_arrival_cdf([0.0, 0.5], [False, False], 0.0)
+    assert measured.times_s.tolist() == [0.0]
+    assert measured.cdf.tolist() == [0.5]
+
+
+@pytest.mark.parametrize("n_trials", [2, 10])
+def test_the_ends_of_the_exact_interval_leave_half_of_the_rest_on_each_side(n_trials):
+    counts = np.arange(1, n_trials)
+    lower, upper = clopper_pearson(counts, n_trials, coverage=0.8)
+    np.testing.assert_allclose(binom.sf(counts - 1, n_trials, lower), 0.1)
+    np.testing.assert_allclose(binom.cdf(counts, n_trials, upper), 0.1)
+
+
+def test_one_trial_has_an_exact_interval():
+    lower, upper = clopper_pearson([0, 1], 1)
+    np.testing.assert_allclose(lower, [0.0, 0.025])
+    np.testing.assert_allclose(upper, [0.975, 1.0])
+
+
+def test_the_sampling_band_has_the_quantiles_of_the_binomial_distribution():
+    probability = np.array([0.03, 0.3, 0.5, 0.97, 1.0, 0.0])
+    for n_episodes in (1, 2, 7, 40):
+        for coverage in (0.5, 0.8, 0.95):
+            tail = (1.0 - coverage) / 2.0
+            lower, upper = sampling_band(probability, n_episodes, coverage)
+            wanted = [binom.ppf(share, n_episodes, probability) for share in (tail, 1.0 - tail)]
+            np.testing.assert_allclose(lower * n_episodes, np.maximum(wanted[0], 0.0))
+            np.testing.assert_allclose(upper * n_episodes, np.maximum(wanted[1], 0.0))
+
+
+def test_a_count_whose_probability_is_the_share_itself_is_the_quantile():
+    # Of two episodes at 1/2 none arrives with probability 1/4, and at most one with 3/4.
+    assert sampling_band(0.5, 2, coverage=0.5) == (0.0, 0.5)
+
+
+def test_sums_of_probabilities_may_pass_zero_and_one_by_rounding():
+    lower, upper = sampling_band([-1e-9, 1.0 + 1e-9], 7)
+    assert lower.tolist() == upper.tolist() == [0.0, 1.0]
+    lower, upper = sampling_band([[-1e-9], [1.0]], 7)
+    assert (lower.tolist(), upper.tolist()) == ([0.0], [1.0])
+    for beyond in (-2e-9, 1.0 + 2e-9):
+        with pytest.raises(SerdError, match=r"^cdf\[0\] must be a probability, got"):
+            sampling_band([beyond], 7)
+
+
+def test_wrong_arguments_are_refused_by_name():
+    for coverage in (0.0, 1.0, 95):
+        for call in (
+            lambda share: empirical_arrival_cdf([1.0], [False], 10.0, share),
+            lambda share: clopper_pearson([1], 2, share),
+            lambda share: sampling_band(0.5, 2, share),
+        ):
+            with pytest.raises(
+                SerdError, match=f"coverage must be between 0 and 1, got {coverage}"
+            ):
+                call(coverage)
+    with pytest.raises(SerdError, match=r"^times_s must hold at least one episode"):
+        empirical_arrival_cdf([], [], 10.0)
+    with pytest.raises(SerdError, match=r"times_s must have one entry per episode \(1 as in timed"):
+        empirical_arrival_cdf([1.0, 2.0], [False], 10.0)
+    with pytest.raises(SerdError, match=r"^timed_out must have shape \(any\)"):
+        empirical_arrival_cdf([[1.0]], [[False]], 10.0)
+    for time_s in (np.nan, -1.0):
+        with pytest.raises(SerdError, match=r"^times_s must not be NaN or negative"):
+            empirical_arrival_cdf([1.0, time_s], [False, False], 10.0)
+    for horizon_s in (np.nan, np.inf, -1.0):
+        with pytest.raises(SerdError, match="horizon_s must be finite and not negative, got"):
+            empirical_arrival_cdf([1.0, 5.0], [False, True], horizon_s)
+    for count in (5.0, -1.0):
+        with pytest.raises(
+            SerdError, match=rf"successes\[0\] must be from 0 to n_trials = 3, got {count}"
+        ):
+            clopper_pearson([count], 3)
+    with pytest.raises(SerdError, match=r"^successes\[0\] must be finite"):
+        clopper_pearson([np.nan], 3)
+    with pytest.raises(SerdError, match="n_trials must be at least 1, got 0"):
+        clopper_pearson([0], 0)
+    with pytest.raises(SerdError, match="n_episodes must be at least 1"):
+        sampling_band(np.array([0.5]), 0)
+    with pytest.raises(SerdError, match=r"cdf\[1\] must be a probability, got 2.0"):
+        sampling_band(np.array([0.5, 2.0]), 3)
+    with pytest.raises(SerdError, match=r"^cdf\[0\] must be finite"):
+        sampling_band([np.nan], 3)
