@@ -1,5 +1,6 @@
 """Reading files, writing them whole or not at all, and watching them for changes."""
 
+import errno
 import os
 import tempfile
 from pathlib import Path
@@ -45,6 +46,26 @@ def atomic_write_bytes(path: str | Path, content: bytes) -> None:
         _sync_folder(target.parent)
     except OSError as error:
         raise disk_error("write", path, error) from None
+
+
+def require_folder(folder: Path) -> None:
+    """FileError where a file stands in the place of the folder, or of one above it, and where they
+    may not be written."""
+    for place in (folder, *folder.parents):
+        if place.is_dir():
+            if not os.access(place, os.W_OK):
+                raise disk_error("write", folder, OSError(errno.EACCES, ""))
+            return
+        if place.exists():
+            in_the_way = errno.EEXIST if place == folder else errno.ENOTDIR
+            raise disk_error("write", folder, OSError(in_the_way, ""))
+
+
+def require_file_place(path: Path) -> None:
+    """FileError where a file cannot be written: a folder of its name, or no folder for it."""
+    require_folder(path.parent)
+    if path.is_dir():
+        raise disk_error("write", path, OSError(errno.EISDIR, ""))
 
 
 def delete_file(path: Path) -> None:

@@ -1,6 +1,5 @@
 """Checks of output paths before a command works for minutes, and numbered output folders."""
 
-import errno
 from collections.abc import Iterable
 from itertools import count
 from pathlib import Path
@@ -15,23 +14,6 @@ def require_suffix(output: Path, *suffixes: str) -> None:
         raise UsageError(
             f"--output must end in {', '.join(suffixes)}, got {output}; name a {suffixes[0]} file"
         )
-
-
-def require_folder(folder: Path) -> None:
-    """FileError where a file stands in the place of the folder, or of one above it."""
-    for place in (folder, *folder.parents):
-        if place.is_dir():
-            return
-        if place.exists():
-            in_the_way = errno.EEXIST if place == folder else errno.ENOTDIR
-            raise disk_error("write", folder, OSError(in_the_way, ""))
-
-
-def require_file_place(path: Path) -> None:
-    """FileError where a file cannot be written: a folder of its name, or no folder for it."""
-    require_folder(path.parent)
-    if path.is_dir():
-        raise disk_error("write", path, OSError(errno.EISDIR, ""))
 
 
 def free_folder(output: Path, name: str) -> Path:

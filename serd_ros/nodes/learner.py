@@ -33,6 +33,7 @@ from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.run_node import run_node
 from sim.scenario.grid import grid_of
 from sim.scenario.scenario import load_scenario
+from storage.files import require_file_place
 from storage.yaml_config import model_yaml
 
 _LOOK_PERIOD_S = 0.1
@@ -54,6 +55,7 @@ class LearnerNode(ManagedNode[LearnerConfig]):
         require_learnable(self.config.method, hidden=self._hidden)
         self._scenario = load_scenario(self.config.scenario)
         self._task = task_in(self._scenario, self.config.discount, self.config.flow)
+        require_file_place(Path(self.config.output))
         require_replaceable(Path(self.config.output), self._task.scenario_yaml)
         self._again = self._begin_anew = False
         self._begun_s = 0.0

@@ -8,7 +8,12 @@ from pathlib import Path
 import pytest
 
 from storage.errors import FileError
-from storage.files import atomic_write_bytes, atomic_write_text, delete_file
+from storage.files import (
+    atomic_write_bytes,
+    atomic_write_text,
+    delete_file,
+    require_file_place,
+)
 
 
 def test_the_content_is_written_and_folders_are_made(tmp_path):
@@ -58,6 +63,21 @@ def test_a_file_where_a_folder_should_be_gets_a_sentence(tmp_path):
 def test_a_folder_in_the_way_gets_a_sentence(tmp_path):
     with pytest.raises(FileError, match="it is a folder; name a file"):
         atomic_write_bytes(tmp_path, b"x")
+
+
+def test_places_for_files_are_checked_before_they_are_written(tmp_path, monkeypatch):
+    require_file_place(tmp_path / "new" / "folder" / "file")
+    (tmp_path / "file").write_bytes(b"")
+    for place, sentence in (
+        (tmp_path, "it is a folder"),
+        (tmp_path / "file" / "below", "a file of this name is in the way"),
+        (tmp_path / "file" / "far" / "below", "a part of the path is a file"),
+    ):
+        with pytest.raises(FileError, match=sentence):
+            require_file_place(place)
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(FileError, match="permission is denied"):
+        require_file_place(tmp_path / "new")
 
 
 def test_a_file_is_deleted_where_there_is_one_and_a_folder_gets_a_sentence(tmp_path, monkeypatch):

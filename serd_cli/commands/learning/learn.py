@@ -36,10 +36,11 @@ from serd_cli.output.fit import (
     types_table,
     weights_table,
 )
-from serd_cli.output.paths import require_apart, require_folder, require_suffix
+from serd_cli.output.paths import require_apart, require_suffix
 from serd_cli.output.terminal import WorkProgress, console, print_json
 from serd_core.arrays import IntArray
 from sim.scenario.goal import point_of
+from storage.files import require_file_place, require_folder
 from storage.quantities import counted
 
 
@@ -137,6 +138,7 @@ def learn(
         outcome_files(output).values(),
         (*files_beside(table).values(), scenario, *(times or ())),
     )
+    require_file_place(output)
     if report is not None:
         require_folder(report)
     settings, wanted = validated(LearningSettings, **options), wanted_types(experts)

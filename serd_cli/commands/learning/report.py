@@ -13,9 +13,9 @@ from serd_app.drives.mapped.mapping import BagMapping, TableMapping
 from serd_app.drives.table_drives import is_table
 from serd_app.navigation.settings import NavigationSettings, PolicyKind
 from serd_cli.options import AsJson, option
-from serd_cli.output.paths import require_folder
 from serd_cli.output.terminal import console, print_json
 from sim.scenario.goal import point_of
+from storage.files import require_folder
 from storage.yaml_config import load_yaml_model
 
 

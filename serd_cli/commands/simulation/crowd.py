@@ -14,7 +14,7 @@ from report.style import save_figure
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
 from serd_cli.output.demonstrations import short_names
-from serd_cli.output.paths import require_file_place, require_suffix
+from serd_cli.output.paths import require_suffix
 from serd_cli.output.terminal import console, finite_values, print_json, progress_console
 from sim.crowd.comparison import (
     ComparedCrowd,
@@ -31,6 +31,7 @@ from sim.crowd.corridor_measures import (
 from sim.crowd.social_force import model_names
 from sim.crowd.straight_corridor import corridor_people
 from sim.errors import SimError
+from storage.files import require_file_place
 from storage.trajectories.columns import TableColumns
 from storage.trajectories.read import read_trajectories
 

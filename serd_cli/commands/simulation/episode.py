@@ -10,7 +10,7 @@ import typer
 
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson, option, validated
-from serd_cli.output.paths import require_file_place, require_suffix
+from serd_cli.output.paths import require_suffix
 from serd_cli.output.terminal import console, counting_bar, print_json
 from serd_ros.graph.configs import LocalPlannerConfig
 from sim.drivers.catalogue import driver_names, make_driver
@@ -24,6 +24,7 @@ from sim.pictures.trajectory import EpisodeView, Frame, Trajectory, TrajectoryRe
 from sim.planning.catalogue import planner_in_world
 from sim.scenario.scenario import Scenario
 from sim.world.world import HallwayWorld
+from storage.files import require_file_place
 from storage.settings import setting
 from storage.yaml_config import StrictModel
 

@@ -16,7 +16,6 @@ from serd_app.navigation.strategy import Strategy, load_strategy
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_cli.options import AsJson, resolved_scenario, validated, with_settings
 from serd_cli.output.arrival import comparison_figure, comparison_table, remarks
-from serd_cli.output.paths import require_folder
 from serd_cli.output.resume_notice import results_kept_in
 from serd_cli.output.terminal import console, counting_bar, print_json
 from serd_cli.processes.stack_run import run_stack, stack_environment
@@ -24,6 +23,7 @@ from sim.planning.catalogue import make_planner
 from sim.scenario.goal import with_goal
 from sim.scenario.grid import grid_of, start_states_of
 from storage.episode_table import EpisodeResult, load_episodes
+from storage.files import require_folder
 from storage.model_file import load_model
 
 

@@ -16,11 +16,11 @@ from experiments.running.experiment import Experiment, Session, settings_of_file
 from experiments.running.provenance import recorded
 from experiments.running.tables import plain_rows
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
-from serd_cli.output.paths import require_folder
 from serd_cli.output.resume_notice import remark_other_code, results_kept_in
 from serd_cli.output.tables import print_results
 from serd_cli.output.terminal import counting_bar, print_json
 from sim.episodes.execution import Execution
+from storage.files import require_folder
 from storage.settings import Setting, settings_of
 
 _OWN = {

@@ -29,11 +29,11 @@ from experiments.study.products import SETTINGS_YAML, OnWork
 from experiments.study.settings import study_settings
 from serd_cli.errors import UsageError
 from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
-from serd_cli.output.paths import require_folder
 from serd_cli.output.resume_notice import remark_other_code, results_kept_in
 from serd_cli.output.tables import print_results
 from serd_cli.output.terminal import TimeLeftColumn, WorkProgress, print_json
 from sim.episodes.execution import Execution
+from storage.files import require_folder
 from storage.trajectories.columns import TableColumns
 from storage.yaml_config import load_yaml_model
 

@@ -7,6 +7,7 @@ from rclpy.serialization import serialize_message
 from serd_app.drives.episode_mark import EpisodeMark
 from serd_app.errors import AppError
 from serd_ros.convert.diagnostics import to_diagnostics, to_episode_message
+from storage.errors import FileError
 from support.nodes_in_process import node_in_process
 from support.valid_messages import valid_message
 from support.waiting import wait_until
@@ -25,6 +26,14 @@ def test_a_method_that_counts_actions_is_rejected_at_the_start(tmp_path):
     with (
         pytest.raises(AppError, match="where actions are hidden, got policy_matching"),
         node_in_process("learner", **given),
+    ):
+        pass
+
+
+def test_an_output_that_cannot_be_written_is_rejected_at_the_start(tmp_path):
+    with (
+        pytest.raises(FileError, match="it is a folder; name a file"),
+        node_in_process("learner", output=str(tmp_path)),
     ):
         pass
 
