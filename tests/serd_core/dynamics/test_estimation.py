@@ -205,6 +205,8 @@ def test_estimates_stopped_early_are_within_their_error_bound():
     observations = observe(problem.mdp, wall_heavy_decisions())
     model = problem.mdp.transitions
     exact = most_likely_dynamics(model, observations).probabilities
+    of_one = most_likely_dynamics(model, observations, 1.0).probabilities
+    np.testing.assert_array_equal(exact, of_one)
     certified = 0
     for n_steps in range(1, 5):
         early = most_likely_dynamics(model, observations, tolerance=0.5, max_steps=n_steps)
@@ -219,6 +221,7 @@ def test_a_pseudo_count_lost_in_the_counts_is_said():
     seen = observe(problem.mdp, everything.select(np.arange(100_000)))
     found = most_likely_dynamics(problem.mdp.transitions, seen, 1e-300)
     assert (found.steps, found.error_bound, found.converged) == (0, np.inf, False)
+    np.testing.assert_allclose(found.probabilities.sum(axis=1), 1.0)
     with pytest.raises(SerdError, match="may be off by a share of inf; pass dynamics"):
         estimate_dynamics(problem, everything.select(np.arange(100_000)), pseudo_count=1e-300)
 
