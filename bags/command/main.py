@@ -37,16 +37,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return OUTPUT_ENDED
 
 
-def _done(given: argparse.Namespace, screen: "PlainScreen") -> int:
-    if given.command == "info":
-        return show_contents(given.bags, screen)
-    if given.command == "check":
-        return show_checks(given.bags, given.require, screen)
-    if given.command == "recover":
-        return recover_bags(given.bags, given.output, screen)
-    return convert_bags(given.bags, given.output, given.compression, screen)
-
-
 class PlainScreen:
     """Prints to stdout, tables in columns as wide as the terminal."""
 
@@ -77,6 +67,16 @@ class PlainScreen:
     def remark(self, text: str) -> None:
         """A sentence on stderr."""
         print(text, file=sys.stderr)
+
+
+def _done(given: argparse.Namespace, screen: PlainScreen) -> int:
+    if given.command == "info":
+        return show_contents(given.bags, screen)
+    if given.command == "check":
+        return show_checks(given.bags, given.require, screen)
+    if given.command == "recover":
+        return recover_bags(given.bags, given.output, screen)
+    return convert_bags(given.bags, given.output, given.compression, screen)
 
 
 def _widths(table: Table, most: int) -> list[int]:

@@ -47,6 +47,11 @@ class RewardSearch:
     table: FloatArray
 
     @cached_property
+    def scale(self) -> FloatArray:
+        """(F,) one over the range of each feature, in units of which weights are searched."""
+        return 1.0 / feature_ranges(self.problem)
+
+    @cached_property
     def transitions(self) -> Transitions:
         """The known dynamics."""
         return transitions_of(self.problem.mdp.transitions, self.table)
@@ -59,8 +64,7 @@ class RewardSearch:
     ) -> FitResult:
         """The fit at the maximum of a function of the (F,) weights with its gradient."""
         require_kind("ascent", ascent, (Ascent,), "Lbfgs()")
-        scale = 1.0 / feature_ranges(self.problem)
-        found = Scaled(FunctionObjective(objective), scale).maximum(
+        found = Scaled(FunctionObjective(objective), self.scale).maximum(
             ascent, self.start.reward, on_step
         )
         return self.result(found)

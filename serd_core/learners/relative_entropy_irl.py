@@ -44,7 +44,6 @@ from serd_core.learners.importance_samples import hoeffding_thresholds, importan
 from serd_core.learners.known_dynamics import reward_search
 from serd_core.mdp.problem import Problem
 from serd_core.policies.policy_model import MdcePolicy
-from serd_core.posterior.coordinates import feature_ranges
 
 
 def fit_relative_entropy_irl(
@@ -79,7 +78,7 @@ def fit_relative_entropy_irl(
     require_limits(gradient_tolerance, max_steps)
     search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
     observe(problem.mdp, samples, name="samples")
-    scale = 1.0 / feature_ranges(problem)
+    scale = search.scale
     dual = SampledDual(
         wanted=scale * feature_counts(problem, decisions).mean(axis=0),
         sampled=scale * feature_counts(problem, samples),

@@ -1,8 +1,8 @@
 """Demonstrations: for every expert and repetition, a training, a test and a transfer set.
 
 The scripted people ("people") drive in several styles; planned experts know or err about the crowd.
-Every repetition is recorded anew in worlds of its own. The bags under bags/data
-hold repetition 0 of the scripted people, driven with the guard.
+Every repetition is recorded anew in worlds of its own. The bags under bags/data hold
+repetition 0 of the scripted people, driven with the guard.
 
 Bags, where people drove, may take the place of the scripted people. Their episodes are split at
 random, anew in every repetition; those that begin in the transfer area are the transfer set.
