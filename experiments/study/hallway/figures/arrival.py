@@ -1,7 +1,5 @@
 """Fig. 5.10: predicted and measured distribution of the time of arrival, method by method."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -78,7 +76,15 @@ def draw(table: pd.DataFrame, study: Study) -> Figure:
             axes.tick_params(labelbottom=True)
             axes.grid()
             axes.set_xlabel("time since the start in s")
-        _legends(panels, len(curves))
+        for spare in panels[len(curves) + 1 :]:
+            spare.set_axis_off()
+        panels[1].legend(fontsize=7)
+        figure.legend(
+            *panels[0].get_legend_handles_labels(),
+            loc="outside lower center",
+            ncols=len(curves),
+            title="measured, all methods",
+        )
         figure.supylabel("probability of having arrived", fontsize=9)
     return figure
 
@@ -108,20 +114,3 @@ def _spread(times_s: FloatArray) -> IntArray:
     """Indices of times that lie evenly on the axis, as far as possible."""
     wanted_s = np.linspace(_FROM_S, _TO_S, _MARKS)
     return np.unique(np.searchsorted(times_s, wanted_s - 1e-9).clip(max=len(times_s) - 1))
-
-
-def _legends(panels: Sequence[Axes], n_methods: int) -> None:
-    """Methods and curves, in the panel that is left over where there is one."""
-    handles, labels = panels[1].get_legend_handles_labels()
-    if len(panels) == n_methods + 1:
-        panels[0].legend(fontsize=7)
-        panels[1].legend(fontsize=7)
-        return
-    spare = panels[n_methods + 1]
-    for each in panels[n_methods + 1 :]:
-        each.set_axis_off()
-    methods = spare.legend(
-        *panels[0].get_legend_handles_labels(), loc="upper left", title="measured, all methods"
-    )
-    spare.add_artist(methods)
-    spare.legend(handles, labels, loc="lower left", title="every other panel")
