@@ -20,13 +20,17 @@ from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
 
 _NO_NEARER_M = 1e-3
+#: Side (m) of a cell of the wall raster, where cells of the grid have 1 m.
+_RASTER_M = 0.05
 
 
 @dataclass(frozen=True)
 class CostSettings:
     """Margins in metres between surfaces; weights of the terms; foresight_s: how soon matters.
 
-    wall_margin_m: more than half the diagonal of a cell of the wall raster (0.035 m).
+    wall_margin_m, wall_decay_m: in cells of 1 m and more; in smaller ones less in proportion, for
+    else a robot that fits into a cell beside a wall would be too close to it there. The margin is
+    more than half the diagonal of a cell of the wall raster.
     person_margin_m, stopped_margin_m: to a person who walks straight on, and who stops.
     """
 
@@ -73,8 +77,10 @@ class RolloutCosts:
         self._time_s = time_s
         person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         self._reach_m = scenario.robot.radius_m + person_radius_m
-        self._walls = wall_distance_raster(scenario)
-        self._least_wall_m = scenario.robot.radius_m + settings.wall_margin_m
+        small = min(1.0, scenario.cell_size_m)
+        self._walls = wall_distance_raster(scenario, small * _RASTER_M)
+        self._least_wall_m = scenario.robot.radius_m + small * settings.wall_margin_m
+        self._wall_decay_m = small * settings.wall_decay_m
         self._foresight: FloatArray = np.exp(-time_s / settings.foresight_s)
 
     def progress(self, x_m: FloatArray, y_m: FloatArray, waypoint: Waypoint) -> FloatArray:
@@ -105,7 +111,7 @@ class RolloutCosts:
         settings = self.settings
         away_m = self._walls.at(x_m, y_m)
         gap = np.maximum(away_m.min(axis=-1) - self._least_wall_m, 0.0)
-        nearness = np.exp(-gap / settings.wall_decay_m)
+        nearness = np.exp(-gap / self._wall_decay_m)
         return settings.wall_weight * nearness, away_m[..., :n_soon] < around.nearest_wall_m
 
     def look(self, observation: Observation) -> Surroundings:

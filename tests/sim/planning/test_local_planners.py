@@ -12,6 +12,7 @@ from sim.planning.catalogue import make_planner, planner_names
 from sim.planning.local_planner import PlannerStatus
 from sim.robot.unicycle import chord_velocity, limited_velocity
 from sim.scenario.grid import grid_of
+from sim.scenario.obstacle import Obstacle
 from sim.scenario.scenario import load_scenario
 from sim.world.command import STOP
 from sim.world.waypoint import Waypoint, waypoint_of_intent
@@ -49,6 +50,19 @@ def test_an_unhindered_robot_is_in_the_next_cell_after_a_decision_period(planner
     poses, _ = drive(planner, observation.pose, waypoint, HALLWAY.ticks_per_decision)
     wanted = GRID.neighbours[GRID.state_at(*start), Action.NORTH]
     assert GRID.state_at(*poses[-1, :2]) == wanted
+
+
+@pytest.mark.parametrize("name", planner_names())
+def test_a_robot_passes_the_corner_of_a_table_in_cells_that_it_nearly_fills(name):
+    """Cells of 0.24 m, a robot of 0.21 m; the next cell is 3 mm from the table."""
+    table = Obstacle(name="table", outline_m=((2.0, 0.7), (2.6, 0.7), (2.6, 1.7), (2.0, 1.7)))
+    robot = HALLWAY.robot.model_copy(update={"radius_m": 0.105, "max_vel_x_mps": 0.4})
+    changes = {"cell_size_m": 0.24, "robot": robot, "obstacles": (table,)}
+    planner = make_planner(name, HALLWAY.model_copy(update=changes))
+    poses, _ = drive(planner, (1.843, 0.605, -0.4), Waypoint(2.28, 0.6), 60)
+    assert math.hypot(poses[-1, 0] - 2.28, poses[-1, 1] - 0.6) < 0.12
+    corner_m = np.hypot(poses[:, 0] - 2.0, poses[:, 1] - 0.7)
+    assert corner_m.min() > robot.radius_m
 
 
 def test_without_a_waypoint_or_at_the_waypoint_the_robot_stands_still(planner):
