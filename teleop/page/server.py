@@ -7,12 +7,15 @@ import asyncio
 import contextlib
 import errno
 import json
+import logging
 import threading
 from collections.abc import Awaitable, Callable, Mapping
 from importlib.resources import files
 from typing import Any
 
 from aiohttp import WSMsgType, web
+from aiohttp.http_exceptions import HttpProcessingError
+from aiohttp.log import server_logger
 
 from teleop.errors import TeleopError
 from teleop.page.access import PageAccess, admits_origin
@@ -119,6 +122,13 @@ async def _send_all(socket: web.WebSocketResponse, page: OpenPage) -> None:
             await socket.send_str(message)
 
 
+def _without_traceback(record: logging.LogRecord) -> bool:
+    """Log requests that are no HTTP in one line: anybody may send them."""
+    if record.exc_info and isinstance(record.exc_info[1], HttpProcessingError):
+        record.msg, record.exc_info = "refused a request from %s that is no HTTP", None
+    return True
+
+
 class PageServer:
     """Serves from construction until `close`; with port 0, `port` is the free port it took."""
 
@@ -184,6 +194,7 @@ class PageServer:
         asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(_START_LIMIT_S)
 
     async def _begin(self) -> None:
+        server_logger.addFilter(_without_traceback)
         app = make_app(self._hub, self.access)
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=_SHUTDOWN_S)
         await self._runner.setup()

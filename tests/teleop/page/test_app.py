@@ -200,3 +200,17 @@ def test_layers_go_to_the_open_pages_and_those_of_the_newest_model_to_later_ones
         assert kinds[-1]["number"] == 2
 
     with_client(LOCAL, use)
+
+
+@pytest.mark.parametrize("lines", ["Bad Header: x", "Content-Length: -1", "Transfer-Encoding: no"])
+def test_a_request_that_is_no_http_is_refused_and_logged_in_one_line(lines, caplog):
+    server = PageServer({"type": "scene"}, LOCAL, 0)
+    try:
+        with socket.create_connection(("127.0.0.1", server.port)) as client:
+            client.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n{lines}\r\n\r\n".encode())
+            answer = client.makefile("rb").read()
+    finally:
+        server.close()
+    assert answer.startswith((b"HTTP/1.0 400", b"HTTP/1.1 400"))
+    assert caplog.messages == ["refused a request from 127.0.0.1 that is no HTTP"]
+    assert "Traceback" not in caplog.text
