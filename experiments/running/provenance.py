@@ -5,6 +5,7 @@ one table were computed by different commits.
 """
 
 import platform
+import shlex
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -15,7 +16,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from storage.files import atomic_write_text
+from serd_core.errors import SerdError
+from storage.files import atomic_write_text, read_text
 from storage.yaml_text import read_yaml, write_yaml
 
 FILE_NAME = "provenance.yaml"
@@ -44,7 +46,11 @@ class Run:
 def recorded(
     folder: Path, command: str, settings: object, clock: Callable[[], float] = time.perf_counter
 ) -> Iterator[None]:
-    """Record the run inside in `folder` when it ends or is interrupted; errors are not recorded."""
+    """Record the run inside in `folder` when it ends or is interrupted; errors are not recorded.
+
+    SerdError where another study or experiment wrote into the folder: tables share names.
+    """
+    _require_same_work(folder, command)
     began, start_s, commit = datetime.now(timezone.utc), clock(), code_commit()
 
     def note(*, finished: bool) -> None:
@@ -97,7 +103,32 @@ def _append(path: Path, run: Run) -> None:
 
 
 def _runs(path: Path) -> list[dict[str, Any]]:
-    return list(read_yaml(path.read_text(), str(path))["runs"]) if path.exists() else []
+    if not path.exists():
+        return []
+    content = read_yaml(read_text(path), str(path))
+    runs = content.get("runs") if isinstance(content, dict) else None
+    if not isinstance(runs, list) or not all(map(_is_run, runs)):
+        raise SerdError(
+            f"{path} must list the runs that wrote into its folder, but is damaged; move it away"
+        )
+    return runs
+
+
+def _is_run(value: object) -> bool:
+    return (
+        isinstance(value, dict) and isinstance(value.get("command"), str) and "commit" in value
+    )
+
+
+def _require_same_work(folder: Path, command: str) -> None:
+    """The first three words of a command name its work, as in "serd study hallway"."""
+    words = shlex.split(command)[:3]
+    for run in _runs(folder / FILE_NAME):
+        if run["command"].split()[:3] != words:
+            raise SerdError(
+                f"folder {folder} holds results of '{run['command']}', which '{' '.join(words)}'"
+                " would overwrite; choose another folder"
+            )
 
 
 def _git(folder: Path, *words: str) -> str | None:

@@ -10,12 +10,13 @@ from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from experiments.running.provenance import FILE_NAME
 from experiments.running.tables import Row
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
-from storage.files import atomic_write_text
+from storage.files import atomic_write_text, read_bytes
 
 Progress = Callable[[int, int], None]
 
@@ -43,7 +44,21 @@ def run_repetitions(
             atomic_write_text(files[number], json.dumps(rows))
             done += 1
             progress(done, n_repetitions)
-    return [row for file in files for row in json.loads(file.read_text())]
+    return [row for file in files for row in read_result(file, list)]
+
+
+def read_result(file: Path, kind: type = dict) -> Any:
+    """What a task wrote as JSON; SerdError where the file has been damaged since."""
+    try:
+        content = json.loads(read_bytes(file))
+    except (ValueError, RecursionError):
+        content = None
+    if not isinstance(content, kind):
+        raise SerdError(
+            f"{file} must hold what a finished part of the run wrote, but is damaged"
+            "; delete it and run the command again, which makes it anew"
+        )
+    return content
 
 
 def claim_folder(folder: Path, description: str) -> None:
@@ -53,14 +68,14 @@ def claim_folder(folder: Path, description: str) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     note = folder / "configuration.txt"
-    noted = note.read_text() if note.exists() else None
+    noted = read_bytes(note) if note.exists() else None
     results = {path.name for path in folder.iterdir()} - {note.name, FILE_NAME}
-    if noted not in (None, description) and results:
+    if noted not in (None, description.encode()) and results:
         raise SerdError(
             f"folder {folder} holds results of another configuration ({note.name} names it)"
             "; choose another folder or delete it"
         )
-    if noted != description:
+    if noted != description.encode():
         atomic_write_text(note, description)
 
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from pydantic import BaseModel
 
 from experiments.running.experiment import write_files
-from experiments.running.repetitions import claim_folder
+from experiments.running.repetitions import claim_folder, read_result
 from experiments.study.recordings.experts import EXPERTS
 from experiments.study.study import StudyWorld
 from sim.episodes.execution import Execution
@@ -114,7 +114,7 @@ def repetition_tasks(
 
 def load_repetition(study: StudyWorld, stage: str, expert: str, repetition: int) -> dict[str, Any]:
     """What a task of `repetition_tasks` wrote."""
-    content: dict[str, Any] = json.loads(_file(study, stage, expert, repetition).read_text())
+    content: dict[str, Any] = read_result(_file(study, stage, expert, repetition))
     return content
 
 

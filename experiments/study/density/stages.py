@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.running.repetitions import read_result
 from experiments.study.arrival.stage import n_periods
 from experiments.study.density.settings import DensityStudy
 from experiments.study.products import Stage, Task
@@ -68,7 +69,7 @@ def stages_of(study: DensityStudy) -> tuple[Stage, ...]:
 
 def load(study: DensityStudy, stage: str, people: int, repetition: int) -> dict[str, Any]:
     """What a task wrote."""
-    found: dict[str, Any] = json.loads(_file(study, stage, people, repetition).read_text())
+    found: dict[str, Any] = read_result(_file(study, stage, people, repetition))
     return found
 
 

@@ -1,12 +1,12 @@
 """All tables of the detour study."""
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from experiments.running.repetitions import read_result
 from experiments.running.statistics import paired_family
 from experiments.running.tables import Row
 from experiments.study.detour.arrival import DRIVEN
@@ -117,7 +117,7 @@ def _decoys(study: DetourStudy) -> pd.DataFrame:
     decoy = study.settings.decoy
     return pd.DataFrame(
         [
-            json.loads(decoy_file(study, number, repetition).read_text())
+            read_result(decoy_file(study, number, repetition))
             for number in range(len(decoy.truths))
             for repetition in range(decoy.repetitions)
         ]

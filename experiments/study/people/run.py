@@ -15,6 +15,7 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.running.repetitions import read_result
 from experiments.study.people.cross_validation.fold import run_fold
 from experiments.study.people.cross_validation.folds import Fold, folds_of
 from experiments.study.people.cross_validation.periods import period_rows
@@ -60,7 +61,7 @@ class PeopleStudy:
     def predictions(self) -> tuple[Mapping[str, Any], ...]:
         """Of what does not learn, by run."""
         return tuple(
-            json.loads((self.folder / "walkers" / f"{run.name}.json").read_text())
+            read_result(self.folder / "walkers" / f"{run.name}.json")
             for run in self.runs
         )
 
@@ -82,9 +83,9 @@ def run_people(
     study = PeopleStudy(absolute, output / "work")
     make_products(stages_of(study), execution, on_work)
     named = settings.model_copy(update={"files": tuple(each.name for each in paths)})
-    folds = [json.loads(_file(study, "folds", k).read_text()) for k in range(len(study.folds))]
+    folds = [read_result(_file(study, "folds", k)) for k in range(len(study.folds))]
     for number, fold in enumerate(folds):
-        fold["arrivals"] += json.loads(_file(study, "periods", number).read_text())
+        fold["arrivals"] += read_result(_file(study, "periods", number), list)
     tables = all_tables(folds, study.runs, settings)
     write_results(output, named, tables, {"people": people_figure(tables)})
     return tables

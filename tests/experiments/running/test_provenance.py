@@ -6,6 +6,7 @@ import pytest
 import yaml
 
 from experiments.running import provenance
+from serd_core.errors import SerdError
 from experiments.running.provenance import (
     FILE_NAME,
     code_commit,
@@ -15,26 +16,29 @@ from experiments.running.provenance import (
 )
 
 
+COMMANDS = "serd study hallway --quick", "serd study hallway"
+
+
 def runs_in(folder):
     return yaml.safe_load((folder / FILE_NAME).read_text())["runs"]
 
 
 def test_each_run_is_added_with_its_command_settings_and_duration(tmp_path):
     times_s = iter([10.0, 12.5, 20.0, 21.0])
-    for command in ("first", "second"):
+    for command in COMMANDS:
         with recorded(tmp_path, command, {"seed": 3}, lambda: next(times_s)):
             pass
-    assert [run["command"] for run in runs_in(tmp_path)] == ["first", "second"]
+    assert [run["command"] for run in runs_in(tmp_path)] == list(COMMANDS)
     assert [run["seconds"] for run in runs_in(tmp_path)] == [2.5, 1.0]
     assert runs_in(tmp_path)[0]["settings"] == "{'seed': 3}"
     assert runs_in(tmp_path)[0]["packages"]["numpy"]
 
 
 def test_an_interrupted_run_is_noted_as_one_and_a_refused_one_not_at_all(tmp_path):
-    with pytest.raises(KeyboardInterrupt), recorded(tmp_path, "long", None):
+    with pytest.raises(KeyboardInterrupt), recorded(tmp_path, COMMANDS[0], None):
         raise KeyboardInterrupt
     assert not runs_in(tmp_path)[0]["finished"]
-    with pytest.raises(ValueError, match="refused"), recorded(tmp_path, "wrong", None):
+    with pytest.raises(ValueError, match="refused"), recorded(tmp_path, COMMANDS[1], None):
         raise ValueError("refused")
     assert len(runs_in(tmp_path)) == 1
 
@@ -73,3 +77,20 @@ def test_work_of_other_code_is_told_from_that_of_the_present(tmp_path, monkeypat
 
 def test_packages_that_are_not_installed_are_left_out():
     assert list(installed_versions(("numpy", "no-such-package"))) == ["numpy"]
+
+
+def test_a_folder_of_other_work_is_refused(tmp_path):
+    with recorded(tmp_path, COMMANDS[0], None):
+        pass
+    other = recorded(tmp_path, "serd study people walkers.txt", None)
+    with pytest.raises(SerdError, match="holds results of 'serd study hallway --quick'"), other:
+        raise AssertionError("tables would be overwritten")
+
+
+@pytest.mark.parametrize(
+    "damaged", [b"", b"[]", b"runs: 3", b"runs:\n- {command: serd}", b"runs: [3]", b"\xff\x00", b"{"]
+)
+def test_a_damaged_list_of_runs_is_named(tmp_path, damaged):
+    (tmp_path / FILE_NAME).write_bytes(damaged)
+    with pytest.raises(SerdError, match=FILE_NAME):
+        other_commits(tmp_path)

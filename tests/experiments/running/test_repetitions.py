@@ -59,6 +59,23 @@ def test_a_folder_with_results_of_other_settings_is_refused(tmp_path):
         run_repetitions(square, 1, tmp_path, "cubes", Execution(n_jobs=1), quiet)
 
 
+@pytest.mark.parametrize("damaged", [b"", b'[{"number": 0', b"\xff\xfe\x01", b"null", b"[" * 10**6])
+def test_a_damaged_result_is_named_with_what_to_do(tmp_path, damaged):
+    run_repetitions(square, 2, tmp_path, "squares", Execution(n_jobs=1), quiet)
+    (tmp_path / "repetition_00001.json").write_bytes(damaged)
+    with pytest.raises(SerdError, match=r"repetition_00001.json must hold .* delete it and run"):
+        run_repetitions(square, 2, tmp_path, "squares", Execution(n_jobs=1), quiet)
+    (tmp_path / "repetition_00001.json").unlink()
+    assert len(run_repetitions(square, 2, tmp_path, "squares", Execution(n_jobs=1), quiet)) == 2
+
+
+def test_a_damaged_note_of_the_configuration_is_one_of_other_settings(tmp_path):
+    run_repetitions(square, 1, tmp_path, "squares", Execution(n_jobs=1), quiet)
+    (tmp_path / "configuration.txt").write_bytes(b"\xff\xfe")
+    with pytest.raises(SerdError, match="holds results of another configuration"):
+        run_repetitions(square, 1, tmp_path, "squares", Execution(n_jobs=1), quiet)
+
+
 def test_a_run_that_failed_at_once_leaves_the_folder_to_other_settings(tmp_path):
     def fails(number):
         raise SerdError(f"image must be a file, in repetition {number}")
