@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 #: Exit code of a program that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
@@ -28,12 +28,22 @@ _IN_PACKAGES = {
 
 @contextmanager
 def starting() -> Iterator[None]:
-    """Within it SIGINT ends the process at once; for the main thread."""
+    """Within it SIGINT ends the process at once; for the main thread.
+
+    A closed stderr is /dev/null: libraries write to it, and pybullet could not be imported.
+    """
+    if sys.stderr is None:
+        sys.stderr = _nowhere(2)
     before = signal.signal(signal.SIGINT, _end_at_once)
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def _nowhere(descriptor: int) -> TextIO:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
+    return os.fdopen(descriptor, "w")
 
 
 def _end_at_once(_: int, __: FrameType | None) -> None:
@@ -51,6 +61,8 @@ def run(node: str) -> NoReturn:
     Everything is closed then, so Python's finalisation is left out: it computes for 0.25 s.
     """
     with starting():
+        if sys.stdout is None:
+            sys.stdout = _nowhere(1)
         module = import_module(module_of(node))
     code = int(module.main())
     with suppress(OSError):  # who reads them may have ended

@@ -46,6 +46,19 @@ def test_afterwards_ctrl_c_is_what_it_was_before():
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_closed_standard_errors_take_what_libraries_write(root):
+    program = """
+import os, sys
+os.close(2)
+sys.stderr = None
+from serd_ros.process.executable import starting
+with starting():
+    sys.stderr.flush()
+    os.write(2, b"of a library")
+"""
+    subprocess.run([sys.executable, "-c", program], cwd=root, check=True, timeout=PATIENCE_S)
+
+
 def test_ctrl_c_in_a_finaliser_ends_the_command(root):
     program = """
 import os, signal, sys, time
