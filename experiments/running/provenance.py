@@ -115,9 +115,7 @@ def _runs(path: Path) -> list[dict[str, Any]]:
 
 
 def _is_run(value: object) -> bool:
-    return (
-        isinstance(value, dict) and isinstance(value.get("command"), str) and "commit" in value
-    )
+    return isinstance(value, dict) and isinstance(value.get("command"), str) and "commit" in value
 
 
 def _require_same_work(folder: Path, command: str) -> None:

@@ -60,10 +60,7 @@ class PeopleStudy:
     @cached_property
     def predictions(self) -> tuple[Mapping[str, Any], ...]:
         """Of what does not learn, by run."""
-        return tuple(
-            read_result(self.folder / "walkers" / f"{run.name}.json")
-            for run in self.runs
-        )
+        return tuple(read_result(self.folder / "walkers" / f"{run.name}.json") for run in self.runs)
 
     def __getstate__(self) -> dict[str, Any]:
         return {"settings": self.settings, "folder": self.folder}

@@ -6,7 +6,6 @@ import pytest
 import yaml
 
 from experiments.running import provenance
-from serd_core.errors import SerdError
 from experiments.running.provenance import (
     FILE_NAME,
     code_commit,
@@ -14,7 +13,7 @@ from experiments.running.provenance import (
     other_commits,
     recorded,
 )
-
+from serd_core.errors import SerdError
 
 COMMANDS = "serd study hallway --quick", "serd study hallway"
 
@@ -88,7 +87,7 @@ def test_a_folder_of_other_work_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "damaged", [b"", b"[]", b"runs: 3", b"runs:\n- {command: serd}", b"runs: [3]", b"\xff\x00", b"{"]
+    "damaged", [b"", b"[]", b"runs: 3", b"runs:\n- {command: serd}", b"runs: [3]", b"\xff", b"{"]
 )
 def test_a_damaged_list_of_runs_is_named(tmp_path, damaged):
     (tmp_path / FILE_NAME).write_bytes(damaged)
