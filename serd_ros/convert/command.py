@@ -1,12 +1,13 @@
 """Commands of the robot and of its driver: velocities, intents and joystick states."""
 
+import math
 from collections.abc import Sequence
 
 from geometry_msgs.msg import Twist, TwistStamped, Vector3Stamped
 from sensor_msgs.msg import Joy
 
 from serd_core.grid.grid import Action, action_of_direction, direction_of_action
-from serd_ros.convert.checks import require_finite, require_frame
+from serd_ros.convert.checks import LARGEST, require_finite, require_frame
 from serd_ros.convert.frames import NO_FRAMES, Frames
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import topics
@@ -32,9 +33,10 @@ def to_twist_stamped(command: Command, time_s: float) -> TwistStamped:
 def from_twist(message: Twist) -> Command:
     """The command of a Twist; what a unicycle cannot do (linear.y, ...) is ignored.
 
-    A command that is not finite is returned as it is: who follows it stops.
+    One beyond LARGEST becomes NaN, and one that is not finite stays so: who follows it stops.
     """
-    return Command(linear_mps=message.linear.x, angular_radps=message.angular.z)
+    speeds = message.linear.x, message.angular.z
+    return Command(*(math.nan if abs(each) > LARGEST else each for each in speeds))
 
 
 def from_twist_stamped(message: TwistStamped) -> tuple[int, Command]:

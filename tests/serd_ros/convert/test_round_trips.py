@@ -109,8 +109,10 @@ def test_a_command_survives_exactly_plain_and_stamped(v, w):
     assert from_twist_stamped(stamped) == (150_000_000, Command(v, w))
 
 
-def test_a_command_that_is_not_finite_arrives_not_finite():
-    assert not from_twist(to_twist(Command(math.nan, 0.0))).is_finite
+@pytest.mark.parametrize("wrong", [math.nan, -math.inf, 1.1e6, -1e300])
+def test_a_command_that_is_not_finite_or_beyond_1e6_arrives_not_finite(wrong):
+    assert not from_twist(to_twist(Command(wrong, 0.0))).is_finite
+    assert not from_twist(to_twist(Command(0.0, wrong))).is_finite
 
 
 @pytest.mark.parametrize("action", list(Action))
