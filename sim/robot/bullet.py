@@ -3,6 +3,7 @@
 import math
 import os
 import sys
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -52,10 +53,18 @@ def load_urdf(client: int, path: Path, **options: object) -> int:
         with _silent():
             body: int = pybullet.loadURDF(str(path), physicsClientId=client, **options)
     except pybullet.error as error:
-        raise SimError(
-            f"{path} must load in PyBullet, but does not: {error}; check its files"
-        ) from None
+        missing = ", ".join(_missing_meshes(path))
+        reason = f"there is no {missing}; add it" if missing else f"{error}; check its files"
+        raise SimError(f"{path} must load in PyBullet, but does not: {reason}") from None
     return body
+
+
+def _missing_meshes(path: Path) -> list[str]:
+    """Meshes of a URDF that no folder above it has, where PyBullet looks for them."""
+    names = {mesh.get("filename", "") for mesh in ET.parse(path).iter("mesh")}
+    folders = path.resolve().parents
+    places = {name: name.removeprefix("package://").removeprefix("file://") for name in names}
+    return sorted(name for name in names if not any((f / places[name]).is_file() for f in folders))
 
 
 def add_wall(client: int, start_m: FloatArray, end_m: FloatArray) -> int:

@@ -133,7 +133,7 @@ def test_a_robot_that_is_wider_than_its_radius_is_refused(tmp_path):
 def test_a_mesh_that_is_missing_is_refused(tmp_path):
     path = urdf_with(tmp_path, ('<cylinder radius="0.25" length="0.17"/>',
                                 '<mesh filename="none.stl"/>'))  # fmt: skip
-    with pytest.raises(SerdError, match="must load in PyBullet"):
+    with pytest.raises(SerdError, match=r"must load in PyBullet, .* no none\.stl; add it"):
         HallwayWorld(physical(urdf=str(path)), seed=1)
 
 
