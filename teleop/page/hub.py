@@ -1,13 +1,14 @@
 """The open pages: which one drives, what they request, and the messages that wait for each.
 
-A hub lives on the event loop of the server. Each page gets every notice but only the newest
-state, so a slow connection only lowers the frame rate.
+A hub lives on the event loop of the server. Each page gets the newest notices, state and overlay,
+so a slow connection only lowers the frame rate.
 """
 
 import asyncio
 import json
 import queue
 import time
+from collections import deque
 from collections.abc import Callable
 from itertools import count
 
@@ -15,6 +16,7 @@ from teleop.errors import TeleopError
 from teleop.page.requests import Away, EmergencyStop, PageRequest, parse_request
 
 SILENCE_S = 2.0
+_MOST_NOTICES = 50
 _OTHER_PAGE_DRIVES = "another page is driving; close it first"
 
 
@@ -48,29 +50,33 @@ class Lease:
 
 
 class OpenPage:
-    """The messages that wait to be sent to one page."""
+    """The messages that wait to be sent to one page: few, also if it never reads."""
 
     def __init__(self, number: int, greeting: list[str]) -> None:
         self.number = number
         self.changed = asyncio.Event()
-        self._queue = greeting
-        self._state: str | None = None
+        self._greeting = greeting
+        self._notices: deque[str] = deque(maxlen=_MOST_NOTICES)
+        self._newest: dict[str, str] = {}
         self.changed.set()
 
-    def queue(self, message: str) -> None:
-        """Add a message that must arrive."""
-        self._queue.append(message)
+    def add_notice(self, text: str) -> None:
+        """Add a notice; the oldest of too many is left out."""
+        self._notices.append(_message("notice", text=text))
         self.changed.set()
 
-    def set_state(self, state: str) -> None:
-        """Replace the state that waits by a newer one."""
-        self._state = state
+    def set_newest(self, kind: str, message: str) -> None:
+        """Replace the state or overlay that waits by a newer one."""
+        self._newest[kind] = message
         self.changed.set()
 
     def pending(self) -> list[str]:
         """Remove and return all messages, the state last."""
-        state = [] if self._state is None else [self._state]
-        messages, self._queue, self._state = [*self._queue, *state], [], None
+        state = [self._newest.pop("state")] if "state" in self._newest else []
+        messages = [*self._greeting, *self._notices, *self._newest.values(), *state]
+        self._greeting = []
+        self._notices.clear()
+        self._newest.clear()
         self.changed.clear()
         return messages
 
@@ -106,7 +112,7 @@ class Hub:
         try:
             request = parse_request(text)
         except TeleopError as error:
-            page.queue(_message("notice", text=str(error)))
+            page.add_notice(str(error))
             return
         if isinstance(request, EmergencyStop) and request.engaged:
             self.requests.put(request)
@@ -115,25 +121,25 @@ class Hub:
         elif self._lease.claim(page.number, self._clock()):
             self.requests.put(request)
         elif request.type in ("episode", "e_stop", "mode"):
-            page.queue(_message("notice", text=_OTHER_PAGE_DRIVES))
+            page.add_notice(_OTHER_PAGE_DRIVES)
         self._update_driver()
 
     def send_state(self, state: str) -> None:
         """Send the newest state to all pages."""
         self._update_driver()
         for page in self._pages.values():
-            page.set_state(state)
+            page.set_newest("state", state)
 
     def send_overlay(self, overlay: str) -> None:
         """Send the layers of the newest model to all pages, and to those opened later."""
         self._overlay = overlay
         for page in self._pages.values():
-            page.queue(overlay)
+            page.set_newest("overlay", overlay)
 
     def send_notice(self, text: str) -> None:
         """Send a notice to all pages."""
         for page in self._pages.values():
-            page.queue(_message("notice", text=text))
+            page.add_notice(text)
 
     def _update_driver(self) -> None:
         """Set `driving`, and request Away once when no page drives any more."""

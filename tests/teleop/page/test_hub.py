@@ -73,7 +73,7 @@ def test_layers_wait_for_the_open_pages_and_the_newest_ones_for_later_pages(hub)
     early.pending()
     hub.send_overlay('{"number": 1}')
     hub.send_overlay('{"number": 2}')
-    assert sent_to(early) == [{"number": 1}, {"number": 2}]
+    assert sent_to(early) == [{"number": 2}]
     assert sent_to(hub.open())[2:] == [{"number": 2}]
 
 
@@ -90,6 +90,18 @@ def test_a_slow_page_gets_every_sentence_but_only_the_newest_state(hub):
         "new",
     ]
     assert page.pending() == []
+
+
+def test_a_page_that_never_reads_keeps_its_greeting_and_few_other_messages(hub):
+    page = hub.open()
+    for number in range(1000):
+        hub.send_notice(str(number))
+        hub.send_overlay("overlay")
+        hub.send_state("state")
+    messages = page.pending()
+    assert '"hello"' in messages[0]
+    assert messages[-3:] == ['{"type": "notice", "text": "999"}', "overlay", "state"]
+    assert len(messages) < 100
 
 
 def test_each_message_wakes_the_sender_once(hub):
