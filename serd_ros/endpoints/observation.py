@@ -1,5 +1,6 @@
 """Observations: pose, speeds and people, published together and put together again by stamp."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -71,6 +72,7 @@ class ObservationSource:
         self._clock, self._soonest_s = StampClock(), _SOONEST * control_period_s
         self._last_s: float | None = None
         self._received_wall_s = node.wall_s()
+        self._came_wall_s: dict[str, float] = {}
         self._is_silent = False
         self._localisation = LOCALISATIONS[config.pose_from](node, self._take_pose)
         node.create_subscription(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
@@ -82,14 +84,17 @@ class ObservationSource:
         node.create_timer(_LOOK_PERIOD_S, self._look, clock=node.wall_clock)
 
     def _take_pose(self, time_ns: int, pose: PlanarPose) -> None:
+        self._came_wall_s["pose"] = self._node.wall_s()
         self._pass_on(self._inbox.take_pose(time_ns, pose))
 
     def _on_odometry(self, message: Odometry) -> None:
         time_ns, pose, speeds = from_odometry(message, self._node.frames)
+        self._came_wall_s["odom"] = self._node.wall_s()
         self._pass_on(self._inbox.take_speeds(time_ns, speeds))
         self._localisation.take_odometry(time_ns, pose)
 
     def _on_people(self, time_ns: int, people: People) -> None:
+        self._came_wall_s["people"] = self._node.wall_s()
         self._pass_on(self._inbox.take_people(time_ns, people))
 
     def _pass_on(self, observation: Observation | None) -> None:
@@ -142,7 +147,12 @@ class ObservationSource:
             return [fault]  # the pose there was, beside which other parts are newer
         for part, older_s in missing.items():
             topic = names[part]
-            if older_s is not None:
+            late = "pose" if older_s is not None and older_s < 0 else part
+            stopped_s = self._node.wall_s() - self._came_wall_s.get(late, math.inf)
+            if older_s is not None and stopped_s > _SILENCE_S:
+                fix = f"came {stopped_s:.0f} s ago, look at what publishes it"
+                found.append(f"the last {late} of {names[late]} {fix}")
+            elif older_s is not None:
                 side = "older" if older_s > 0 else "newer"
                 found.append(
                     f"{topic} is {abs(older_s):.3f} s {side} than {pose_topic}; at most"
@@ -156,4 +166,4 @@ class ObservationSource:
                 found.append(self._people.fault)
             else:
                 found.append(f"{topic} has a publisher, but no usable message has come")
-        return found
+        return list(dict.fromkeys(found))

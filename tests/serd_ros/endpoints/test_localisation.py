@@ -49,6 +49,25 @@ def test_without_amcl_pose_odometry_is_followed_for_a_metre_or_a_radian(far):
         running.assert_alive()
 
 
+def test_what_has_stopped_is_named_and_no_difference_of_clocks():
+    config = LocalisationConfig(stamp_tolerance_s=0.3)
+    with node_in_process("teleop_mux") as running:
+        source = ObservationSource(
+            running.node, 0.05, lambda _: None, needs_people=False, localisation=config
+        )
+        running.receive("robot_pose", valid_message("robot_pose", START))
+        odometry(running, START + 9.0, (0.0, 0.0, 0.0))
+        assert source._missing()[0].startswith("odom is 9.000 s newer than robot_pose; at most")
+        running.wait(9.0)
+        odometry(running, START + 9.0, (0.0, 0.0, 0.0))
+        gone = "came 9 s ago, look at what publishes it"
+        assert source._missing() == [f"the last pose of robot_pose {gone}"]
+        running.receive("robot_pose", valid_message("robot_pose", START + 9.0))
+        running.wait(9.0)
+        running.receive("robot_pose", valid_message("robot_pose", START + 18.0))
+        assert source._missing() == [f"the last odom of odom {gone}"]
+
+
 def test_of_a_message_with_a_bad_transform_the_others_are_taken():
     changes = []
     with node_in_process("teleop_mux") as running:
