@@ -78,7 +78,8 @@ class SerdNode(Node, Generic[Config]):
         self.wall_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, qos.STATE)
         self.create_timer(_INPUT_REPORT_PERIOD_S, self._report_input, clock=self.wall_clock)
-        self.create_timer(_FOLLOW_PERIOD_S, self._follow_publishers, clock=self.wall_clock)
+        self.create_timer(_FOLLOW_PERIOD_S, self._look_around, clock=self.wall_clock)
+        self._n_namesakes = 0
 
     def create_publisher(self, msg_type: Any, *args: Any, **options: Any) -> Publisher:
         """As rclpy's; puts the prefix of this robot's frames into what it publishes."""
@@ -213,6 +214,22 @@ class SerdNode(Node, Generic[Config]):
         """Publish a status of its own, `NODE: PART`, on `diagnostics`."""
         name = f"{self.kind}: {part}"
         self._diagnostics.publish(to_diagnostics(name, 0.0, values, level=level, message=message))
+
+    def _look_around(self) -> None:
+        self._follow_publishers()
+        self._warn_of_namesakes()
+
+    def _warn_of_namesakes(self) -> None:
+        """Log when another node of this name appears: services and parameters reach either."""
+        own = self.get_name(), self.get_namespace()
+        n_namesakes = self.get_node_names_and_namespaces().count(own) - 1
+        if n_namesakes > self._n_namesakes:
+            self.get_logger().warning(
+                f"{n_namesakes + 1} nodes are named {self.get_fully_qualified_name()}, of which"
+                " services and parameters reach any; end all but one, or start them with other"
+                " names or namespaces (one that was killed remains for 20 s)"
+            )
+        self._n_namesakes = n_namesakes
 
     def _follow_publishers(self) -> None:
         """Request less where a publisher does not offer what a subscription requests."""

@@ -14,7 +14,7 @@ from std_msgs.msg import Bool
 
 from serd_ros.nodes.teleop.joy import TeleopJoyNode
 from serd_ros.process.run_node import _StopSignal, run_node
-from support.waiting import PATIENCE_S
+from support.waiting import PATIENCE_S, wait_until
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -105,6 +105,25 @@ def test_a_node_with_an_internal_error_ends_with_exit_code_1(capfd):
 
     assert run_node(make_node) == 1
     assert "teleop_joy: 1 internal errors, logged above" in capfd.readouterr().err
+
+
+@pytest.mark.ros
+@pytest.mark.usefixtures("own_domain")
+def test_two_nodes_of_one_name_are_named_once_until_one_has_ended(capfd):
+    rclpy.init()
+    nodes = [TeleopJoyNode(), TeleopJoyNode()]
+    for number, node in enumerate(nodes):
+        wait_until(lambda node=node: node.get_node_names().count("teleop_joy") == 2)
+        for _ in range(2):
+            node._look_around()
+        errors = capfd.readouterr().err
+        assert errors.count("2 nodes are named /teleop_joy") == 1, number
+    nodes[0].destroy_node()
+    wait_until(lambda: nodes[1].get_node_names().count("teleop_joy") == 1)
+    nodes[1]._look_around()
+    assert nodes[1]._n_namesakes == 0
+    nodes[1].destroy_node()
+    rclpy.shutdown()
 
 
 HANGING_NODE = """
