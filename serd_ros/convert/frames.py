@@ -60,7 +60,7 @@ class Frames:
         """Keep a transform in place of the one before; MessageError where it is none."""
         moved, turned = transform.placed[:3], transform.placed[3:]
         length = math.hypot(*turned)
-        parent, child = self._own(transform.header.frame), self._own(transform.child)
+        parent, child = self.own(transform.header.frame), self.own(transform.child)
         if parent == child:
             raise MessageError(
                 "transforms must be between two frames", repr(child), "correct what publishes it"
@@ -97,14 +97,15 @@ class Frames:
         """Take the prefix away from the frames of a message that was received."""
         _rename(message, lambda name: name.removeprefix(self.prefix))
 
-    def _own(self, frame: str) -> str:
+    def own(self, frame: str) -> str:
+        """The name by which nodes know a frame: without slash and prefix."""
         return plain_name(frame).removeprefix(self.prefix)
 
     def place(
         self, frame: str, target: str, *, level: bool = True, field: str = "frame_id"
     ) -> Placement:
         """The frame in the target; level: whether it must be level there; field: that names it."""
-        up, down = self._ancestry(self._own(frame)), self._ancestry(self._own(target))
+        up, down = self._ancestry(self.own(frame)), self._ancestry(self.own(target))
         shared = next((each for each in up if each in down), None)
         if shared is None:
             raise MessageError(
@@ -116,10 +117,14 @@ class Frames:
         self._require_fresh([*up, *down])
         matrix = np.linalg.inv(self._product(down)) @ self._product(up)
         if level and matrix[2, 2] < _LEAST_UPRIGHT:
+            turned = matrix[2, 2] < -_LEAST_UPRIGHT
             raise MessageError(
                 f"{field} must be of a frame that is level in {target!r}",
-                f"{frame!r}, whose z axis points elsewhere",
-                "publish in a level frame",
+                f"{frame!r}, whose z axis points {'down' if turned else 'elsewhere'}",
+                "let the driver reverse the angles (often 'inverted'), and turn the z axis of its"
+                " frame up"
+                if turned
+                else "publish in a level frame",
             )
         stamps = [stamp for child in (*up, *down) if (stamp := self._edges[child][2]) is not None]
         return Placement(matrix, stamps[0] if stamps else None)

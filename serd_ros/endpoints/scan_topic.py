@@ -34,7 +34,7 @@ class ScanTopic:
 
     def _mount_of(self, frame: str) -> Pose:
         """Where the lidar of a scan is in base_link."""
-        config = self._config
-        if frame == config.scan_frame:
+        config, frames = self._config, self._node.frames
+        if frames.own(frame) == frames.own(config.scan_frame):
             return config.sensor_x, config.sensor_y, config.sensor_yaw
-        return self._node.frames.place(frame, topics.BASE_FRAME).pose
+        return frames.place(frame, topics.BASE_FRAME).pose

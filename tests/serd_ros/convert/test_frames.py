@@ -65,7 +65,13 @@ def test_odometry_without_a_child_frame_is_refused_by_the_field_that_lacks_it(fr
 
 
 def test_a_tilted_frame_is_refused(frames):
-    with pytest.raises(MessageError, match="level in 'base_link', got 'laser'"):
+    frames.take(transform("base_link", "laser", 0.0, 0.0, 0.0, roll=math.pi / 2), static=True)
+    with pytest.raises(MessageError, match=r"level in 'base_link', got 'laser'.* in a level frame"):
+        frames.place("laser", "base_link")
+
+
+def test_for_a_frame_that_is_upside_down_the_driver_is_to_reverse_the_angles(frames):
+    with pytest.raises(MessageError, match=r"z axis points down; let the driver reverse the angl"):
         frames.place("laser", "base_link")
 
 

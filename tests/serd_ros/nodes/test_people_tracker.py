@@ -92,10 +92,11 @@ def test_faults_are_reported_once_each_and_their_end_too():
         running.assert_alive()
 
 
-def test_a_lidar_in_a_frame_of_its_own_is_placed_by_parameters_and_others_need_tf():
-    given = {"scan_frame": "laser", "sensor_yaw": math.pi / 2}
+@pytest.mark.parametrize(("prefix", "frame"), [("", "laser"), ("", "/laser"), ("a/", "a/laser")])
+def test_a_lidar_in_a_frame_of_its_own_is_placed_by_parameters_and_others_need_tf(prefix, frame):
+    given = {"scan_frame": frame, "sensor_yaw": math.pi / 2, "frame_prefix": prefix}
     with node_in_process("people_tracker", **given) as running:
-        running.receive("scan", scan_at(10.0, frame="laser", turned_rad=math.pi / 2))
+        running.receive("scan", scan_at(10.0, frame=frame, turned_rad=math.pi / 2))
         observe(running, 10.0)
         _, people = from_people_message(running.sent["pedestrians"])
         assert people.position_m == pytest.approx(SOMEBODY, abs=0.05)
