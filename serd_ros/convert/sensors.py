@@ -23,6 +23,8 @@ from sim.scenario.settings import ImuSettings, LidarSettings
 from sim.world.observation import People
 
 _NAMES = ("x", "y", "z", "vx", "vy")
+#: Four times as many as the finest lidar of a robot, which has 0.02 degrees between rays.
+_MOST_RAYS = 72_000
 _ROW = np.dtype([(name, "<f4") for name in _NAMES] + [("id", "<i4")])
 _FIELDS = [
     PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
@@ -157,6 +159,10 @@ def from_scan(
     require_finite("angles", angles)
     require_finite("range_min and range_max", (message.range_min, message.range_max))
     n_rays = len(message.ranges)
+    if n_rays > _MOST_RAYS:
+        raise MessageError(
+            f"ranges must have at most {_MOST_RAYS} rays", str(n_rays), "publish fewer rays"
+        )
     last_rad = message.angle_min + (n_rays - 1) * message.angle_increment
     step_rad = abs(message.angle_increment)
     # Many lidars name the end of a full turn, a step after their last ray, in single precision.

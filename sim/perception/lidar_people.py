@@ -33,6 +33,7 @@ class LidarPeople:
         self._settings = settings
         self._perception = ScanPerception(scenario, wall_margin_m)
         self._waiting: deque[Scan] = deque(maxlen=_MOST_WAITING)
+        self._received_s: float | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -44,6 +45,7 @@ class LidarPeople:
 
     def take_scan(self, scan: Scan) -> None:
         """Take a scan; it waits for the next observation that is not older."""
+        self._received_s = scan.stamp_s
         self._waiting.append(scan)
 
     def step(self, observation: Observation) -> People | Fault:
@@ -70,9 +72,11 @@ class LidarPeople:
             self._perception.take_scan(scan, self._poses.at(scan.stamp_s))
 
     def _fault(self, time_s: float) -> Fault | None:
-        if self._taken_s is None:
-            return Fault.MISSING
-        if time_s - self._taken_s >= self._settings.source_timeout:
-            return Fault.STALE
+        timeout_s = self._settings.source_timeout
+        if self._taken_s is None or time_s - self._taken_s >= timeout_s:
+            off_s = 0.0 if self._received_s is None else self._received_s - time_s
+            if off_s >= timeout_s:
+                return Fault.FUTURE
+            return Fault.MISSING if self._taken_s is None and off_s > -timeout_s else Fault.STALE
         share, fault = self._monitor.check()
         return fault if share <= 0.0 else None

@@ -25,6 +25,7 @@ Pose = tuple[float, float, float]
 WALL_MARGIN_M = 0.12
 _SAME_BODY_M = 0.25
 _SKIPPED_RAYS = 2
+_MOST_GROUPS = 500
 
 
 def people_in_scan(
@@ -38,7 +39,8 @@ def people_in_scan(
     """(K, 2) estimated centres of people, in the map.
 
     ranges_m, angles_rad: (n_rays,), not finite where there is no return. pose: of the lidar.
-    wall_margin_m: points nearer than this to a wall belong to it.
+    wall_margin_m: points nearer than this to a wall belong to it. Of more than 500 groups the
+    nearest count.
     """
     rays, x_m, y_m = _end_points(ranges_m, angles_rad, pose)
     free = walls.at(x_m, y_m) > wall_margin_m
@@ -50,6 +52,9 @@ def people_in_scan(
     groups = np.split(np.stack([x_m, y_m], axis=1), breaks)
     if len(groups) > 1 and _continues_around(rays, groups, len(angles_rad)):
         groups[0] = np.concatenate([groups.pop(), groups[0]])
+    if len(groups) > _MOST_GROUPS:  # of noise, which the tracker would compare for minutes
+        groups.sort(key=lambda group: math.hypot(*(group[0] - pose[:2])))
+        del groups[_MOST_GROUPS:]
     centers = [
         center
         for group in groups

@@ -1,5 +1,6 @@
 """Every conversion to a message and back gives what went in, or the nearest the message carries."""
 
+import array
 import math
 
 import numpy as np
@@ -231,6 +232,13 @@ def test_angle_max_may_be_the_end_of_the_turn_after_the_last_ray(
     message.ranges = message.ranges[:-1]
     with pytest.raises(MessageError, match="one ray per angle_increment"):
         from_scan(message)
+
+
+def test_a_scan_of_more_rays_than_any_lidar_has_is_rejected():
+    ranges = array.array("f", [1.0]) * 100_001
+    message = LaserScan(angle_max=1.0, angle_increment=1e-5, ranges=ranges)
+    with pytest.raises(MessageError, match=r"at most 72000 rays, got 100001"):
+        from_scan(message, frame="")
 
 
 @pytest.mark.parametrize("limits", [{"range_min": math.nan}, {"range_max": math.inf}])

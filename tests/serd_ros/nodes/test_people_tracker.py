@@ -56,7 +56,9 @@ def test_it_does_not_take_its_own_people_for_those_of_others():
     ("scan", "fault"),
     [
         (None, "scan: no message yet"),
-        (scan_at(9.4), "scan: no message yet"),
+        (scan_at(9.8), "scan: no message yet"),
+        (scan_at(9.4), "scan: stamp too old"),
+        (scan_at(11.0), "scan: stamp in the future"),
         (scan_at(10.0, people=np.zeros((0, 2))), ""),
     ],
 )

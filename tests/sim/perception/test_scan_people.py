@@ -38,6 +38,16 @@ def test_an_empty_hallway_holds_nobody_even_with_noise():
     assert len(found((3.0, 8.0, 0.4), [], noise_m=0.02)) == 0
 
 
+def test_noise_of_many_rays_shows_few_people_and_the_nearest():
+    n_rays = 60_000
+    ranges = np.random.default_rng(1).uniform(4.0, 7.0, n_rays).astype(np.float32)
+    ranges[:200] = 2.0
+    angles = np.linspace(0.0, 2.0 * np.pi, n_rays, endpoint=False)
+    centers = people_in_scan(ranges, angles, (3.0, 8.0, 0.0), WALLS, 0.25)
+    assert len(centers) <= 500
+    assert centers[0] == pytest.approx([5.2, 8.0], abs=0.05)
+
+
 @pytest.mark.parametrize("yaw_rad", [0.0, 3.1, -1.5])
 def test_people_around_the_robot_are_found_where_they_are(yaw_rad):
     people = np.array([[1.5, 8.0], [4.5, 9.0], [3.0, 5.5], [2.0, 11.0]])
