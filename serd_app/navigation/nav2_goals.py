@@ -8,7 +8,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-SUCCEEDED = 4  # action_msgs/GoalStatus
+SUCCEEDED, CANCELED = 4, 5  # action_msgs/GoalStatus
+_WITHOUT_CODE = "failed without a code, as where another client's goal replaces it"
 _SAME_M = 0.05
 
 #: x and y in m, heading in rad.
@@ -30,8 +31,9 @@ class ActionClient(Protocol):
 class Nav2Goals:
     """Keeps Nav2 on its way to the newest targets.
 
-    state: no goal, no server, sent, no answer, driving, arrived, rejected, or failed with Nav2's
-    error code. timeout_s: without a waypoint, and for the server's answer to a goal.
+    state: no goal, no server, sent, no answer, driving, arrived, rejected, canceled by another
+    client, or failed with Nav2's error code or without one. timeout_s: without a waypoint, and for
+    the server's answer to a goal.
     """
 
     def __init__(
@@ -59,10 +61,7 @@ class Nav2Goals:
         if not wanted:
             return
         self._waiting = None  # only the newest wish counts
-        if _continues(wanted, self._targets):
-            return
-        if not self._client.server_is_ready():
-            self._targets, self.state = (), "no server"
+        if self._has_no_server() or _continues(wanted, self._targets):
             return
         if self._request is not None:
             self._waiting = wanted, time_s
@@ -72,6 +71,8 @@ class Nav2Goals:
     def expire(self, wall_s: float) -> bool:
         """Stop Nav2 when no waypoint has come for too long; whether that was so."""
         self._forget_unanswered(wall_s)
+        if self._targets:
+            self._has_no_server()
         is_idle = not self._targets and self._handle is None
         if is_idle or wall_s - self._waypoint_wall_s <= self._timeout_s:
             return False
@@ -84,6 +85,13 @@ class Nav2Goals:
         if self._handle is not None:
             self._handle.cancel_goal_async()
             self._handle = None
+
+    def _has_no_server(self) -> bool:
+        """Whether the server has gone, and with it the targets that it was sent."""
+        if self._client.server_is_ready():
+            return False
+        self._targets, self.state = (), "no server"
+        return True
 
     def _send(self, targets: tuple[Target, ...], time_s: float) -> None:
         self._targets, self.state = targets, "sent"
@@ -123,8 +131,10 @@ class Nav2Goals:
             self.state = "arrived"
             return
         # Forgotten, so that the next waypoint tries again.
-        code = getattr(answer.result, "error_code", answer.status)
-        self._targets, self.state = (), f"failed with code {code}"
+        code = getattr(answer.result, "error_code", 0)
+        reason = f"failed with code {code}" if code else _WITHOUT_CODE
+        is_canceled = answer.status == CANCELED
+        self._targets, self.state = (), "canceled by another client" if is_canceled else reason
 
 
 def _continues(wanted: tuple[Target, ...], sent: tuple[Target, ...]) -> bool:

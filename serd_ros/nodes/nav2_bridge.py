@@ -92,13 +92,12 @@ class Nav2BridgeNode(ManagedNode[Nav2BridgeConfig]):
     def _watch(self) -> None:
         if self._goals.expire(self.wall_s()):
             self.get_logger().warning("no waypoint in time: goal of Nav2 cancelled")
-        bad = ("no server", "no answer", "rejected")
-        if self._goals.state in bad or self._goals.state.startswith("failed"):
+        well = self._goals.state in ("no goal", "sent", "driving", "arrived")
+        if not well:
             self.get_logger().warning(
                 f"{self._action}: {self._goals.state}", throttle_duration_sec=_LOG_PERIOD_S
             )
         time_s = self.get_clock().now().nanoseconds * 1e-9
-        well = self._goals.state in ("no goal", "sent", "driving", "arrived")
         self.report(time_s, {"goal": self._goals.state}, level=OK if well else WARN)
 
     def _on_odometry(self, message: Odometry) -> None:

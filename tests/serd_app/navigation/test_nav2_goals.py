@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from serd_app.navigation.nav2_goals import SUCCEEDED, Nav2Goals
+from serd_app.navigation.nav2_goals import CANCELED, SUCCEEDED, Nav2Goals
 from serd_core.errors import SerdError
 from serd_ros.convert.pose import odom_in_map, to_transform
 from serd_ros.nodes.nav2_bridge import ros_type
@@ -84,13 +84,21 @@ def test_a_plan_that_goes_on_is_not_sent_again(server, goals):
     assert len(server.goals) == 2
 
 
-@pytest.mark.parametrize("ending", ["rejected", "failed with code 105"])
-def test_after_a_failure_the_next_waypoint_tries_again(server, goals, ending):
+@pytest.mark.parametrize(
+    ("state", "status", "code"),
+    [
+        ("rejected", None, 0),
+        ("failed with code 105", ABORTED, 105),
+        ("failed without a code, as where another client's goal replaces it", ABORTED, 0),
+        ("canceled by another client", CANCELED, 0),
+    ],
+)
+def test_after_a_failure_the_next_waypoint_tries_again(server, goals, state, status, code):
     goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
-    handle = server.answer(accepted=ending != "rejected")
-    if ending != "rejected":
-        handle.end(ABORTED, error_code=105)
-    assert goals.state == ending
+    handle = server.answer(accepted=status is not None)
+    if status is not None:
+        handle.end(status, error_code=code)
+    assert goals.state == state
     goals.take([(1.0, 2.0, 0.0)], 2.0, 2.0)
     assert len(server.goals) == 2
 
@@ -144,6 +152,25 @@ def test_without_a_server_nothing_is_sent_until_it_is_there(server, goals):
     server.ready = True
     goals.take([(1.0, 2.0, 0.0)], 2.0, 2.0)
     assert len(server.goals) == 1
+
+
+@pytest.mark.parametrize("seen_gone", [True, False])
+def test_a_server_that_comes_back_gets_the_same_waypoint_again(server, goals, seen_gone):
+    goals.take([(1.0, 2.0, 0.0)], 0.0, 0.0)
+    lost = server.answer()
+    server.ready = False
+    if seen_gone:
+        assert not goals.expire(0.5)
+    else:
+        goals.take([(1.0, 2.0, 0.0)], 1.0, 1.0)
+    assert goals.state == "no server"
+    server.ready = True
+    goals.take([(1.0, 2.0, 0.0)], 2.0, 2.0)
+    assert len(server.goals) == 2
+    found = server.answer()
+    assert goals.state == "driving"
+    assert goals.expire(7.1)
+    assert (lost.canceled, found.canceled) == (False, True)
 
 
 def test_map_to_odom_and_odom_to_base_together_are_the_pose_in_the_map():
