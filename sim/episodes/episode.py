@@ -13,6 +13,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Action, Grid
 from sim.drivers.catalogue import Driver
 from sim.episodes.progress import Ending, EpisodeProgress
+from sim.errors import SimError
 from sim.perception.scanning_planner import ScanningPlanner
 from sim.planning.local_planner import LocalPlanner
 from sim.robot.contacts import ContactCounts
@@ -118,7 +119,13 @@ def run_episode(
                 if waypoint_of is None
                 else waypoint_of(observation, action)
             )
-        command = guard(observation, planner.step(observation, waypoint))
+        wanted = planner.step(observation, waypoint)
+        if not isinstance(wanted, Command):
+            raise SimError(
+                f"step of {type(planner).__name__} must return a Command, got {wanted!r}"
+                "; return STOP to stand"
+            )
+        command = guard(observation, wanted)
         if observer is not None and observer(observation, command, action) is False:
             outcome = "aborted"
         else:

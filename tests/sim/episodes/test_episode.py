@@ -7,6 +7,7 @@ from serd_core.grid.grid import Action
 from sim.drivers.expert import ScriptedExpert
 from sim.drivers.policy_driver import PolicyDriver
 from sim.episodes.episode import run_episode
+from sim.errors import SimError
 from sim.planning.catalogue import make_planner
 from sim.scenario.scenario import builtin_scenarios, load_scenario
 from sim.world.world import HallwayWorld
@@ -115,6 +116,25 @@ def test_an_observer_may_abort_and_sees_every_tick():
         )
     assert record.outcome == "aborted"
     assert seen == list(range(30))
+
+
+@pytest.mark.parametrize("wrong", [None, (0.1, 0.0)])
+def test_a_planner_that_returns_no_command_is_named(wrong):
+    class Mine:
+        is_blocked = False
+
+        def reset(self):
+            pass
+
+        def step(self, observation, waypoint):
+            del observation, waypoint
+            return wrong
+
+    with (
+        HallwayWorld(HALLWAY, seed=2) as world,
+        pytest.raises(SimError, match=r"step of Mine must return a Command, .* return STOP"),
+    ):
+        run_episode(world, Mine(), ScriptedExpert(HALLWAY, 2), episode=0)
 
 
 @pytest.mark.parametrize("name", builtin_scenarios())
