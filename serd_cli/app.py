@@ -7,7 +7,7 @@ from threading import Timer
 from typing import Annotated, Any
 
 import typer
-from rich.markup import escape
+from rich.text import Text
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command as click_command
 
@@ -109,7 +109,7 @@ def run(app: typer.Typer) -> int:
         progress_console.print("interrupted")
         return INTERRUPTED
     except SerdError as error:
-        progress_console.print(f"[red]serd:[/red] {escape(str(error))}", soft_wrap=True)
+        progress_console.print(Text.assemble(("serd:", "red"), f" {error}"), soft_wrap=True)
         return error.exit_code if isinstance(error, RunError) else BAD_INPUT
     return FAILED
 

@@ -7,6 +7,7 @@ from datetime import datetime
 from importlib.metadata import version
 
 from rich.table import Table
+from rich.text import Text
 
 from report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
 from report.page import summary_rows
@@ -51,7 +52,7 @@ def report_demo(
         return
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for what, how_much in summary_rows(summary):
-        table.add_row(f"[bold]{what}", how_much)
+        table.add_row(Text(what, style="bold"), how_much)
     console.print()
     console.print(headline_of(summary))
     console.print(table)

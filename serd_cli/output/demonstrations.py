@@ -5,7 +5,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.markup import escape
 from rich.table import Table
 
 from report.figures.map_axes import layout_of
@@ -45,7 +44,7 @@ def decisions_table(found: Sequence[RecordedDemonstrations]) -> Table:
         dropped = report.n_intents - report.n_decisions
         moves = report.n_diagonal, report.n_far
         counts = report.n_intents, report.n_decisions, dropped, report.n_episodes, *moves
-        table.add_row(escape(name), *map(str, counts))
+        table.add_row(name, *map(str, counts))
     return table
 
 

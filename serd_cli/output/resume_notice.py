@@ -20,7 +20,6 @@ def results_kept_in(place: Path | None) -> Iterator[None]:
             progress_console.print(
                 f"results are in {place.resolve()}; rerun the command to resume",
                 soft_wrap=True,
-                markup=False,
             )
         raise
 
@@ -40,5 +39,4 @@ def remark_other_code(folder: Path) -> None:
             " delete the folder to make all of them with the present code",
             style="yellow",
             soft_wrap=True,
-            markup=False,
         )

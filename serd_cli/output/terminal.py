@@ -19,8 +19,9 @@ from rich.progress import (
 )
 from rich.text import Text
 
-console = Console(highlight=False)
-progress_console = Console(stderr=True, highlight=False)
+# Without markup, for names of files and topics may have brackets; it is asked for where it is used.
+console = Console(highlight=False, markup=False, emoji=False)
+progress_console = Console(stderr=True, highlight=False, markup=False, emoji=False)
 
 
 def print_json(values: Any) -> None:

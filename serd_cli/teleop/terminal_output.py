@@ -7,8 +7,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
-from rich.markup import escape
-
 from serd_cli.output.terminal import progress_console
 from serd_cli.teleop.settings import KEYBOARD, PAGE
 from serd_ros.process.progress import parse_progress
@@ -49,7 +47,7 @@ class DriverLines:
         if progress is not None:
             if progress.address:
                 at = f"drive at [bold]{progress.address}[/bold]   (Ctrl-C ends)"
-                progress_console.print(at)
+                progress_console.print(at, markup=True)
         elif node in _SHOWN and node not in self._broken:
             self._show(line[match.end() :] if match else line)
 
@@ -58,7 +56,7 @@ class DriverLines:
         if text == self._shown:
             return
         self._shown = text
-        progress_console.print(escape(text), soft_wrap=True)
+        progress_console.print(text, soft_wrap=True)
 
 
 @contextmanager

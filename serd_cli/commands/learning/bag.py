@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.markup import escape
 from rich.table import Table as RichTable
 from rich.text import Text
 
@@ -128,11 +127,11 @@ def suggest(
         values = {"bag": bag, "mapping": found.mapping.model_dump(mode="json")}
         print_json({**values, "comments": found.comments, "reports": reports, "file": output})
         return
-    console.print(text, markup=False, soft_wrap=True)
+    console.print(text, soft_wrap=True)
     for line in _given(found):
-        console.print(line, markup=False, soft_wrap=True)
-    console.print(f"mapping: {output.resolve()}", markup=False, soft_wrap=True)
-    console.print(f"next: {found.command(output)}", markup=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)
+    console.print(f"mapping: {output.resolve()}", soft_wrap=True)
+    console.print(f"next: {found.command(output)}", soft_wrap=True)
 
 
 def _given(found: Suggestion) -> list[str]:
@@ -163,11 +162,11 @@ class RichScreen:
         shown = RichTable()
         for number, name in enumerate(table.columns):
             if number in table.texts:
-                shown.add_column(escape(name), overflow="fold", min_width=_LEAST_TEXT_WIDTH)
+                shown.add_column(name, overflow="fold", min_width=_LEAST_TEXT_WIDTH)
             else:
-                shown.add_column(escape(name), justify="right", no_wrap=True)
+                shown.add_column(name, justify="right", no_wrap=True)
         for row in table.rows:
-            shown.add_row(*map(escape, row))
+            shown.add_row(*row)
         console.print(shown)
 
     def line(self, line: Line) -> None:
@@ -176,4 +175,4 @@ class RichScreen:
 
     def remark(self, text: str) -> None:
         """A sentence on stderr."""
-        progress_console.print(text, style="yellow", markup=False, soft_wrap=True)
+        progress_console.print(text, style="yellow", soft_wrap=True)

@@ -188,7 +188,7 @@ def _print(rows: list[EpisodeRow], values: dict[str, Any], files: LearningFiles)
     if values["discretised"]:
         console.print(f"on the grid of the model: {values['discretised']}", soft_wrap=True)
     for name, path in values["files"].items():
-        console.print(f"{name}: {path}", markup=False, soft_wrap=True)
+        console.print(f"{name}: {path}", soft_wrap=True)
 
 
 def _number(value: float | None) -> str:

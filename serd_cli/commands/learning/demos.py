@@ -196,10 +196,8 @@ def demos(
         return
     _print(found, place, flow, density, advice)
     for name, path in files.items():
-        console.print(f"{name}: {path.resolve()}", markup=False, soft_wrap=True)
-    console.print(
-        f"next: serd learn {shlex.quote(str(output))} --report report", markup=False, soft_wrap=True
-    )
+        console.print(f"{name}: {path.resolve()}", soft_wrap=True)
+    console.print(f"next: serd learn {shlex.quote(str(output))} --report report", soft_wrap=True)
 
 
 def _grid(
@@ -222,11 +220,11 @@ def _print(
 ) -> None:
     console.print(decisions_table(found))
     for line in remarks(found):
-        console.print(line, style="yellow", soft_wrap=True, markup=False)
+        console.print(line, style="yellow", soft_wrap=True)
     if advice is not None:
         style = "yellow" if advice.too_fine else None
         for line in advice.sentences():
-            console.print(line, style=style, soft_wrap=True, markup=False)
+            console.print(line, style=style, soft_wrap=True)
     console.print(flow_in_words(flow, place.flow), soft_wrap=True)
     if density is not None:
         console.print(density_in_words(density), soft_wrap=True)

@@ -179,7 +179,7 @@ def learn(
     else:
         _print(files, outcome, certainty, output)
         if page is not None:
-            console.print(f"report: {page}", soft_wrap=True, markup=False)
+            console.print(f"report: {page}", soft_wrap=True)
     if not outcome.fit.converged:
         raise typer.Exit(FAILED)
 
@@ -228,10 +228,9 @@ def _print(files: LearningFiles, outcome: FitOutcome, certainty: Certainty, outp
         f"{left_out}; {place}, flow of people: {files.flow_from}{across}, goal:"
         f" {'; '.join(f'{x:g},{y:g}' for x, y in files.goals_m)}",
         soft_wrap=True,
-        markup=False,
     )
     if outcome.groups is not None:
-        console.print(f"{outcome.groups.sentence()}.", soft_wrap=True, markup=False)
+        console.print(f"{outcome.groups.sentence()}.", soft_wrap=True)
     if outcome.model.types:
         console.print(types_table(outcome.model.types))
     else:
@@ -241,19 +240,19 @@ def _print(files: LearningFiles, outcome: FitOutcome, certainty: Certainty, outp
         goals = " ".join(f"--goal {x:g},{y:g}" for x, y in files.elsewhere_m)
         console.print(f"to learn from those that end elsewhere: {goals}", soft_wrap=True)
     for line in (*files.remarks(), *remarks(files.task.problem, certainty)):
-        console.print(line, style="yellow", soft_wrap=True, markup=False)
+        console.print(line, style="yellow", soft_wrap=True)
     if outcome.knowledge is not None:
         console.print("What is known of the outcomes, and from where:", style="bold")
         for line in knowledge_lines(outcome.knowledge, files.task.problem):
-            console.print(f"  {line}", soft_wrap=True, markup=False)
+            console.print(f"  {line}", soft_wrap=True)
     if outcome.belief:
-        console.print(outcome.belief, soft_wrap=True, markup=False)
+        console.print(outcome.belief, soft_wrap=True)
     for each in outcome.model.crossing_times:
-        console.print(times_sentence(each), soft_wrap=True, markup=False)
+        console.print(times_sentence(each), soft_wrap=True)
         if warning := unseen_sentence(each):
-            console.print(warning, style="yellow", soft_wrap=True, markup=False)
-    console.print(outcome.summary(), soft_wrap=True, markup=False)
-    console.print(f"model: {output.resolve()}", soft_wrap=True, markup=False)
+            console.print(warning, style="yellow", soft_wrap=True)
+    console.print(outcome.summary(), soft_wrap=True)
+    console.print(f"model: {output.resolve()}", soft_wrap=True)
 
 
 def _values(

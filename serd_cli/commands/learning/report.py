@@ -73,9 +73,9 @@ def report(
     if as_json:
         print_json({**summary.as_json(), "report": str(page)})
         return
-    console.print(headline_of(summary), soft_wrap=True, markup=False)
+    console.print(headline_of(summary), soft_wrap=True)
     for what, value in summary_rows(summary):
-        console.print(f"{what}: {value}", soft_wrap=True, markup=False)
+        console.print(f"{what}: {value}", soft_wrap=True)
     for line in () if inputs.advice is None else inputs.advice.sentences():
-        console.print(line, soft_wrap=True, markup=False)
-    console.print(f"report: {page}", soft_wrap=True, markup=False)
+        console.print(line, soft_wrap=True)
+    console.print(f"report: {page}", soft_wrap=True)

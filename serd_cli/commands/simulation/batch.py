@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 from rich.table import Table
 
 from serd_cli.errors import UsageError
@@ -121,7 +120,7 @@ def summary_table(summaries: list[ConditionSummary]) -> Table:
     for each in summaries:
         contacts = (each.robot_on_person, each.person_on_robot, each.robot_on_wall)
         table.add_row(
-            escape(_condition(each)),
+            _condition(each),
             f"{each.n_arrived} of {each.n_episodes}",
             f"{100 * each.arrival_low:.0f}-{100 * each.arrival_high:.0f} %",
             f"{each.mean_time_of_arrival_s:.1f} s" if each.n_arrived else "",
@@ -140,7 +139,7 @@ def metrics_table(summaries: list[ConditionSummary]) -> Table:
     for each in summaries:
         metrics = each.metrics
         table.add_row(
-            escape(_condition(each)),
+            _condition(each),
             f"{each.spl:.2f}",
             f"{100 * metrics.standing_share:.0f} %",
             f"{100 * metrics.personal_share:.0f} %",

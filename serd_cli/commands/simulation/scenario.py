@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.markup import escape
 from rich.table import Table
 
 from report.figures.scenario_plan import draw_scenario_plan
@@ -56,7 +55,7 @@ def list_scenarios(as_json: AsJson = False) -> None:
     table.add_column("description", overflow="fold")
     for name, each in scenarios.items():
         numbers = str(each.pedestrians.count), str(grid_of(each).n_states)
-        table.add_row(name, *numbers, escape(each.description))
+        table.add_row(name, *numbers, each.description)
     console.print(table)
 
 
@@ -83,7 +82,7 @@ def show(
     table.add_column(overflow="fold")
     path = values.pop("picture")
     for name, value in values.items():
-        table.add_row(name.replace("_", " "), escape(_text(value)))
+        table.add_row(name.replace("_", " "), _text(value))
     console.print(table)
     print(f"picture: {path}")  # in one piece, however long
 
@@ -183,9 +182,9 @@ def from_map(
         print_json(values)
         return
     map_of = "" if raster is None else _map_of(raster)
-    console.print(f"{map_of}{_sentence(values)}", soft_wrap=True, markup=False)
+    console.print(f"{map_of}{_sentence(values)}", soft_wrap=True)
     for name in ("file", "picture"):
-        console.print(f"{name}: {values[name]}", markup=False, soft_wrap=True)
+        console.print(f"{name}: {values[name]}", soft_wrap=True)
 
 
 def _require_unedited(path: Path, text: str) -> None:

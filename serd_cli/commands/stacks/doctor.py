@@ -5,8 +5,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 import typer
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from serd_cli.doctor.checks import Check, all_checks
 from serd_cli.errors import FAILED
@@ -47,6 +47,6 @@ def checks_table(found: list[Check]) -> Table:
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
     for each in found:
-        state = f"[{_COLOURS[each.state]}]{each.state}[/]"
-        table.add_row(each.subject, state, escape(each.finding))
+        state = Text(each.state, style=_COLOURS[each.state])
+        table.add_row(each.subject, state, each.finding)
     return table

@@ -66,7 +66,7 @@ def _list_stacks(*, as_json: bool) -> None:
         print_json({name: stack.model_dump() for name, stack in load_graph().stacks.items()})
         return
     for name, stack in load_graph().stacks.items():
-        console.print(f"[bold]{name}[/bold]: {stack.about}")
+        console.print(f"[bold]{name}[/bold]: {stack.about}", markup=True)
         console.print(f"  {', '.join(stack.nodes)}", style="dim")
 
 

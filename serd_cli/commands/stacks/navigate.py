@@ -85,9 +85,9 @@ def navigate(
         return
     console.print(comparison_table(found))
     for line in remarks(found, settings, strategy):
-        console.print(line, soft_wrap=True, markup=False)
+        console.print(line, soft_wrap=True)
     if output is not None:
-        console.print(f"tables and arrival.png: {output.resolve()}", soft_wrap=True, markup=False)
+        console.print(f"tables and arrival.png: {output.resolve()}", soft_wrap=True)
 
 
 def _strategy_of(settings: DriveSettings) -> Strategy:

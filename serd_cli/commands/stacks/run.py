@@ -43,5 +43,5 @@ def _list(found: dict[str, list[str]], *, as_json: bool) -> None:
         print_json(found)
         return
     for package, executables in found.items():
-        console.print(f"[bold]{package}[/bold]")
+        console.print(package, style="bold")
         console.print(f"  {', '.join(executables)}", style="dim")

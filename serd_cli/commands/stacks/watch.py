@@ -132,4 +132,4 @@ def _print_address(url: str, *, as_json: bool) -> None:
         print_json({"url": url})
         sys.stdout.flush()
     else:
-        progress_console.print(f"watch at [bold]{url}[/bold]   (Ctrl-C ends)")
+        progress_console.print(f"watch at [bold]{url}[/bold]   (Ctrl-C ends)", markup=True)

@@ -4,7 +4,8 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from serd_cli.output.tables import tables_that_fit
+from serd_cli.output.tables import print_results, tables_that_fit
+from serd_cli.output.terminal import console, progress_console
 
 RESULTS = ("detour/summary", "avoidance/summary", "hidden-actions/summary", "gridworld/measures")
 
@@ -35,3 +36,12 @@ def test_keys_begin_each_table_and_what_fits_is_one_table():
     first, second = tables_that_fit(columns, rows, "t", 36)
     assert [column.header for column in first.columns] == ["learner", "size", "log likelihood"]
     assert [column.header for column in second.columns] == ["learner", "size", "divergence"]
+
+
+def test_brackets_and_colons_of_names_are_printed_as_they_are(capsys):
+    name = "[/x]:warning:[red]"
+    print_results(pd.DataFrame({"recording": [name]}), name, str)
+    console.print(name)
+    progress_console.print(name)
+    printed = capsys.readouterr()
+    assert (printed.out.count(name), printed.err) == (3, f"{name}\n")
