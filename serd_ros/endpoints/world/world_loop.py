@@ -26,6 +26,9 @@ from sim.world.shared_world import SharedWorld
 from sim.world.waypoint import is_decision_tick
 
 _RESEND_AFTER_S = 0.5
+#: At most this (s) of the time between two looks at the silence counts. When more has passed, this
+#: process had no processor and could take no command, so none was missing.
+_LONGEST_TURN_S = 1.0
 
 
 class WorldLoop(Protocol):
@@ -74,7 +77,9 @@ class LockstepLoop(_Published):
         #: Those that move in this control period, with their commands so far.
         self._commands: dict[SimulatedRobot, Command | None] = {}
         self._standing: set[SimulatedRobot] = set()
-        self._sent_wall_s = self._answered_wall_s = node.wall_s()
+        self._sent_wall_s = self._watched_wall_s = node.wall_s()
+        #: How long commands were awaited since the last one.
+        self._silent_s = 0.0
         for robot in robots:
             robot.node.create_subscription(
                 TwistStamped, topics.CMD_VEL, partial(self._on_command, robot), qos.COMMAND
@@ -83,7 +88,7 @@ class LockstepLoop(_Published):
 
     def begin(self) -> None:
         """Publish the first observation of the episode and wait for its commands."""
-        self._begun, self._answered_wall_s = True, self._node.wall_s()
+        self._begun = True
         self._standing.clear()
         self._begin_tick()
 
@@ -100,7 +105,7 @@ class LockstepLoop(_Published):
         is_new = self._commands.get(robot, command) is None
         if self.paused or time_ns != self._awaited_ns or not is_new:
             return
-        self._answered_wall_s = self._node.wall_s()
+        self._silent_s = 0.0
         self._commands[robot] = command
         self._step_when_answered()
 
@@ -132,6 +137,7 @@ class LockstepLoop(_Published):
         self._commands = dict.fromkeys(self._moving())
         stamp = stamp_ns(to_stamp(self.world.time_s))
         self._awaited_ns = stamp if self._commands else None
+        self._silent_s = 0.0
         self._send()
 
     def _send(self) -> None:
@@ -141,9 +147,11 @@ class LockstepLoop(_Published):
     def _watch(self) -> None:
         """Send an unanswered tick again; give up after a long time without an answer."""
         now_s = self._node.wall_s()
+        turn_s, self._watched_wall_s = now_s - self._watched_wall_s, now_s
         if self._awaited_ns is None or self.paused:
             return
-        if now_s - self._answered_wall_s > self._node.config.lockstep_timeout_s:
+        self._silent_s += min(turn_s, _LONGEST_TURN_S)
+        if self._silent_s > self._node.config.lockstep_timeout_s:
             silent = [each.command_topic for each, sent in self._commands.items() if sent is None]
             self._node.fail(
                 f"no command for the tick at {self.world.time_s:.2f} s arrived on"

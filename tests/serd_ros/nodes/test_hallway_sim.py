@@ -9,7 +9,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from bags.formats.rosbag2.message_types import rosbags_types
 from bags.messages.plain import transforms
@@ -147,6 +147,50 @@ def test_a_robot_without_an_answer_is_named_though_another_one_repeats_its_own(c
         assert "arrived on /robot2/cmd_vel within lockstep_timeout_s = 10 s" in (
             capsys.readouterr().err
         )
+
+
+@contextmanager
+def driven_world():
+    """A world whose robots have begun an episode; their drivers end before it does."""
+    with world(lockstep_timeout_s=10.0) as (running, robots):
+        with driver_of(robots[0]), driver_of(robots[1]):
+            assert ask(robots[0]) == (False, "the driver of /robot2")
+            assert ask(robots[1])[0]
+        wait_until(lambda: not any(each.node.count_publishers("episode") for each in robots))
+        yield running, robots
+
+
+def time_after_commands(running, robots):
+    """The time of the world after a command of each of these robots for its present tick."""
+    command = to_twist_stamped(Command(0.2, 0.0), stamp_s(running.sent["clock"].clock))
+    for robot in robots:
+        robot.receive(f"{robot.node.get_namespace()}/cmd_vel".strip("/"), command)
+    return stamp_s(running.sent["clock"].clock)
+
+
+def look(running, wall_s):
+    """Call the timers, some wall time later."""
+    running.wait(wall_s)
+    running.call_timers()
+
+
+def test_a_world_without_a_processor_for_long_sends_its_tick_again_and_goes_on():
+    with driven_world() as (running, robots), driver_of(robots[0]), driver_of(robots[1]):
+        n_sent = running.published["clock"]
+        look(running, 1000.0)
+        assert running.published["clock"] == n_sent + 1
+        assert not running.node.finished.done()
+        assert time_after_commands(running, robots) == 0.05
+
+
+def test_the_time_in_which_a_world_is_paused_is_no_silence():
+    with driven_world() as (running, robots), driver_of(robots[0]), driver_of(robots[1]):
+        for paused in (True, False):
+            running.call("pause", SetBool.Request(data=paused))
+            for _ in range(9):
+                look(running, 1.0)
+        assert not running.node.finished.done()
+        assert time_after_commands(running, robots) == 0.05
 
 
 @pytest.mark.parametrize("lockstep", [True, False])
