@@ -48,6 +48,11 @@ class SimulatedRobot:
         return self.node.count_publishers(topics.EPISODE) > 0
 
     @property
+    def is_driven(self) -> bool:
+        """Whether there is a driver that may take the next decision."""
+        return self.has_driver and not self.asked
+
+    @property
     def is_waited_for(self) -> bool:
         """Whether its driver must request an episode before one begins.
 

@@ -5,7 +5,8 @@ tick, so a seed gives one trajectory whatever the speed of the machine. Messages
 endpoints are still being matched, so a tick that stays unanswered is sent again; receivers answer a
 known stamp with the same message. A robot in its goal stands and is not waited for; with other
 robots in the world, one stands from a decision on that its driver does not take, since it has asked
-for the next episode or has ended.
+for the next episode or has ended. The middleware takes a process that stands still for 20 s for one
+that has ended, so a robot drives on when its driver is there again.
 """
 
 from collections.abc import Sequence
@@ -93,7 +94,8 @@ class LockstepLoop(_Published):
         self._begin_tick()
 
     def look(self) -> None:
-        """Go on from a goal that is none any more, or without a robot that drives no more."""
+        """Go on from a goal that is none any more, without a robot that drives no more, or with one
+        that drives again."""
         if self._awaited_ns is not None:
             self._step_when_answered()
         elif self._begun and self._moving():
@@ -110,6 +112,7 @@ class LockstepLoop(_Published):
         self._step_when_answered()
 
     def _moving(self) -> list[SimulatedRobot]:
+        self._standing = {each for each in self._standing if not each.is_driven}
         return [
             each for each in self.robots if each not in self._standing and not each.world.in_goal
         ]
@@ -129,7 +132,7 @@ class LockstepLoop(_Published):
         if len(self.robots) == 1 or not is_decision_tick(world.observation, world.scenario):
             return
         for robot in [each for each, command in self._commands.items() if command is None]:
-            if robot.asked or not robot.has_driver:
+            if not robot.is_driven:
                 self._standing.add(robot)
                 del self._commands[robot]
 
@@ -148,7 +151,10 @@ class LockstepLoop(_Published):
         """Send an unanswered tick again; give up after a long time without an answer."""
         now_s = self._node.wall_s()
         turn_s, self._watched_wall_s = now_s - self._watched_wall_s, now_s
-        if self._awaited_ns is None or self.paused:
+        if self.paused:
+            return
+        if self._awaited_ns is None:
+            self.look()
             return
         self._silent_s += min(turn_s, _LONGEST_TURN_S)
         if self._silent_s > self._node.config.lockstep_timeout_s:

@@ -193,6 +193,27 @@ def test_the_time_in_which_a_world_is_paused_is_no_silence():
         assert time_after_commands(running, robots) == 0.05
 
 
+def test_a_robot_is_waited_for_again_once_its_driver_is_there_again():
+    with driven_world() as (running, robots), driver_of(robots[0]):
+        look(running, 1.0)
+        assert time_after_commands(running, robots[:1]) == 0.05
+        with driver_of(robots[1]):
+            assert time_after_commands(running, robots[:1]) == 0.1
+            assert time_after_commands(running, robots[:1]) == 0.1
+            assert time_after_commands(running, robots) == pytest.approx(0.15)
+
+
+def test_a_world_without_drivers_goes_on_once_they_are_there_again():
+    with driven_world() as (running, robots):
+        for _ in range(20):
+            look(running, 1.0)
+        assert time_after_commands(running, robots) == 0.0
+        with driver_of(robots[0]), driver_of(robots[1]):
+            look(running, 1.0)
+            assert time_after_commands(running, robots) == 0.05
+        assert not running.node.finished.done()
+
+
 @pytest.mark.parametrize("lockstep", [True, False])
 def test_a_start_area_without_room_for_all_robots_ends_the_node(lockstep, capsys):
     robots = [f"robot{number}" for number in range(25)]
