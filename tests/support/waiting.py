@@ -9,6 +9,8 @@ from typing import TypeVar
 Found = TypeVar("Found")
 #: Guard against a test that hangs, s. It is no measurement: a condition normally holds in seconds.
 PATIENCE_S = 600.0
+#: The same guard in a world in lock-step, which names the topics without commands before that.
+LOCKSTEP_TIMEOUT_S = 300.0
 
 
 def wait_until(

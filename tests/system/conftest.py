@@ -22,7 +22,7 @@ from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
 from support import standin_robot
-from support.waiting import PATIENCE_S, wait_until
+from support.waiting import LOCKSTEP_TIMEOUT_S, PATIENCE_S, wait_until
 
 
 class Nodes:
@@ -51,9 +51,15 @@ class Nodes:
         self.start(self._commands[name], name)
 
     def start_stack(self, stack: str, **given: object) -> dict[str, subprocess.Popen[bytes]]:
-        """Start every node of a stack; a parameter of one node is written node__parameter."""
+        """Start every node of a stack; a parameter of one node is written node__parameter.
+
+        A world in lock-step waits as long as a test for commands that a busy machine delays.
+        """
+        found = find_stack(stack)
         assignments = {name.replace("__", "."): value for name, value in given.items()}
-        processes = stack_processes(find_stack(stack), assignments, self._environment)
+        if "hallway_sim" in found.nodes:
+            assignments.setdefault("lockstep_timeout_s", LOCKSTEP_TIMEOUT_S)
+        processes = stack_processes(found, assignments, self._environment)
         return {each.name: self.start(list(each.command), each.name) for each in processes}
 
     def log_of(self, name: str) -> str:

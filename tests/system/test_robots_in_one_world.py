@@ -21,7 +21,7 @@ from sim.world.shared_world import SharedWorld
 from sim.world.waypoint import is_decision_tick, waypoint_of_intent
 from storage.episode_table import load_episodes
 from support.recorded_messages import recorded
-from support.waiting import PATIENCE_S
+from support.waiting import LOCKSTEP_TIMEOUT_S, PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 SERD = str(Path(sys.executable).with_name("serd"))
@@ -70,7 +70,8 @@ def drive_in_process():
 def launch(environment, folder, *words):
     with (folder / "launch.log").open("wb") as log:
         return subprocess.Popen(
-            [SERD, "launch", *words, "robots:=[robot1, robot2]", f"seed:={SEED}"],
+            [SERD, "launch", *words, "robots:=[robot1, robot2]", f"seed:={SEED}",
+             f"lockstep_timeout_s:={LOCKSTEP_TIMEOUT_S}"],
             env=environment, cwd=folder, stdout=log, stderr=log,
         )  # fmt: skip
 
