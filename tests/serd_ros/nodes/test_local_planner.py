@@ -58,8 +58,8 @@ def test_without_people_pose_and_odometry_of_unequal_stamps_suffice():
 def test_unequal_stamps_are_named_where_equal_ones_are_required(planner):
     observe(planner, 10.0)
     observe(planner, 12.0, "robot_pose")
-    observe(planner, 11.5, "odom")
     planner.wait(3.0)
+    observe(planner, 11.5, "odom")
     planner.call_timers()
     (status,) = planner.sent["diagnostics"].status
     assert status.name == "local_planner: observation"
