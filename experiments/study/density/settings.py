@@ -5,7 +5,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from experiments.running.statistics import StatisticsSettings
 from experiments.study.settings import merged_settings
@@ -36,6 +36,13 @@ class DensitySettings(StrictModel):
     held_out: int = Field(ge=1)
     drives: int = Field(ge=1)
     statistics: StatisticsSettings
+
+    @field_validator("learned_from", "predicted")
+    @classmethod
+    def _each_once(cls, crowds: Crowds) -> Crowds:
+        if len(set(crowds)) < len(crowds):
+            raise ValueError(f"must name each number of people once, got {list(crowds)}")
+        return crowds
 
     @property
     def crowds(self) -> Crowds:

@@ -11,6 +11,7 @@ from experiments.study.density.tables import all_tables, arrival_tables
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.solved_policy import soft_policy
 from sim.scenario.grid import start_states_of
+from storage.errors import FileError
 from tests.conftest import OUTCOMES
 
 
@@ -76,6 +77,14 @@ def test_measured_times_count_whole_periods_and_what_never_arrives_does_not(stud
     found = arrival_tables(study, 20, 40, WITH)
     assert found.measured[0].sum() == 5  # from period 25 to 29
     assert found.measured[1].sum() == 0
+
+
+@pytest.mark.parametrize("name", ["learned_from", "predicted"])
+def test_a_number_of_people_is_named_once(tmp_path, name):
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"{name}: [20, 20]\n")
+    with pytest.raises(FileError, match=rf"{name} must name each number of people once, got \[20,"):
+        density_settings(config=file)
 
 
 def test_a_stage_has_a_file_for_each_crowd_and_repetition(study):
