@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 import rclpy
@@ -14,7 +15,8 @@ from std_msgs.msg import Bool
 
 from serd_ros.nodes.teleop.joy import TeleopJoyNode
 from serd_ros.process.run_node import _StopSignal, run_node
-from support.waiting import PATIENCE_S, wait_until
+from support.nodes_in_process import node_in_process
+from support.waiting import PATIENCE_S
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -107,23 +109,18 @@ def test_a_node_with_an_internal_error_ends_with_exit_code_1(capfd):
     assert "teleop_joy: 1 internal errors, logged above" in capfd.readouterr().err
 
 
-@pytest.mark.ros
-@pytest.mark.usefixtures("own_domain")
-def test_two_nodes_of_one_name_are_named_once_until_one_has_ended(capfd):
-    rclpy.init()
-    nodes = [TeleopJoyNode(), TeleopJoyNode()]
-    for number, node in enumerate(nodes):
-        wait_until(lambda node=node: node.get_node_names().count("teleop_joy") == 2)
-        for _ in range(2):
-            node._look_around()
-        errors = capfd.readouterr().err
-        assert errors.count("2 nodes are named /teleop_joy") == 1, number
-    nodes[0].destroy_node()
-    wait_until(lambda: nodes[1].get_node_names().count("teleop_joy") == 1)
-    nodes[1]._look_around()
-    assert nodes[1]._n_namesakes == 0
-    nodes[1].destroy_node()
-    rclpy.shutdown()
+def test_a_second_node_of_the_name_is_logged_once_each_time_that_it_appears(monkeypatch):
+    warnings = []
+    with node_in_process("teleop_joy") as running:
+        node = running.node
+        own = node.get_name(), node.get_namespace()
+        monkeypatch.setattr(node, "get_logger", lambda: SimpleNamespace(warning=warnings.append))
+        for n_nodes, n_warnings in ((1, 0), (2, 1), (2, 1), (1, 1), (3, 2)):
+            found = [own] * n_nodes + [("teleop_joy", "/other")]
+            monkeypatch.setattr(node, "get_node_names_and_namespaces", lambda found=found: found)
+            node._warn_of_namesakes()
+            assert len(warnings) == n_warnings
+    assert "3 nodes are named /teleop_joy" in warnings[-1]
 
 
 HANGING_NODE = """
