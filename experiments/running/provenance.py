@@ -5,7 +5,6 @@ one table were computed by different commits.
 """
 
 import platform
-import shlex
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -120,7 +119,7 @@ def _is_run(value: object) -> bool:
 
 def _require_same_work(folder: Path, command: str) -> None:
     """The first three words of a command name its work, as in "serd study hallway"."""
-    words = shlex.split(command)[:3]
+    words = command.split()[:3]
     for run in _runs(folder / FILE_NAME):
         if run["command"].split()[:3] != words:
             raise SerdError(

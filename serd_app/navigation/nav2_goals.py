@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 SUCCEEDED, CANCELED = 4, 5  # action_msgs/GoalStatus
-_WITHOUT_CODE = "failed without a code, as where another client's goal replaces it"
+_WITHOUT_CODE = "failed without a code (another client's goal may have replaced it)"
 _SAME_M = 0.05
 
 #: x and y in m, heading in rad.
@@ -61,7 +61,10 @@ class Nav2Goals:
         if not wanted:
             return
         self._waiting = None  # only the newest wish counts
-        if self._has_no_server() or _continues(wanted, self._targets):
+        if not self._client.server_is_ready():
+            self._lose_server()
+            return
+        if _continues(wanted, self._targets):
             return
         if self._request is not None:
             self._waiting = wanted, time_s
@@ -71,8 +74,8 @@ class Nav2Goals:
     def expire(self, wall_s: float) -> bool:
         """Stop Nav2 when no waypoint has come for too long; whether that was so."""
         self._forget_unanswered(wall_s)
-        if self._targets:
-            self._has_no_server()
+        if self._targets and not self._client.server_is_ready():
+            self._lose_server()
         is_idle = not self._targets and self._handle is None
         if is_idle or wall_s - self._waypoint_wall_s <= self._timeout_s:
             return False
@@ -86,12 +89,9 @@ class Nav2Goals:
             self._handle.cancel_goal_async()
             self._handle = None
 
-    def _has_no_server(self) -> bool:
-        """Whether the server has gone, and with it the targets that it was sent."""
-        if self._client.server_is_ready():
-            return False
-        self._targets, self.state = (), "no server"
-        return True
+    def _lose_server(self) -> None:
+        """Forget the targets that a server was sent which has gone."""
+        self._targets, self._handle, self.state = (), None, "no server"
 
     def _send(self, targets: tuple[Target, ...], time_s: float) -> None:
         self._targets, self.state = targets, "sent"

@@ -150,8 +150,8 @@ class ObservationSource:
             late = "pose" if older_s is not None and older_s < 0 else part
             stopped_s = self._node.wall_s() - self._came_wall_s.get(late, math.inf)
             if older_s is not None and stopped_s > _SILENCE_S:
-                fix = f"came {stopped_s:.0f} s ago, look at what publishes it"
-                found.append(f"the last {late} of {names[late]} {fix}")
+                fix = "look at what publishes it"
+                found.append(f"{names[late]} stopped {stopped_s:.0f} s ago: {fix}")
             elif older_s is not None:
                 side = "older" if older_s > 0 else "newer"
                 found.append(
@@ -166,4 +166,4 @@ class ObservationSource:
                 found.append(self._people.fault)
             else:
                 found.append(f"{topic} has a publisher, but no usable message has come")
-        return list(dict.fromkeys(found))
+        return list(dict.fromkeys(found))  # one pose may be missing for two others

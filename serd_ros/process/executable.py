@@ -42,7 +42,12 @@ def starting() -> Iterator[None]:
 
 
 def _nowhere(descriptor: int) -> TextIO:
-    os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
+    null = os.open(os.devnull, os.O_WRONLY)
+    if null == descriptor:  # the lowest one that is free
+        os.set_inheritable(descriptor, True)
+    else:
+        os.dup2(null, descriptor)
+        os.close(null)
     return os.fdopen(descriptor, "w")
 
 

@@ -33,7 +33,6 @@ class LidarPeople:
         self._settings = settings
         self._perception = ScanPerception(scenario, wall_margin_m)
         self._waiting: deque[Scan] = deque(maxlen=_MOST_WAITING)
-        self._received_s: float | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -42,6 +41,7 @@ class LidarPeople:
         self._poses = PoseTrack(_MEMORY_S)
         self._monitor = ScanMonitor(self._settings, self._poses)
         self._taken_s: float | None = None
+        self._received_s: float | None = None
 
     def take_scan(self, scan: Scan) -> None:
         """Take a scan; it waits for the next observation that is not older."""

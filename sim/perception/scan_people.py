@@ -39,8 +39,8 @@ def people_in_scan(
     """(K, 2) estimated centres of people, in the map.
 
     ranges_m, angles_rad: (n_rays,), not finite where there is no return. pose: of the lidar.
-    wall_margin_m: points nearer than this to a wall belong to it. Of more than 500 groups the
-    nearest count.
+    wall_margin_m: points nearer than this to a wall belong to it. Of more groups than
+    `_MOST_GROUPS` the nearest count.
     """
     rays, x_m, y_m = _end_points(ranges_m, angles_rad, pose)
     free = walls.at(x_m, y_m) > wall_margin_m

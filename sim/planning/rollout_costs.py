@@ -22,15 +22,17 @@ from sim.world.waypoint import Waypoint
 _NO_NEARER_M = 1e-3
 #: Side (m) of a cell of the wall raster, where cells of the grid have 1 m.
 _RASTER_M = 0.05
+#: At least (about) so many raster cells would take more than a second to make.
+_MOST_RASTER_CELLS = 1e6
 
 
 @dataclass(frozen=True)
 class CostSettings:
     """Margins in metres between surfaces; weights of the terms; foresight_s: how soon matters.
 
-    wall_margin_m, wall_decay_m: in cells of 1 m and more; in smaller ones less in proportion, for
-    else a robot that fits into a cell beside a wall would be too close to it there. The margin is
-    more than half the diagonal of a cell of the wall raster.
+    wall_margin_m, wall_decay_m: in cells of 1 m and more; in smaller ones less in proportion,
+    because otherwise a robot that fits into a cell beside a wall would be too close to it there.
+    The margin is more than half the diagonal of a cell of the wall raster.
     person_margin_m, stopped_margin_m: to a person who walks straight on, and who stops.
     """
 
@@ -77,10 +79,10 @@ class RolloutCosts:
         self._time_s = time_s
         person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         self._reach_m = scenario.robot.radius_m + person_radius_m
-        small = min(1.0, scenario.cell_size_m)
-        self._walls = wall_distance_raster(scenario, small * _RASTER_M)
-        self._least_wall_m = scenario.robot.radius_m + small * settings.wall_margin_m
-        self._wall_decay_m = small * settings.wall_decay_m
+        scale = _wall_scale(scenario)
+        self._walls = wall_distance_raster(scenario, scale * _RASTER_M)
+        self._least_wall_m = scenario.robot.radius_m + scale * settings.wall_margin_m
+        self._wall_decay_m = scale * settings.wall_decay_m
         self._foresight: FloatArray = np.exp(-time_s / settings.foresight_s)
 
     def progress(self, x_m: FloatArray, y_m: FloatArray, waypoint: Waypoint) -> FloatArray:
@@ -168,3 +170,10 @@ class RolloutCosts:
         self, x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
     ) -> FloatArray:
         return gap_to_people_m(x_m, y_m, people_x_m, people_y_m, self._reach_m)
+
+
+def _wall_scale(scenario: Scenario) -> float:
+    """Lengths beside walls relative to those in cells of 1 m; the finer, the more raster cells."""
+    sides_m = np.ptp(np.array(scenario.wall_polygons_m[0]), axis=0) + 1.0
+    finest_m = float(np.sqrt(sides_m.prod() / _MOST_RASTER_CELLS))
+    return min(1.0, max(scenario.cell_size_m, finest_m / _RASTER_M))

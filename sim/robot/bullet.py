@@ -61,7 +61,10 @@ def load_urdf(client: int, path: Path, **options: object) -> int:
 
 def _missing_meshes(path: Path) -> list[str]:
     """Meshes of a URDF that no folder above it has, where PyBullet looks for them."""
-    names = {mesh.get("filename", "") for mesh in ET.parse(path).iter("mesh")}
+    try:
+        names = {mesh.get("filename") or "" for mesh in ET.parse(path).iter("mesh")} - {""}
+    except ET.ParseError:
+        return []
     folders = path.resolve().parents
     places = {name: name.removeprefix("package://").removeprefix("file://") for name in names}
     return sorted(name for name in names if not any((f / places[name]).is_file() for f in folders))

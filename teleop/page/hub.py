@@ -57,7 +57,7 @@ class OpenPage:
         self.changed = asyncio.Event()
         self._greeting = greeting
         self._notices: deque[str] = deque(maxlen=_MOST_NOTICES)
-        self._newest: dict[str, str] = {}
+        self._state = self._overlay = ""
         self.changed.set()
 
     def add_notice(self, text: str) -> None:
@@ -65,18 +65,22 @@ class OpenPage:
         self._notices.append(_message("notice", text=text))
         self.changed.set()
 
-    def set_newest(self, kind: str, message: str) -> None:
-        """Replace the state or overlay that waits by a newer one."""
-        self._newest[kind] = message
+    def set_state(self, message: str) -> None:
+        """Replace the state that waits."""
+        self._state = message
+        self.changed.set()
+
+    def set_overlay(self, message: str) -> None:
+        """Replace the overlay that waits."""
+        self._overlay = message
         self.changed.set()
 
     def pending(self) -> list[str]:
         """Remove and return all messages, the state last."""
-        state = [self._newest.pop("state")] if "state" in self._newest else []
-        messages = [*self._greeting, *self._notices, *self._newest.values(), *state]
-        self._greeting = []
+        newest = [message for message in (self._overlay, self._state) if message]
+        messages = [*self._greeting, *self._notices, *newest]
+        self._greeting, self._overlay, self._state = [], "", ""
         self._notices.clear()
-        self._newest.clear()
         self.changed.clear()
         return messages
 
@@ -128,13 +132,13 @@ class Hub:
         """Send the newest state to all pages."""
         self._update_driver()
         for page in self._pages.values():
-            page.set_newest("state", state)
+            page.set_state(state)
 
     def send_overlay(self, overlay: str) -> None:
         """Send the layers of the newest model to all pages, and to those opened later."""
         self._overlay = overlay
         for page in self._pages.values():
-            page.set_newest("overlay", overlay)
+            page.set_overlay(overlay)
 
     def send_notice(self, text: str) -> None:
         """Send a notice to all pages."""

@@ -5,6 +5,7 @@ import sys
 from typing import Annotated
 
 import typer
+from rich.text import Text
 
 from serd_cli.errors import UsageError
 from serd_cli.options import AsJson
@@ -66,7 +67,7 @@ def _list_stacks(*, as_json: bool) -> None:
         print_json({name: stack.model_dump() for name, stack in load_graph().stacks.items()})
         return
     for name, stack in load_graph().stacks.items():
-        console.print(f"[bold]{name}[/bold]: {stack.about}", markup=True)
+        console.print(Text.assemble((name, "bold"), f": {stack.about}"))
         console.print(f"  {', '.join(stack.nodes)}", style="dim")
 
 

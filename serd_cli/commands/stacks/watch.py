@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.text import Text
 
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_cli.errors import UsageError
@@ -132,4 +133,4 @@ def _print_address(url: str, *, as_json: bool) -> None:
         print_json({"url": url})
         sys.stdout.flush()
     else:
-        progress_console.print(f"watch at [bold]{url}[/bold]   (Ctrl-C ends)", markup=True)
+        progress_console.print(Text.assemble("watch at ", (url, "bold"), "   (Ctrl-C ends)"))

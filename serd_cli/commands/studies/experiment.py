@@ -63,8 +63,8 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
         words = _words(experiment, config, texts, execution, output)
         made = experiment.make_config(given)
         require_folder(output)
-        remark_other_code(output)
         with recorded(output, words, made):
+            remark_other_code(output)
             table = _run(experiment, made, output, execution)
         if as_json:
             print_json({"rows": plain_rows(table), "results": str(output.resolve())})

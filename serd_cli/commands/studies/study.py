@@ -222,7 +222,6 @@ def _run(
     command: str,
 ) -> Tables:
     """Run what is missing of a study, with its progress; command: is recorded."""
-    remark_other_code(folder)
     bar = WorkProgress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -230,6 +229,7 @@ def _run(
         TimeLeftColumn(execution.n_processes),
     )
     with recorded(folder, command, settings), results_kept_in(folder), bar:
+        remark_other_code(folder)
         task = bar.add_task("", total=None)
         return study(
             settings,

@@ -27,9 +27,9 @@ from sim.world.shared_world import SharedWorld
 from sim.world.waypoint import is_decision_tick
 
 _RESEND_AFTER_S = 0.5
-#: At most this (s) of the time between two looks at the silence counts. When more has passed, this
-#: process had no processor and could take no command, so none was missing.
-_LONGEST_TURN_S = 1.0
+#: More (s) between two looks at the silence is none: this process had no processor and could take
+#: no command.
+_LONGEST_TURN_S = 2.0
 
 
 class WorldLoop(Protocol):
@@ -42,7 +42,7 @@ class WorldLoop(Protocol):
         ...
 
     def look(self) -> None:
-        """A robot has another goal area now, or its driver has asked for the next episode."""
+        """A robot has another goal area, or its driver asked for an episode or is there again."""
         ...
 
 
@@ -79,7 +79,7 @@ class LockstepLoop(_Published):
         self._commands: dict[SimulatedRobot, Command | None] = {}
         self._standing: set[SimulatedRobot] = set()
         self._sent_wall_s = self._watched_wall_s = node.wall_s()
-        #: How long commands were awaited since the last one.
+        #: How long commands were awaited since the last one or the begin of the tick.
         self._silent_s = 0.0
         for robot in robots:
             robot.node.create_subscription(
@@ -98,8 +98,10 @@ class LockstepLoop(_Published):
         that drives again."""
         if self._awaited_ns is not None:
             self._step_when_answered()
-        elif self._begun and self._moving():
-            self._begin_tick()
+        elif self._begun:
+            self._wake_driven()
+            if self._moving():
+                self._begin_tick()
 
     def _on_command(self, robot: SimulatedRobot, message: TwistStamped) -> None:
         time_ns, command = from_twist_stamped(message)
@@ -111,8 +113,10 @@ class LockstepLoop(_Published):
         self._commands[robot] = command
         self._step_when_answered()
 
-    def _moving(self) -> list[SimulatedRobot]:
+    def _wake_driven(self) -> None:
         self._standing = {each for each in self._standing if not each.is_driven}
+
+    def _moving(self) -> list[SimulatedRobot]:
         return [
             each for each in self.robots if each not in self._standing and not each.world.in_goal
         ]
@@ -137,6 +141,7 @@ class LockstepLoop(_Published):
                 del self._commands[robot]
 
     def _begin_tick(self) -> None:
+        self._wake_driven()
         self._commands = dict.fromkeys(self._moving())
         stamp = stamp_ns(to_stamp(self.world.time_s))
         self._awaited_ns = stamp if self._commands else None
@@ -156,7 +161,7 @@ class LockstepLoop(_Published):
         if self._awaited_ns is None:
             self.look()
             return
-        self._silent_s += min(turn_s, _LONGEST_TURN_S)
+        self._silent_s += turn_s if turn_s <= _LONGEST_TURN_S else 0.0
         if self._silent_s > self._node.config.lockstep_timeout_s:
             silent = [each.command_topic for each, sent in self._commands.items() if sent is None]
             self._node.fail(

@@ -60,12 +60,12 @@ def test_what_has_stopped_is_named_and_no_difference_of_clocks():
         assert source._missing()[0].startswith("odom is 9.000 s newer than robot_pose; at most")
         running.wait(9.0)
         odometry(running, START + 9.0, (0.0, 0.0, 0.0))
-        gone = "came 9 s ago, look at what publishes it"
-        assert source._missing() == [f"the last pose of robot_pose {gone}"]
+        gone = "stopped 9 s ago: look at what publishes it"
+        assert source._missing() == [f"robot_pose {gone}"]
         running.receive("robot_pose", valid_message("robot_pose", START + 9.0))
         running.wait(9.0)
         running.receive("robot_pose", valid_message("robot_pose", START + 18.0))
-        assert source._missing() == [f"the last odom of odom {gone}"]
+        assert source._missing() == [f"odom {gone}"]
 
 
 def test_of_a_message_with_a_bad_transform_the_others_are_taken():

@@ -133,3 +133,10 @@ def test_after_a_reset_a_scan_that_waits_is_taken_and_tracks_begin_at_0(people):
     people.take_scan(scan_of(STANDING, WALKER, time_s=0.0))
     people.reset()
     assert seen_at(people, 0.0).identity.tolist() == [0]
+
+
+def test_after_a_reset_no_scan_is_in_the_future(people):
+    people.take_scan(scan_of(STANDING, WALKER, time_s=100.0))
+    seen_at(people, 100.0)
+    people.reset()
+    assert seen_at(people, 0.05) is Fault.MISSING

@@ -178,3 +178,17 @@ def plainly(x_m, y_m, observation):
     decay = SETTINGS.people_decay_m
     nearness = np.exp(-np.maximum(gap, -decay) / decay) * np.exp(-TIME_S / SETTINGS.foresight_s)
     return SETTINGS.people_weight * nearness.max(axis=-1), too_close
+
+
+@pytest.mark.parametrize("cell_size_m", [2.0, 1.0, 0.5, 0.24, 0.01, 0.001])
+def test_the_finer_the_cells_the_nearer_a_wall_may_be_and_the_raster_has_a_million_cells(
+    cell_size_m,
+):
+    scenario = load_scenario("hallway").model_copy(update={"cell_size_m": cell_size_m})
+    costs = RolloutCosts(scenario, CostSettings(), np.array([0.1, 0.2]))
+    assert costs._walls.distance_m.size < 1.1e6
+    margin_m = costs._least_wall_m - scenario.robot.radius_m
+    share = {2.0: 1.0, 1.0: 1.0, 0.5: 0.5}.get(cell_size_m, 0.387)
+    assert margin_m == pytest.approx(0.05 * share, rel=1e-3)
+    assert costs._wall_decay_m == pytest.approx(0.12 * share, rel=1e-3)
+    assert margin_m > 0.5 * math.sqrt(2.0) * costs._walls.resolution_m

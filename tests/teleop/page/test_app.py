@@ -203,7 +203,7 @@ def test_layers_go_to_the_open_pages_and_those_of_the_newest_model_to_later_ones
 
 
 @pytest.mark.parametrize("lines", ["Bad Header: x", "Content-Length: -1", "Transfer-Encoding: no"])
-def test_a_request_that_is_no_http_is_refused_and_logged_in_one_line(lines, caplog):
+def test_a_request_that_cannot_be_read_is_refused_and_logged_in_one_line(lines, caplog):
     server = PageServer({"type": "scene"}, LOCAL, 0)
     try:
         with socket.create_connection(("127.0.0.1", server.port)) as client:
@@ -212,5 +212,5 @@ def test_a_request_that_is_no_http_is_refused_and_logged_in_one_line(lines, capl
     finally:
         server.close()
     assert answer.startswith((b"HTTP/1.0 400", b"HTTP/1.1 400"))
-    assert caplog.messages == ["refused a request from 127.0.0.1 that is no HTTP"]
+    assert caplog.messages == ["refused a request from 127.0.0.1 that cannot be read as HTTP"]
     assert "Traceback" not in caplog.text
