@@ -10,6 +10,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
 from serd_app.navigation.arrival_log import load_arrivals
+from serd_cli.processes.workspace import LOOPBACK_PROFILE
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.endpoints import qos
 from sim.drivers.expert import ScriptedExpert
@@ -67,12 +68,22 @@ def drive_in_process():
     return np.array(places).transpose(1, 0, 2)
 
 
+def patient(environment, folder):
+    """With a lease of ten minutes: the machine may stand still, and no node is killed here."""
+    profile, announcement = folder / "patient.xml", "<leaseAnnouncement>"
+    text = LOOPBACK_PROFILE.read_text()
+    assert announcement in text
+    lease = "<leaseDuration><sec>600</sec></leaseDuration>"
+    profile.write_text(text.replace(announcement, lease + announcement))
+    return environment | {"FASTRTPS_DEFAULT_PROFILES_FILE": str(profile)}
+
+
 def launch(environment, folder, *words):
     with (folder / "launch.log").open("wb") as log:
         return subprocess.Popen(
             [SERD, "launch", *words, "robots:=[robot1, robot2]", f"seed:={SEED}",
              f"lockstep_timeout_s:={LOCKSTEP_TIMEOUT_S}"],
-            env=environment, cwd=folder, stdout=log, stderr=log,
+            env=patient(environment, folder), cwd=folder, stdout=log, stderr=log,
         )  # fmt: skip
 
 
