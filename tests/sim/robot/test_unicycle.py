@@ -19,7 +19,7 @@ def test_no_command_breaks_a_limit_of_speed_or_acceleration(v, w, speed, turn):
     new_speed, new_turn = limited_velocity(Command(v, w), speed, turn, ROBOT, 0.05)
     assert ROBOT.min_vel_x_mps - 1e-12 <= new_speed <= ROBOT.max_vel_x_mps + 1e-12
     assert abs(new_turn) <= ROBOT.max_vel_theta_radps + 1e-12
-    brakes = (new_speed - speed) * speed < 0.0
+    brakes = speed * np.sign(new_speed - speed) < 0.0
     limit_mps2 = ROBOT.decel_lim_x_mps2 if brakes else ROBOT.acc_lim_x_mps2
     assert abs(new_speed - speed) <= limit_mps2 * 0.05 + 1e-12
     assert abs(new_turn - turn) <= ROBOT.acc_lim_theta_radps2 * 0.05 + 1e-12
