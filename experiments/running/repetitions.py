@@ -10,7 +10,7 @@ from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from experiments.running.provenance import FILE_NAME
 from experiments.running.tables import Row
@@ -19,6 +19,7 @@ from sim.episodes.execution import Execution
 from storage.files import atomic_write_text, read_bytes
 
 Progress = Callable[[int, int], None]
+Content = TypeVar("Content", dict[str, Any], list[Any])
 
 
 def run_repetitions(
@@ -47,7 +48,7 @@ def run_repetitions(
     return [row for file in files for row in read_result(file, list)]
 
 
-def read_result(file: Path, kind: type = dict) -> Any:
+def read_result(file: Path, kind: type[Content]) -> Content:
     """What a task wrote as JSON; SerdError where the file has been damaged since."""
     try:
         content = json.loads(read_bytes(file))

@@ -114,8 +114,7 @@ def repetition_tasks(
 
 def load_repetition(study: StudyWorld, stage: str, expert: str, repetition: int) -> dict[str, Any]:
     """What a task of `repetition_tasks` wrote."""
-    content: dict[str, Any] = read_result(_file(study, stage, expert, repetition))
-    return content
+    return read_result(_file(study, stage, expert, repetition), dict)
 
 
 def _file(study: StudyWorld, stage: str, expert: str, repetition: int) -> Path:

@@ -69,8 +69,7 @@ def stages_of(study: DensityStudy) -> tuple[Stage, ...]:
 
 def load(study: DensityStudy, stage: str, people: int, repetition: int) -> dict[str, Any]:
     """What a task wrote."""
-    found: dict[str, Any] = read_result(_file(study, stage, people, repetition))
-    return found
+    return read_result(_file(study, stage, people, repetition), dict)
 
 
 def _file(study: DensityStudy, stage: str, people: int, repetition: int) -> Path:

@@ -117,7 +117,7 @@ def _decoys(study: DetourStudy) -> pd.DataFrame:
     decoy = study.settings.decoy
     return pd.DataFrame(
         [
-            read_result(decoy_file(study, number, repetition))
+            read_result(decoy_file(study, number, repetition), dict)
             for number in range(len(decoy.truths))
             for repetition in range(decoy.repetitions)
         ]

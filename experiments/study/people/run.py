@@ -60,7 +60,8 @@ class PeopleStudy:
     @cached_property
     def predictions(self) -> tuple[Mapping[str, Any], ...]:
         """Of what does not learn, by run."""
-        return tuple(read_result(self.folder / "walkers" / f"{run.name}.json") for run in self.runs)
+        files = [self.folder / "walkers" / f"{run.name}.json" for run in self.runs]
+        return tuple(read_result(file, dict) for file in files)
 
     def __getstate__(self) -> dict[str, Any]:
         return {"settings": self.settings, "folder": self.folder}
@@ -80,7 +81,7 @@ def run_people(
     study = PeopleStudy(absolute, output / "work")
     make_products(stages_of(study), execution, on_work)
     named = settings.model_copy(update={"files": tuple(each.name for each in paths)})
-    folds = [read_result(_file(study, "folds", k)) for k in range(len(study.folds))]
+    folds = [read_result(_file(study, "folds", k), dict) for k in range(len(study.folds))]
     for number, fold in enumerate(folds):
         fold["arrivals"] += read_result(_file(study, "periods", number), list)
     tables = all_tables(folds, study.runs, settings)
