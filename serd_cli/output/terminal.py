@@ -19,7 +19,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-# Without markup, for names of files and topics may have brackets; it is asked for where it is used.
+# Without markup, for names of files and topics may have brackets; `Text` has the styles.
 console = Console(highlight=False, markup=False, emoji=False)
 progress_console = Console(stderr=True, highlight=False, markup=False, emoji=False)
 

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
+from rich.text import Text
+
 from serd_cli.output.terminal import progress_console
 from serd_cli.teleop.settings import KEYBOARD, PAGE
 from serd_ros.process.progress import parse_progress
@@ -46,8 +48,8 @@ class DriverLines:
         progress = parse_progress(line)
         if progress is not None:
             if progress.address:
-                at = f"drive at [bold]{progress.address}[/bold]   (Ctrl-C ends)"
-                progress_console.print(at, markup=True)
+                address = progress.address, "bold"
+                progress_console.print(Text.assemble("drive at ", address, "   (Ctrl-C ends)"))
         elif node in _SHOWN and node not in self._broken:
             self._show(line[match.end() :] if match else line)
 
