@@ -21,12 +21,12 @@ SMALLEST_SPLIT = 500_000
 
 def is_compiled(n_states: int) -> bool:
     """Whether work on this number of states is done by compiled code."""
-    return HAS_NUMBA and n_states >= SMALLEST_COMPILED and _numba_loads()
+    return HAS_NUMBA and n_states >= SMALLEST_COMPILED and numba_loads()
 
 
 @cache
-def _numba_loads() -> bool:
-    """Whether numba supports this version of NumPy; else it raises ImportError."""
+def numba_loads() -> bool:
+    """Whether numba is installed and supports this version of NumPy."""
     try:
         import numba  # noqa: F401
     except ImportError:

@@ -4,13 +4,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import shapely
 
 from serd_core.arrays import BoolArray, FloatArray
+from sim.compiled import compilable
+from sim.crowd.distances import WallGeometry
 from sim.crowd.social_force import Force
 
 #: How far before the circle that they walk around people turn aside.
-_NOTICED_M = 2.0
+NOTICED_M = 2.0
+#: Starts (2, W) of walls, seen from a robot, directions (2, W), lengths (W,), a body's radius (m).
+Walls = tuple[FloatArray, FloatArray, FloatArray, float]
 
 
 @dataclass(frozen=True)
@@ -49,41 +52,71 @@ class Evasion:
         nearer side, or on the other one where only that has room between robot and walls. Within
         the circle they walk across its radius. Several robots are passed one after the other.
         """
-        (to_x, to_y, distance), (wanted_x, wanted_y) = to_robot_m, wanted
-        circle_m = self.clearance_m + self.body_radius_m + robot.radius_m
-        ahead = wanted_x * to_x + wanted_y * to_y
-        aside = wanted_x * to_y - wanted_y * to_x
-        outrun = robot.velocity_x_mps * to_x + robot.velocity_y_mps * to_y
-        in_the_way = (ahead > 0.0) & (np.abs(aside) < circle_m)
-        in_the_way &= (distance < circle_m + _NOTICED_M) & (speed_mps * ahead > outrun)
-        rows = in_the_way.nonzero()[0]
-        if not len(rows):
-            return wanted
-        away = distance[rows]
-        to_x, to_y = to_x[rows] / away, to_y[rows] / away
-        left = np.stack([-to_y, to_x], axis=1)
-        sides_m = circle_m * np.concatenate([left, -left])
-        on_left, on_right = np.split(self._has_room(robot, sides_m), 2)
-        passes_left = np.where(on_left == on_right, aside[rows] <= 0.0, on_left)
-        sine = np.minimum(circle_m / away, 1.0)
-        cosine = np.sqrt(1.0 - sine * sine)
-        sine = np.where(passes_left, sine, -sine)
-        past_x, past_y = wanted_x.copy(), wanted_y.copy()
-        past_x[rows] = cosine * to_x - sine * to_y
-        past_y[rows] = cosine * to_y + sine * to_x
-        return past_x, past_y
-
-    def _has_room(self, robot: RobotBody, away_m: FloatArray) -> BoolArray:
-        """Whether walls leave room for a person at (N, 2) places relative to the robot."""
-        centre_m = np.array([robot.x_m, robot.y_m])
-        places_m = centre_m + away_m
-        ways = shapely.linestrings(np.stack([np.broadcast_to(centre_m, away_m.shape), places_m], 1))
-        near = shapely.distance(shapely.points(places_m), self._walls) < self.body_radius_m
-        has_room: BoolArray = ~(near | shapely.intersects(ways, self._walls))
-        return has_room
+        walls = self._walls
+        start_m = walls.start_m - np.array([[robot.x_m], [robot.y_m]])
+        return headings_past(
+            *to_robot_m,
+            *wanted,
+            speed_mps,
+            (robot.velocity_x_mps, robot.velocity_y_mps),
+            self.clearance_m + self.body_radius_m + robot.radius_m,
+            (start_m, walls.unit, walls.length_m, self.body_radius_m),
+        )
 
     @cached_property
-    def _walls(self) -> shapely.MultiLineString:
-        walls = shapely.multilinestrings(shapely.linestrings(self.walls_m))
-        shapely.prepare(walls)
-        return walls
+    def _walls(self) -> WallGeometry:
+        return WallGeometry(0, self.walls_m)
+
+
+@compilable
+def headings_past(
+    to_x: FloatArray,
+    to_y: FloatArray,
+    distance: FloatArray,
+    wanted_x: FloatArray,
+    wanted_y: FloatArray,
+    speed_mps: FloatArray,
+    velocity_mps: tuple[float, float],
+    circle_m: float,
+    walls: Walls,
+) -> Force:
+    """The headings of `Evasion` past a robot with a velocity, walls being relative to it."""
+    ahead = wanted_x * to_x + wanted_y * to_y
+    aside = wanted_x * to_y - wanted_y * to_x
+    outrun = velocity_mps[0] * to_x + velocity_mps[1] * to_y
+    in_the_way = (ahead > 0.0) & (np.abs(aside) < circle_m)
+    in_the_way &= (distance < circle_m + NOTICED_M) & (speed_mps * ahead > outrun)
+    rows = in_the_way.nonzero()[0]
+    if not len(rows):
+        return wanted_x, wanted_y
+    away = distance[rows]
+    to_x, to_y = to_x[rows] / away, to_y[rows] / away
+    left_x, left_y = circle_m * -to_y, circle_m * to_x
+    on_left, on_right = _have_room(left_x, left_y, walls), _have_room(-left_x, -left_y, walls)
+    passes_left = np.where(on_left == on_right, aside[rows] <= 0.0, on_left)
+    sine = np.minimum(circle_m / away, 1.0)
+    cosine = np.sqrt(1.0 - sine * sine)
+    sine = np.where(passes_left, sine, -sine)
+    past_x, past_y = wanted_x.copy(), wanted_y.copy()
+    past_x[rows] = cosine * to_x - sine * to_y
+    past_y[rows] = cosine * to_y + sine * to_x
+    return past_x, past_y
+
+
+def _have_room(x_m: FloatArray, y_m: FloatArray, walls: Walls) -> BoolArray:
+    """(N,) whether no wall is within a body's radius of a place, nor between it and the origin."""
+    start_m, unit, length_m, radius_m = walls
+    dx, dy = x_m[:, None] - start_m[0], y_m[:, None] - start_m[1]
+    position = np.minimum(np.maximum(dx * unit[0] + dy * unit[1], 0.0), length_m)
+    away_x, away_y = dx - position * unit[0], dy - position * unit[1]
+    near = np.sqrt(away_x * away_x + away_y * away_y) < radius_m
+    # The wall's line parts the place from the origin, and their line the ends of the wall.
+    side = unit[0] * dy - unit[1] * dx
+    side_of_origin = unit[0] * -start_m[1] - unit[1] * -start_m[0]
+    end_x, end_y = start_m + length_m * unit
+    side_of_start = x_m[:, None] * start_m[1] - y_m[:, None] * start_m[0]
+    side_of_end = x_m[:, None] * end_y - y_m[:, None] * end_x
+    between = (side * side_of_origin <= 0.0) & (side_of_start * side_of_end <= 0.0)
+    between &= (side != 0.0) | (side_of_origin != 0.0)
+    room: BoolArray = ~(near | between).any(axis=1)
+    return room

@@ -5,11 +5,12 @@ All loops are padded to the same number of corners so that one step moves all wa
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from sim.compiled import compilable
 from sim.errors import SimError
 
-_LOOK_AHEAD_M = 5.0
-_CORNER_REACHED_M = 0.6
+LOOK_AHEAD_M = 5.0
+CORNER_REACHED_M = 0.6
 
 
 def offset_loop(waypoints_m: FloatArray, offset_m: float) -> FloatArray:
@@ -41,8 +42,8 @@ class Routes:
             self.corners[row, : len(loop)] = loop
         count = len(loops_m)
         self.target: IntArray = np.zeros(count, dtype=np.int64)
-        self._start_x, self._start_y, self._length = np.zeros((3, count))
-        self._unit_x, self._unit_y = np.zeros((2, count))
+        #: Start (m) and direction of each walker's leg, x before y, and its length (m).
+        self._legs = np.zeros((5, count))
         self._measure_leg(self._rows)
 
     def place(self, share: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -65,31 +66,32 @@ class Routes:
 
         Walkers that have come to the end of a leg turn to the next one.
         """
-        along = self._along(x_m, y_m)
-        reached = along > self._length - _CORNER_REACHED_M
+        heading_x, heading_y, reached = headings_on_legs(x_m, y_m, self._legs)
         if reached.any():
             self.target[reached] = (self.target[reached] + 1) % self.n_corners[reached]
             self._measure_leg(self._rows[reached])
-            along = self._along(x_m, y_m)
-        ahead = np.minimum(np.maximum(along, 0.0) + _LOOK_AHEAD_M, self._length)
-        to_x = self._start_x + ahead * self._unit_x - x_m
-        to_y = self._start_y + ahead * self._unit_y - y_m
-        distance = np.maximum(np.sqrt(to_x * to_x + to_y * to_y), 1e-9)
-        return to_x / distance, to_y / distance
-
-    def _along(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        from_start_x, from_start_y = x_m - self._start_x, y_m - self._start_y
-        along: FloatArray = from_start_x * self._unit_x + from_start_y * self._unit_y
-        return along
+            heading_x, heading_y, _ = headings_on_legs(x_m, y_m, self._legs)
+        return heading_x, heading_y
 
     def _measure_leg(self, rows: IntArray) -> None:
         target = self.target[rows]
         start = self.corners[rows, (target - 1) % self.n_corners[rows]]
         leg = self.corners[rows, target] - start
         length = np.hypot(leg[:, 0], leg[:, 1])
-        self._start_x[rows], self._start_y[rows] = start[:, 0], start[:, 1]
-        self._unit_x[rows], self._unit_y[rows] = leg[:, 0] / length, leg[:, 1] / length
-        self._length[rows] = length
+        self._legs[:, rows] = *start.T, *(leg.T / length), length
+
+
+@compilable
+def headings_on_legs(
+    x_m: FloatArray, y_m: FloatArray, legs: FloatArray
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """(N,) x and y of headings to points ahead on legs (5, N), and who is at the end of a leg."""
+    start_x, start_y, unit_x, unit_y, length = legs
+    along = (x_m - start_x) * unit_x + (y_m - start_y) * unit_y
+    ahead = np.minimum(np.maximum(along, 0.0) + LOOK_AHEAD_M, length)
+    to_x, to_y = start_x + ahead * unit_x - x_m, start_y + ahead * unit_y - y_m
+    distance = np.maximum(np.sqrt(to_x * to_x + to_y * to_y), 1e-9)
+    return to_x / distance, to_y / distance, along > length - CORNER_REACHED_M
 
 
 def _unit(vectors: FloatArray) -> FloatArray:

@@ -13,13 +13,14 @@ from typing import Protocol
 import numpy as np
 
 from serd_core.arrays import FloatArray
+from sim.compiled import compilable
 from sim.crowd.distances import PairGeometry, WallGeometry
 from sim.errors import SimError
 from storage.nearest import choice_rule
 
 Force = tuple[FloatArray, FloatArray]
-_COINCIDENT_M = 1e-3
-_STANDING_M2PS2 = 1e-9
+COINCIDENT_M = 1e-3
+STANDING_M2PS2 = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,39 +192,38 @@ class CollisionPrediction:
 
     def people_force(self, pairs: PairGeometry, bodies: Bodies) -> Force:
         """Sum over the others of both repulsions."""
-        away_x, away_y = self._at_closest_approach(pairs, bodies)
-        distance = np.maximum(np.sqrt(away_x**2 + away_y**2), _COINCIDENT_M)
-        overlap = self._overlap_m(self.radius_m, bodies, distance, self.robot_clearance_m)
-        push = self.strength_mps2 * np.exp(np.minimum(overlap / self.decay_m, 3.0))
-        push *= _weight_by_direction(pairs, bodies, self.anisotropy)
-        push *= np.isfinite(pairs.distance_m) / distance
-        overlap = self._overlap_m(self.core_radius_m, bodies, pairs.distance_m)
-        core = np.exp(np.minimum(overlap / self.core_decay_m, 3.0)) / pairs.distance_m
+        n_people = len(pairs.dx_m)
+        away_x, away_y, exponent, weight, per_metre, core_exponent = predicted_repulsion(
+            pairs.dx_m,
+            pairs.dy_m,
+            pairs.distance_m,
+            bodies.velocity_x_mps,
+            bodies.velocity_y_mps,
+            bodies.heading_x,
+            bodies.heading_y,
+            self._reach_m(self.radius_m, n_people, bodies, self.robot_clearance_m),
+            self._reach_m(self.core_radius_m, n_people, bodies),
+            (self.foresight_s, self.decay_m, self.core_decay_m, self.anisotropy),
+        )
+        push = np.exp(exponent, out=exponent)
+        push *= self.strength_mps2
+        push *= weight
+        push *= per_metre
+        core = np.exp(core_exponent, out=core_exponent)
+        core /= pairs.distance_m
         core *= self.core_strength_mps2
         return (
             np.einsum("ij,ij->i", push, away_x) + np.einsum("ij,ij->i", core, pairs.dx_m),
             np.einsum("ij,ij->i", push, away_y) + np.einsum("ij,ij->i", core, pairs.dy_m),
         )
 
-    def _overlap_m(
-        self, radius_m: float, bodies: Bodies, distance_m: FloatArray, clearance_m: float = 0.0
+    def _reach_m(
+        self, radius_m: float, n_people: int, bodies: Bodies, clearance_m: float = 0.0
     ) -> FloatArray:
-        """Sums of radii, of that radius for people, less distances; clearance_m: to the robot."""
-        n_people = len(distance_m)
-        overlap_m = 2.0 * radius_m - distance_m
-        robot_m = self.body_radius_m + bodies.radius_m[n_people:] + clearance_m
-        np.subtract(robot_m, distance_m[:, n_people:], out=overlap_m[:, n_people:])
-        return overlap_m
-
-    def _at_closest_approach(self, pairs: PairGeometry, bodies: Bodies) -> Force:
-        """(n_people, n_bodies) vectors from the others when they are nearest, soon or now."""
-        n_people = len(pairs.dx_m)
-        closing_x = bodies.velocity_x_mps[:n_people, None] - bodies.velocity_x_mps
-        closing_y = bodies.velocity_y_mps[:n_people, None] - bodies.velocity_y_mps
-        squared = np.maximum(closing_x**2 + closing_y**2, _STANDING_M2PS2)
-        time_s = -(pairs.dx_m * closing_x + pairs.dy_m * closing_y) / squared
-        np.minimum(np.maximum(time_s, 0.0, out=time_s), self.foresight_s, out=time_s)
-        return pairs.dx_m + time_s * closing_x, pairs.dy_m + time_s * closing_y
+        """(n_bodies,) sums of radii, of that radius for people; clearance_m: to the robot."""
+        reach_m = np.full(len(bodies.radius_m), 2.0 * radius_m)
+        reach_m[n_people:] = self.body_radius_m + bodies.radius_m[n_people:] + clearance_m
+        return reach_m
 
     def wall_force(self, walls: WallGeometry) -> Force:
         """Sum over the walls of A exp((r - d) / B) n."""
@@ -253,11 +253,61 @@ def model_named(name: str) -> SocialForceModel:
 
 def _weight_by_direction(pairs: PairGeometry, bodies: Bodies, anisotropy: float) -> FloatArray:
     """(n_people, n_bodies) lambda + (1 - lambda) (1 + cos phi) / 2: 1 ahead, lambda behind."""
-    n_people = len(pairs.dx_m)
-    heading_x, heading_y = bodies.heading_x[:n_people, None], bodies.heading_y[:n_people, None]
-    cosine = -(pairs.dx_m * heading_x + pairs.dy_m * heading_y) / pairs.distance_m
+    vectors_m = pairs.dx_m, pairs.dy_m, pairs.distance_m
+    return _weight(*vectors_m, bodies.heading_x, bodies.heading_y, anisotropy)
+
+
+def _weight(
+    dx_m: FloatArray,
+    dy_m: FloatArray,
+    distance_m: FloatArray,
+    heading_x: FloatArray,
+    heading_y: FloatArray,
+    anisotropy: float,
+) -> FloatArray:
+    n_people = len(dx_m)
+    ahead = dx_m * heading_x[:n_people, None] + dy_m * heading_y[:n_people, None]
+    cosine = -ahead / distance_m
     weight: FloatArray = anisotropy + (1.0 - anisotropy) * 0.5 * (1.0 + cosine)
     return weight
+
+
+@compilable
+def predicted_repulsion(
+    dx_m: FloatArray,
+    dy_m: FloatArray,
+    distance_m: FloatArray,
+    velocity_x_mps: FloatArray,
+    velocity_y_mps: FloatArray,
+    heading_x: FloatArray,
+    heading_y: FloatArray,
+    reach_m: FloatArray,
+    core_reach_m: FloatArray,
+    constants: tuple[float, float, float, float],
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Of `CollisionPrediction`, for vectors (n_people, n_bodies) from bodies (n_bodies,).
+
+    x and y of the vectors at closest approach, the exponent of the first repulsion, its weight by
+    direction and 1 / distance, and the exponent of the second one. constants: foresight_s, decay_m,
+    core_decay_m and anisotropy.
+    """
+    foresight_s, decay_m, core_decay_m, anisotropy = constants
+    n_people = len(dx_m)
+    closing_x = velocity_x_mps[:n_people, None] - velocity_x_mps
+    closing_y = velocity_y_mps[:n_people, None] - velocity_y_mps
+    squared = np.maximum(closing_x**2 + closing_y**2, STANDING_M2PS2)
+    time_s = -(dx_m * closing_x + dy_m * closing_y) / squared
+    np.minimum(np.maximum(time_s, 0.0, out=time_s), foresight_s, out=time_s)
+    away_x, away_y = dx_m + time_s * closing_x, dy_m + time_s * closing_y
+    distance = np.maximum(np.sqrt(away_x**2 + away_y**2), COINCIDENT_M)
+    return (
+        away_x,
+        away_y,
+        np.minimum((reach_m - distance) / decay_m, 3.0),
+        _weight(dx_m, dy_m, distance_m, heading_x, heading_y, anisotropy),
+        np.isfinite(distance_m) / distance,
+        np.minimum((core_reach_m - distance_m) / core_decay_m, 3.0),
+    )
 
 
 def _exponential_wall_force(

@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings
+from sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings, any_before
 from sim.planning.rollouts import Rollouts, reachable_window, roll_out
 from sim.planning.stopping import (
     REACTION_S,
@@ -149,7 +149,7 @@ class DwaPlanner:
         )
         wall_cost, at_wall = self._costs.walls(x_m, y_m, around, soon.shape[1])
         people_cost, at_person = self._costs.people(x_m, y_m, around, soon.shape[1])
-        hits = ((at_wall | at_person) & soon[:, None, :]).any(axis=2)
+        hits = any_before(at_wall, at_person, soon[:, None, :])
         cost = self._costs.progress(x_m, y_m, waypoint) + wall_cost + people_cost
         if turn_first_s == 0.0:
             cost += self._turning_cost(observation, waypoint, rollouts, turns)

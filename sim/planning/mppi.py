@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings
+from sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings, any_before
 from sim.planning.stopping import before_stop, require_foresight, speed_to_stop_within
 from sim.scenario.scenario import Scenario
 from sim.world.command import STOP, Command
@@ -137,7 +137,7 @@ class MppiPlanner:
         people_cost, at_person = self._costs.people(x_m, y_m, around, soon.shape[1])
         cost = self._costs.progress(x_m, y_m, waypoint) + wall_cost + people_cost
         cost += self._costs.heading(heading_error, np.hypot(to_x, to_y))
-        return cost + _FORBIDDEN * ((at_wall | at_person) & soon).any(axis=1)
+        return cost + _FORBIDDEN * any_before(at_wall, at_person, soon)
 
     def _keep_plan(self, observation: Observation, speed: FloatArray, turning: FloatArray) -> None:
         """Keep the accelerations of the driven speeds, moved on by one control period."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
+from sim.compiled import compilable
 from sim.world.observation import Observation
 
 
@@ -20,13 +21,15 @@ class PredictedPeople:
     def __len__(self) -> int:
         return len(self.x_m)
 
-    def is_near(self, box_m: FloatArray, range_m: float) -> BoolArray:
-        """(K,) whether each person is within a range of the box (x_min, x_max, y_min, y_max)."""
-        x_min, x_max, y_min, y_max = box_m
-        x_m, y_m = self.now_x_m[:, 0], self.now_y_m[:, 0]
-        near: BoolArray = (x_m > x_min - range_m) & (x_m < x_max + range_m)
-        near &= (y_m > y_min - range_m) & (y_m < y_max + range_m)
-        return near
+
+def near_box(
+    x_m: FloatArray, y_m: FloatArray, box_m: tuple[float, float, float, float], range_m: float
+) -> BoolArray:
+    """(K,) whether each point is within a range of the box (x_min, x_max, y_min, y_max)."""
+    x_min, x_max, y_min, y_max = box_m
+    near: BoolArray = (x_m > x_min - range_m) & (x_m < x_max + range_m)
+    near &= (y_m > y_min - range_m) & (y_m < y_max + range_m)
+    return near
 
 
 def predict_nearby(
@@ -67,6 +70,16 @@ def gap_to_people_m(
     people_x_m, people_y_m: (K, T), or (K, 1) for people who stand. One point is one of a robot that
     stands, at all times.
     """
+    gap: FloatArray = distance_to_nearest(x_m, y_m, people_x_m, people_y_m)
+    gap -= reach_m
+    return gap
+
+
+@compilable
+def distance_to_nearest(
+    x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
+) -> FloatArray:
+    """Distance from each point to the nearest person, inf without any (`gap_to_people_m`)."""
     if x_m.size == x_m.shape[-1]:  # one rollout: all people at once
         squared = np.square(x_m.ravel() - people_x_m) + np.square(y_m.ravel() - people_y_m)
         nearest = squared.min(axis=0, initial=np.inf).reshape(*x_m.shape[:-1], -1)
@@ -80,6 +93,5 @@ def gap_to_people_m(
             away_y *= away_y
             away_x += away_y
             np.minimum(nearest, away_x, out=nearest)
-    gap: FloatArray = np.sqrt(nearest, out=nearest)
-    gap -= reach_m
-    return gap
+    distance: FloatArray = np.sqrt(nearest, out=nearest)
+    return distance

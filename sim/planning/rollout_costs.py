@@ -11,10 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
+from sim.compiled import compilable
 from sim.crowd.social_force import model_named
 from sim.errors import SimError
-from sim.planning.nearby_people import PredictedPeople, gap_to_people_m, predict_nearby
-from sim.scenario.occupancy import wall_distance_raster
+from sim.planning.nearby_people import (
+    PredictedPeople,
+    gap_to_people_m,
+    near_box,
+    predict_nearby,
+)
+from sim.scenario.occupancy import values_at, wall_distance_raster
 from sim.scenario.scenario import Scenario
 from sim.world.observation import Observation
 from sim.world.waypoint import Waypoint
@@ -90,14 +96,8 @@ class RolloutCosts:
 
         The smallest distance rewards speed; the last one keeps the robot at the waypoint.
         """
-        away_x, away_y = x_m - waypoint.x_m, y_m - waypoint.y_m
-        away_x *= away_x
-        away_y *= away_y
-        away_x += away_y
-        distance = np.sqrt(away_x, out=away_x)
-        last = distance[..., -1].copy()
-        np.minimum.accumulate(distance, axis=-1, out=distance)
-        cost: FloatArray = self.settings.progress_weight * distance.mean(axis=-1)
+        shortest, last = shortest_so_far(x_m, y_m, waypoint.x_m, waypoint.y_m)
+        cost: FloatArray = self.settings.progress_weight * shortest.mean(axis=-1)
         return cost + self.settings.staying_weight * last
 
     def heading(self, error_rad: FloatArray, distance_m: float | FloatArray) -> FloatArray:
@@ -110,11 +110,9 @@ class RolloutCosts:
         self, x_m: FloatArray, y_m: FloatArray, around: Surroundings, n_soon: int
     ) -> tuple[FloatArray, BoolArray]:
         """Nearness of walls (...), and where (..., n_soon) one is too close."""
-        settings = self.settings
-        away_m = self._walls.at(x_m, y_m)
-        gap = np.maximum(away_m.min(axis=-1) - self._least_wall_m, 0.0)
-        nearness = np.exp(-gap / self._wall_decay_m)
-        return settings.wall_weight * nearness, away_m[..., :n_soon] < around.nearest_wall_m
+        away_m, too_close = self._nearest_wall(x_m, y_m, around.nearest_wall_m, n_soon)
+        nearness = np.exp(-np.maximum(away_m - self._least_wall_m, 0.0) / self._wall_decay_m)
+        return self.settings.wall_weight * nearness, too_close
 
     def look(self, observation: Observation) -> Surroundings:
         """What all rollouts from here share: the nearby people, and the gaps of a robot at rest."""
@@ -129,7 +127,7 @@ class RolloutCosts:
             people,
             np.minimum(settings.person_margin_m, standing - _NO_NEARER_M),
             np.minimum(settings.stopped_margin_m, standing_now - _NO_NEARER_M),
-            min(self._least_wall_m, float(self._walls.at(here_x, here_y)[0])),
+            min(self._least_wall_m, float(self._nearest_wall(here_x, here_y, 0.0, 0)[0])),
         )
 
     def people(
@@ -142,34 +140,120 @@ class RolloutCosts:
         if not len(around.people):
             shape = x_m.shape[:-1]
             return np.zeros(shape), np.zeros((*shape, n_soon), dtype=np.bool_)
-        gap = self._gap(x_m, y_m, around.people.x_m, around.people.y_m)
-        too_close = gap[..., :n_soon] < around.nearest_m[:n_soon]
+        exponent, too_close = nearest_person(
+            x_m,
+            y_m,
+            around.people.x_m,
+            around.people.y_m,
+            self._reach_m,
+            around.nearest_m[:n_soon],
+            self.settings.people_decay_m,
+        )
         if n_soon:
-            too_close |= self._too_close_to_now(x_m[..., :n_soon], y_m[..., :n_soon], around)
-        decay_m = self.settings.people_decay_m
-        np.maximum(gap, -decay_m, out=gap)
-        gap /= -decay_m
-        nearness = np.exp(gap, out=gap)
-        nearness *= self._foresight
-        return self.settings.people_weight * nearness.max(axis=-1), too_close
+            too_close |= nearest_now(
+                x_m[..., :n_soon],
+                y_m[..., :n_soon],
+                around.people.now_x_m,
+                around.people.now_y_m,
+                self._reach_m,
+                self.settings.stopped_margin_m,
+                around.nearest_now_m,
+            )
+        nearness = np.exp(exponent, out=exponent)
+        return self.settings.people_weight * largest_product(nearness, self._foresight), too_close
 
-    def _too_close_to_now(
-        self, x_m: FloatArray, y_m: FloatArray, around: Surroundings
-    ) -> BoolArray:
-        """(..., n_soon) where the robot would be too near to the present position of a person."""
-        people = around.people
-        reached_m = np.array([x_m.min(), x_m.max(), y_m.min(), y_m.max()])
-        near = people.is_near(reached_m, self._reach_m + self.settings.stopped_margin_m)
-        if not near.any():
-            return np.zeros(x_m.shape, dtype=np.bool_)
-        gap = self._gap(x_m, y_m, people.now_x_m[near], people.now_y_m[near])
-        found: BoolArray = gap < around.nearest_now_m
-        return found
+    def _nearest_wall(
+        self, x_m: FloatArray, y_m: FloatArray, nearest_m: float, n_soon: int
+    ) -> tuple[FloatArray, BoolArray]:
+        raster = self._walls
+        scale = 1.0 / raster.resolution_m
+        return nearest_wall(raster.distance_m, x_m, y_m, raster.origin_m, scale, nearest_m, n_soon)
 
     def _gap(
         self, x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
     ) -> FloatArray:
         return gap_to_people_m(x_m, y_m, people_x_m, people_y_m, self._reach_m)
+
+
+@compilable
+def shortest_so_far(
+    x_m: FloatArray, y_m: FloatArray, to_x_m: float, to_y_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """(..., T) smallest distance to a point until each time, and (...) the last distance."""
+    away_x, away_y = x_m - to_x_m, y_m - to_y_m
+    away_x *= away_x
+    away_y *= away_y
+    away_x += away_y
+    distance = np.sqrt(away_x, out=away_x)
+    last = distance[..., -1].copy()
+    return np.minimum.accumulate(distance, axis=-1, out=distance), last
+
+
+@compilable
+def nearest_wall(
+    distance_m: FloatArray,
+    x_m: FloatArray,
+    y_m: FloatArray,
+    origin_m: tuple[float, float],
+    scale: float,
+    nearest_m: float,
+    n_soon: int,
+) -> tuple[FloatArray, BoolArray]:
+    """(...) smallest distance by a raster, and (..., n_soon) where it is below the nearest."""
+    away_m = values_at(distance_m, x_m, y_m, origin_m, scale)
+    return away_m.min(axis=-1), away_m[..., :n_soon] < nearest_m
+
+
+@compilable
+def nearest_person(
+    x_m: FloatArray,
+    y_m: FloatArray,
+    people_x_m: FloatArray,
+    people_y_m: FloatArray,
+    reach_m: float,
+    nearest_m: FloatArray,
+    decay_m: float,
+) -> tuple[FloatArray, BoolArray]:
+    """(..., T) -gap / decay, at most 1, and (..., n) where the gap is below the nearest (n,)."""
+    gap_m = gap_to_people_m(x_m, y_m, people_x_m, people_y_m, reach_m)
+    too_close = gap_m[..., : len(nearest_m)] < nearest_m
+    np.maximum(gap_m, -decay_m, out=gap_m)
+    gap_m /= -decay_m
+    return gap_m, too_close
+
+
+@compilable
+def nearest_now(
+    x_m: FloatArray,
+    y_m: FloatArray,
+    people_x_m: FloatArray,
+    people_y_m: FloatArray,
+    reach_m: float,
+    largest_m: float,
+    nearest_m: FloatArray,
+) -> BoolArray:
+    """(..., n) where the gap to people at (K, 1) is below the nearest (1,), at most the largest."""
+    box_m = x_m.min(), x_m.max(), y_m.min(), y_m.max()
+    near = near_box(people_x_m[:, 0], people_y_m[:, 0], box_m, reach_m + largest_m)
+    if not near.any():
+        return np.zeros(x_m.shape, dtype=np.bool_)
+    gap_m = gap_to_people_m(x_m, y_m, people_x_m[near], people_y_m[near], reach_m)
+    too_close: BoolArray = gap_m < nearest_m
+    return too_close
+
+
+@compilable
+def largest_product(values: FloatArray, factors: FloatArray) -> FloatArray:
+    """(...) maximum over the last axis of values times factors (T,)."""
+    largest: FloatArray = (values * factors).max(axis=-1)
+    return largest
+
+
+@compilable
+def any_before(at_wall: BoolArray, at_person: BoolArray, soon: BoolArray) -> BoolArray:
+    """(...) whether a rollout is too close to a wall or a person at one of its times `soon`."""
+    found: BoolArray = np.any((at_wall | at_person) & soon, axis=-1)
+    return found
 
 
 def _wall_scale(scenario: Scenario) -> float:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import FloatArray
+from sim.compiled import compilable
 from sim.scenario.settings import RobotSettings
 
 
@@ -45,6 +46,7 @@ class Rollouts:
     yaw_rad: FloatArray
 
 
+@compilable
 def ramp(start: float, wanted: FloatArray, limit: float, time_s: FloatArray) -> FloatArray:
     """(n, T) values that go from `start` to each wanted one at the limited rate."""
     reach = limit * time_s
@@ -72,9 +74,17 @@ def roll_out(
     turning = np.where(middle_s > turn_time_s, 0.0, turning)
     yaw = pose[2] + step_s * turning.cumsum(axis=1)
     middle_yaw = yaw - 0.5 * step_s * turning
-    x = (speed[:, None, :] * np.cos(middle_yaw)).cumsum(axis=2)
-    y = (speed[:, None, :] * np.sin(middle_yaw)).cumsum(axis=2)
-    for way, start in ((x, pose[0]), (y, pose[1])):
-        way *= step_s
-        way += start
-    return Rollouts(x_m=x, y_m=y, speed_mps=speed, yaw_rad=yaw)
+    x_m = positions(pose[0], speed, np.cos(middle_yaw), step_s)
+    y_m = positions(pose[1], speed, np.sin(middle_yaw), step_s)
+    return Rollouts(x_m=x_m, y_m=y_m, speed_mps=speed, yaw_rad=yaw)
+
+
+@compilable
+def positions(
+    start_m: float, speed_mps: FloatArray, direction: FloatArray, step_s: float
+) -> FloatArray:
+    """(V, W, T) one coordinate; direction: (W, T) that of unit vectors along the motion."""
+    way: FloatArray = (speed_mps[:, None, :] * direction).cumsum(axis=2)
+    way *= step_s
+    way += start_m
+    return way

@@ -42,7 +42,7 @@ def before_stop(
     """
     fast_mps = np.abs(speed_mps)
     stopping_s = fast_mps / robot.acc_lim_x_mps2 + reaction_s
-    before: BoolArray = time_s <= stopping_s[:, None]
-    before &= (fast_mps > slowest_mps)[:, None]
-    columns = np.flatnonzero(before.any(axis=0))
-    return before[:, : columns[-1] + 1 if len(columns) else 0]
+    stopping_s[fast_mps <= slowest_mps] = -1.0
+    n_columns = time_s.searchsorted(stopping_s.max(initial=-1.0), side="right")
+    before: BoolArray = time_s[:n_columns] <= stopping_s[:, None]
+    return before

@@ -261,10 +261,10 @@ def large_gradient(monkeypatch, has_numba):
 
 def test_a_numba_that_does_not_load_is_not_used(monkeypatch):
     monkeypatch.setitem(sys.modules, "numba", None)
-    compiled._numba_loads.cache_clear()
+    compiled.numba_loads.cache_clear()
     assert not compiled.is_compiled(compiled.SMALLEST_COMPILED)
     monkeypatch.undo()
-    compiled._numba_loads.cache_clear()
+    compiled.numba_loads.cache_clear()
     assert compiled.is_compiled(compiled.SMALLEST_COMPILED)
 
 

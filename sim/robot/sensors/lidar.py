@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray
+from sim.compiled import compilable
 from sim.crowd.robots import RobotBody
 from sim.scenario.settings import LidarSettings
 
@@ -76,12 +77,8 @@ class Lidar:
         to_x, to_y = x_m - pose[0], y_m - pose[1]
         squared = to_x * to_x + to_y * to_y
         near = squared < (self._settings.range_max_m + radius_m) ** 2
-        to_x, to_y, squared = to_x[near], to_y[near], squared[near]
-        along = rays[0][:, None] * to_x + rays[1][:, None] * to_y
-        inside = radius_m**2 - (squared - along * along)
-        hit = (inside > 0.0) & (along > 0.0)
-        distance = np.where(hit, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
-        np.minimum(ranges, distance.min(axis=1, initial=np.inf), out=ranges)
+        nearest = range_to_circles(to_x[near], to_y[near], radius_m**2, *rays)
+        np.minimum(ranges, nearest, out=ranges)
 
 
 def _to_segments(
@@ -89,6 +86,14 @@ def _to_segments(
 ) -> FloatArray:
     """(n_rays,) distance to the nearest of the segments, given by (S, 2) starts and lengths."""
     to_x, to_y = start_m[:, 0] - pose[0], start_m[:, 1] - pose[1]
+    return range_to_lines(to_x, to_y, along_m, ray_x, ray_y)
+
+
+@compilable
+def range_to_lines(
+    to_x: FloatArray, to_y: FloatArray, along_m: FloatArray, ray_x: FloatArray, ray_y: FloatArray
+) -> FloatArray:
+    """(n_rays,) distance to the nearest of the segments, whose starts (S,) the lidar sees."""
     along_x, along_y = along_m[:, 0], along_m[:, 1]
     turn = ray_x[:, None] * along_y - ray_y[:, None] * along_x
     turn = np.where(np.abs(turn) < 1e-12, 1e-12, turn)
@@ -96,4 +101,17 @@ def _to_segments(
     share = (to_x * ray_y[:, None] - to_y * ray_x[:, None]) / turn
     hit = (distance > 0.0) & (share >= -1e-9) & (share <= 1.0 + 1e-9)
     nearest: FloatArray = np.where(hit, distance, np.inf).min(axis=1)
+    return nearest
+
+
+@compilable
+def range_to_circles(
+    to_x: FloatArray, to_y: FloatArray, radius_squared: float, ray_x: FloatArray, ray_y: FloatArray
+) -> FloatArray:
+    """(n_rays,) distance to the nearest of the circles, whose centres (N,) the lidar sees."""
+    along = ray_x[:, None] * to_x + ray_y[:, None] * to_y
+    inside = radius_squared - (to_x * to_x + to_y * to_y - along * along)
+    hit = (inside > 0.0) & (along > 0.0)
+    distance = np.where(hit, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
+    nearest: FloatArray = distance.min(axis=1, initial=np.inf)
     return nearest

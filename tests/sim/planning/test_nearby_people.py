@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.planning.nearby_people import PredictedPeople, gap_to_people_m, predict_nearby
+from sim.planning.nearby_people import gap_to_people_m, near_box, predict_nearby
 from support.observations import observation_at
 
 TIME_S = np.array([0.5, 1.0, 2.0])
@@ -61,9 +61,7 @@ places = st.lists(st.tuples(*[st.integers(-6, 6)] * 2), min_size=1, max_size=8)
 @given(places)
 def test_people_are_near_a_box_where_both_coordinates_are_strictly_within_the_range(people):
     now_m = np.array(people, dtype=float)
-    now_x_m, now_y_m = now_m[:, :1], now_m[:, 1:]
-    found = PredictedPeople(now_x_m, now_y_m, now_x_m, now_y_m)
-    near = found.is_near(np.array([-1.0, 2.0, 0.0, 1.0]), 2.0)
+    near = near_box(*now_m.T, (-1.0, 2.0, 0.0, 1.0), 2.0)
     assert near.tolist() == [-3 < x < 4 and -2 < y < 3 for x, y in people]
 
 
