@@ -1,8 +1,8 @@
 """Functions of a control period that numba may compile: after many periods, where it is installed.
 
 The compiled ones have the same names in `compiled_loops` and the same results to the bit, so that
-no trajectory depends on when a process begins to use them. ROS nodes do not use them, because
-compiling for the first time takes seconds, for which a node must not stand still.
+no trajectory depends on when a process begins to use them. Nodes use them in lock-step alone:
+compiling for the first time takes seconds, for which a robot must not be without commands.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 #: Control periods after which compiled functions save more than they cost, compiling included.
-MANY_TICKS = 10_000
+MANY_TICKS = 4_000
 #: The functions that numba may compile, by their names.
 COMPILABLE: dict[str, Callable[..., Any]] = {}
 _in_use: dict[str, Callable[..., Any]] = {}

@@ -44,6 +44,10 @@ def run() -> None:
         "in process without guard and lidar": blind.real_time_factor,
         "ROS lock-step": _through_ros(scenario, recorded=False),
         "ROS lock-step, all topics recorded": _through_ros(scenario, recorded=True),
+        "ROS lock-step, composed": _through_ros(scenario, recorded=False, composed=True),
+        "ROS lock-step, composed, all topics recorded": _through_ros(
+            scenario, recorded=True, composed=True
+        ),
     }
     rows: list[Row] = [
         {
@@ -75,7 +79,7 @@ def _save_profile(profiles: dict[str, StepProfile], message_share: float) -> Non
     )
 
 
-def _through_ros(scenario: Scenario, *, recorded: bool) -> float:
+def _through_ros(scenario: Scenario, *, recorded: bool, composed: bool = False) -> float:
     stack = find_stack("demonstrate")
     if not recorded:
         nodes = tuple(node for node in stack.nodes if node != "demo_recorder")
@@ -89,7 +93,7 @@ def _through_ros(scenario: Scenario, *, recorded: bool) -> float:
         environment = {**ros_environment(os.environ), "ROS_DOMAIN_ID": str(domain)}
         running = [
             subprocess.Popen(each.command, env=environment, stderr=subprocess.DEVNULL)
-            for each in stack_processes(stack, given, environment)
+            for each in stack_processes(stack, given, environment, composed=composed)
         ]
         running[-1].wait()
         for process in running:

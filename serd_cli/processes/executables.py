@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from serd_cli.errors import UsageError
-from serd_ros.graph.graph import PACKAGE, load_graph
+from serd_ros.graph.graph import COMPOSED, PACKAGE, load_graph
 from storage.nearest import hint
 
 _MARKERS = "share/ament_index/resource_index/packages"
@@ -24,7 +24,7 @@ def find_command(package: str, executable: str, environment: Mapping[str, str]) 
     prefixes = _prefixes(environment)
     prefix = next((each for each in prefixes if (each / _MARKERS / package).exists()), None)
     if prefix is None and package == PACKAGE:
-        _require_known(package, executable, sorted(load_graph().nodes))
+        _require_known(package, executable, _own())
         return [sys.executable, "-m", f"{PACKAGE}.process.executable", executable]
     if prefix is None:
         known = all_executables(environment)
@@ -41,12 +41,17 @@ def shared_file(package: str, name: str, environment: Mapping[str, str]) -> Path
 
 def all_executables(environment: Mapping[str, str]) -> dict[str, list[str]]:
     """Executables by package, of the packages that have any; our own nodes among them."""
-    found = {PACKAGE: sorted(load_graph().nodes)}
+    found = {PACKAGE: _own()}
     for prefix in reversed(_prefixes(environment)):
         for marker in (prefix / _MARKERS).glob("*"):
             if executables := executables_of(prefix, marker.name):
                 found[marker.name] = executables
     return dict(sorted(found.items()))
+
+
+def _own() -> list[str]:
+    """The executables of this project."""
+    return sorted([*load_graph().nodes, COMPOSED])
 
 
 def _require_known(package: str, executable: str, known: list[str]) -> None:

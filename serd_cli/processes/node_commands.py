@@ -6,7 +6,7 @@ from typing import Any
 from serd_cli.errors import UsageError
 from serd_cli.processes.executables import find_command
 from serd_cli.processes.supervisor import Process
-from serd_ros.graph.graph import PACKAGE, Stack
+from serd_ros.graph.graph import COMPOSABLE, COMPOSED, PACKAGE, Stack
 from serd_ros.graph.placement import PlacedNode, placed_nodes
 from storage.errors import shortened
 from storage.yaml_text import read_yaml
@@ -32,16 +32,42 @@ def stack_processes(
     environment: Mapping[str, str],
     namespace: str = "",
     robots: Sequence[str] = (),
+    *,
+    composed: bool = False,
 ) -> list[Process]:
-    """The processes of a stack, with their parameters; namespace: in full."""
-    return [
+    """The processes of a stack, with their parameters; namespace: in full.
+
+    composed: COMPOSABLE nodes run in one process.
+    """
+    placed = placed_nodes(stack, given, namespace, robots)
+    together = [each for each in placed if composed and each.node in COMPOSABLE]
+    if composed and (robots or len(together) < 2):
+        raise UsageError(
+            f"composed needs a stack with two of {', '.join(COMPOSABLE)}, and no robots; leave it"
+            " out"
+        )
+    processes = [
         Process(
             f"{each.robot}/{each.node}" if each.robot else each.node,
             node_command(each.node, each.parameters, _remappings(each), environment),
             each.robot,
         )
-        for each in placed_nodes(stack, given, namespace, robots)
+        for each in placed
+        if each not in together
     ]
+    if together:
+        processes.insert(0, Process(COMPOSED, _composed_command(together, environment)))
+    return processes
+
+
+def _composed_command(nodes: Sequence[PlacedNode], environment: Mapping[str, str]) -> list[str]:
+    """One process with several nodes, whose arguments have the node's name before them."""
+    arguments = []
+    for each in nodes:
+        own = _arguments(each.parameters, _remappings(each))[1:]
+        arguments += [word if word in ("-p", "-r") else f"{each.node}:{word}" for word in own]
+    names = [each.node for each in nodes]
+    return [*find_command(PACKAGE, COMPOSED, environment), *names, "--ros-args", *arguments]
 
 
 def _remappings(placed: PlacedNode) -> dict[str, str]:

@@ -64,13 +64,15 @@ def run_stack(
     *,
     total: int,
     logs: Path,
+    composed: bool = False,
 ) -> None:
     """Run a stack until one of its nodes ends; total: how many parts its progress has.
 
+    composed: as `stack_processes` takes it.
     What the nodes print goes to `NAME.log` in the folder of logs.
     """
     require_free_domain(find_stack(name), environment)
-    processes = stack_processes(find_stack(name), parameters, environment)
+    processes = stack_processes(find_stack(name), parameters, environment, composed=composed)
     with StackProgress(name, total, logs / f"{name}.log") as progress:
         run_together(processes, environment, progress.take_line)
         progress.finish()

@@ -133,17 +133,22 @@ def _layout(fields: Iterable[PointField]) -> list[tuple[str, int, int, int]]:
 def to_scan(ranges_m: NDArray[np.float32], settings: LidarSettings, time_s: float) -> LaserScan:
     """Ranges (n_rays,) counter-clockwise from angle_min; inf where nothing was hit."""
     message = LaserScan(
-        angle_min=float(settings.angle_min_rad),
-        angle_max=float(settings.angle_max_rad),
-        angle_increment=float(settings.angle_increment_rad),
-        scan_time=1.0 / float(settings.rate_hz),
-        range_min=float(settings.range_min_m),
-        range_max=float(settings.range_max_m),
+        angle_min=_single(settings.angle_min_rad),
+        angle_max=_single(settings.angle_max_rad),
+        angle_increment=_single(settings.angle_increment_rad),
+        scan_time=_single(1.0 / settings.rate_hz),
+        range_min=_single(settings.range_min_m),
+        range_max=_single(settings.range_max_m),
         ranges=array.array("f", ranges_m.astype(np.float32).tobytes()),
     )
     message.header.frame_id = topics.BASE_FRAME
     message.header.stamp = to_stamp(time_s)
     return message
+
+
+def _single(value: float) -> float:
+    """As the message carries it."""
+    return float(np.float32(value))
 
 
 def from_scan(

@@ -59,11 +59,11 @@ def _end(node: SerdNode[Any] | None, exit_code: int) -> None:
     """Release what the node holds, then destroy it with its companions."""
     nodes = () if node is None else (*node.companions, node)
     try:
-        if node is not None:
-            node.close()
-            for each in nodes:
-                if rclpy.ok():
-                    each.confirm(each.publishers)
+        for each in nodes:
+            each.close()
+        for each in nodes:
+            if rclpy.ok():
+                each.confirm(each.publishers)
     finally:
         with suppress(OSError):  # who reads it may have ended
             sys.stdout.flush()
@@ -121,18 +121,24 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
     nodes = (node, *node.companions)
     for each in nodes:
         executor.add_node(each)
+    hand_over = node.composition.hand_over if node.composition else lambda: None
 
     def end_if_due(after_s: float) -> None:
         if time.monotonic() - stop.received_s >= after_s:
             node.finish()
 
+    def after_each() -> None:
+        end_if_due(_BACKLOG_S)
+        hand_over()
+
     for each in nodes:
-        each.callbacks.after_each = lambda: end_if_due(_BACKLOG_S)
+        each.callbacks.after_each = after_each
     end_if_due(0.0)
     try:
         while rclpy.ok() and not node.finished.done():
             # It returns when no message is left; what is under way arrives in a turn.
             executor.spin_until_future_complete(node.finished, timeout_sec=_TURN_S)
+            hand_over()
             end_if_due(_TURN_S)
     finally:
         for each in nodes:

@@ -31,6 +31,7 @@ from serd_ros.errors import NodeError
 from serd_ros.graph.configs import NodeConfig
 from serd_ros.graph.parameters import given_parameters, read_config, refusal_of
 from serd_ros.process.callback_guard import CallbackGuard
+from serd_ros.process.composition import Composition, LocalSubscription
 
 Config = TypeVar("Config", bound=NodeConfig)
 INTERNAL_ERROR, BAD_INPUT = 1, 2
@@ -45,7 +46,10 @@ class SerdNode(Node, Generic[Config]):
     """A node with a frozen config; `finish` ends its process from inside a callback.
 
     namespace: where the command line gives none. given: parameters, which override its.
+    composition: of all nodes of this process, where it has several kinds.
     """
+
+    composition: Composition | None = None
 
     def __init__(
         self,
@@ -92,7 +96,21 @@ class SerdNode(Node, Generic[Config]):
 
         if self.frames.prefix:
             publisher.publish = with_prefix
+        elif self.composition is not None:
+            self._hand_over(publisher, self.composition)
         return publisher
+
+    def _hand_over(self, publisher: Publisher, composition: Composition) -> None:
+        """Let the publisher reach subscriptions of this process too, and count them."""
+        topic, publish = publisher.topic_name, publisher.publish
+        count = publisher.get_subscription_count
+
+        def to_all(message: Any) -> None:
+            publish(message)
+            composition.publish(topic, message)
+
+        publisher.publish = to_all
+        publisher.get_subscription_count = lambda: count() + composition.n_subscriptions(topic)
 
     def create_subscription(
         self,
@@ -101,7 +119,7 @@ class SerdNode(Node, Generic[Config]):
         callback: Callable[..., None],
         profile: QoSProfile | int,
         **options: Any,
-    ) -> Subscription:
+    ) -> Subscription | LocalSubscription:
         """As rclpy's, with a guarded callback; that of /clock gets sound stamps only.
 
         Where a publisher offers less than `profile`, the subscription requests what it offers.
@@ -111,6 +129,9 @@ class SerdNode(Node, Generic[Config]):
         if self.frames.prefix and not options.get("raw"):
             callback = self._without_prefix(callback)
         guarded = self.callbacks.of_messages(topic, callback)
+        composition = None if self.frames.prefix or options.get("raw") else self.composition
+        if composition is not None and composition.has(self, topic, profile):
+            return composition.subscribe(self.resolve_topic_name(topic), guarded)
         # An event that waits while its subscription is destroyed would end EventsExecutor.
         options.setdefault("event_callbacks", _NO_EVENTS)
         make = super().create_subscription
@@ -129,8 +150,12 @@ class SerdNode(Node, Generic[Config]):
 
         return renamed
 
-    def destroy_subscription(self, subscription: Subscription) -> bool:
+    def destroy_subscription(self, subscription: Subscription | LocalSubscription) -> bool:
         """As rclpy's, which destroys that of /clock itself when `use_sim_time` becomes false."""
+        if isinstance(subscription, LocalSubscription):
+            assert self.composition is not None
+            self.composition.unsubscribe(subscription)
+            return True
         self._subscribed.pop(subscription, None)
         return super().destroy_subscription(subscription)
 

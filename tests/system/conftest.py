@@ -50,7 +50,9 @@ class Nodes:
         """Start a node that has ended again, with the same command."""
         self.start(self._commands[name], name)
 
-    def start_stack(self, stack: str, **given: object) -> dict[str, subprocess.Popen[bytes]]:
+    def start_stack(
+        self, stack: str, *, composed: bool = False, **given: object
+    ) -> dict[str, subprocess.Popen[bytes]]:
         """Start every node of a stack; a parameter of one node is written node__parameter.
 
         A world in lock-step waits as long as a test for commands that a busy machine delays.
@@ -59,7 +61,8 @@ class Nodes:
         assignments = {name.replace("__", "."): value for name, value in given.items()}
         if "hallway_sim" in found.nodes:
             assignments.setdefault("lockstep_timeout_s", LOCKSTEP_TIMEOUT_S)
-        processes = stack_processes(found, assignments, self._environment)
+        environment = self._environment
+        processes = stack_processes(found, assignments, environment, composed=composed)
         return {each.name: self.start(list(each.command), each.name) for each in processes}
 
     def log_of(self, name: str) -> str:

@@ -40,10 +40,12 @@ def drive_in_process():
     return poses, records
 
 
-def test_a_seed_gives_the_same_trajectory_in_process_and_through_ros(nodes, tmp_path):
+@pytest.mark.parametrize("composed", [False, True])
+def test_a_seed_gives_the_same_trajectory_in_process_and_through_ros(nodes, tmp_path, composed):
     bag = tmp_path / "bag"
     processes = nodes.start_stack(
         "demonstrate",
+        composed=composed,
         seed=SEED,
         episodes=EPISODES,
         timeout_s=TIMEOUT_S,
@@ -82,12 +84,15 @@ def noisy_hallway(folder, drive):
     return path
 
 
-@pytest.mark.parametrize("drive", ["kinematic", "physical"])
-def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(nodes, tmp_path, drive):
+@pytest.mark.parametrize(("drive", "composed"), [("kinematic", False), ("physical", True)])
+def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(
+    nodes, tmp_path, drive, composed
+):
     """The planner node gets no people; /odom is the pose by the wheels alone."""
     path, bag = noisy_hallway(tmp_path, drive), tmp_path / "bag"
     processes = nodes.start_stack(
         "demonstrate",
+        composed=composed,
         scenario=str(path),
         seed=SEED,
         episodes=1,

@@ -26,6 +26,7 @@ from setuptools import setup
 PACKAGE = 'serd_ros'
 NODES = (
     'bag_replay',
+    'composed',
     'demo_recorder',
     'foxglove_server',
     'guard',

@@ -27,8 +27,9 @@ def launch(
     assignments: Annotated[
         list[str] | None,
         typer.Argument(
-            help="name:=value, node.name:=value, namespace:=name, or robots:=[names] in one world"
-            " with robot.name:=value"
+            help="name:=value, node.name:=value, namespace:=name, robots:=[names] in one world"
+            " with robot.name:=value, or composed:=true for simulator, planner and guard of a"
+            " lock-step stack in one process, twice as fast"
         ),
     ] = None,
     show: Annotated[bool, typer.Option("--list", help="list the stacks and their nodes")] = False,
@@ -48,9 +49,18 @@ def launch(
     given = dict(parse_assignment(text) for text in assignments or ())
     namespace = full_namespace(str(given.pop("namespace", "")))
     robots = _names(given.pop("robots", []))
-    processes = stack_processes(find_stack(stack), given, environment, namespace, robots)
+    composed = _is_true("composed", given.pop("composed", False))
+    processes = stack_processes(
+        find_stack(stack), given, environment, namespace, robots, composed=composed
+    )
     require_free_domain(find_stack(stack), environment, namespace, robots)
     run_together(processes, environment, _print_line)
+
+
+def _is_true(name: str, value: object) -> bool:
+    if not isinstance(value, bool):
+        raise UsageError(f"{name} must be true or false, got {value!r}; write {name}:=true")
+    return value
 
 
 def _names(value: object) -> list[str]:

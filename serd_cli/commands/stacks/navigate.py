@@ -118,7 +118,8 @@ def _drive_through_ros(settings: DriveSettings, output: Path) -> list[EpisodeRes
         given["people"] = settings.people
     logs = output / "logs"
     with stack_environment(logs) as environment:
-        run_stack("navigate", given, environment, total=settings.episodes, logs=logs)
+        total = settings.episodes
+        run_stack("navigate", given, environment, total=total, logs=logs, composed=True)
     return list(load_episodes(output / "episodes.csv"))
 
 

@@ -1,0 +1,71 @@
+"""Several nodes of a lock-step stack in one process, which hand over messages to each other.
+
+    ros2 run serd_ros composed hallway_sim local_planner guard --ros-args -p guard:lockstep:=true
+
+Parameters and remappings of one node stand behind its name. One robot only, without frame prefix.
+"""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.utilities import remove_ros_args
+
+from serd_ros.errors import NodeError
+from serd_ros.graph.graph import COMPOSABLE
+from serd_ros.nodes.guard import GuardNode
+from serd_ros.nodes.hallway_sim import HallwaySim
+from serd_ros.nodes.local_planner import LocalPlannerNode
+from serd_ros.process.composition import Composition
+from serd_ros.process.run_node import run_node
+from serd_ros.process.serd_node import SerdNode
+from storage.nearest import choice_rule
+
+_KINDS: dict[str, Callable[[], SerdNode[Any]]] = dict(
+    zip(COMPOSABLE, (HallwaySim, LocalPlannerNode, GuardNode), strict=True)
+)
+
+
+def make_nodes(names: list[str]) -> SerdNode[Any]:
+    """The first of the nodes, with the others as companions."""
+    for name in names:
+        if name not in _KINDS:
+            raise NodeError(choice_rule("node", name, _KINDS))
+    if len(set(names)) < 2 or len(set(names)) < len(names):
+        raise NodeError(
+            f"nodes must be at least two different ones, got {' '.join(names) or 'none'}"
+            f"; name some of {', '.join(_KINDS)}"
+        )
+    SerdNode.composition = Composition(names)
+    made: list[SerdNode[Any]] = []
+    try:
+        for name in names:
+            made.append(_KINDS[name]())
+            _require_lockstep(made[-1])
+    except BaseException:
+        for each in made:
+            each.close()
+            each.destroy_node()
+        raise
+    for each in made[1:]:
+        made[0].add_companion(each)
+    return made[0]
+
+
+def _require_lockstep(node: SerdNode[Any]) -> None:
+    has_robots = any(getattr(node.config, "robots", []))
+    if has_robots or not node.config.lockstep or node.frames.prefix:
+        raise NodeError(
+            f"{node.kind} must have lockstep: true, no robots and no frame_prefix to run in one"
+            " process with others; set lockstep:=true, leave the others out or start it apart"
+        )
+
+
+def main() -> int:
+    """Entry point of `ros2 run serd_ros composed`."""
+    names = remove_ros_args(sys.argv)[1:]
+    return run_node(lambda: make_nodes(names))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,148 @@
+"""Nodes of one process hand over messages, in order and to all, without the middleware."""
+
+import pytest
+import rclpy
+from domain_coordinator import domain_id
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from serd_ros.endpoints import qos
+from serd_ros.errors import NodeError
+from serd_ros.nodes.composed import make_nodes
+from serd_ros.process.composition import Composition
+from serd_ros.process.serd_node import SerdNode
+from sim.safety.reasons import Source
+from sim.world.command import Command
+
+TRIO = ("hallway_sim", "local_planner", "guard")
+
+
+@pytest.fixture
+def ros(monkeypatch):
+    """rclpy, with two of the nodes in lock-step; no composition afterwards."""
+    monkeypatch.setattr(SerdNode, "composition", None)
+    arguments = ["--ros-args", "--log-level", "fatal"]
+    for name in ("local_planner", "guard"):
+        arguments += ["-p", f"{name}:lockstep:=true", "-p", f"{name}:required_nodes:=['']"]
+    with domain_id() as domain:
+        no = SignalHandlerOptions.NO
+        rclpy.init(args=arguments, domain_id=int(domain), signal_handler_options=no)
+        yield
+        rclpy.try_shutdown()
+
+
+@pytest.fixture
+def node(ros):  # noqa: ARG001
+    """A node by which names are resolved."""
+    made = Node("namer", namespace="/floor1", cli_args=["--ros-args", "-r", "odom:=wheels"])
+    yield made
+    made.destroy_node()
+
+
+def test_topics_between_the_nodes_are_handed_over_and_no_others(node):
+    composition = Composition(TRIO)
+    between = ("odom", "robot_pose", "scan", "pedestrians", "cmd_vel_raw", "cmd_vel")
+    assert all(composition.has(node, topic, qos.STATE) for topic in between)
+    for outside in ("/clock", "diagnostics", "intent", "tf", "imu", "/odom", "floor1/odom"):
+        assert not composition.has(node, outside, qos.STATE)
+    assert composition.has(node, "/floor1/wheels", qos.STATE)
+    assert not composition.has(node, "odom", qos.LATCHED)
+    assert not Composition(("local_planner", "guard")).has(node, "odom", qos.STATE)
+
+
+def test_messages_arrive_in_order_and_after_the_callback_that_published_them():
+    composition, seen = Composition(TRIO), []
+
+    def answer(message):
+        seen.append(("begin", message))
+        if message < 3:
+            composition.publish("/b", message + 1)
+            composition.hand_over()
+        seen.append(("end", message))
+
+    composition.subscribe("/a", answer)
+    composition.subscribe("/b", answer)
+    composition.subscribe("/b", lambda message: seen.append(("other", message)))
+    composition.publish("/a", 1)
+    composition.publish("/nobody", 7)
+    assert seen == []
+    composition.hand_over()
+    calls = [("begin", 1), ("end", 1), ("begin", 2), ("end", 2), ("other", 2)]
+    assert seen == [*calls, ("begin", 3), ("end", 3), ("other", 3)]
+    assert composition.n_subscriptions("/b") == 2
+    assert composition.n_subscriptions("/nobody") == 0
+
+
+def test_nothing_arrives_after_the_end_of_a_subscription():
+    composition, seen = Composition(TRIO), []
+    subscription = composition.subscribe("/a", seen.append)
+    composition.publish("/a", 1)
+    composition.unsubscribe(subscription)
+    composition.hand_over()
+    assert seen == []
+
+
+def test_the_executor_has_its_turn_although_messages_never_end():
+    composition, seen = Composition(TRIO), []
+
+    def go_on(message):
+        seen.append(message)
+        composition.publish("/a", message + 1)
+
+    composition.subscribe("/a", go_on)
+    composition.publish("/a", 0)
+    composition.hand_over()
+    assert len(seen) == 1000
+    composition.hand_over()
+    assert seen == list(range(2000))
+
+
+def test_an_error_keeps_what_waits():
+    composition, seen = Composition(TRIO), []
+
+    def fail(_):
+        raise ValueError("no number")
+
+    composition.subscribe("/a", fail)
+    composition.subscribe("/a", seen.append)
+    composition.publish("/a", 1)
+    with pytest.raises(ValueError, match="no number"):
+        composition.hand_over()
+    composition.hand_over()
+    assert seen == [1]
+
+
+@pytest.mark.parametrize(
+    ("names", "match"),
+    [
+        (["guard", "gaurd"], "node must be .*got 'gaurd'"),
+        (["guard"], "at least two different ones, got guard"),
+        (["guard", "guard"], "at least two different ones, got guard guard"),
+        ([], "at least two different ones, got none"),
+    ],
+)
+def test_names_that_cannot_be_composed_are_refused_with_the_fix(names, match):
+    with pytest.raises(NodeError, match=match):
+        make_nodes(names)
+
+
+@pytest.mark.usefixtures("ros")
+def test_nodes_that_are_not_in_lock_step_are_refused():
+    with pytest.raises(NodeError, match="hallway_sim must have lockstep: true"):
+        make_nodes(["hallway_sim", "guard"])
+
+
+@pytest.mark.usefixtures("ros")
+def test_what_a_node_publishes_reaches_the_other_as_the_same_object():
+    planner = make_nodes(["local_planner", "guard"])
+    (guard,) = planner.companions
+    (commands,) = [each for each in planner.publishers if each.topic_name == "/cmd_vel_raw"]
+    assert commands.get_subscription_count() == 1
+    assert not [each for each in guard.subscriptions if each.topic_name == "/cmd_vel_raw"]
+    planner._send(Command(0.25, -0.5), 1.5)
+    assert not guard._waiting
+    planner.composition.hand_over()
+    ((source, (time_ns, _)),) = guard._waiting.items()
+    assert (source, time_ns) == (Source.COMMAND, 1_500_000_000)
+    for each in (guard, planner):
+        each.destroy_node()
