@@ -94,19 +94,20 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
     assert (summary["n_arrived"], summary["report"]) == (1, str(run / "report.html"))
 
 
-def test_a_killed_node_ends_the_demo_with_its_name(tmp_path):
+@pytest.mark.parametrize("name", ["composed", "scripted_expert"])
+def test_a_killed_node_ends_the_demo_with_its_name(tmp_path, name):
     run = tmp_path / "demo_output/run-1"
     demo = Demo(tmp_path, "--demonstrations", "50")
     demo.wait_for((run / "demonstrations/episodes.csv").exists)
-    planner = next(
+    node = next(
         int(entry.name)
         for entry in Path("/proc").glob("[0-9]*")
-        if is_planner_of(entry, demo.process.pid)
+        if is_node_of(entry, name, demo.process.pid)
     )
-    os.kill(planner, signal.SIGKILL)
+    os.kill(node, signal.SIGKILL)
     code, log = demo.wait()
     assert code == 1
-    assert "local_planner was killed by signal 9" in log
+    assert f"{name} was killed by signal 9" in log
     assert processes_of(tmp_path) == {}
 
 
@@ -121,10 +122,10 @@ def test_a_killed_demo_leaves_no_node_behind(tmp_path):
     assert BagReader(run / "bag", tolerant=True).topics
 
 
-def is_planner_of(entry, demo_pid):
-    """Whether a process is the local planner that this demo's supervisor started."""
+def is_node_of(entry, name, demo_pid):
+    """Whether a process is the node that this demo's supervisor started."""
     try:
-        if "lib/serd_ros/local_planner" not in (entry / "cmdline").read_text():
+        if f"lib/serd_ros/{name}" not in (entry / "cmdline").read_text():
             return False
         wrapper = parent_of(int(entry.name))
         return parent_of(wrapper) == demo_pid
