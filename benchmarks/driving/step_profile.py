@@ -60,20 +60,26 @@ class StepProfile:
 
 
 def profile_steps(
-    scenario: Scenario, *, seed: int, episodes: int, planner: str = "dwa", lidar: bool = True
+    scenario: Scenario, *, seed: int, episodes: int, planner: str = "dwa", guarded: bool = True
 ) -> StepProfile:
-    """Drive some episodes, without warm-up time; lidar: with the guard, which uses the scans."""
+    """Drive some episodes, without warm-up time; all scans are made, also without a guard."""
     seconds: dict[str, float] = defaultdict(float)
     with HallwayWorld(scenario, seed=seed) as world:
         driver, local_planner = ScriptedExpert(scenario, seed), make_planner(planner, scenario)
-        guard = None if lidar else no_guard
+        guard = None if guarded else no_guard
+
+        def scan(*_: object) -> None:
+            if world.is_scan_tick:
+                world.scan()
 
         wall_s = 0.0
         n_ticks = 0
         for episode in range(episodes):
             with _timed_parts(seconds, world):
                 began_s = time.process_time()
-                record = run_episode(world, local_planner, driver, episode=episode, guard=guard)
+                record = run_episode(
+                    world, local_planner, driver, episode=episode, guard=guard, observer=scan
+                )
                 wall_s += time.process_time() - began_s - seconds.pop(_RESET, 0.0)
             n_ticks += record.n_ticks
     return _profile(scenario, seconds, wall_s, n_ticks)
