@@ -5,11 +5,11 @@ rejected.
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -17,14 +17,11 @@ from pydantic import BaseModel
 
 from experiments.running.experiment import write_files
 from experiments.running.repetitions import claim_folder, read_result
-from experiments.study.recordings.experts import EXPERTS
-from experiments.study.study import StudyWorld
 from sim.episodes.execution import Execution
 from storage.files import atomic_write_text
 from storage.yaml_config import model_yaml
 from storage.yaml_text import write_yaml
 
-WorldT = TypeVar("WorldT", bound=StudyWorld)
 #: Called with the estimated (seconds of work done, seconds of all work, name of the stage).
 OnWork = Callable[[float, float, str], None]
 SETTINGS_YAML = "settings.yaml"
@@ -95,37 +92,39 @@ def write_results(
         write_files(output, {f"{name}.{suffix}": figure for name, figure in figures.items()})
 
 
-def repetition_tasks(
-    study: WorldT,
+class StudyFolder(Protocol):
+    """A study, which makes the parts of its stages; folder: of the stages."""
+
+    @property
+    def folder(self) -> Path: ...
+
+
+def part_tasks(
+    study: StudyFolder,
     stage: str,
-    make: Callable[[WorldT, str, int], dict[str, Any]],
-    experts: Sequence[str] = EXPERTS,
+    make: Callable[..., Mapping[str, Any]],
+    parts: Iterable[tuple[str | int, ...]],
 ) -> tuple[Task, ...]:
-    """One file per expert and repetition, with what `make` returns for them."""
+    """One file per part of a stage, with what `make(study, *part)` returns."""
     return tuple(
-        Task(
-            _file(study, stage, expert, repetition),
-            partial(_write, make, study, expert, repetition),
-        )
-        for expert in experts
-        for repetition in range(study.settings.n_repetitions(expert))
+        Task(_file(study, stage, part), partial(_write, make, study, part)) for part in parts
     )
 
 
-def load_repetition(study: StudyWorld, stage: str, expert: str, repetition: int) -> dict[str, Any]:
-    """What a task of `repetition_tasks` wrote."""
-    return read_result(_file(study, stage, expert, repetition), dict)
+def load_part(study: StudyFolder, stage: str, *part: str | int) -> dict[str, Any]:
+    """What a task of `part_tasks` wrote."""
+    return read_result(_file(study, stage, part), dict)
 
 
-def _file(study: StudyWorld, stage: str, expert: str, repetition: int) -> Path:
-    return study.folder / stage / f"{expert}_{repetition:02d}.json"
+def _file(study: StudyFolder, stage: str, part: tuple[str | int, ...]) -> Path:
+    words = (f"{each:02d}" if isinstance(each, int) else each for each in part)
+    return study.folder / stage / f"{'_'.join(words)}.json"
 
 
 def _write(
-    make: Callable[[WorldT, str, int], dict[str, Any]],
-    study: WorldT,
-    expert: str,
-    repetition: int,
+    make: Callable[..., Mapping[str, Any]],
+    study: StudyFolder,
+    part: tuple[str | int, ...],
     file: Path,
 ) -> None:
-    atomic_write_text(file, json.dumps(make(study, expert, repetition)))
+    atomic_write_text(file, json.dumps(make(study, *part)))

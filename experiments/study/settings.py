@@ -84,6 +84,10 @@ class WorldSettings(StrictModel):
         del expert
         return self.learning.repetitions
 
+    def repetitions_of(self, experts: Sequence[str]) -> list[tuple[str, int]]:
+        """(expert, number) of each repetition."""
+        return [(each, number) for each in experts for number in range(self.n_repetitions(each))]
+
     @property
     def planned_weights(self) -> tuple[float, ...]:
         """Reward weights of planned experts."""

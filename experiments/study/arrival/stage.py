@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.running.tables import Row
-from experiments.study.products import load_repetition
+from experiments.study.products import load_part
 from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
 from experiments.study.recordings.experts import EXPERTS, PEOPLE
 from experiments.study.recordings.moves import Move, counted_moves
@@ -47,7 +47,7 @@ def arrivals_of_repetition(study: Study, expert: str, repetition: int) -> dict[s
     predicted: one record per method; measured: one row per method and episode; moves: of each
     method, what happened in its measured drives, counted.
     """
-    models = load_repetition(study, "fits", expert, repetition)["models"]
+    models = load_part(study, "fits", expert, repetition)["models"]
     rng = np.random.default_rng([study.settings.seed, EXPERTS.index(expert), repetition])
     predicted = {name: predict(study, model, rng) for name, model in models.items()}
     measured: list[Row] = []

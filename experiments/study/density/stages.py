@@ -3,18 +3,15 @@
 Each makes one file per number of people and repetition.
 """
 
-import json
 from collections.abc import Callable
-from functools import partial
-from pathlib import Path
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from experiments.running.repetitions import read_result
 from experiments.study.arrival.stage import n_periods
 from experiments.study.density.settings import DensityStudy
-from experiments.study.products import Stage, Task
+from experiments.study.products import Stage, load_part, part_tasks
 from experiments.study.recordings.drives import Drives, drive_in
 from experiments.study.study import TRAIN_AREA, TRANSFER_AREA
 from serd_app.demonstrations.measured_density import MeasuredDensity
@@ -32,7 +29,6 @@ from serd_core.policies.solved_policy import optimal_policy
 from serd_core.selection.evaluation import fitted_policy, move_log_likelihood, policy_log_likelihood
 from sim.drivers.catalogue import Driver, make_driver
 from sim.drivers.policy_driver import PolicyDriver
-from storage.files import atomic_write_text
 from storage.yaml_text import write_yaml
 
 #: What is compared.
@@ -56,29 +52,11 @@ def stages_of(study: DensityStudy) -> tuple[Stage, ...]:
             name,
             study.folder / name,
             described,
-            tuple(
-                Task(_file(study, name, people, repetition), partial(_write, make, study, people))
-                for people in crowds
-                for repetition in range(settings.repetitions)
-            ),
+            part_tasks(study, name, make, product(crowds, range(settings.repetitions))),
             task_s,
         )
         for name, make, crowds, task_s in stages
     )
-
-
-def load(study: DensityStudy, stage: str, people: int, repetition: int) -> dict[str, Any]:
-    """What a task wrote."""
-    return read_result(_file(study, stage, people, repetition), dict)
-
-
-def _file(study: DensityStudy, stage: str, people: int, repetition: int) -> Path:
-    return study.folder / stage / f"{people:03d}_{repetition:02d}.json"
-
-
-def _write(make: Callable[..., Any], study: DensityStudy, people: int, file: Path) -> None:
-    repetition = int(file.stem.partition("_")[2])
-    atomic_write_text(file, json.dumps(make(study, people, repetition)))
 
 
 def record(study: DensityStudy, people: int, repetition: int) -> dict[str, Any]:
@@ -117,7 +95,7 @@ def recorded(
     study: DensityStudy, people: int, repetition: int
 ) -> tuple[Decisions, MeasuredDensity]:
     """What `record` wrote."""
-    content = load(study, "recordings", people, repetition)
+    content = load_part(study, "recordings", people, repetition)
     density = MeasuredDensity(np.array(content["aimed_at_pm2"]), np.array(content["mean_pm2"]))
     return decisions_from_columns(content["decisions"]), density
 
@@ -193,7 +171,7 @@ def _predicted(
 
 def arrive(study: DensityStudy, people: int, repetition: int) -> dict[str, list[float]]:
     """Seconds of each episode in each of the other crowds; infinite where it did not arrive."""
-    greedy = np.array(load(study, "fits", people, repetition)["greedy"])
+    greedy = np.array(load_part(study, "fits", people, repetition)["greedy"])
     policy = np.eye(study.problem.mdp.n_actions)[greedy]
     found = {}
     for crowd in study.settings.predicted:

@@ -9,7 +9,8 @@ from experiments.running.statistics import mean_interval, paired_p_value
 from experiments.running.tables import Row
 from experiments.study.arrival.distances import ArrivalTables, distance_row
 from experiments.study.density.settings import DensityStudy
-from experiments.study.density.stages import WITH, WITHOUT, load, recorded
+from experiments.study.density.stages import WITH, WITHOUT, recorded
+from experiments.study.products import load_part
 from serd_app.demonstrations.measured_density import joined_density
 from serd_app.navigation.predicted_density import predicted_density
 
@@ -37,7 +38,7 @@ def headline(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 def _scores(study: DensityStudy) -> Iterable[Row]:
     for people in study.settings.learned_from:
         for repetition in range(study.settings.repetitions):
-            for row in load(study, "fits", people, repetition)["scores"]:
+            for row in load_part(study, "fits", people, repetition)["scores"]:
                 yield {"learned_from": people, "repetition": repetition, **row}
 
 
@@ -80,8 +81,8 @@ def arrival_tables(study: DensityStudy, people: int, crowd: int, method: str) ->
     period_s = study.scenario(crowd).decision_period_s
     predicted, measured = [], []
     for repetition in range(study.settings.repetitions):
-        cdf = load(study, "fits", people, repetition)["predicted"][str(crowd)][method]
-        times_s = np.array(load(study, "arrival", people, repetition)[str(crowd)])
+        cdf = load_part(study, "fits", people, repetition)["predicted"][str(crowd)][method]
+        times_s = np.array(load_part(study, "arrival", people, repetition)[str(crowd)])
         periods = np.ceil(times_s / period_s - 1e-9)
         predicted.append(cdf)
         measured.append((periods[:, None] <= np.arange(len(cdf))).mean(axis=0))
@@ -98,7 +99,7 @@ def _crowds(study: DensityStudy) -> Iterable[Row]:
     for people in study.settings.crowds:
         repetitions = range(study.settings.repetitions)
         parts = [recorded(study, people, each)[1] for each in repetitions]
-        contents = [load(study, "recordings", people, each) for each in repetitions]
+        contents = [load_part(study, "recordings", people, each) for each in repetitions]
         found = joined_density(parts)
         n_decisions, measured = len(found.aimed_at_pm2), found.mean_pm2
         predicted = predicted_density(study.scenario(people), study.problem.grid)

@@ -8,7 +8,7 @@ from experiments.running.tables import Row
 from experiments.study.arrival.stage import n_periods
 from experiments.study.detour.fits import EXPERT, REWARDS
 from experiments.study.detour.settings import DetourStudy
-from experiments.study.products import load_repetition
+from experiments.study.products import load_part
 from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
 from experiments.study.recordings.reference import reference_dynamics
 from experiments.study.study import TRANSFER_AREA
@@ -27,7 +27,7 @@ def arrive_repetition(study: DetourStudy, expert: str, repetition: int) -> dict[
     Periods; None where less than half arrive within the time limit. driven: one time per episode,
     cut off at the time limit. Equal policies drive alike in equal worlds, so each drives once.
     """
-    models = load_repetition(study, "fits", expert, repetition)["models"]
+    models = load_part(study, "fits", expert, repetition)["models"]
     truth, driven = reference_dynamics(study), dict[tuple[int, ...], list[float]]()
     rows: list[Row] = []
     for model in models:

@@ -5,17 +5,12 @@ demonstrate in the decision problem, all episodes of a set from one cell that is
 From some the goal lies ahead, so no choice bears on moves against the flow.
 """
 
-import json
-from functools import partial
-from pathlib import Path
-
 import numpy as np
 
 from experiments.information.avoidance import MASS, forward_against_flow
 from experiments.running.tables import Row
 from experiments.study.detour.fits import REWARDS
 from experiments.study.detour.settings import DetourStudy
-from experiments.study.products import Task
 from experiments.study.recordings.reference import reference_dynamics
 from serd_core.arrays import FloatArray
 from serd_core.bayes.information import outcome_information
@@ -28,32 +23,13 @@ from serd_core.grid.navigation import AGAINST_FLOW, FEATURE_NAMES, NavigationPro
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import soft_policy
 from sim.scenario.grid import navigation_problem_of
-from storage.files import atomic_write_text
 
 PLACE = (AGAINST_FLOW, Outcome.FORWARD)
 LONGEST = 200
 
 
-def decoy_tasks(study: DetourStudy) -> tuple[Task, ...]:
-    """One file per truth and repetition."""
-    decoy = study.settings.decoy
-    return tuple(
-        Task(
-            decoy_file(study, number, repetition),
-            partial(write_decoy, study, number, repetition),
-        )
-        for number in range(len(decoy.truths))
-        for repetition in range(decoy.repetitions)
-    )
-
-
-def decoy_file(study: DetourStudy, number: int, repetition: int) -> Path:
-    """Where the row of one repetition of a truth is kept."""
-    return study.folder / "decoy" / f"{number}_{repetition:03d}.json"
-
-
-def write_decoy(study: DetourStudy, number: int, repetition: int, file: Path) -> None:
-    """Demonstrate, learn, and write the row."""
+def decoy_row(study: DetourStudy, number: int, repetition: int) -> Row:
+    """Demonstrate by the truth of that number, and learn."""
     decoy = study.settings.decoy
     weights = dict(zip(FEATURE_NAMES, study.settings.expert_weights, strict=True))
     rng = np.random.default_rng([study.settings.seed, 7, number, repetition])
@@ -74,7 +50,7 @@ def write_decoy(study: DetourStudy, number: int, repetition: int, file: Path) ->
         rng=rng,
     )
     place = {"truth": decoy.truths[number], "repetition": repetition, "size": size}
-    atomic_write_text(file, json.dumps(place | posterior_row(problem, decisions)))
+    return place | posterior_row(problem, decisions)
 
 
 def with_forward(dynamics: FloatArray, forward: float) -> FloatArray:

@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.study.detour.arrival import arrive_repetition
-from experiments.study.detour.decoy import decoy_tasks
+from experiments.study.detour.decoy import decoy_row
 from experiments.study.detour.figure import detour_figure
 from experiments.study.detour.fits import EXPERT, learn_repetition
 from experiments.study.detour.settings import DetourSettings, DetourStudy
@@ -23,7 +23,7 @@ from experiments.study.products import (
     Stage,
     described,
     make_products,
-    repetition_tasks,
+    part_tasks,
     write_results,
 )
 from experiments.study.recordings.demonstrations import demonstration_tasks
@@ -56,6 +56,7 @@ def run_detour(
 def stages_of(study: DetourStudy) -> tuple[Stage, ...]:
     """All stages in their order; task_s are rough."""
     settings, experts = study.settings, (EXPERT,)
+    parts = settings.repetitions_of(experts)
     stages = (
         ("reference", REFERENCE_SETTINGS, reference_tasks(study), 30.0),
         (
@@ -64,9 +65,9 @@ def stages_of(study: DetourStudy) -> tuple[Stage, ...]:
             demonstration_tasks(study, experts, ROLES),
             3.0 * settings.demonstrations.training,
         ),
-        ("fits", _FITS, repetition_tasks(study, "fits", learn_repetition, experts), 15.0),
-        ("arrival", _ARRIVAL, repetition_tasks(study, "arrival", arrive_repetition, experts), 25.0),
-        ("decoy", _DECOY, decoy_tasks(study), 1.0),
+        ("fits", _FITS, part_tasks(study, "fits", learn_repetition, parts), 15.0),
+        ("arrival", _ARRIVAL, part_tasks(study, "arrival", arrive_repetition, parts), 25.0),
+        ("decoy", _DECOY, part_tasks(study, "decoy", decoy_row, settings.decoy.parts), 1.0),
     )
     return tuple(
         Stage(name, study.folder / name, described(settings, parts), tasks, seconds)

@@ -1,6 +1,7 @@
 """Settings of the detour study: detour_study.yaml, with what a file or --quick changes."""
 
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +20,11 @@ class DecoySettings(StrictModel):
     truths: tuple[Annotated[float, Field(gt=0, lt=1)], ...] = Field(min_length=1)
     repetitions: int = Field(ge=1)
     sizes: Sizes = Field(min_length=1)
+
+    @property
+    def parts(self) -> tuple[tuple[int, int], ...]:
+        """(number of the truth, repetition) of each set."""
+        return tuple(product(range(len(self.truths)), range(self.repetitions)))
 
 
 class DetourSettings(WorldSettings):

@@ -1,19 +1,16 @@
 """All tables of the detour study."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from experiments.running.repetitions import read_result
 from experiments.running.statistics import paired_family
 from experiments.running.tables import Row
 from experiments.study.detour.arrival import DRIVEN
-from experiments.study.detour.decoy import decoy_file
 from experiments.study.detour.fits import COUNTED, EXPERT, SERD
 from experiments.study.detour.settings import DetourStudy
-from experiments.study.products import load_repetition
+from experiments.study.products import load_part
 from experiments.study.recordings.reference import reference_table
 
 #: Numbers of moves against the flow that a set of demonstrations shows, by the name of the bin.
@@ -26,7 +23,7 @@ def all_tables(study: DetourStudy) -> Mapping[str, pd.DataFrame]:
     measures, arrivals = _rows(study, "fits", "measures"), _rows(study, "arrival", "rows")
     arrivals["driven"] = arrivals["driven"].map(np.mean, na_action="ignore")
     both = measures.merge(arrivals, on=["repetition", *BY])
-    decoys = _decoys(study)
+    decoys = pd.DataFrame([load_part(study, "decoy", *part) for part in study.settings.decoy.parts])
     return {
         "measures": both,
         "summary": summary_of(both, measured_names(study)),
@@ -106,19 +103,5 @@ def headline(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def _rows(study: DetourStudy, stage: str, name: str) -> pd.DataFrame:
-    every = range(study.settings.n_repetitions(EXPERT))
-    rows: list[dict[str, Any]] = [
-        row for number in every for row in load_repetition(study, stage, EXPERT, number)[name]
-    ]
-    return pd.DataFrame(rows)
-
-
-def _decoys(study: DetourStudy) -> pd.DataFrame:
-    decoy = study.settings.decoy
-    return pd.DataFrame(
-        [
-            read_result(decoy_file(study, number, repetition), dict)
-            for number in range(len(decoy.truths))
-            for repetition in range(decoy.repetitions)
-        ]
-    )
+    parts = study.settings.repetitions_of([EXPERT])
+    return pd.DataFrame([row for part in parts for row in load_part(study, stage, *part)[name]])

@@ -23,10 +23,11 @@ from experiments.study.products import (
     Stage,
     described,
     make_products,
-    repetition_tasks,
+    part_tasks,
     write_results,
 )
 from experiments.study.recordings.demonstrations import check_bags, demonstration_tasks
+from experiments.study.recordings.experts import EXPERTS
 from experiments.study.recordings.reference import reference_tasks
 from experiments.study.settings import StudySettings
 from experiments.study.study import Study
@@ -71,6 +72,7 @@ def stages_of(study: Study) -> tuple[Stage, ...]:
     """All stages that tables and figures depend on, in their order."""
     settings = study.settings
     sizes, repetitions = settings.learning.sizes, settings.learning.repetitions
+    parts = settings.repetitions_of(EXPERTS)
     return (
         Stage(
             "reference recordings",
@@ -90,14 +92,14 @@ def stages_of(study: Study) -> tuple[Stage, ...]:
             "learning",
             study.folder / "fits",
             described(settings, _FITS),
-            repetition_tasks(study, "fits", fit_repetition),
+            part_tasks(study, "fits", fit_repetition, parts),
             task_s=1.0 * len(sizes),
         ),
         Stage(
             "times of arrival",
             study.folder / "arrival",
             described(settings, _ARRIVAL),
-            repetition_tasks(study, "arrival", arrivals_of_repetition),
+            part_tasks(study, "arrival", arrivals_of_repetition, parts),
             task_s=_EPISODE_S * 4 * settings.arrival.episodes / repetitions,
         ),
     )

@@ -5,17 +5,15 @@ OUTPUT/*.csv           tables; OUTPUT/people.{png,svg}: the figure
 OUTPUT/settings.yaml   the settings that reproduce all of it, with the names of the files
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from experiments.running.repetitions import read_result
 from experiments.study.people.cross_validation.fold import run_fold
 from experiments.study.people.cross_validation.folds import Fold, folds_of
 from experiments.study.people.cross_validation.periods import period_rows
@@ -25,9 +23,16 @@ from experiments.study.people.people import People
 from experiments.study.people.recordings import Run
 from experiments.study.people.settings import PeopleSettings
 from experiments.study.people.tables import all_tables
-from experiments.study.products import OnWork, Stage, Task, described, make_products, write_results
+from experiments.study.products import (
+    OnWork,
+    Stage,
+    described,
+    load_part,
+    make_products,
+    part_tasks,
+    write_results,
+)
 from sim.episodes.execution import Execution
-from storage.files import atomic_write_text
 from storage.yaml_text import write_yaml
 
 #: The settings that the files of each stage depend on, besides the recordings.
@@ -60,8 +65,7 @@ class PeopleStudy:
     @cached_property
     def predictions(self) -> tuple[Mapping[str, Any], ...]:
         """Of what does not learn, by run."""
-        files = [self.folder / "walkers" / f"{run.name}.json" for run in self.runs]
-        return tuple(read_result(file, dict) for file in files)
+        return tuple(load_part(self, "walkers", number) for number in range(len(self.runs)))
 
     def __getstate__(self) -> dict[str, Any]:
         return {"settings": self.settings, "folder": self.folder}
@@ -81,9 +85,9 @@ def run_people(
     study = PeopleStudy(absolute, output / "work")
     make_products(stages_of(study), execution, on_work)
     named = settings.model_copy(update={"files": tuple(each.name for each in paths)})
-    folds = [read_result(_file(study, "folds", k), dict) for k in range(len(study.folds))]
+    folds = [load_part(study, "folds", number) for number in range(len(study.folds))]
     for number, fold in enumerate(folds):
-        fold["arrivals"] += read_result(_file(study, "periods", number), list)
+        fold["arrivals"] += load_part(study, "periods", number)["arrivals"]
     tables = all_tables(folds, study.runs, settings)
     write_results(output, named, tables, {"people": people_figure(tables)})
     return tables
@@ -91,47 +95,33 @@ def run_people(
 
 def stages_of(study: PeopleStudy) -> tuple[Stage, ...]:
     """All stages in their order; task_s are rough."""
-    walkers = tuple(
-        Task(
-            study.folder / "walkers" / f"{run.name}.json",
-            partial(_write_walkers, study, number),
-        )
-        for number, run in enumerate(study.runs)
-    )
-    folds, periods = (
-        tuple(
-            Task(_file(study, stage, number), partial(write, study, number))
-            for number in range(len(study.folds))
-        )
-        for stage, write in (("folds", _write_fold), ("periods", _write_periods))
-    )
-    parts = (
-        ("walkers", _WALKERS, walkers, 40.0),
-        ("periods", _FOLDS, periods, 2.0),
-        ("folds", _FOLDS, folds, 100.0),
+    stages = (
+        ("walkers", _WALKERS, _walkers, study.runs, 40.0),
+        ("periods", _FOLDS, _periods, study.folds, 2.0),
+        ("folds", _FOLDS, _fold, study.folds, 100.0),
     )
     digests = [sha256(Path(each).read_bytes()).hexdigest() for each in study.settings.files]
     names = [run.name for run in study.runs]
     recorded = write_yaml({"sha256": dict(zip(names, digests, strict=True))})
     return tuple(
-        Stage(name, study.folder / name, described(study.settings, keys) + recorded, tasks, seconds)
-        for name, keys, tasks, seconds in parts
+        Stage(
+            name,
+            study.folder / name,
+            described(study.settings, keys) + recorded,
+            part_tasks(study, name, make, zip(range(len(parts)))),
+            task_s,
+        )
+        for name, keys, make, parts, task_s in stages
     )
 
 
-def _file(study: PeopleStudy, stage: str, number: int) -> Path:
-    return study.folder / stage / f"fold_{number:02d}.json"
+def _walkers(study: PeopleStudy, number: int) -> Mapping[str, Any]:
+    return walker_predictions(study.runs[number], study.settings)
 
 
-def _write_walkers(study: PeopleStudy, number: int, file: Path) -> None:
-    found = walker_predictions(study.runs[number], study.settings)
-    atomic_write_text(file, json.dumps(found))
+def _periods(study: PeopleStudy, number: int) -> Mapping[str, Any]:
+    return {"arrivals": period_rows(study.people, study.folds[number], number)}
 
 
-def _write_fold(study: PeopleStudy, number: int, file: Path) -> None:
-    found = run_fold(study.people, study.folds[number], number, study.predictions)
-    atomic_write_text(file, json.dumps(found))
-
-
-def _write_periods(study: PeopleStudy, number: int, file: Path) -> None:
-    atomic_write_text(file, json.dumps(period_rows(study.people, study.folds[number], number)))
+def _fold(study: PeopleStudy, number: int) -> Mapping[str, Any]:
+    return run_fold(study.people, study.folds[number], number, study.predictions)

@@ -60,8 +60,7 @@ def demonstration_tasks(
             _file(study, expert, repetition, role),
             partial(record_set, study, expert, repetition, role),
         )
-        for expert in experts
-        for repetition in range(study.settings.n_repetitions(expert))
+        for expert, repetition in study.settings.repetitions_of(experts)
         for role in roles
     )
 

@@ -11,7 +11,7 @@ import pandas as pd
 from experiments.running.tables import Row
 from experiments.study.arrival.distances import ArrivalTables
 from experiments.study.arrival.stage import measured_cdf, n_episodes, n_periods
-from experiments.study.products import load_repetition
+from experiments.study.products import load_part
 from experiments.study.recordings.demonstrations import load_sets
 from experiments.study.recordings.experts import EXPERTS
 from experiments.study.recordings.moves import Move, counted_moves
@@ -78,19 +78,12 @@ class Results(Study):
 
     @cached_property
     def _fits(self) -> dict[tuple[str, int], dict[str, Any]]:
-        return {key: load_repetition(self, "fits", *key) for key in self._keys}
+        return {key: load_part(self, "fits", *key) for key in self.settings.repetitions_of(EXPERTS)}
 
     @cached_property
     def _arrivals(self) -> dict[tuple[str, int], dict[str, Any]]:
-        return {key: load_repetition(self, "arrival", *key) for key in self._keys}
-
-    @cached_property
-    def _keys(self) -> list[tuple[str, int]]:
-        return [
-            (expert, number)
-            for expert in EXPERTS
-            for number in range(self.settings.n_repetitions(expert))
-        ]
+        keys = self.settings.repetitions_of(EXPERTS)
+        return {key: load_part(self, "arrival", *key) for key in keys}
 
     @staticmethod
     def _of(stage: dict[tuple[str, int], dict[str, Any]], expert: str) -> list[dict[str, Any]]:

@@ -42,7 +42,7 @@ def study(tmp_path):
 
 
 def write(study, stage, people, repetition, content):
-    file = study.folder / stage / f"{people:03d}_{repetition:02d}.json"
+    file = study.folder / stage / f"{people:02d}_{repetition:02d}.json"
     file.parent.mkdir(exist_ok=True)
     file.write_text(json.dumps(content))
 

@@ -71,12 +71,12 @@ def test_the_study_runs_from_a_file_to_tables_and_resumes(corridor, tmp_path):
     for name in ("summary.csv", "paired.csv", "people.png", "settings.yaml"):
         assert (folder / name).stat().st_size > 100
 
-    fold = folder / "work" / "folds" / "fold_01.json"
-    before, written = fold.read_text(), fold.with_name("fold_00.json").stat().st_mtime_ns
+    fold = folder / "work" / "folds" / "01.json"
+    before, written = fold.read_text(), fold.with_name("00.json").stat().st_mtime_ns
     fold.unlink()
     run_people(settings, folder, SERIAL, lambda *_: None)
     assert fold.read_text() == before
-    assert fold.with_name("fold_00.json").stat().st_mtime_ns == written
+    assert fold.with_name("00.json").stat().st_mtime_ns == written
 
 
 @pytest.mark.slow
