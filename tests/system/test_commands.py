@@ -70,9 +70,9 @@ def test_serd_run_becomes_the_node_and_passes_signals_and_exit_code_on(ros_env, 
 
 
 @pytest.mark.ros
-def test_a_stack_interrupted_in_lock_step_ends_without_an_error(ros_env, tmp_path):
-    output = f"output:={tmp_path / 'bag'}"
-    command = [SERD, "launch", "demonstrate", output]
+def test_a_stack_interrupted_in_lock_step_ends_without_an_error(ros_env, tmp_path, quick_hallway):
+    given = [f"output:={tmp_path / 'bag'}", f"scenario:={quick_hallway}", "people:=6"]
+    command = [SERD, "launch", "demonstrate", *given]
     with subprocess.Popen(command, env=ros_env, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         lines = []

@@ -44,9 +44,13 @@ def shipped_demonstrations(root: Path) -> Demonstrations:
     return demonstrations_of_bag(bag, GRID, HALLWAY.decision_period_s)[0]
 
 
-def test_decisions_from_live_topics_equal_those_of_the_recording(nodes, probe, models, tmp_path):
+def test_decisions_from_live_topics_equal_those_of_the_recording(
+    nodes, probe, models, quick_hallway, tmp_path
+):
     started = nodes.start_stack(
         "demonstrate_and_learn",
+        scenario=quick_hallway,
+        hallway_sim__people=6,
         seed=3,
         scripted_expert__episodes=2,
         demo_recorder__output=str(tmp_path / "bag"),

@@ -20,7 +20,9 @@ N_SIGHTINGS = 2000
 DRIVERS = ["hallway_sim", "local_planner", "guard"]
 
 
-def test_in_the_hallway_the_tracker_finds_the_people_of_the_simulator(nodes, probe, ros_env):
+def test_in_the_hallway_the_tracker_finds_the_people_of_the_simulator(
+    nodes, probe, ros_env, quick_hallway
+):
     """The planner drives by them, so their stamps are those of the observations."""
     poses, people = {}, {}
 
@@ -37,11 +39,11 @@ def test_in_the_hallway_the_tracker_finds_the_people_of_the_simulator(nodes, pro
     sightings = HeardSightings(probe, poses.get, people.get)
     drive = {"episodes": 100, "required_nodes": DRIVERS}
     for name, given, renamed in (
-        ("hallway_sim", {"seed": 3}, {"pedestrians": "true_people"}),
+        ("hallway_sim", {"scenario": quick_hallway, "seed": 3}, {"pedestrians": "true_people"}),
         ("people_tracker", {}, {}),
         ("local_planner", {}, {}),
-        ("guard", {"scenario": "hallway", "people_from": "scan", "use_sim_time": True}, {}),
-        ("scripted_expert", {"scenario": "hallway", **drive}, {}),
+        ("guard", {"scenario": quick_hallway, "people_from": "scan", "use_sim_time": True}, {}),
+        ("scripted_expert", {"scenario": quick_hallway, **drive}, {}),
     ):
         nodes.start(node_command(name, given, renamed, ros_env), name)
 

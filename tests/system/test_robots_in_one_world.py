@@ -26,7 +26,7 @@ from support.waiting import LOCKSTEP_TIMEOUT_S, PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 SERD = str(Path(sys.executable).with_name("serd"))
-ROBOTS, SEED, EPISODES, TIMEOUT_S = ("robot1", "robot2"), 11, 2, 8.0
+ROBOTS, SEED, EPISODES, TIMEOUT_S = ("robot1", "robot2"), 11, 2, 6.0
 
 
 class Driven:
@@ -114,7 +114,7 @@ def test_two_robots_in_one_world_drive_to_the_bit_as_in_process(ros_env, tmp_pat
 
 
 def test_two_robots_reach_goals_of_their_own_without_contact(
-    ros_env, probe, tmp_path, save_model_of
+    ros_env, probe, tmp_path, save_model_of, quick_hallway
 ):
     goals, reports = {"robot1": (12.5, 18.5), "robot2": (1.5, 10.5)}, {}
     for robot in goals:
@@ -127,7 +127,7 @@ def test_two_robots_reach_goals_of_their_own_without_contact(
     words = [f"{robot}.goal:={x_m}, {y_m}" for robot, (x_m, y_m) in goals.items()]
     process = launch(
         ros_env, tmp_path, "navigate", *words, f"model:={save_model_of()}", "episodes:=1",
-        "people:=6", "output:=drives",
+        "people:=6", "output:=drives", f"scenario:={quick_hallway}",
     )  # fmt: skip
     try:
         probe.spin_until(lambda: process.poll() is not None)

@@ -113,11 +113,12 @@ def row_of_a_goal_during_an_episode(watch, folder):
 
 
 def test_goals_and_models_change_during_a_drive_and_invalid_ones_are_rejected(
-    nodes, watch, save_model_of, tmp_path
+    nodes, watch, save_model_of, quick_hallway, tmp_path
 ):
     model = save_model_of()
     nodes.start_stack(
         "navigate",
+        scenario=quick_hallway,
         hallway_sim__people=0,
         seed=4,
         episodes=1000,
@@ -164,10 +165,12 @@ def test_goals_and_models_change_during_a_drive_and_invalid_ones_are_rejected(
     spin_until(lambda: any(row.model == "model of the learner" for row in arrivals(tmp_path)))
 
 
-def test_the_predicted_arrival_is_latched_and_decreases_during_a_drive(nodes, watch, save_model_of):
-    nodes.start_stack(
-        "navigate", hallway_sim__people=0, seed=4, episodes=1000, model=str(save_model_of())
-    )
+def test_the_predicted_arrival_is_latched_and_decreases_during_a_drive(
+    nodes, watch, save_model_of, quick_hallway
+):
+    model = str(save_model_of())
+    given = {"scenario": quick_hallway, "hallway_sim__people": 0, "seed": 4, "model": model}
+    nodes.start_stack("navigate", **given, episodes=1000)
     watch.spin_until(lambda: watch.y_m > 6.0)
     watch.subscribe_late()
     watch.spin_until(lambda: len(watch.laws) > 15)
@@ -207,9 +210,10 @@ def crossings(folder):
 
 
 def test_rows_of_arrivals_survive_a_kill_and_the_next_strategy_appends_to_them(
-    nodes, probe, save_model_of, tmp_path
+    nodes, probe, save_model_of, quick_hallway, tmp_path
 ):
-    given = {"hallway_sim__people": 0, "seed": 4, "episodes": 1000, "model": str(save_model_of())}
+    given = {"scenario": quick_hallway, "hallway_sim__people": 0, "seed": 4, "episodes": 1000}
+    given["model"] = str(save_model_of())
     stack = nodes.start_stack("navigate", **given, strategy__output=str(tmp_path))
     probe.spin_until(lambda: len(arrivals(tmp_path)) >= 1)
     stack["strategy"].kill()

@@ -19,7 +19,7 @@ from support.waiting import PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 SERD = str(Path(sys.executable).with_name("serd"))
-SEEDS, TIMEOUT_S = {"robot1": 11, "robot2": 12}, 8.0
+SEEDS, TIMEOUT_S = {"robot1": 11, "robot2": 12}, 6.0
 
 
 def drive_alone(seed):

@@ -1,12 +1,9 @@
 """The detour study in miniature, and its parts."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
 
-import sim
 from experiments.study.detour.decoy import with_forward
 from experiments.study.detour.fits import COUNTED, INFORMED, REWARDS, SERD, model_divergences
 from experiments.study.detour.run import run_detour, stages_of
@@ -17,8 +14,8 @@ from serd_core.grid.navigation import AGAINST_FLOW
 from sim.episodes.execution import Execution
 from sim.scenario.grid import flow_of, grid_of
 from sim.scenario.scenario import load_scenario
+from support.changed_scenario import changed_scenario
 
-SCENARIO = Path(sim.__file__).parent / "scenario" / "scenarios" / "ring.yaml"
 TINY = """
 scenario: {scenario}
 people: 4
@@ -40,12 +37,8 @@ NEAR = {
 @pytest.fixture
 def settings(tmp_path):
     """Near the goal and short of time, so that an episode takes a moment."""
-    near = SCENARIO.read_text()
-    for usual, changed in NEAR.items():
-        assert usual in near
-        near = near.replace(usual, changed)
-    scenario, config = tmp_path / "near.yaml", tmp_path / "tiny.yaml"
-    scenario.write_text(near)
+    scenario = changed_scenario(tmp_path, "ring", NEAR)
+    config = tmp_path / "tiny.yaml"
     config.write_text(TINY.format(scenario=scenario))
     return detour_settings(config=config)
 

@@ -4,15 +4,25 @@ from importlib.metadata import version
 
 import pytest
 
+from experiments.running.tables import read_table
 from experiments.study.hallway.figures.catalogue import FIGURES, figure_of
 from experiments.study.hallway.run import KEPT, redraw
+from experiments.study.products import SETTINGS_YAML
+from experiments.study.settings import StudySettings
+from experiments.study.study import Study
+from report.style import save_figure
+from storage.yaml_config import load_yaml_model
 from support.pixels import MOST_OTHER, share_of_other_pixels
 
 
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory):
+    """As PNG only, which is what is kept."""
     folder = tmp_path_factory.mktemp("figures")
-    redraw([figure.name for figure in FIGURES], KEPT, folder)
+    study = Study(load_yaml_model(KEPT / SETTINGS_YAML, StudySettings), KEPT / "work")
+    for figure in FIGURES:
+        drawn = figure.draw(read_table(KEPT / f"{figure.stem}.csv"), study)
+        save_figure(folder / f"{figure.stem}.png", drawn)
     return folder
 
 

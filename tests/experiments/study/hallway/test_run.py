@@ -1,11 +1,8 @@
 """The whole study in miniature, in this process."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-import sim
 from experiments.running.tables import plain_rows
 from experiments.study.fits.methods import METHODS
 from experiments.study.hallway.figures.catalogue import FIGURES
@@ -19,10 +16,12 @@ from experiments.study.settings import study_settings
 from experiments.study.study import Study
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
+from support.changed_scenario import changed_scenario
 
 TINY = """
 scenario: {scenario}
 people: 3
+drive: kinematic
 demonstrations: {{training: 2, test: 1, transfer: 1}}
 reference: {{experts: 1, against_flow: 1, exploring: 1, exploring_s: 20.0}}
 learning: {{repetitions: 2, sizes: [2], prior_weights: [1.0], reirl_samples: 20}}
@@ -30,24 +29,20 @@ beliefs: {{repetitions: 2, sizes: [2], episodes: 1}}
 arrival: {{episodes: 1, sampled: 20}}
 statistics: {{bootstrap: 20}}
 """
-SCENARIOS = Path(sim.__file__).parent / "scenario" / "scenarios"
 NEAR_STARTS = {
-    "train: [[0, 0], [2, 0], [2, 3], [0, 3]]": "train: [[4, 14], [6, 14], [6, 16], [4, 16]]",
-    "transfer: [[4, 0], [6, 0], [6, 3], [4, 3]]": "transfer: [[2, 14], [4, 14], [4, 16], [2, 16]]",
-    "episode_timeout_s: 420.0": "episode_timeout_s: 24.0",
+    "train: [[0, 0], [2, 0], [2, 3], [0, 3]]": "train: [[6, 16], [8, 16], [8, 18], [6, 18]]",
+    "transfer: [[4, 0], [6, 0], [6, 3], [4, 3]]": "transfer: [[6, 18], [8, 18], [8, 20], [6, 20]]",
+    "episode_timeout_s: 420.0": "episode_timeout_s: 16.0",
     "warm_up_s: 10.0": "warm_up_s: 1.0",
+    "control_period_s: 0.05": "control_period_s: 0.1",
 }
 
 
 @pytest.fixture
 def settings(tmp_path):
     """Near the goal and short of time, so that an episode takes a moment."""
-    near = (SCENARIOS / "hallway.yaml").read_text()
-    for usual, changed in NEAR_STARTS.items():
-        assert usual in near
-        near = near.replace(usual, changed)
-    scenario, config = tmp_path / "near.yaml", tmp_path / "tiny.yaml"
-    scenario.write_text(near)
+    scenario = changed_scenario(tmp_path, "hallway", NEAR_STARTS)
+    config = tmp_path / "tiny.yaml"
     config.write_text(TINY.format(scenario=scenario))
     return study_settings(config=config)
 
