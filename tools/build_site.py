@@ -8,10 +8,10 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from typer.cli import get_docs_for_click
 from typer.main import get_command
 
 from serd_cli.app import make_app
@@ -64,44 +64,11 @@ def _with_links(text: str, document: Path, waiting: list[Path], target: Path) ->
 
 def commands_page() -> str:
     """Every command with its help, its arguments and its options."""
-    lines = ["# Commands", "", "`serd COMMAND --help` prints the same.", ""]
     group: Any = get_command(make_app())
-    for words, command in commands_of(group, ("serd",)):
-        lines += [f"{'#' * min(len(words), 3)} {' '.join(words)}", ""]
-        lines += [_prose(command.help or ""), "", *_options(command), ""]
-    return "\n".join(lines)
-
-
-def commands_of(command: Any, words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Each subcommand of a group, with the words that call it."""
-    for name in command.list_commands(None):
-        inner = command.get_command(None, name)
-        yield (*words, name), inner
-        if hasattr(inner, "list_commands"):
-            yield from commands_of(inner, (*words, name))
-
-
-def _prose(text: str) -> str:
-    """Help as Markdown: a paragraph that is a command becomes code."""
-    parts = re.split(r"\n\s*\n", re.sub("^#", r"\\#", text.strip(), flags=re.M))
-    return "\n\n".join(
-        f"```bash\n{part}\n```" if part.startswith("serd ") and "\n" not in part else part
-        for part in parts
-    )
-
-
-def _options(command: Any) -> list[str]:
-    rows = []
-    for each in command.params:
-        if each.param_type_name == "argument":
-            name, default = each.metavar or each.name.upper(), ""
-        else:
-            name = ", ".join([*each.opts, *each.secondary_opts])
-            shown = each.default if not callable(each.default) else None
-            default = "" if shown in (None, False, (), []) else f"`{shown}`"
-        text = (each.help or "").replace("\\[", "[").replace("|", "\\|").replace("\n", " ")
-        rows.append(f"| `{name}` | {default} | {text} |")
-    return ["| option | default | meaning |", "| --- | --- | --- |", *rows] if rows else []
+    with group.context_class(group, info_name="serd") as context:
+        page: str = get_docs_for_click(obj=group, ctx=context, name="serd", title="Commands")
+    page = page.replace("\n# yaml-", "\n\\# yaml-")  # a line of a help, no heading
+    return re.sub(r"(?<=\n\n)(serd .*)(?=\n\n)", r"```bash\n\1\n```", page)
 
 
 def module_pages() -> dict[str, str]:

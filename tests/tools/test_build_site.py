@@ -25,9 +25,10 @@ def test_documents_are_copied_with_the_files_they_link_to(tool, tmp_path):
 def test_each_command_and_each_of_its_options_has_its_line(tool):
     page = tool["commands_page"]()
     for name in MODULES:
-        assert f"## serd {name}\n" in page
-    assert "### serd bag suggest\n" in page
-    assert "| `--cell-size-m` |" in page
+        assert f"## `serd {name}`\n" in page
+    assert "### `serd bag suggest`\n" in page
+    assert "* `--cell-size-m <float>`: " in page
+    assert "\n\n```bash\nserd compare model.yaml others.csv\n```\n\n" in page
     assert "\n\\# yaml-language-server" in page  # text of a help, no heading
 
 
