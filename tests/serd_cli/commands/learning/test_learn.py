@@ -1,6 +1,7 @@
 """`serd learn`: a table of decisions becomes a model, with and without a scenario."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
@@ -13,10 +14,11 @@ from serd_app.demonstrations.grid.flow_table import save_flow
 from serd_app.demonstrations.grid.grid_file import save_grid
 from serd_app.demonstrations.measured_density import MeasuredDensity, save_density
 from serd_app.demonstrations.recorded import BagRecord, DemonstrationRecord
+from serd_app.learning import recipe
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.settings import MethodName
 from serd_app.navigation.strategy import load_strategy, start_distribution
-from serd_core.bayes.draws import N_DRAWS
+from serd_core.bayes.draws import N_DRAWS, laplace_draws
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of
@@ -139,7 +141,10 @@ def test_outcomes_that_depend_on_density_are_kept_planned_with_and_reported(
     assert "with density, got pm_serd" in ended.err
 
 
-def test_times_of_drives_predict_drives_with_their_look_ahead(serd, demonstrations, tmp_path):
+def test_times_of_drives_predict_drives_with_their_look_ahead(
+    serd, demonstrations, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(recipe, "laplace_draws", partial(laplace_draws, n=8))
     table, model, runs = demonstrations(), tmp_path / "model.yaml", tmp_path / "runs"
     assert serd("learn", table, "--output", model).code == 0
     drive = ("navigate", model, "--people", 0, "--lookahead", 3, "--output", runs, "--json")
