@@ -21,8 +21,8 @@ from typer.models import ArgumentInfo, CommandInfo, OptionInfo, TyperInfo
 from serd_ros.process.executable import starting
 
 FILE = Path(__file__).parent / "data" / "signatures.json"
-#: Modules, each of which registers a command or a group, in the order of the help, and their
-#: folders in `serd_cli.commands`.
+#: Modules with a command of their name or a group, in the order of the help, and their folders in
+#: `serd_cli.commands`.
 MODULES = {
     "demo": "stacks", "teleop": "stacks", "watch": "stacks", "navigate": "stacks",
     "launch": "stacks", "run": "stacks", "experiment": "studies", "bag": "learning",
@@ -30,6 +30,9 @@ MODULES = {
     "scenario": "simulation", "crowd": "simulation", "episode": "simulation",
     "batch": "simulation", "faults": "simulation", "study": "studies", "doctor": "stacks",
 }  # fmt: skip
+_GROUPS = frozenset(["experiment", "bag", "scenario", "crowd", "episode", "study"])
+#: All that follows the executable is passed on.
+_SETTINGS = {"run": {"allow_extra_args": True, "ignore_unknown_options": True}}
 _TYPES: dict[str, Any] = {kind.__name__: kind for kind in (str, int, float, bool, Path)}
 _TYPES["Context"] = typer.Context
 
@@ -130,12 +133,17 @@ def _signatures_of(module: str) -> dict[str, Signature]:
 
 
 def _definitions(module: str) -> tuple[TyperInfo | None, dict[str, CommandInfo]]:
-    """The commands that a module registers by name, and the group they are in."""
-    app = typer.Typer()
-    import_module(f"serd_cli.commands.{MODULES[module]}.{module}").register(app)
-    group = app.registered_groups[0].typer_instance if app.registered_groups else None
-    commands = {_name(each): each for each in (group or app).registered_commands}
-    return group.info if group else None, commands
+    """The commands of a module by name, and the group they are in."""
+    defined = vars(import_module(f"serd_cli.commands.{MODULES[module]}.{module}"))
+    if module in _GROUPS:
+        group: typer.Typer = defined["group"]
+        return group.info, {_name(each): each for each in group.registered_commands}
+    command = CommandInfo(module, callback=defined[module], context_settings=_SETTINGS.get(module))
+    parameters = _signature_of(command)["parameters"].values()
+    command.no_args_is_help = any(
+        "default" not in each and each["type"] != "Context" for each in parameters
+    )
+    return None, {module: command}
 
 
 def _name(command: CommandInfo) -> str:

@@ -14,7 +14,7 @@ from serd_cli import signatures
 
 
 def calls_of(monkeypatch, *, grouped):
-    """A command of a module, and the list of values that its calls get."""
+    """The app made of a signature, one with the command itself, and the values of their calls."""
     calls = []
 
     def record_all(
@@ -35,17 +35,19 @@ def calls_of(monkeypatch, *, grouped):
         """
         calls.append({**locals(), "calls": None, "context": context.args})
 
-    def register(app):
-        inner = typer.Typer(help="A group.") if grouped else app
-        inner.command(context_settings={"allow_extra_args": True})(record_all)
-        if grouped:
-            app.add_typer(inner, name="record-all")
-
-    module = SimpleNamespace(register=register)
+    own, group = typer.Typer(), typer.Typer(help="A group.")
+    own.callback()(lambda: None)
+    more = {"allow_extra_args": True}
+    (group if grouped else own).command(no_args_is_help=True, context_settings=more)(record_all)
+    if grouped:
+        own.add_typer(group, name="record-all")
+    module = SimpleNamespace(**{"group": group, "record-all": record_all})
     monkeypatch.setitem(sys.modules, "serd_cli.commands.stacks.record-all", module)
     monkeypatch.setattr(signatures, "MODULES", {"record-all": "stacks"})
+    monkeypatch.setattr(signatures, "_GROUPS", {"record-all"} if grouped else set())
+    monkeypatch.setattr(signatures, "_SETTINGS", {"record-all": more})
     known = json.loads(signatures.text_of(signatures.signatures()))
-    return signatures.app_of("record-all", known), register, calls
+    return signatures.app_of("record-all", known), own, calls
 
 
 @pytest.mark.parametrize("grouped", [False, True])
@@ -58,10 +60,7 @@ def calls_of(monkeypatch, *, grouped):
     ],
 )
 def test_the_function_gets_the_values_that_it_gets_from_its_own_app(monkeypatch, grouped, line):
-    app, register, calls = calls_of(monkeypatch, grouped=grouped)
-    own = typer.Typer()
-    own.callback()(lambda: None)
-    register(own)
+    app, own, calls = calls_of(monkeypatch, grouped=grouped)
     words = ["record-all"] * (2 if grouped else 1) + line.split()
     for each in (app, own):
         result = CliRunner().invoke(each, words, catch_exceptions=False)
@@ -73,10 +72,7 @@ def test_the_function_gets_the_values_that_it_gets_from_its_own_app(monkeypatch,
 
 @pytest.mark.parametrize("line", ["--help", "a --seed 0", "a --kind both", "", "a --goa 1"])
 def test_help_and_errors_of_usage_are_those_of_the_function(monkeypatch, line):
-    app, register, calls = calls_of(monkeypatch, grouped=False)
-    own = typer.Typer()
-    own.callback()(lambda: None)
-    register(own)
+    app, own, calls = calls_of(monkeypatch, grouped=False)
     shown = [CliRunner().invoke(each, ["record-all", *line.split()]) for each in (app, own)]
     assert shown[0].output == shown[1].output
     assert shown[0].exit_code == shown[1].exit_code
@@ -86,7 +82,7 @@ def test_help_and_errors_of_usage_are_those_of_the_function(monkeypatch, line):
 def test_a_parameter_of_an_unknown_type_is_refused(monkeypatch):
     def wrong(value: complex) -> None: ...
 
-    module = SimpleNamespace(register=lambda app: app.command()(wrong))
+    module = SimpleNamespace(wrong=wrong)
     monkeypatch.setitem(sys.modules, "serd_cli.commands.stacks.wrong", module)
     monkeypatch.setattr(signatures, "MODULES", {"wrong": "stacks"})
     with pytest.raises(TypeError, match=r"must be one of str, int, .* got <class 'complex'>"):

@@ -36,16 +36,11 @@ _LEAST_TEXT_WIDTH = 12
 _COLOURS = {"good": "green", "notable": "yellow", "bad": "red"}
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommands."""
-    group = typer.Typer(
-        no_args_is_help=True,
-        suggest_commands=True,
-        help="Inspect, check, repair and play recordings.",
-    )
-    for command in (info, check, suggest, recover, convert, play):
-        group.command()(command)
-    app.add_typer(group, name="bag")
+group = typer.Typer(
+    no_args_is_help=True,
+    suggest_commands=True,
+    help="Inspect, check, repair and play recordings.",
+)
 
 
 def info(bags: Bags, as_json: AsJson = False) -> None:
@@ -176,3 +171,7 @@ class RichScreen:
     def remark(self, text: str) -> None:
         """A sentence on stderr."""
         progress_console.print(text, style="yellow", soft_wrap=True)
+
+
+for each in (info, check, suggest, recover, convert, play):
+    group.command()(each)

@@ -45,11 +45,6 @@ class EpisodeRow:
     surprising: int
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommand."""
-    app.command(no_args_is_help=True)(compare)
-
-
 def compare(
     model: Annotated[Path, typer.Argument(help="file of a learned model")],
     trajectories: Annotated[

@@ -60,11 +60,6 @@ from storage.yaml_config import load_yaml_model
 _FITTED_PERIOD_S, _USUAL_PERIOD_S = 1.0, 2.0
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommand."""
-    app.command(no_args_is_help=True)(demos)
-
-
 def demos(
     bags: Annotated[
         list[Path],

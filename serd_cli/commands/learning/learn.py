@@ -44,11 +44,6 @@ from storage.files import require_file_place, require_folder
 from storage.quantities import counted
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommand."""
-    app.command(no_args_is_help=True)(learn)
-
-
 @with_settings(
     LearningSettings,
     prior_weights="--prior-weight",

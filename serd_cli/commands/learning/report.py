@@ -19,11 +19,6 @@ from storage.files import require_folder
 from storage.yaml_config import load_yaml_model
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommand."""
-    app.command(no_args_is_help=True)(report)
-
-
 def report(
     model: Annotated[Path, typer.Argument(help="file of a learned model")],
     demonstrations: Annotated[

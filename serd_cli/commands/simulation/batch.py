@@ -20,11 +20,6 @@ from sim.planning.catalogue import baseline_names, planner_names
 from sim.scenario.scenario import scenario_suite, suite_names
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommand."""
-    app.command(no_args_is_help=True)(batch)
-
-
 def batch(
     output: Annotated[Path, typer.Option(help="table of episodes, .csv or .parquet")],
     scenario: Annotated[

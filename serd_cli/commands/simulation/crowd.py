@@ -38,16 +38,12 @@ from storage.trajectories.read import read_trajectories
 _Recording = tuple[str, Corridor, CorridorMeasures]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommands."""
-    group = typer.Typer(
-        no_args_is_help=True, suggest_commands=True, help="Compare the crowd with measured ones."
-    )
-    group.callback()(lambda: None)
-    group.command()(compare)
-    app.add_typer(group, name="crowd")
+group = typer.Typer(
+    no_args_is_help=True, suggest_commands=True, help="Compare the crowd with measured ones."
+)
 
 
+@group.command()
 def compare(
     recording: Annotated[
         list[Path] | None,

@@ -39,16 +39,12 @@ class MovieSettings(StrictModel):
     pixels_per_m: float = setting(24.0, "size of the view from above", gt=0, le=200)
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommands."""
-    group = typer.Typer(
-        no_args_is_help=True, suggest_commands=True, help="Drive one episode and render it."
-    )
-    group.callback()(lambda: None)
-    group.command(no_args_is_help=True)(render)
-    app.add_typer(group, name="episode")
+group = typer.Typer(
+    no_args_is_help=True, suggest_commands=True, help="Drive one episode and render it."
+)
 
 
+@group.command(no_args_is_help=True)
 def render(
     output: Annotated[Path, typer.Option(help="file to write: .mp4, .gif or .png")],
     scenario: Annotated[str, typer.Argument(help="built-in scenario or YAML file")] = "hallway",

@@ -25,11 +25,6 @@ from sim.safety.faults import FAULTS
 from storage.row_table import Row
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommand."""
-    app.command(no_args_is_help=True)(faults)
-
-
 def faults(
     output: Annotated[Path, typer.Option(help="table of episodes, .csv or .parquet")],
     fault: Annotated[

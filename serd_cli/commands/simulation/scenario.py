@@ -27,21 +27,14 @@ from storage.files import atomic_write_text, read_text
 from storage.quantities import counted
 from storage.yaml_config import yaml_model
 
-
-def register(app: typer.Typer) -> None:
-    """Add the subcommands."""
-    group = typer.Typer(
-        no_args_is_help=True,
-        suggest_commands=True,
-        help="List and draw scenarios, and write your own.",
-    )
-    group.command("list")(list_scenarios)
-    group.command()(show)
-    group.command()(schema)
-    group.command(no_args_is_help=True)(from_map)
-    app.add_typer(group, name="scenario")
+group = typer.Typer(
+    no_args_is_help=True,
+    suggest_commands=True,
+    help="List and draw scenarios, and write your own.",
+)
 
 
+@group.command("list")
 def list_scenarios(as_json: AsJson = False) -> None:
     """List the built-in scenarios."""
     scenarios = {name: load_scenario(name) for name in builtin_scenarios()}
@@ -59,6 +52,7 @@ def list_scenarios(as_json: AsJson = False) -> None:
     console.print(table)
 
 
+@group.command()
 def show(
     scenario: Annotated[str, typer.Argument(help="built-in scenario or YAML file")],
     output: Annotated[
@@ -87,6 +81,7 @@ def show(
     print(f"picture: {path}")  # in one piece, however long
 
 
+@group.command()
 def schema(
     output: Annotated[
         Path | None, typer.Option(help="file to write, e.g. scenario.schema.json; else printed")
@@ -112,6 +107,7 @@ def schema(
         print(f"schema: {output.resolve()}")
 
 
+@group.command(no_args_is_help=True)
 @with_settings(PlaceSettings)
 def from_map(
     ros_map: Annotated[

@@ -15,11 +15,6 @@ from serd_cli.processes.stack_run import stack_environment
 from sim.scenario.scenario import load_scenario
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommand."""
-    app.command()(demo)
-
-
 @with_settings(DemoSettings)
 def demo(
     output: Annotated[Path, typer.Option(help="folder that gets a run-N folder")] = Path(

@@ -16,11 +16,6 @@ from serd_cli.output.terminal import console, print_json
 _COLOURS = {"works": "green", "optional": "yellow", "fails": "red"}
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommand."""
-    app.command()(doctor)
-
-
 def doctor(as_json: AsJson = False) -> None:
     """Check what is installed and works here, and name the command that mends it.
 

@@ -17,11 +17,6 @@ from serd_cli.processes.workspace import ros_environment
 from serd_ros.graph.graph import find_stack, full_namespace, load_graph
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommand."""
-    app.command()(launch)
-
-
 def launch(
     stack: Annotated[str, typer.Argument(help="stack to start; --list shows them")] = "",
     assignments: Annotated[

@@ -27,11 +27,6 @@ from storage.files import require_folder
 from storage.model_file import load_model
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommand."""
-    app.command(no_args_is_help=True)(navigate)
-
-
 @with_settings(
     DriveSettings,
     lookahead_cells="--lookahead",

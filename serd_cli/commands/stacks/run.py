@@ -11,12 +11,6 @@ from serd_cli.processes.executables import all_executables, find_command
 from serd_cli.processes.workspace import ros_environment
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommand; all that follows the executable is passed on."""
-    settings = {"allow_extra_args": True, "ignore_unknown_options": True}
-    app.command(context_settings=settings)(run)
-
-
 def run(
     context: typer.Context,
     package: Annotated[str, typer.Argument(help="ROS package, for example serd_ros")] = "",

@@ -34,11 +34,6 @@ from storage.yaml_config import model_yaml
 _VELOCITIES = BagMapping(action_from="velocity", action_topic="cmd_vel", episode_topic="episode")
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommand."""
-    app.command()(teleop)
-
-
 @with_settings(TeleopSettings)
 def teleop(
     output: Annotated[Path, typer.Option(help="folder that gets a session-N folder")] = Path(

@@ -30,11 +30,6 @@ from teleop.page.view import watched_scene_of
 _NODE = "watch_page"
 
 
-def register(app: typer.Typer) -> None:
-    """Add the subcommand."""
-    app.command()(watch)
-
-
 def watch(
     bag: Annotated[
         Path | None,

@@ -36,15 +36,6 @@ _OWN = {
 SMALL = 1e-3
 
 
-def register(app: typer.Typer) -> None:
-    """Add one subcommand per experiment."""
-    group = typer.Typer(no_args_is_help=True, help="Run an experiment of the thesis.")
-    group.callback()(lambda: None)
-    for experiment in EXPERIMENTS:
-        group.command(experiment.name)(command_of(experiment))
-    app.add_typer(group, name="experiment")
-
-
 def command_of(experiment: Experiment) -> Callable[..., None]:
     """A function whose signature Typer turns into the subcommand's options."""
 
@@ -153,3 +144,8 @@ def _help(setting: Setting) -> str:
         return about
     text = ",".join(map(str, default)) if isinstance(default, tuple) else str(default)
     return rf"{about} \[default: {text}]"
+
+
+group = typer.Typer(no_args_is_help=True, help="Run an experiment of the thesis.")
+for each in EXPERIMENTS:
+    group.command(each.name)(command_of(each))

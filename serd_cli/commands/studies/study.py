@@ -53,17 +53,10 @@ def _config_of(study: str) -> Any:
     return typer.Option(help=f"YAML file with any part of {study}_study.yaml")
 
 
-def register(app: typer.Typer) -> None:
-    """Add the group of studies."""
-    group = typer.Typer(no_args_is_help=True, help="Run a study from recordings to figures.")
-    group.callback()(lambda: None)
-    group.command()(hallway)
-    for study in _PLAIN:
-        group.command(study.name)(_command_of(study))
-    group.command()(people)
-    app.add_typer(group, name="study")
+group = typer.Typer(no_args_is_help=True, help="Run a study from recordings to figures.")
 
 
+@group.command()
 def hallway(
     output: Annotated[Path | None, _output_of("hallway")] = None,
     quick: Quick = False,
@@ -160,6 +153,11 @@ def _command_of(study: _PlainStudy[Any]) -> Callable[..., None]:
     return run
 
 
+for each in _PLAIN:
+    group.command(each.name)(_command_of(each))
+
+
+@group.command()
 def people(
     files: Annotated[
         list[Path],
