@@ -62,10 +62,7 @@ class BagWriter:
         self._flushed_s = clock()
 
     def add_topic(
-        self,
-        name: str,
-        kind: str | MessageType,
-        qos: tuple[QosProfile, ...] = (RELIABLE,),
+        self, name: str, kind: str | MessageType, qos: tuple[QosProfile, ...] = (RELIABLE,)
     ) -> None:
         """Declare a topic; `kind`: an installed message type by its name, or any by definition."""
         topic = Topic(name, message_type(kind) if isinstance(kind, str) else kind, qos)

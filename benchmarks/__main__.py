@@ -33,13 +33,7 @@ from benchmarks.learning import (
     scarce_data,
     solvers,
 )
-from benchmarks.recordings import (
-    bag_faults,
-    bags_throughput,
-    compliance,
-    receipt_times,
-    sources,
-)
+from benchmarks.recordings import bag_faults, bags_throughput, compliance, receipt_times, sources
 
 BENCHMARKS = {
     "arrival_bands": arrival_bands.run,

@@ -28,10 +28,7 @@ def save(
         "cores": os.cpu_count(),
         "python": platform.python_version(),
     }
-    measured = {
-        "commit": code_commit(),
-        "date": datetime.now(timezone.utc).date().isoformat(),
-    }
+    measured = {"commit": code_commit(), "date": datetime.now(timezone.utc).date().isoformat()}
     content = {"about": about, "measured": measured, "machine": machine}
     content |= {"rows": [dict(row) for row in rows]}
     content |= {"details": dict(details)} if details else {}
@@ -48,9 +45,7 @@ def save(
 
 
 def measured_rows(
-    name: str,
-    cases: Iterable[dict[str, Any]],
-    measure: Callable[..., dict[str, Any]],
+    name: str, cases: Iterable[dict[str, Any]], measure: Callable[..., dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """One row per case: it with what `measure(**case)` returns.
 

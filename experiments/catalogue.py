@@ -54,10 +54,7 @@ EXPERIMENTS = (
         run_ascents,
     ),
     Experiment(
-        "avoidance",
-        "what choices reveal of a move that is avoided",
-        AvoidanceConfig,
-        run_avoidance,
+        "avoidance", "what choices reveal of a move that is avoided", AvoidanceConfig, run_avoidance
     ),
     Experiment(
         "hidden-actions",

@@ -14,12 +14,7 @@ from report.figures.arrival import (
     predicted_curve,
     shown_until_s,
 )
-from report.figures.charts import (
-    OUTCOME_LABELS,
-    draw_outcomes,
-    draw_progress,
-    draw_weights,
-)
+from report.figures.charts import OUTCOME_LABELS, draw_outcomes, draw_progress, draw_weights
 from report.figures.hallway import draw_hallway
 from report.figures.map_axes import layout_of
 from report.figures.maps import (
@@ -184,12 +179,7 @@ def _map_figures(inputs: ReportInputs) -> dict[str, Figure]:
         found["surprises"] = draw_surprises(grid, inputs.familiarity.decisions, surprising, layout)
     for number, group in enumerate(inputs.groups, start=1):
         found[f"expert_{number}"] = draw_policy_map(
-            layout,
-            grid,
-            group.policy.value,
-            group.policy.greedy,
-            problem.goal_states,
-            group.traps,
+            layout, grid, group.policy.value, group.policy.greedy, problem.goal_states, group.traps
         )
     return found | {
         "policy": draw_policy_map(

@@ -133,11 +133,7 @@ def read_table(
 
 
 def read_rows(
-    path: str | Path,
-    row_class: type[RowClass],
-    columns: Sequence[Column],
-    *,
-    growing: bool = False,
+    path: str | Path, row_class: type[RowClass], columns: Sequence[Column], *, growing: bool = False
 ) -> tuple[RowClass, ...]:
     """The table as instances of a dataclass with a field for each column."""
     frame = read_table(path, columns, growing=growing)

@@ -48,7 +48,7 @@ INTERFACES = {
         "action/NavigateThroughPoses.action": _GOAL.format("geometry_msgs/PoseStamped[] poses")
         + _RESULT_AND_FEEDBACK
         + "int16 number_of_poses_remaining\n",
-    },
+    }
 }
 _DEPENDENCIES = (
     "action_msgs",

@@ -19,14 +19,7 @@ from selenium.webdriver import Chrome
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from support.browser import (  # noqa: E402
-    DEVICES,
-    SCHEMES,
-    sideways_px,
-    start_chromium,
-    view,
-    violations,
-)
+from support.browser import DEVICES, SCHEMES, sideways_px, start_chromium, view, violations  # noqa: E402
 
 #: The front page, a tutorial, a notebook, pages with wide pictures and tables, a generated one.
 PAGES = (

@@ -69,10 +69,7 @@ def _rewrite(reader: BagReader, target: Path, compression: Compression) -> Rewri
         if topic.encoding != CDR
     }
     left_out: Counter[str] = Counter()
-    with (
-        _new_folder(target) as folder,
-        BagWriter(folder, compression=compression) as writer,
-    ):
+    with _new_folder(target) as folder, BagWriter(folder, compression=compression) as writer:
         for name, topic in reader.topics.items():
             if name not in skipped:
                 writer.add_topic(name, resolve_type_if_known(topic.message_type), topic.qos)

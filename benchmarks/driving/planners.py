@@ -138,9 +138,7 @@ def _mean(measure: Measure, group: Sequence[ConditionSummary]) -> float:
     return round(fmean(value for value in values if not math.isnan(value)), 3)
 
 
-def _by_scenario(
-    summaries: Sequence[ConditionSummary],
-) -> dict[str, list[ConditionSummary]]:
+def _by_scenario(summaries: Sequence[ConditionSummary]) -> dict[str, list[ConditionSummary]]:
     groups: dict[str, list[ConditionSummary]] = {}
     for each in summaries:
         groups.setdefault(each.scenario, []).append(each)

@@ -29,11 +29,7 @@ from sim.world.world import HallwayWorld
 #: What belongs to each part: (class, method).
 PARTS: dict[str, tuple[tuple[type, str], ...]] = {
     "crowd": ((Crowd, "step"), (Crowd, "push_out_of")),
-    "physics": (
-        (KinematicRobot, "drive"),
-        (PhysicalRobot, "drive"),
-        (ContactCounter, "update"),
-    ),
+    "physics": ((KinematicRobot, "drive"), (PhysicalRobot, "drive"), (ContactCounter, "update")),
     "lidar": ((Lidar, "scan"),),
     "planner": ((RecoveringPlanner, "step"),),
     "guard": ((Guard, "step"),),

@@ -81,10 +81,7 @@ def one_repetition(config: EarlyStoppingConfig, number: int) -> list[Row]:
 
 
 def fits_of(
-    config: EarlyStoppingConfig,
-    problem: TabularProblem,
-    seen: Decisions,
-    rng: np.random.Generator,
+    config: EarlyStoppingConfig, problem: TabularProblem, seen: Decisions, rng: np.random.Generator
 ) -> dict[str, FitResult]:
     """The three fits by name; each starts at the weights under its M-estimate of the dynamics."""
     part, validation = split_episodes(seen, config.validation_share, rng)

@@ -18,10 +18,7 @@ from serd_core.arrival.law import ArrivalLaw
 
 #: Share at which a curve visibly differs from zero.
 _LEFT_ZERO = 0.005
-_LOOKS = {
-    "predicted": (style.PREDICTED_COLOUR, "--"),
-    "measured": (style.MEASURED_COLOUR, "-"),
-}
+_LOOKS = {"predicted": (style.PREDICTED_COLOUR, "--"), "measured": (style.MEASURED_COLOUR, "-")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +113,7 @@ def draw_arrival(
     return figure
 
 
-_FORECAST_LOOKS = (
-    (style.BLUE, "-"),
-    (style.RED, "--"),
-    (style.GREEN, "-."),
-    (style.PURPLE, ":"),
-)
+_FORECAST_LOOKS = ((style.BLUE, "-"), (style.RED, "--"), (style.GREEN, "-."), (style.PURPLE, ":"))
 
 
 def draw_forecasts(laws: Mapping[str, ArrivalLaw], timeout_s: float) -> Figure:

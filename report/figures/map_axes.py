@@ -194,11 +194,7 @@ def cell_squares(centers_m: FloatArray, side_m: float) -> list[Rectangle]:
 
 
 def draw_cells(
-    axes: Axes,
-    grid: Grid,
-    values: FloatArray,
-    norm: Normalize,
-    colour_map: object,
+    axes: Axes, grid: Grid, values: FloatArray, norm: Normalize, colour_map: object
 ) -> PatchCollection:
     """Every state's cell filled by its value (S,); returns the collection for a colour bar."""
     collection = PatchCollection(

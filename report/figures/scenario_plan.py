@@ -14,12 +14,7 @@ from sim.crowd.routes import offset_loop
 from sim.scenario.polygon import edges_of
 from sim.scenario.scenario import Scenario
 
-_LOOKS = (
-    (style.PERSON_COLOUR, "-"),
-    (style.PURPLE, "--"),
-    (style.CYAN, "-."),
-    (style.INK, ":"),
-)
+_LOOKS = ((style.PERSON_COLOUR, "-"), (style.PURPLE, "--"), (style.CYAN, "-."), (style.INK, ":"))
 #: Loops that share a leg are drawn side by side.
 _BESIDE_M = 0.13
 _ARROW_EVERY_M = 4.0

@@ -71,12 +71,7 @@ def people_per_m2(grid: Grid, n_people: float) -> float:
 
 
 def crossings_of_track(
-    place: CrossedPlace,
-    episode: int,
-    track: FloatArray,
-    decided: FloatArray,
-    *,
-    arrived: bool,
+    place: CrossedPlace, episode: int, track: FloatArray, decided: FloatArray, *, arrived: bool
 ) -> list[Crossing]:
     """Of the poses (T, 3) of one episode: increasing times (s), x and y (m).
 

@@ -110,9 +110,7 @@ def joined_density(parts: Sequence[MeasuredDensity]) -> MeasuredDensity:
 
 
 def density_of_recordings(
-    found: Sequence[RecordedDemonstrations],
-    sightings: Sequence[Sequence[Sighting]],
-    grid: Grid,
+    found: Sequence[RecordedDemonstrations], sightings: Sequence[Sequence[Sighting]], grid: Grid
 ) -> MeasuredDensity | None:
     """Of all decisions, in the order of `concatenated`; None where no people were seen at any.
 

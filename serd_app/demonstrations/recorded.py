@@ -26,11 +26,7 @@ from serd_app.demonstrations.grid.resolution import (
 from serd_app.drives.recorded_drive import RecordedDrive
 from serd_app.drives.recording import Recording
 from serd_app.drives.table_drives import is_table
-from serd_app.places.kept_scenario import (
-    keep_scenario,
-    kept_scenario_file,
-    own_scenario_yaml,
-)
+from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file, own_scenario_yaml
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import Grid

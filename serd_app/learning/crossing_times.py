@@ -62,10 +62,7 @@ def fit_crossing_times(tables: Sequence[Sequence[Crossing]]) -> CrossingTimes:
     people = np.array([row.people_pm2 for row in every])
     mean_people = float(people.mean())
     kind = np.array([_KINDS.index(row.kind) for row in every])
-    seen = {
-        "flow": Counter(row.flow for row in every),
-        "kind": Counter(row.kind for row in every),
-    }
+    seen = {"flow": Counter(row.flow for row in every), "kind": Counter(row.kind for row in every)}
     used = _Contrasts(*(tuple(name for name, _ in each.most_common()) for each in seen.values()))
     design = np.array(
         [used.row(each.flow, each.kind, each.people_pm2 - mean_people) for each in every]

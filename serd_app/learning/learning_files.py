@@ -181,11 +181,7 @@ def _scenario_yaml(
         return own_scenario_yaml(scenario)
     begins = np.unique(decisions.episode, return_index=True)[1]
     found = grid_scenario(
-        problem.grid,
-        problem.goal_states,
-        decisions.state[begins],
-        period_s,
-        name="fitted grid",
+        problem.grid, problem.goal_states, decisions.state[begins], period_s, name="fitted grid"
     )
     return found[0] if found else ""
 

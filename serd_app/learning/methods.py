@@ -81,10 +81,7 @@ def mdce_serd(data: FitData) -> MethodResult:
 def mdce_serd_evidence(data: FitData) -> MethodResult:
     """MDCE SERD, belief and truth tied, with the prior of highest evidence: all episodes train."""
     fit = fit_mdce_serd(
-        data.problem,
-        data.decisions,
-        initial_weights=data.initial_weights,
-        on_step=data.reporter(),
+        data.problem, data.decisions, initial_weights=data.initial_weights, on_step=data.reporter()
     )
     return MethodResult(fit, _described(fit, data.problem))
 

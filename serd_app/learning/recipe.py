@@ -70,12 +70,7 @@ def learn(
     )
     rng = np.random.default_rng(settings.seed)
     data = fit_data(
-        problem,
-        decisions,
-        settings,
-        rng,
-        initial_weights=warm_weights,
-        on_progress=on_progress,
+        problem, decisions, settings, rng, initial_weights=warm_weights, on_progress=on_progress
     )
     found = METHODS[settings.method](data)
     posterior, draws = posterior_of(problem, decisions, found.fit), None

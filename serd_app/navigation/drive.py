@@ -39,9 +39,7 @@ def finished_episodes(settings: DriveSettings, output: Path | None) -> list[Epis
 
 
 def drive(
-    settings: DriveSettings,
-    output: Path | None,
-    on_episode: Callable[[EpisodeResult], None],
+    settings: DriveSettings, output: Path | None, on_episode: Callable[[EpisodeResult], None]
 ) -> list[EpisodeResult]:
     """Drive the episodes that are not finished yet; the rows of all of them.
 

@@ -32,10 +32,7 @@ class NavigationSettings(EpisodeSettings):
         ge=1,
     )
     patience_periods: int = setting(
-        60,
-        "give up after this long without progress; 0: never",
-        unit="decision periods",
-        ge=0,
+        60, "give up after this long without progress; 0: never", unit="decision periods", ge=0
     )
     minimum_arrival_probability: float = setting(
         0.0, "give up below this probability of arriving before the time-out", ge=0, le=1

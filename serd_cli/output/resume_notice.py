@@ -18,8 +18,7 @@ def results_kept_in(place: Path | None) -> Iterator[None]:
     except KeyboardInterrupt:
         if place is not None and place.exists():
             progress_console.print(
-                f"results are in {place.resolve()}; rerun the command to resume",
-                soft_wrap=True,
+                f"results are in {place.resolve()}; rerun the command to resume", soft_wrap=True
             )
         raise
 

@@ -37,10 +37,7 @@ def stack_environment(logs: Path) -> Iterator[dict[str, str]]:
 
 
 def require_free_domain(
-    stack: Stack,
-    environment: Mapping[str, str],
-    namespace: str = "",
-    robots: Sequence[str] = (),
+    stack: Stack, environment: Mapping[str, str], namespace: str = "", robots: Sequence[str] = ()
 ) -> None:
     """RunError names the nodes that publish a world where the stack would publish its own."""
     if load_graph().has_world(stack):

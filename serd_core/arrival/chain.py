@@ -19,13 +19,7 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    chosen_indices,
-    require_count,
-)
+from serd_core.arrays import BoolArray, FloatArray, IntArray, chosen_indices, require_count
 from serd_core.arrival.absorption import probability_of_ever_arriving
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError

@@ -81,8 +81,7 @@ def _information_of_starts(problem: Problem, found: Laplace, longest: int) -> Fl
     weights = policy.ravel()[:, None]
     step = true.matrix.multiply(weights).tocsr()
     pairs = scipy.sparse.kron(
-        scipy.sparse.csr_array(scipy.sparse.identity(n_states)),
-        np.ones((1, problem.mdp.n_actions)),
+        scipy.sparse.csr_array(scipy.sparse.identity(n_states)), np.ones((1, problem.mdp.n_actions))
     )
     going = (pairs @ step).tocsr()
     remaining = (~problem.mdp.final).astype(np.float64)

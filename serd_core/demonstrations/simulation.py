@@ -4,13 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    require_count,
-    require_generator,
-    require_kind,
-)
+from serd_core.arrays import FloatArray, IntArray, require_count, require_generator, require_kind
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.errors import SerdError

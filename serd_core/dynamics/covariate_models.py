@@ -131,11 +131,7 @@ class CovariateModels(OutcomeModels):
 
 
 def most_likely_coefficients(
-    model: CovariateModels,
-    seen: Observations,
-    pseudo_count: float = 1.0,
-    *,
-    max_steps: int = 2000,
+    model: CovariateModels, seen: Observations, pseudo_count: float = 1.0, *, max_steps: int = 2000
 ) -> FloatArray:
     """(F*K,) M-estimate from observed transitions: of the Dirichlet prior over each feature.
 

@@ -359,11 +359,7 @@ class Transitions:
         return rows.soft_maximum(self._flat, rewards, discount, values)
 
     def settle(
-        self,
-        rewards: FloatArray,
-        discount: float,
-        values: FloatArray,
-        sweeps: Sweeps,
+        self, rewards: FloatArray, discount: float, values: FloatArray, sweeps: Sweeps
     ) -> FloatArray:
         """(S,) values after Gauss-Seidel sweeps of the soft Bellman equation, by compiled code."""
         rows = self.model.compiled_rows

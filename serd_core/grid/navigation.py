@@ -147,11 +147,7 @@ def _feature_table(
     norm_of_model = np.array([1.0, -1.0, 0.0, 1.0])
     model = model_of_action(np.arange(len(Action))[None, :], flow[:, None])
     inverse = np.broadcast_to(normalised_inverse_distance(distance_m)[:, None], shape)
-    return {
-        "goal": goal,
-        "social_norm": norm_of_model[model],
-        "inverse_wall_distance": inverse,
-    }
+    return {"goal": goal, "social_norm": norm_of_model[model], "inverse_wall_distance": inverse}
 
 
 def normalised_inverse_distance(distance_m: FloatArray) -> FloatArray:

@@ -76,8 +76,7 @@ def certificate(
             on_step(Step(number, mean, ascended.gradient_norm, counted.n_evaluations, vector))
         trace = np.append(ascended.objective_trace, mean)
         return Certificate(
-            space.parameters(found.vector),
-            replace(counted, n_steps=number, objective_trace=trace),
+            space.parameters(found.vector), replace(counted, n_steps=number, objective_trace=trace)
         )
     if len(step.rising):
         reason = (

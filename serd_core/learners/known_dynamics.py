@@ -7,13 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from serd_core.arrays import FloatArray, require_kind
-from serd_core.ascent.ascent import (
-    Ascent,
-    AscentResult,
-    FunctionObjective,
-    Scaled,
-    StepCallback,
-)
+from serd_core.ascent.ascent import Ascent, AscentResult, FunctionObjective, Scaled, StepCallback
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe_in
 from serd_core.dynamics.transition_model import Transitions, transitions_of

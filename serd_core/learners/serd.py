@@ -102,12 +102,7 @@ def fit_serd(
         learns = problem.mdp.transitions.n_parameters > 0
         belief = settings.belief if learns else FixedBelief()
         posterior = Posterior(
-            problem,
-            observations,
-            policy_model,
-            UNIFORM,
-            settings.solver,
-            settings.linear_solver,
+            problem, observations, policy_model, UNIFORM, settings.solver, settings.linear_solver
         )
         start = evidence_start(posterior, decisions, belief, initial_weights, dynamics)
         staged = initial_weights is None

@@ -18,11 +18,7 @@ INTENDED_SHARE = 0.9
 
 
 def dynamics_or_estimate(
-    problem: Problem,
-    decisions: Decisions,
-    dynamics: FloatArray | None,
-    *,
-    learned: bool = False,
+    problem: Problem, decisions: Decisions, dynamics: FloatArray | None, *, learned: bool = False
 ) -> FloatArray:
     """The given dynamics, or the M-estimate with a uniform prior (line 3 of Algorithm 1).
 

@@ -8,13 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    float_array,
-    number_array,
-    once_per_state,
-    sum_per_row,
-)
+from serd_core.arrays import FloatArray, float_array, number_array, once_per_state, sum_per_row
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 

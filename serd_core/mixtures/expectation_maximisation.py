@@ -82,10 +82,7 @@ def m_step(
 
 
 def best_run(
-    objective: MixtureLogPosterior,
-    one_type: Parameters,
-    scores: FloatArray,
-    settings: EmSettings,
+    objective: MixtureLogPosterior, one_type: Parameters, scores: FloatArray, settings: EmSettings
 ) -> EmRun:
     """EM of the highest log posterior over starts; scores: (U, d) of the units, see `unit_scores`.
 

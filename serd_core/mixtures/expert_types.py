@@ -32,12 +32,7 @@ from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.problem import Problem
 from serd_core.mixtures.coordinates import mixture_coordinates
 from serd_core.mixtures.evidence import laplace_of_mixture
-from serd_core.mixtures.expectation_maximisation import (
-    EmRun,
-    EmSettings,
-    best_run,
-    unit_scores,
-)
+from serd_core.mixtures.expectation_maximisation import EmRun, EmSettings, best_run, unit_scores
 from serd_core.mixtures.grouped_observations import GroupedObservations, group_observations
 from serd_core.mixtures.mixture_posterior import MixtureLogPosterior, MixturePoint
 from serd_core.posterior.beliefs import Belief, TiedBelief

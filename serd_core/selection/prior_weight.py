@@ -40,9 +40,7 @@ class WeightSelection:
 
 
 def select_weight(
-    fit: Callable[[float], FitResult],
-    score: Callable[[FitResult], float],
-    weights: Sequence[float],
+    fit: Callable[[float], FitResult], score: Callable[[FitResult], float], weights: Sequence[float]
 ) -> WeightSelection:
     """Fit with every weight and keep the one with the highest score (the larger of equals).
 

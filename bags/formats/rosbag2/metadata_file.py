@@ -25,10 +25,7 @@ class FileSpan:
     last_ns: int | None = None
 
 
-def bag_metadata(
-    files: Sequence[FileSpan],
-    topics: Sequence[tuple[Topic, int]],
-) -> dict[str, Any]:
+def bag_metadata(files: Sequence[FileSpan], topics: Sequence[tuple[Topic, int]]) -> dict[str, Any]:
     """Values below the root key; topics come with their number of messages."""
     filled = [span for span in files if span.first_ns is not None and span.last_ns is not None]
     first = min((span.first_ns or 0 for span in filled), default=None)

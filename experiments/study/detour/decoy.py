@@ -41,13 +41,7 @@ def decoy_row(study: DetourStudy, number: int, repetition: int) -> Row:
     starts[rng.choice(np.setdiff1d(np.arange(len(starts)), problem.goal_states))] = 1.0
     size = int(rng.choice(decoy.sizes))
     decisions = sample_decisions(
-        problem.mdp,
-        policy.probabilities,
-        truth,
-        starts,
-        n_episodes=size,
-        n_steps=LONGEST,
-        rng=rng,
+        problem.mdp, policy.probabilities, truth, starts, n_episodes=size, n_steps=LONGEST, rng=rng
     )
     place = {"truth": decoy.truths[number], "repetition": repetition, "size": size}
     return place | posterior_row(problem, decisions)

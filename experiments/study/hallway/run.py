@@ -44,10 +44,7 @@ _DEMONSTRATIONS = REFERENCE_SETTINGS | {
     "demonstrations": True,
     "beliefs": {"reward_weights"},
 }
-_FITS = _DEMONSTRATIONS | {
-    "learning": True,
-    "beliefs": {"reward_weights", "sizes", "repetitions"},
-}
+_FITS = _DEMONSTRATIONS | {"learning": True, "beliefs": {"reward_weights", "sizes", "repetitions"}}
 _ARRIVAL = _FITS | {"beliefs": True, "arrival": True}
 #: Rough seconds of one recorded episode.
 _EPISODE_S = 0.8

@@ -71,9 +71,7 @@ class FlowEstimator:
 
 
 def flow_from_recordings(
-    recordings: Sequence[Recording],
-    sightings: Sequence[Sequence[Sighting]],
-    grid: Grid,
+    recordings: Sequence[Recording], sightings: Sequence[Sequence[Sighting]], grid: Grid
 ) -> FlowField | None:
     """The flow of the people seen in all bags, and of the agents of all tables; None where there
     are none.

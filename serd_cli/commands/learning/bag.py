@@ -37,9 +37,7 @@ _COLOURS = {"good": "green", "notable": "yellow", "bad": "red"}
 
 
 group = typer.Typer(
-    no_args_is_help=True,
-    suggest_commands=True,
-    help="Inspect, check, repair and play recordings.",
+    no_args_is_help=True, suggest_commands=True, help="Inspect, check, repair and play recordings."
 )
 
 

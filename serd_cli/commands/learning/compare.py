@@ -48,8 +48,7 @@ class EpisodeRow:
 def compare(
     model: Annotated[Path, typer.Argument(help="file of a learned model")],
     trajectories: Annotated[
-        list[Path],
-        typer.Argument(help="table of decisions, or bags or tables of trajectories"),
+        list[Path], typer.Argument(help="table of decisions, or bags or tables of trajectories")
     ],
     output: Annotated[Path, typer.Option(help="table to write, ending in .csv")] = Path(
         "compared.csv"

@@ -22,12 +22,7 @@ from sim.crowd.comparison import (
     compare_with_recording,
     compare_with_weidmann,
 )
-from sim.crowd.corridor_measures import (
-    Corridor,
-    CorridorMeasures,
-    corridor_of,
-    measure_recording,
-)
+from sim.crowd.corridor_measures import Corridor, CorridorMeasures, corridor_of, measure_recording
 from sim.crowd.social_force import model_names
 from sim.crowd.straight_corridor import corridor_people
 from sim.errors import SimError

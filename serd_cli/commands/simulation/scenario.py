@@ -28,9 +28,7 @@ from storage.quantities import counted
 from storage.yaml_config import yaml_model
 
 group = typer.Typer(
-    no_args_is_help=True,
-    suggest_commands=True,
-    help="List and draw scenarios, and write your own.",
+    no_args_is_help=True, suggest_commands=True, help="List and draw scenarios, and write your own."
 )
 
 

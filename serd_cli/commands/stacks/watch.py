@@ -36,8 +36,7 @@ def watch(
         typer.Argument(metavar="BAG", help="recording to replay; without it, the running stack"),
     ] = None,
     scenario: Annotated[
-        str,
-        typer.Option(help="built-in scenario or YAML file; that of the --model, else hallway"),
+        str, typer.Option(help="built-in scenario or YAML file; that of the --model, else hallway")
     ] = "",
     model: Annotated[
         Path | None,

@@ -66,8 +66,7 @@ def hallway(
         typer.Option(help="recorded demonstrations in place of the scripted ones; repeat"),
     ] = None,
     figure: Annotated[
-        list[str] | None,
-        typer.Option(help=f"only draw again from kept tables: {_FIGURES}; repeat"),
+        list[str] | None, typer.Option(help=f"only draw again from kept tables: {_FIGURES}; repeat")
     ] = None,
     jobs: Jobs = EXECUTION.n_jobs,
     backend: Backend = EXECUTION.backend,
@@ -160,8 +159,7 @@ for each in _PLAIN:
 @group.command()
 def people(
     files: Annotated[
-        list[Path],
-        typer.Argument(help="tables of trajectories in a corridor, one per recording"),
+        list[Path], typer.Argument(help="tables of trajectories in a corridor, one per recording")
     ],
     output: Annotated[Path | None, _output_of("people")] = None,
     quick: Quick = False,

@@ -69,10 +69,7 @@ def _reference(folder: Path) -> Columns:
 def _measures(folder: Path) -> Columns:
     table = _largest(read_table(folder / "figure_5_9.csv"))
     wide = _by_measure(table, _intervals(table, "median"), ["method"])
-    return [
-        (f"{table['size'].iloc[0]} demonstrations", wide["method"]),
-        *_measure_columns(wide),
-    ]
+    return [(f"{table['size'].iloc[0]} demonstrations", wide["method"]), *_measure_columns(wide)]
 
 
 def _paired(folder: Path) -> Columns:

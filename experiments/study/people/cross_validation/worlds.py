@@ -33,11 +33,7 @@ from serd_core.arrival.law import ArrivalLaw
 Learner = Callable[[Layers], Learned]
 #: Learners whose input is the density, and those whose input is the mean crowd.
 WITH_DENSITY: Mapping[str, Learner] = {SERD_DENSITY: learners.serd, IRL_DENSITY: learners.irl}
-WITHOUT: Mapping[str, Learner] = {
-    SERD: learners.serd,
-    IRL: learners.irl,
-    CLONING: learners.cloning,
-}
+WITHOUT: Mapping[str, Learner] = {SERD: learners.serd, IRL: learners.irl, CLONING: learners.cloning}
 #: Quantiles that stand for the drift of walkers in cells that they have not reached.
 _DRIFTS = (np.arange(9) + 0.5) / 9
 
