@@ -15,6 +15,7 @@ from sim.scenario.scenario import load_scenario
 
 def test_two_scripted_experts_of_the_hallway_are_two_types():
     hallway = load_scenario("hallway").with_pedestrian_count(6)
+    hallway = hallway.with_values("robot", drive="kinematic")
     problem, tables = navigation_problem_of(hallway, 0.99), []
     for seed, name in enumerate(("expert_with_flow", "expert_against_flow")):
         driver, starts = make_driver(name, hallway, seed), [(each, "train") for each in range(4)]
