@@ -9,6 +9,8 @@ from typing import Any
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
+# As `make` does: otherwise each node that a test starts compiles what has changed again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 import pytest
 from domain_coordinator import domain_id
