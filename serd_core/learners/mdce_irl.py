@@ -94,9 +94,12 @@ def fit_mdce_irl_by_entropy(
     wanted = empirical_feature_expectation(problem, decisions)
     starts = start_distribution(decisions, problem.mdp.n_states)
     last: list[BellmanSolution] = []
+    average = 1.0 - problem.mdp.discount
+    # Near a discount of 1 averages hide what absorbed episodes count: tolerances are of the counts.
+    scale = 1.0 / max(1.0, float(np.max(np.abs(search.scale * wanted))))
 
     def dual(weights: FloatArray) -> tuple[float, FloatArray]:
-        """J scaled by 1 - gamma, which makes feature expectations averages."""
+        """J, and the slack of averages, in units of the largest demonstrated feature count."""
         bellman = BellmanProblem(
             SoftBellman(), rewards(problem, weights), search.transitions, problem.mdp
         )
@@ -104,9 +107,9 @@ def fit_mdce_irl_by_entropy(
         last[:] = [solution]
         expected = feature_expectation(problem, search.transitions, solution.policy, starts)
         value = float(weights @ wanted - starts @ solution.value)
-        scale = 1.0 - problem.mdp.discount
-        penalty = 0.5 * slack * float(weights @ weights)
-        return value * scale - penalty, (wanted - expected) * scale - slack * weights
+        penalty = 0.5 * slack / average * float(weights @ weights)
+        gradient = wanted - expected - slack / average * weights
+        return scale * (value - penalty), scale * gradient
 
     return search.maximise(dual, ascent, on_step)
 

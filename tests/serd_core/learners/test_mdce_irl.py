@@ -4,6 +4,7 @@ import pytest
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
+from serd_core.demonstrations.tables import decisions_from_episodes
 from serd_core.demonstrations.trajectories import feature_counts, trajectories_of
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
@@ -14,6 +15,7 @@ from serd_core.learners.mdce_irl import (
     fit_mdce_irl_by_likelihood,
 )
 from serd_core.learners.serd import fit_mdce_serd
+from serd_core.mdp.tables import from_transitions
 from serd_core.policies.solved_policy import soft_policy
 
 
@@ -40,6 +42,27 @@ def test_at_the_entropy_optimum_the_features_match(long_case):
     )
     wanted = empirical_feature_expectation(long_case.problem, long_case.decisions)
     np.testing.assert_allclose(matched, wanted, atol=1e-4)
+
+
+@pytest.mark.parametrize("discount", [0.99, 0.999999])
+def test_the_features_of_episodes_that_end_match_near_a_discount_of_1_too(discount):
+    """Trying to end counts gamma^t once, however small 1 - gamma is."""
+    moves = np.array([[[0.5, 0.5, 0], [0.1, 0, 0.9]], [[0, 1, 0]] * 2, [[0, 0, 1]] * 2])
+    tried = np.zeros((3, 2, 1))
+    tried[0, 1] = 1.0
+    problem = from_transitions(moves, tried, discount=discount, terminal=[1, 2])
+    decisions = decisions_from_episodes([([0, 1], [0]), ([0, 0, 1], [0, 0]), ([0, 2], [1])])
+    fits = [
+        fit_mdce_irl_by_entropy(problem, decisions, initial_weights=[start]) for start in (0.0, 3.0)
+    ]
+    assert all(fit.converged for fit in fits)
+    for fit in fits:
+        policy = soft_policy(problem, fit.reward_weights).probabilities
+        reached = feature_expectation(
+            problem, transitions_of(problem.mdp.transitions, None), policy, np.array([1.0, 0, 0])
+        )
+        wanted = empirical_feature_expectation(problem, decisions)
+        np.testing.assert_allclose(reached, wanted, atol=1e-5)
 
 
 def test_entropy_and_likelihood_agree_for_many_demonstrations_under_true_dynamics(long_case):
