@@ -19,6 +19,8 @@ BYTES_PER_ENTRY = 90
 COMPILED_BYTES_PER_ENTRY = 15
 #: The same where a model is given entry by entry.
 LISTED_BYTES_PER_ENTRY = 200
+#: Bytes per pair (s, a): mask and places of its entries.
+BYTES_PER_PAIR = 25
 
 
 def bytes_of_transitions(n_states: int, n_entries: int, *, listed: bool) -> float:

@@ -11,9 +11,19 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, float_array, int_array, require_index
+from serd_core.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    first_index,
+    float_array,
+    int_array,
+    require_count,
+    require_index,
+)
 from serd_core.dynamics.transition_model import RowBlocks, RowEntries, TransitionModel
 from serd_core.errors import SerdError
+from serd_core.memory import BYTES_PER_PAIR, require_memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +48,19 @@ class SparseModel(TransitionModel):
 
     def __post_init__(self) -> None:
         n_entries = len(np.atleast_1d(self.state))
-        if min(self.n_pairs) < 1:
+        pairs = int_array("n_pairs", self.n_pairs, (2,))
+        if pairs.min() < 1:
             raise SerdError(
                 f"n_pairs must be at least one state and one action, got {self.n_pairs};"
                 " pass (S, A)"
             )
+        object.__setattr__(self, "n_pairs", (int(pairs[0]), int(pairs[1])))
+        require_memory(
+            f"a table of {pairs[0]} states and {pairs[1]} actions",
+            BYTES_PER_PAIR * float(pairs[0]) * float(pairs[1]),
+            "number states and actions from 0 without gaps",
+        )
+        require_count("parameter_count", self.parameter_count, 0, "0 for known transitions")
         for name, size in zip(("state", "action", "next_state"), self._sizes, strict=True):
             column = int_array(name, getattr(self, name), (n_entries,))
             require_index(name, column, size, f"a {name.replace('_', ' ')}")
@@ -107,7 +125,8 @@ class SparseModel(TransitionModel):
 
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
         """(E,) the user's probabilities, in the user's order."""
-        given = np.asarray(self.probabilities(parameters), dtype=np.float64)
+        # Copies, so that functions that write into arguments or reuse an array change nothing here.
+        given = np.array(self.probabilities(np.array(parameters)), dtype=np.float64)
         if given.shape != self.state.shape:
             raise SerdError(
                 f"probabilities(parameters) must return {self.state.shape} numbers, one per entry,"
@@ -117,11 +136,18 @@ class SparseModel(TransitionModel):
 
     def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(n_parameters,) the user's vector-Jacobian product."""
-        gradient = np.asarray(self.vector_jacobian(parameters, local_gradient), dtype=np.float64)
+        product = self.vector_jacobian(np.array(parameters), np.array(local_gradient))
+        gradient = np.array(product, dtype=np.float64)
         if gradient.shape != (self.parameter_count,):
             raise SerdError(
                 f"vector_jacobian must return ({self.parameter_count},) numbers, one per"
                 f" parameter, got {gradient.shape}"
+            )
+        bad = first_index(~np.isfinite(gradient))
+        if bad is not None and np.isfinite(local_gradient).all():
+            raise SerdError(
+                f"vector_jacobian must return finite numbers, got {gradient[bad]} for parameter"
+                f" {bad[0]}; correct the function, or start from other parameters"
             )
         return gradient
 

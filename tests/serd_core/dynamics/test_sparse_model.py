@@ -46,6 +46,51 @@ def test_users_functions_of_the_wrong_length_are_refused():
         model.parameters_of(np.ones((1, 5)))
 
 
+def test_users_functions_may_write_into_their_arguments_and_reuse_an_array():
+    result = np.zeros(2)
+
+    def probabilities(parameters):
+        result[:] = [parameters[0], 1.0 - parameters[0]]
+        parameters[:] = 9.0
+        return result
+
+    def product(_, gradient):
+        gradient -= gradient[1]
+        return gradient[:1]
+
+    model = SparseModel((2, 1), [0, 0], [0, 0], [0, 1], 1, probabilities, product)
+    parameters, gradient = np.array([0.25]), np.array([3.0, 1.0])
+    first = model.local_probabilities(parameters)
+    model.local_probabilities(np.array([0.5]))
+    np.testing.assert_array_equal(first, [0.25, 0.75])
+    np.testing.assert_array_equal(model.pull_back(parameters, gradient), [2.0])
+    np.testing.assert_array_equal(parameters, [0.25])
+    np.testing.assert_array_equal(gradient, [3.0, 1.0])
+
+
+def test_a_users_product_that_is_not_finite_is_named():
+    model = SparseModel(
+        (1, 1), [0], [0], [0], 2, lambda _: np.ones(1), lambda *_: np.array([0.0, np.nan])
+    )
+    with pytest.raises(SerdError, match="must return finite numbers, got nan for parameter 1"):
+        model.pull_back(np.zeros(2), np.ones(1))
+
+
+@pytest.mark.parametrize(
+    ("pairs", "count", "message"),
+    [
+        (2, 0, r"n_pairs must have shape \(2\), got \(\)"),
+        ((2, 1, 1), 0, r"n_pairs must have shape \(2\), got \(3,\)"),
+        ((2.5, 1), 0, r"n_pairs\[0\] must be a whole number, got 2.5"),
+        ((1, 1), -1, "parameter_count must be a whole number of at least 0, got -1"),
+        ((1, 1), 2.0, "parameter_count must be a whole number of at least 0, got 2.0"),
+    ],
+)
+def test_sizes_that_are_no_whole_numbers_are_refused(pairs, count, message):
+    with pytest.raises(SerdError, match=message):
+        SparseModel(pairs, [0], [0], [0], count, np.ones, np.ones)
+
+
 def test_probabilities_need_one_entry_per_transition():
     with pytest.raises(SerdError, match=r"probability must have shape \(2\), got \(1,\)"):
         fixed_transitions((2, 1), [0, 1], [0, 0], [0, 0], np.ones(1))
