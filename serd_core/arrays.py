@@ -142,7 +142,7 @@ def require_generator(rng: object) -> None:
 
 def require_count(name: str, value: object, least: int, example: str) -> None:
     """SerdError unless an argument is one whole number of at least `least`."""
-    if not (isinstance(value, int | np.integer) and value >= least):
+    if not (isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least):
         raise SerdError(
             f"{name} must be a whole number of at least {least}, got {shown(value)}; use {example}"
         )

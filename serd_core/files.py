@@ -38,9 +38,12 @@ def save(path: str | Path, record: Any) -> None:
     text = json.dumps({"format": FORMAT, "record": _encoded(record, arrays, type(record).__name__)})
     target = Path(path)
     whole = target.with_name(target.name + ".part")
-    with whole.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, structure=np.array(text), **arrays)
-    whole.replace(target)
+    try:
+        with whole.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, structure=np.array(text), **arrays)
+        whole.replace(target)
+    finally:
+        whole.unlink(missing_ok=True)
 
 
 def load(path: str | Path) -> Any:

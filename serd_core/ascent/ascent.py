@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, first_index
+from serd_core.arrays import FloatArray, first_index, is_number, shown
 from serd_core.errors import SerdError
 from serd_core.posterior.derivatives.differences import gradient_differences
 
@@ -198,12 +198,14 @@ class Climb:
 
 def require_limits(gradient_tolerance: float, max_steps: int) -> None:
     """SerdError unless an ascent with these limits can end, and end for a reason."""
-    if not gradient_tolerance >= 0:
-        raise SerdError(
-            f"gradient_tolerance must not be negative or NaN, got {gradient_tolerance}; use 1e-6"
-        )
-    if not max_steps >= 0:
-        raise SerdError(f"max_steps must not be negative or NaN, got {max_steps}; use 500")
+    for name, value, example in (
+        ("gradient_tolerance", gradient_tolerance, "1e-6"),
+        ("max_steps", max_steps, "500"),
+    ):
+        if not (is_number(value) and value >= 0):
+            raise SerdError(
+                f"{name} must not be negative or NaN, got {shown(value)}; use {example}"
+            )
 
 
 def largest(gradient: FloatArray) -> float:

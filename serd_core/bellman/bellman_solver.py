@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array
+from serd_core.arrays import FloatArray, float_array, is_number, shown
 from serd_core.bellman.backup import Backup, BellmanProblem, backup_rounding
 from serd_core.bellman.equations import BellmanEquation
 from serd_core.compiled import SMALLEST_COMPILED
@@ -85,10 +85,10 @@ def is_accurate(problem: BellmanProblem, accuracy: float, last: Backup) -> bool:
 
 def require_limits(accuracy: float, max_steps: int) -> None:
     """SerdError unless a solver with these limits can do a step and end."""
-    if not accuracy >= 0:
-        raise SerdError(f"accuracy must not be negative or NaN, got {accuracy}; use 1e-10")
-    if not max_steps >= 1:
-        raise SerdError(f"the bound of steps must be at least 1, got {max_steps}; use 1000")
+    if not (is_number(accuracy) and accuracy >= 0):
+        raise SerdError(f"accuracy must not be negative or NaN, got {shown(accuracy)}; use 1e-10")
+    if not (is_number(max_steps) and max_steps >= 1):
+        raise SerdError(f"the bound of steps must be at least 1, got {shown(max_steps)}; use 1000")
 
 
 def starting_value(mdp: Mdp, initial_value: FloatArray | None) -> FloatArray:

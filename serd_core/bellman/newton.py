@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, require_kind
 from serd_core.bellman.backup import Backup, BellmanProblem, backup
 from serd_core.bellman.bellman_solver import (
     BellmanSolution,
@@ -68,6 +68,7 @@ class Newton(BellmanSolver):
 
     def __post_init__(self) -> None:
         require_limits(self.accuracy, self.max_steps)
+        require_kind("linear_solver", self.linear_solver, (LinearSolver,), "Automatic()")
 
     def solve(
         self, problem: BellmanProblem, initial_value: FloatArray | None = None

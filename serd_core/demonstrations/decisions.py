@@ -92,7 +92,7 @@ class Decisions:
 
     def select_episodes(self, episodes: Iterable[int]) -> "Decisions":
         """All decisions of the given episode numbers; SerdError for one that is not there."""
-        wanted = np.array(sorted({int(episode) for episode in episodes}), dtype=np.int64)
+        wanted = np.unique(int_array("episodes", list(episodes), (None,)))
         missing = np.setdiff1d(wanted, self.episode)
         if missing.size:
             raise SerdError(

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from serd_core.arrays import int_array
+from serd_core.arrays import int_array, shown
 from serd_core.demonstrations.decisions import COLUMNS, Decisions
 from serd_core.errors import SerdError
 
@@ -27,7 +27,14 @@ def decisions_from_episodes(
 ) -> Decisions:
     """Decisions of (states, actions) per episode, with one more state than actions."""
     rows = []
-    for number, (states, actions) in enumerate(episodes):
+    for number, episode in enumerate(episodes):
+        try:
+            states, actions = episode
+        except (TypeError, ValueError) as error:
+            raise SerdError(
+                f"episode {number} must be a pair (states, actions), got {shown(episode)}; leave"
+                " out anything else"
+            ) from error
         visited = int_array(f"states of episode {number}", states, (None,))
         chosen = int_array(f"actions of episode {number}", actions, (None,))
         if len(visited) != len(chosen) + 1:

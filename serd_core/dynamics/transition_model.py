@@ -304,7 +304,7 @@ class TransitionModel(ABC):
         state, action = divmod(row, self.n_actions)
         raise SerdError(
             f"transition probabilities of state {state}, action {action} must be non-negative and"
-            f" sum to 1, but the row {problem}; normalise that row"
+            f" sum to 1, but the row {problem}; normalise that row in float64"
         )
 
 

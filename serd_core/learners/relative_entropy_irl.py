@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.optimize
 
-from serd_core.arrays import FloatArray, float_array
+from serd_core.arrays import FloatArray, float_array, is_number, shown
 from serd_core.ascent.ascent import (
     AscentResult,
     Climb,
@@ -73,8 +73,8 @@ def fit_relative_entropy_irl(
     weights then stop at `largest_weight`, in units of one over the range of their feature, and the
     fit has not converged.
     """
-    if not largest_weight > 0:
-        raise SerdError(f"largest_weight must be above 0, got {largest_weight}; use 100")
+    if not (is_number(largest_weight) and largest_weight > 0):
+        raise SerdError(f"largest_weight must be above 0, got {shown(largest_weight)}; use 100")
     require_limits(gradient_tolerance, max_steps)
     search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
     observe(problem.mdp, samples, name="samples")

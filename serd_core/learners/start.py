@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, require_generator
+from serd_core.arrays import FloatArray, float_array, number_array, require_generator
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics, outcome_models_of
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -36,7 +36,7 @@ def dynamics_or_estimate(
         return dynamics_of_hidden_actions(problem, decisions)
     if dynamics is None:
         return estimate_dynamics(problem, decisions) if model.n_parameters else np.zeros(0)
-    table = np.asarray(dynamics, dtype=np.float64)
+    table = np.asarray(number_array("dynamics", dynamics), dtype=np.float64)
     if isinstance(model, OutcomeModels):
         model.require_distributions(table)
     return table

@@ -38,6 +38,7 @@ class Mdp:
 
     def __post_init__(self) -> None:
         require_discount(self.discount)
+        object.__setattr__(self, "discount", float(self.discount))
         require_memory(
             f"the transitions of {self.n_states} states and {self.n_actions} actions",
             bytes_of_transitions(

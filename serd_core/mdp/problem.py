@@ -3,6 +3,7 @@
 R(s, a) = theta_R . f(s, a)
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -42,7 +43,8 @@ class TabularProblem:
     feature_names: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        if not len(self.feature_names):
+        object.__setattr__(self, "feature_names", unique_names(self.feature_names))
+        if not self.feature_names:
             raise SerdError(
                 "feature_names must name at least one feature, got none; a feature that is constant"
                 " makes a null model"
@@ -52,7 +54,6 @@ class TabularProblem:
         if given.shape == shape and not (given.strides[1] == 0 and np.isfinite(given[:, 0]).all()):
             given = np.where(self.mdp.available[:, :, None], given, 0.0)
         object.__setattr__(self, "features", float_array("features", given, shape))
-        object.__setattr__(self, "feature_names", unique_names(self.feature_names))
 
 
 def require_problem(
@@ -66,8 +67,12 @@ def require_problem(
         )
 
 
-def unique_names(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The names as a tuple; SerdError where two are equal."""
+def unique_names(names: Sequence[str]) -> tuple[str, ...]:
+    """The names as a tuple; SerdError where two are equal, or all are one text."""
+    if isinstance(names, str):
+        raise SerdError(
+            f"feature_names must be a sequence of names, got {names!r}; use [{names!r}]"
+        )
     for position, name in enumerate(names):
         if name in names[:position]:
             raise SerdError(f"feature_names must differ from each other, got {name!r} twice")

@@ -28,7 +28,7 @@ from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.sparse_model import fixed_transitions, learned_transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
-from serd_core.mdp.problem import TabularProblem
+from serd_core.mdp.problem import TabularProblem, unique_names
 
 COLUMNS = ("state", "action", "next_state", "probability")
 #: Probability, next state, reward, terminated.
@@ -78,7 +78,7 @@ def from_transitions(
     """
     table, columns = _table_of(transitions)
     ends = _terminal_states(terminal, table.n_pairs[0])
-    names = None if feature_names is None else tuple(feature_names)
+    names = None if feature_names is None else unique_names(feature_names)
     goes_on = ~np.isin(table.state, ends)
     kept_rows = table.select(goes_on)
     if isinstance(features, Mapping) or hasattr(features, "columns"):
@@ -169,7 +169,7 @@ def from_gymnasium(
         which = np.broadcast_to(which, available.shape)
     which = int_array("model_of", which, available.shape)
     models = OutcomeModels(successors, which, available, n_models=int(which.max()) + 1)
-    names = None if feature_names is None else tuple(feature_names)
+    names = None if feature_names is None else unique_names(feature_names)
     return _problem(Mdp(models, discount), features, names, ends)
 
 

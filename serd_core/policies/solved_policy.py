@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, require_positive
+from serd_core.arrays import FloatArray, IntArray, require_kind, require_positive
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.bellman_solver import BellmanSolution, BellmanSolver
 from serd_core.bellman.equations import BellmanEquation, HardBellman, SoftBellman, boltzmann
@@ -81,6 +81,7 @@ def _solved(
     solver: BellmanSolver,
 ) -> BellmanSolution:
     require_problem(problem)
+    require_kind("solver", solver, (BellmanSolver,), "Newton()")
     mdp = problem.mdp
     with np.errstate(over="ignore", invalid="ignore"):  # BellmanProblem rejects what overflows
         reward = rewards(problem, reward_weights)

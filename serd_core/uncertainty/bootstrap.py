@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, first_index, require_generator
+from serd_core.arrays import FloatArray, IntArray, first_index, number_array, require_generator
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 
@@ -58,7 +58,8 @@ def bootstrap(
     order = np.argsort(decisions.episode, kind="stable")
     rows = np.split(order, np.flatnonzero(np.diff(decisions.episode[order])) + 1)
     drawn = rng.integers(len(episodes), size=(n, len(episodes)))
-    found = np.stack([estimate(_sample(decisions, rows, each)) for each in drawn])
+    estimates = [estimate(_sample(decisions, rows, each)) for each in drawn]
+    found = np.asarray(number_array("what estimate returns", estimates), dtype=np.float64)
     bad = first_index(np.isnan(found))
     if bad is not None:
         raise SerdError(

@@ -42,6 +42,13 @@ def test_functions_are_refused_and_leave_the_old_file(tmp_path):
     assert (tmp_path / "old.npz").read_bytes() == b"old"
 
 
+def test_a_record_that_cannot_be_placed_leaves_no_file(gridworld, tmp_path):
+    (tmp_path / "taken.npz").mkdir()
+    with pytest.raises(OSError, match="directory"):
+        sc.save(tmp_path / "taken.npz", gridworld.decisions)
+    assert [path.name for path in tmp_path.iterdir()] == ["taken.npz"]
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_damaged_files_are_refused_or_read_as_they_were(tmp_path, seed):
     file = tmp_path / "grid.npz"

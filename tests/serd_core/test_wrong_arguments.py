@@ -5,6 +5,7 @@ import pytest
 
 import serd_core as sc
 from serd_core import memory
+from serd_core.learners.importance_samples import hoeffding_thresholds
 from serd_core.policies.policy_model import PolicyMatchingPolicy
 
 FITS = [sc.fit_mdce_serd, sc.fit_pm_serd]
@@ -112,3 +113,92 @@ def test_transitions_given_entry_by_entry_need_more_memory(monkeypatch):
     monkeypatch.setattr(memory, "memory_limit", lambda: 799)
     with pytest.raises(sc.SerdError, match=r"must fit into memory, but needs 800 bytes of 799"):
         sc.from_transitions(columns, np.zeros((2, 1)), discount=0.9)
+
+
+def test_a_discount_in_single_precision_gives_the_same_values(gridworld):
+    transitions = gridworld.problem.mdp.transitions
+    single, double = (sc.Mdp(transitions, discount) for discount in (np.float32(0.5), 0.5))
+    values = [
+        sc.soft_policy(
+            sc.TabularProblem(mdp, gridworld.problem.features, gridworld.problem.feature_names),
+            gridworld.weights,
+            gridworld.probabilities,
+        ).value
+        for mdp in (single, double)
+    ]
+    np.testing.assert_array_equal(*values)
+
+
+@pytest.mark.parametrize("wrong", ["newton", sc.Newton, None, sc.SparseLu()])
+def test_solvers_of_another_kind_are_rejected(gridworld, wrong):
+    with pytest.raises(sc.SerdError, match=r"^solver must be a BellmanSolver object, got .*Newton"):
+        sc.soft_policy(gridworld.problem, [0.0, 1.0], gridworld.probabilities, solver=wrong)
+
+
+@pytest.mark.parametrize("wrong", ["5", None])
+def test_limits_that_are_no_numbers_are_rejected(gridworld, wrong):
+    calls = {
+        "accuracy": lambda: sc.Newton(accuracy=wrong),
+        "the bound of steps": lambda: sc.ValueIteration(max_sweeps=wrong),
+        "linear_solver": lambda: sc.Newton(linear_solver=wrong),
+        "gradient_tolerance": lambda: sc.Lbfgs(gradient_tolerance=wrong),
+        "max_steps": lambda: sc.TrustRegion(max_steps=wrong),
+        "confidence": lambda: hoeffding_thresholds(gridworld.problem, 5, wrong),
+        "largest_weight": lambda: sc.fit_relative_entropy_irl(
+            gridworld.problem,
+            gridworld.decisions,
+            samples=gridworld.decisions,
+            sampling_policy=np.full((25, 5), 0.2),
+            largest_weight=wrong,
+        ),
+    }
+    for name, call in calls.items():
+        with pytest.raises(sc.SerdError, match=f"^{name} must .* got {wrong!r}"):
+            call()
+
+
+def test_dynamics_that_are_no_numbers_are_rejected(gridworld):
+    with pytest.raises(sc.SerdError, match=r"^dynamics must be an array of numbers, got <U4"):
+        sc.fit_mdce_irl_by_likelihood(
+            gridworld.problem, gridworld.decisions, initial_weights=np.zeros(2), dynamics="true"
+        )
+
+
+def test_a_truth_value_is_no_number_of_episodes(gridworld):
+    with pytest.raises(sc.SerdError, match=r"n_episodes must be a whole number .* got True"):
+        sc.sample_decisions(
+            gridworld.problem.mdp,
+            np.full((25, 5), 0.2),
+            gridworld.probabilities,
+            n_episodes=True,
+            n_steps=3,
+            rng=np.random.default_rng(0),
+        )
+
+
+def test_one_text_is_no_sequence_of_names():
+    stays = np.ones((1, 1, 1))
+    message = r"feature_names must be a sequence of names, got 'goal'; use \['goal'\]"
+    with pytest.raises(sc.SerdError, match=message):
+        sc.from_transitions(stays, np.ones((1, 4)), discount=0.9, feature_names="goal")
+    mdp = sc.from_transitions(stays, np.ones((1, 1)), discount=0.9).mdp
+    with pytest.raises(sc.SerdError, match=message):
+        sc.TabularProblem(mdp, np.ones((1, 1, 4)), "goal")
+
+
+@pytest.mark.parametrize("column", ["state", "action"])
+def test_numbers_of_states_with_gaps_are_refused_before_memory_is_used(column):
+    columns = {name: [0] for name in ("state", "action", "next_state")}
+    columns |= {column: [10**12], "probability": [1.0]}
+    with pytest.raises(
+        sc.SerdError, match=r"must fit into memory.* number states and actions from"
+    ):
+        sc.from_transitions(columns, np.ones((1, 1)), discount=0.9)
+
+
+@pytest.mark.parametrize("estimate", [lambda _: "much", lambda some: np.zeros(len(some) % 7)])
+def test_bootstrap_estimates_that_are_no_equal_arrays_of_numbers_are_rejected(gridworld, estimate):
+    chosen = gridworld.decisions.select(np.arange(len(gridworld.decisions)) % 3 != 0)
+    uneven = chosen.select(np.arange(len(chosen)) > 2)
+    with pytest.raises(sc.SerdError, match="what estimate returns must be an array of numbers"):
+        sc.bootstrap(uneven, estimate, rng=np.random.default_rng(0))

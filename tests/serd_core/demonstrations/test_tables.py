@@ -23,3 +23,15 @@ def test_episodes_are_states_and_one_action_less():
     assert found.episode.tolist() == [0, 0, 1]
     with pytest.raises(sc.SerdError, match="episode 0 must have one more state than actions"):
         sc.decisions_from_episodes([([0, 1], [3, 4])])
+
+
+@pytest.mark.parametrize("wrong", [1, ([0, 1], [3], [0.0])])
+def test_an_episode_that_is_no_pair_is_named(wrong):
+    with pytest.raises(sc.SerdError, match=r"episode 1 must be a pair \(states, actions\), got"):
+        sc.decisions_from_episodes([([0, 1], [3]), wrong])
+
+
+def test_numbers_of_episodes_that_are_text_are_refused():
+    decisions = sc.decisions_from_episodes([([0, 1], [3])])
+    with pytest.raises(sc.SerdError, match="episodes must be an array of numbers, got <U1"):
+        decisions.select_episodes(["a"])
