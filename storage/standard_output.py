@@ -15,7 +15,11 @@ _OUTPUT_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBAD
 
 @contextmanager
 def written_output() -> Iterator[None]:
-    """Write what is printed within, until its reader ends; FileError where that is not possible."""
+    """Write what is printed within, until its reader ends; FileError where that is not possible.
+
+    A command that exits within keeps its exit code where the reader ends; one that click ends with
+    1 because its reader ended has done nothing wrong and gets 0.
+    """
     if sys.stdout is None:
         raise FileError("the output must be open, got a closed one; redirect it to /dev/null")
     try:
@@ -23,8 +27,15 @@ def written_output() -> Iterator[None]:
             yield
         finally:
             sys.stdout.flush()
-    except BrokenPipeError:
+    except BrokenPipeError as error:
         _drop()
+        if isinstance(error.__context__, SystemExit):
+            raise error.__context__ from None
+    except SystemExit as end:
+        if isinstance(end.__context__, BrokenPipeError):
+            _drop()
+            raise SystemExit(0) from None
+        raise
     except OSError as error:
         if error.filename is not None or error.errno not in _OUTPUT_ERRORS:
             raise

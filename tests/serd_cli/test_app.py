@@ -106,6 +106,19 @@ def test_completion_offers_subcommands_and_their_options(root):
     assert "--scenario" in completed("serd demos --", 2)
 
 
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [("scenario schema", 0), ("scenario list", 0), ("--help", 0), ("bag info none", 2)],
+)
+def test_a_reader_that_ends_early_changes_no_exit_code(root, words, code, unbuffered):
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = serd(root, *words.split(), stdout=writer, PYTHONUNBUFFERED=unbuffered)
+    os.close(writer)
+    assert done.returncode == code, done.stderr
+
+
 def test_a_reader_that_ends_early_is_no_error(root):
     program = "import sys; from serd_cli.main import main; sys.exit(main())"
     with subprocess.Popen(
