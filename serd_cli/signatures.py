@@ -15,9 +15,10 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypedDict, Union, get_args, get_origin
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 from typer.models import ArgumentInfo, CommandInfo, OptionInfo, TyperInfo
 
+from serd_cli.errors import UsageError
 from serd_ros.process.executable import starting
 
 FILE = Path(__file__).parent / "data" / "signatures.json"
@@ -78,16 +79,42 @@ def app_of(name: str, known: dict[str, Signature]) -> typer.Typer:
     app = typer.Typer()
     app.callback()(lambda: None)  # keeps the name of a command that is the only one
     if "parameters" in known[name]:
-        app.command(name, **known[name]["settings"])(_function(name, name, known[name]))
+        app.command(name, cls=_class(known[name]), **known[name]["settings"])(
+            _function(name, name, known[name])
+        )
         return app
     group = typer.Typer(cls=FlagGroup, help=known[name]["help"], **known[name]["settings"])
     for words, each in known.items():
         if words.startswith(f"{name} "):
             command = words.removeprefix(f"{name} ")
-            group.command(command, **each["settings"])(_function(name, command, each))
+            group.command(command, cls=_class(each), **each["settings"])(
+                _function(name, command, each)
+            )
     group.callback()(lambda: None)
     app.add_typer(group, name=name)
     return app
+
+
+def _class(signature: Signature) -> type[TyperCommand]:
+    """The class of a command that refuses an empty path, which would be the current folder."""
+    paths = {name for name, each in signature["parameters"].items() if each["type"] == "Path"}
+
+    class NamedPaths(TyperCommand):
+        def parse_args(self, ctx: Any, args: list[str]) -> Any:
+            texts, _, _ = self.make_parser(ctx).parse_args(list(args))
+            for each in self.params:
+                text = texts.get(each.name)
+                if each.name in paths and "" in (
+                    text if isinstance(text, list | tuple) else [text]
+                ):
+                    name = each.opts[0] if each.opts[0].startswith("-") else each.opts[0].upper()
+                    raise UsageError(
+                        f"{name} must name a file or folder, got an empty text; write . for the"
+                        " current folder"
+                    )
+            return super().parse_args(ctx, args)
+
+    return NamedPaths
 
 
 def _function(module: str, command: str, signature: Signature) -> Callable[..., None]:

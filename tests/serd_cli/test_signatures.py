@@ -11,6 +11,7 @@ import typer
 from typer.testing import CliRunner
 
 from serd_cli import signatures
+from serd_cli.errors import UsageError
 
 
 def calls_of(monkeypatch, *, grouped):
@@ -68,6 +69,19 @@ def test_the_function_gets_the_values_that_it_gets_from_its_own_app(monkeypatch,
     assert len(calls) == 2
     assert calls[0] == calls[1]
     assert [*map(type, calls[0].values())] == [*map(type, calls[1].values())]
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [(["a", ""], "BAGS"), (["a", "--output", ""], "--output"), (["a", "--output="], "--output")],
+)
+def test_an_empty_path_is_refused(monkeypatch, words, name):
+    app, _, calls = calls_of(monkeypatch, grouped=False)
+    result = CliRunner().invoke(app, ["record-all", *words])
+    assert isinstance(result.exception, UsageError)
+    assert str(result.exception).startswith(f"{name} must name a file or folder, got an empty text")
+    assert CliRunner().invoke(app, ["record-all", ".", "--goal", ""]).exit_code == 0
+    assert len(calls) == 1
 
 
 @pytest.mark.parametrize("line", ["--help", "a --seed 0", "a --kind both", "", "a --goa 1"])
