@@ -57,4 +57,9 @@ def load_episodes(path: str | Path) -> tuple[EpisodeResult, ...]:
                 f"{path}: line {line}, time_of_arrival_s must be a number exactly if outcome is"
                 f" 'arrived', got {each.time_of_arrival_s} and {each.outcome!r}; correct the line"
             )
+        if each.arrived and not 0.0 <= each.time_of_arrival_s < math.inf:
+            raise FileError(
+                f"{path}: line {line}, time_of_arrival_s must be finite and not negative, got"
+                f" {each.time_of_arrival_s}; correct the line"
+            )
     return episodes

@@ -47,6 +47,16 @@ def test_an_episode_that_did_not_arrive_has_no_time_of_arrival(tmp_path):
     assert not row.arrived
 
 
+@pytest.mark.parametrize("time_s", [-1.5, math.inf])
+def test_a_time_of_arrival_that_cannot_be_is_named_by_file_and_line(tmp_path, time_s):
+    save_episodes(tmp_path / "episodes.csv", [result(), result(1, "arrived", time_s)])
+    with pytest.raises(
+        FileError,
+        match=rf"episodes.csv: line 3, time_of_arrival_s must be finite and not .* got {time_s};",
+    ):
+        load_episodes(tmp_path / "episodes.csv")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
