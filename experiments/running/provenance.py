@@ -49,7 +49,7 @@ def recorded(
 
     SerdError where another study or experiment wrote into the folder: tables share names.
     """
-    _require_same_work(folder, command)
+    require_same_work(folder, command)
     began, start_s, commit = datetime.now(timezone.utc), clock(), code_commit()
 
     def note(*, finished: bool) -> None:
@@ -117,8 +117,11 @@ def _is_run(value: object) -> bool:
     return isinstance(value, dict) and isinstance(value.get("command"), str) and "commit" in value
 
 
-def _require_same_work(folder: Path, command: str) -> None:
-    """The first three words of a command name its work, as in "serd study hallway"."""
+def require_same_work(folder: Path, command: str) -> None:
+    """SerdError where another study or experiment wrote into the folder.
+
+    The first three words of a command name its work, as in "serd study hallway".
+    """
     words = command.split()[:3]
     for run in _runs(folder / FILE_NAME):
         if run["command"].split()[:3] != words:

@@ -11,7 +11,7 @@ import typer
 from pydantic import BaseModel
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
-from experiments.running.provenance import recorded
+from experiments.running.provenance import recorded, require_same_work
 from experiments.running.tables import plain_rows
 from experiments.study.density.run import run_density
 from experiments.study.density.settings import density_settings
@@ -247,6 +247,7 @@ def _command(
 
 
 def _redraw(names: list[str], folder: Path) -> list[Path]:
+    require_same_work(folder, "serd study hallway")
     kept = not (folder / SETTINGS_YAML).exists() and (KEPT / SETTINGS_YAML).exists()
     return redraw(names, KEPT if kept else folder, folder)
 

@@ -43,6 +43,16 @@ def test_a_mistyped_folder_of_a_figure_is_refused(tmp_path):
     assert not (tmp_path / "stdy").exists()
 
 
+def test_a_figure_is_not_drawn_into_the_folder_of_another_study(tmp_path):
+    (tmp_path / "provenance.yaml").write_bytes(
+        (KEPT.parent / "detour" / "provenance.yaml").read_bytes()
+    )
+    result = study("--figure", "5.8", "--output", str(tmp_path))
+    assert isinstance(result.exception, SerdError)
+    assert "holds results of 'serd study detour" in str(result.exception)
+    assert not (tmp_path / "figure_5_8.png").exists()
+
+
 def test_a_file_in_the_place_of_the_folder_is_refused_before_anything_runs(tmp_path):
     (tmp_path / "afile").touch()
     result = study("--quick", "--output", str(tmp_path / "afile"))
