@@ -5,6 +5,7 @@ table. Its rows are written to a file of their own as soon as it is done, so an 
 resumed where it stopped. A folder belongs to one configuration; another one is rejected.
 """
 
+import hashlib
 import json
 from collections.abc import Callable
 from contextlib import closing
@@ -42,7 +43,7 @@ def run_repetitions(
     progress(done, n_repetitions)
     with closing(execution.results(partial(_numbered, repetition), missing)) as results:
         for number, rows in results:
-            atomic_write_text(files[number], json.dumps(rows))
+            write_result(files[number], rows)
             done += 1
             progress(done, n_repetitions)
     return [row for file in files for row in read_result(file, list)]
@@ -51,15 +52,32 @@ def run_repetitions(
 def read_result(file: Path, kind: type[Content]) -> Content:
     """What a task wrote as JSON; SerdError where the file has been damaged since."""
     try:
-        content = json.loads(read_bytes(file))
+        text, _, digest = read_bytes(file).decode().partition("\n")
+        content = json.loads(text)
     except (ValueError, RecursionError):
-        content = None
-    if not isinstance(content, kind):
-        raise SerdError(
-            f"{file} must hold what a finished part of the run wrote, but is damaged"
-            "; delete it and run the command again, which makes it anew"
-        )
+        raise damaged(file) from None
+    # Files of earlier versions have no second line.
+    if not isinstance(content, kind) or (digest and digest != _digest(text)):
+        raise damaged(file)
     return content
+
+
+def write_result(file: Path, content: dict[str, Any] | list[Any]) -> None:
+    """Write what a task found as a line of JSON, and its digest below."""
+    text = json.dumps(content)
+    atomic_write_text(file, f"{text}\n{_digest(text)}")
+
+
+def damaged(file: Path) -> SerdError:
+    """The error of a file that is not what a task wrote."""
+    return SerdError(
+        f"{file} must hold what a finished part of the run wrote, but is damaged"
+        "; delete it and run the command again, which makes it anew"
+    )
+
+
+def _digest(text: str) -> str:
+    return json.dumps(hashlib.sha256(text.encode()).hexdigest())
 
 
 def claim_folder(folder: Path, description: str) -> None:

@@ -4,7 +4,6 @@ A stage's folder is claimed by the settings its files depend on, so files of oth
 rejected.
 """
 
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -16,9 +15,11 @@ from matplotlib.figure import Figure
 from pydantic import BaseModel
 
 from experiments.running.experiment import write_files
-from experiments.running.repetitions import claim_folder, read_result
+from experiments.running.repetitions import claim_folder, damaged, read_result, write_result
+from serd_app.demonstrations.decision_table import load_decisions
+from serd_core.demonstrations.decisions import Decisions
 from sim.episodes.execution import Execution
-from storage.files import atomic_write_text
+from storage.errors import FileError
 from storage.yaml_config import model_yaml
 from storage.yaml_text import write_yaml
 
@@ -116,15 +117,10 @@ def load_part(study: StudyFolder, stage: str, *part: str | int) -> dict[str, Any
     return read_result(_file(study, stage, part), dict)
 
 
-def _file(study: StudyFolder, stage: str, part: tuple[str | int, ...]) -> Path:
-    words = (f"{each:02d}" if isinstance(each, int) else each for each in part)
-    return study.folder / stage / f"{'_'.join(words)}.json"
-
-
 def _write(
     make: Callable[..., Mapping[str, Any]],
     study: StudyFolder,
     part: tuple[str | int, ...],
     file: Path,
 ) -> None:
-    atomic_write_text(file, json.dumps(make(study, *part)))
+    write_result(file, make(study, *part))

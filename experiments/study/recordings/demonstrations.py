@@ -17,14 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.study.products import Task
+from experiments.study.products import Task, load_recorded
 from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
 from experiments.study.recordings.experts import EXPERTS, PEOPLE, planned_policy
 from experiments.study.recordings.reference import reference_dynamics
 from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
 from serd_app.demonstrations.decision_table import (
     concatenate_renumbered,
-    load_decisions,
     save_decisions,
 )
 from serd_app.demonstrations.demonstrations import demonstrations_of_bag
@@ -72,7 +71,7 @@ def load_sets(study: StudyWorld, expert: str, repetition: int) -> DemonstrationS
 
 def load_set(study: StudyWorld, expert: str, repetition: int, role: str) -> Decisions:
     """One recorded set of one repetition."""
-    return load_decisions(_file(study, expert, repetition, role))
+    return load_recorded(_file(study, expert, repetition, role))
 
 
 def start_area_of(role: str) -> str:

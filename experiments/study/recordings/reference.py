@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from experiments.study.products import Task
+from experiments.study.products import Task, load_recorded
 from experiments.study.recordings.drives import Purpose, drive_episodes, world_seed
 from experiments.study.recordings.experts import PEOPLE
 from experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
@@ -18,7 +18,6 @@ from report.summary import decisions_per_model
 from serd_app.demonstrations.decision_table import (
     concatenate,
     concatenate_renumbered,
-    load_decisions,
     save_decisions,
 )
 from serd_core.arrays import FloatArray
@@ -99,7 +98,7 @@ def record_reference(study: StudyWorld, kind: str, first: int, last: int, file: 
 def reference_decisions(study: StudyWorld) -> Decisions:
     """All reference recordings."""
     files = sorted((study.folder / "reference").glob("*.csv"))
-    return concatenate_renumbered(tuple(load_decisions(file) for file in files))
+    return concatenate_renumbered(tuple(load_recorded(file) for file in files))
 
 
 def reference_dynamics(study: StudyWorld) -> FloatArray:

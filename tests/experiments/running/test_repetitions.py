@@ -69,6 +69,20 @@ def test_a_damaged_result_is_named_with_what_to_do(tmp_path, damaged):
     assert len(run_repetitions(square, 2, tmp_path, "squares", Execution(n_jobs=1), quiet)) == 2
 
 
+def test_a_changed_result_is_named_and_one_of_an_earlier_version_is_read(tmp_path):
+    def run():
+        return run_repetitions(square, 2, tmp_path, "squares", Execution(n_jobs=1), quiet)
+
+    run()
+    file = tmp_path / "repetition_00001.json"
+    whole = file.read_text()
+    file.write_text(whole.replace('"square": 1', '"square": 7'))
+    with pytest.raises(SerdError, match=r"repetition_00001.json must hold .* but is damaged"):
+        run()
+    file.write_text(whole.partition("\n")[0])
+    assert run()[1] == {"number": 1, "square": 1}
+
+
 def test_a_damaged_note_of_the_configuration_is_one_of_other_settings(tmp_path):
     run_repetitions(square, 1, tmp_path, "squares", Execution(n_jobs=1), quiet)
     (tmp_path / "configuration.txt").write_bytes(b"\xff\xfe")

@@ -2,7 +2,9 @@ from functools import partial
 
 import pytest
 
-from experiments.study.products import Stage, Task, make_products
+from experiments.study.products import Stage, Task, load_recorded, make_products
+from serd_app.demonstrations.decision_table import save_decisions
+from serd_core.demonstrations.tables import decisions_from_episodes
 from serd_core.errors import SerdError
 from sim.episodes.execution import Execution
 
@@ -39,6 +41,16 @@ def test_interrupted_it_goes_on_where_it_stopped(tmp_path):
     again = stage(tmp_path, interrupt, partial(write, "rest"))
     make_products([again], ALONE, quiet)
     assert not again.missing
+
+
+@pytest.mark.parametrize("changed", ["", "episode,time_s\n", None])
+def test_a_damaged_recording_is_to_be_made_anew(tmp_path, changed):
+    file = tmp_path / "people_00_training.csv"
+    save_decisions(file, decisions_from_episodes([([0, 1], [2])]))
+    assert len(load_recorded(file)) == 1
+    file.write_text(file.read_text().replace(",1,", ",x,") if changed is None else changed)
+    with pytest.raises(SerdError, match=r"training.csv must hold what .* delete it and run the"):
+        load_recorded(file)
 
 
 def test_products_of_other_settings_are_refused(tmp_path):
