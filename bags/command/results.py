@@ -8,6 +8,7 @@ from bags.command.rewrite import RewriteReport
 from bags.health.check import BagCheck
 from bags.health.contents import BagContents
 from bags.health.topic_check import TopicCheck
+from serd_core.errors import printable
 from storage.quantities import counted, seconds_in_words
 
 Style = Literal["good", "notable", "bad"]
@@ -18,11 +19,18 @@ _LONG_DELAY_S = 100.0
 
 @dataclass(frozen=True)
 class Table:
-    """texts: indices of the columns that may be folded; the others hold numbers."""
+    """texts: indices of the columns that may be folded; the others hold numbers.
+
+    Names in a bag may hold characters that a terminal obeys; tables and lines have their escapes.
+    """
 
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     texts: tuple[int, ...] = (0,)
+
+    def __post_init__(self) -> None:
+        shown = tuple(tuple(map(printable, row)) for row in self.rows)
+        object.__setattr__(self, "rows", shown)
 
 
 @dataclass(frozen=True)
@@ -31,6 +39,9 @@ class Line:
 
     text: str
     style: Style
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", printable(self.text))
 
 
 def bag_heading(found: BagCheck | BagContents) -> str:

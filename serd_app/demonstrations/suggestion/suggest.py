@@ -36,6 +36,7 @@ from serd_app.drives.recording import Recording
 from serd_app.drives.table_drives import is_table
 from serd_app.drives.transforms import TF_TYPES
 from serd_app.errors import AppError
+from serd_core.errors import printable
 
 #: Periods with which a mapping is tested: the suggested and the usual one.
 _PERIODS_S = (PERIOD_S, 2.0)
@@ -271,8 +272,8 @@ def _moving_waits(found: Suggestion) -> float:
 
 
 def _comment(line: str) -> str:
-    """Names in a bag may hold line ends, which would end the comment."""
-    return f"# {' '.join(line.splitlines())}"
+    """Names in a bag may hold line ends, which would end the comment, and what is not YAML."""
+    return f"# {printable(' '.join(line.splitlines()))}"
 
 
 def _listed(topics: Iterable[Topic]) -> str:

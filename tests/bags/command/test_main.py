@@ -10,6 +10,9 @@ import pytest
 
 from bags.command.main import main
 from bags.reader import BagReader
+from bags.writer import BagWriter
+from serd_core.errors import SerdError
+from support.bag_messages import POSE
 
 
 def cut_short(bag):
@@ -29,6 +32,23 @@ def test_a_sound_bag_is_shown_and_checked(small_bag, capsys):
     assert capsys.readouterr().out.endswith(f"sound: {bag}\n")
     assert main(["check", str(bag), "--require", "scan"]) == 1
     assert "fault: topic scan has no message\n" in capsys.readouterr().out
+
+
+def test_names_that_a_terminal_obeys_are_shown_with_their_escapes(tmp_path, messages, capsys):
+    topic = "/pose\x1b[2J\u202e"
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic(topic, POSE)
+        writer.write(topic, messages.pose(10.0, 0.0, 1.0), 10**10)
+    for words in (["info"], ["check"], ["check", "--require", "\x1b[31mscan"]):
+        main([words[0], str(tmp_path / "bag"), *words[1:]])
+        shown = capsys.readouterr().out
+        assert "/pose\\x1b[2J\\u202e" in shown
+        assert shown.replace("\n", "").isprintable()
+    assert "fault: topic \\x1b[31mscan has no message" in shown
+
+
+def test_an_error_is_one_printable_line():
+    assert str(SerdError("got a\nb\x1b[31m\u202e")) == "got a b\\x1b[31m\\u202e"
 
 
 def test_the_values_of_a_check_are_json(small_bag, capsys):
