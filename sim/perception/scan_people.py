@@ -127,8 +127,12 @@ class ScanPerception:
         self._track(observation.time_s, ranges_m, self._angles_rad, observation.pose)
 
     def take_scan(self, scan: Scan, robot: Pose) -> None:
-        """Take a scan of any lidar, with the pose of the robot when it was made."""
-        ranges_m = np.where(scan.valid, scan.ranges_m, np.float32(np.inf))
+        """Take a scan of any lidar, with the pose of the robot when it was made.
+
+        Many simulated lidars send range_max for rays that meet nothing.
+        """
+        ends = scan.valid & (scan.ranges_m < scan.geometry.range_max_m)
+        ranges_m = np.where(ends, scan.ranges_m, np.float32(np.inf))
         lidar = robot if scan.mount is None else compose(robot, scan.mount)
         self._track(scan.stamp_s, ranges_m, scan.angles_rad, lidar)
 

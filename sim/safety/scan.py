@@ -61,9 +61,10 @@ class Scan:
 
     @cached_property
     def valid(self) -> BoolArray:
-        """(n_rays,) which rays have a range."""
-        geometry = self.geometry
-        return (self.ranges_m >= geometry.range_min_m) & (self.ranges_m <= geometry.range_max_m)
+        """(n_rays,) which rays have a range; lidars whose range_min is 0 send 0 for none."""
+        geometry, ranges_m = self.geometry, self.ranges_m
+        above = (ranges_m >= geometry.range_min_m) & (ranges_m > 0.0)
+        return above & (ranges_m <= geometry.range_max_m)
 
     @property
     def angles_rad(self) -> FloatArray:

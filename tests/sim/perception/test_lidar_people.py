@@ -140,3 +140,16 @@ def test_after_a_reset_no_scan_is_in_the_future(people):
     seen_at(people, 100.0)
     people.reset()
     assert seen_at(people, 0.05) is Fault.MISSING
+
+
+@pytest.mark.parametrize(("nothing_m", "range_max_m"), [(0.0, 10.0), (5.0, 5.0)])
+def test_rays_that_meet_nothing_are_no_people_whatever_number_stands_for_them(
+    people, nothing_m, range_max_m
+):
+    """Lidars whose range_min is 0 send 0, and many simulated ones range_max."""
+    ranges_m = ranges_of(STANDING, WALKER)
+    ranges_m = np.where(ranges_m < 5.0, ranges_m, np.float32(nothing_m))
+    geometry = ScanGeometry(-math.pi, math.tau / 360, 0.0, range_max_m)
+    people.take_scan(Scan(1.0, ranges_m, geometry, CENTRE))
+    found = seen_at(people, 1.0)
+    assert found.position_m == pytest.approx(np.array([WALKER]), abs=0.05)
