@@ -76,7 +76,7 @@ def remarks(found: Comparison, settings: DriveSettings, strategy: Strategy) -> l
             f"--lookahead {settings.lookahead_cells} the robot is faster: give crossings.csv of"
             " such drives to 'serd learn --times'"
         )
-    return lines + ([found.traps] if found.traps else [])
+    return [*lines, *filter(None, [strategy.scenario.period_remark, found.traps])]
 
 
 def _of_times(times: CrossingTimes, forecast: CrossingForecast | None) -> str:

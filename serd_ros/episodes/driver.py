@@ -43,6 +43,8 @@ class EpisodeDriverNode(ManagedNode[Config]):
         """Load the scenario and make the driver."""
         self.scenario: Scenario = load_scenario(self.config.scenario)
         self.driver: Driver = self.make_driver()
+        if self.scenario.period_remark:
+            self.get_logger().warning(self.scenario.period_remark)
         self._results: list[EpisodeResult] = []
         self._periods = DecisionClock(self.scenario)
 

@@ -146,6 +146,20 @@ class Scenario(StrictModel):
             rules.require_outside_goal(name, area, self.goal_area_m, cells)
 
     @property
+    def period_remark(self) -> str:
+        """That the robot cannot reach the next cell within a decision period; else empty."""
+        planned_mps = self.local_planner.max_vel_x
+        speed_mps = self.robot.max_vel_x_mps if planned_mps is None else planned_mps
+        reach_m = speed_mps * self.decision_period_s
+        if reach_m >= self.cell_size_m:
+            return ""
+        return (
+            f"at its full speed of {speed_mps:g} m/s the robot drives {reach_m:.3g} m in a decision"
+            f" period of {self.decision_period_s:g} s, less than a cell of {self.cell_size_m:g} m:"
+            " raise decision_period_s or the speed, or lower cell_size_m"
+        )
+
+    @property
     def ticks_per_decision(self) -> int:
         """Control periods in one decision period."""
         return round(self.decision_period_s / self.control_period_s)

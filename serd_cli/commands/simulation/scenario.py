@@ -67,6 +67,7 @@ def show(
     _save_plan(loaded, picture)
     values = _values(scenario, loaded) | {"picture": str(picture.resolve())}
     if as_json:
+        values["remark"] = loaded.period_remark
         print_json(values)
         return
     table = Table(show_header=False)
@@ -76,6 +77,8 @@ def show(
     for name, value in values.items():
         table.add_row(name.replace("_", " "), _text(value))
     console.print(table)
+    if loaded.period_remark:
+        console.print(loaded.period_remark, soft_wrap=True)
     print(f"picture: {path}")  # in one piece, however long
 
 

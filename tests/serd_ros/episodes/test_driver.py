@@ -1,5 +1,7 @@
 """Which worlds of others keep a driver from beginning an episode, and a reset without an answer."""
 
+from types import SimpleNamespace
+
 import pytest
 import yaml
 from geometry_msgs.msg import PoseStamped
@@ -9,6 +11,9 @@ from std_srvs.srv import Trigger
 
 from serd_ros.endpoints import qos
 from serd_ros.endpoints.world.worlds import several_worlds
+from serd_ros.episodes.driver import EpisodeDriverNode
+from sim.scenario.scenario import load_scenario
+from storage.yaml_config import model_yaml
 from support.nav2_server import answered
 from support.nodes_in_process import node_in_process
 from support.waiting import wait_until
@@ -74,3 +79,17 @@ def test_a_reset_without_an_answer_is_requested_again(save_model_of):
         running.wait(31.0)
         running.call_timers()
         assert len(world.requests) == 2
+
+
+@pytest.mark.parametrize(("speed_mps", "n_warnings"), [(1.2, 0), (0.4, 1)])
+def test_a_driver_warns_of_a_period_too_short_for_the_next_cell(
+    tmp_path, monkeypatch, speed_mps, n_warnings
+):
+    slow = load_scenario("corridor").with_values("robot", max_vel_x_mps=speed_mps)
+    (tmp_path / "slow.yaml").write_text(model_yaml(slow))
+    warnings = []
+    logger = SimpleNamespace(warning=warnings.append, info=lambda *_, **__: None)
+    monkeypatch.setattr(EpisodeDriverNode, "get_logger", lambda _: logger)
+    given = {"scenario": str(tmp_path / "slow.yaml"), "required_nodes": [""]}
+    with node_in_process("scripted_expert", **given):
+        assert warnings == [slow.period_remark] * n_warnings

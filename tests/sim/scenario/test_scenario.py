@@ -101,6 +101,21 @@ def test_a_decision_period_that_is_no_multiple_of_the_control_period_is_refused(
         load_scenario(path)
 
 
+@pytest.mark.parametrize("name", builtin_scenarios())
+def test_robots_of_built_in_scenarios_reach_the_next_cell_in_a_period(name):
+    assert load_scenario(name).period_remark == ""
+
+
+@pytest.mark.parametrize("slow", ["robot", "local_planner"])
+def test_a_robot_that_cannot_reach_the_next_cell_in_a_period_gets_a_remark(slow):
+    speed = {"robot": {"max_vel_x_mps": 0.4}, "local_planner": {"max_vel_x": 0.4}}[slow]
+    remark = load_scenario("corridor").with_values(slow, **speed).period_remark
+    assert remark.startswith(
+        "at its full speed of 0.4 m/s the robot drives 0.8 m in a decision period of 2 s, less than"
+        " a cell of 1 m: raise decision_period_s"
+    )
+
+
 def test_a_robot_that_brakes_worse_than_planners_plan_is_refused(tmp_path):
     path = changed(tmp_path, robot={"acc_lim_x_mps2": 8.0})
     with pytest.raises(SerdError, match=r"decel_lim_x_mps2 must be at least .* \(8\), .* raise it"):

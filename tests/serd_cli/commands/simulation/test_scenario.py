@@ -48,6 +48,15 @@ def test_a_scenario_file_is_shown_like_a_built_in_one(serd, tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_period_too_short_for_the_next_cell_is_remarked(serd, tmp_path):
+    file = tmp_path / "slow.yaml"
+    mine = load_scenario("corridor").with_values("robot", max_vel_x_mps=0.4)
+    file.write_text(model_yaml(mine))
+    words = "scenario", "show", file, "--output", tmp_path / "plan.png"
+    assert "drives 0.8 m in a decision period of 2 s, less than a cell of 1 m" in serd(*words).out
+    assert json.loads(serd(*words, "--json").out)["remark"] == mine.period_remark
+
+
 def test_the_schema_names_every_key_of_a_scenario_file(serd, tmp_path):
     printed = json.loads(serd("scenario", "schema").out)
     assert set(printed["properties"]) == set(Scenario.model_fields)
