@@ -113,7 +113,7 @@ def run_episode(
     outcome: Ending | None = None
     while outcome is None:
         if is_decision_tick(observation, world.scenario):
-            action = driver.decide(observation)
+            action = _action(driver, driver.decide(observation))
             log.decide(observation, action)
             waypoint = (
                 waypoint_of_intent(world.grid, observation, action)
@@ -149,3 +149,15 @@ def run_episode(
         minimum_person_distance_m=world.minimum_person_distance_m,
         decisions=log.decisions(f"{driver.name} in {world.scenario.name}, seed {world.seed}"),
     )
+
+
+def _action(driver: Driver, chosen: object) -> Action:
+    """What a driver decided; SimError where it is no action."""
+    try:
+        return Action(chosen)  # type: ignore[arg-type]  # of whatever a user's driver returns
+    except ValueError:
+        names = ", ".join(f"{each.value} ({each.name})" for each in Action)
+        raise SimError(
+            f"decide of {type(driver).__name__} must return an Action, one of {names}, got"
+            f" {chosen!r}; return Action.WAIT to stand"
+        ) from None

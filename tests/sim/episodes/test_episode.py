@@ -1,5 +1,7 @@
 """Whole episodes: the expert arrives, the world answers sanely, and it all repeats."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -135,6 +137,25 @@ def test_a_planner_that_returns_no_command_is_named(wrong):
         pytest.raises(SimError, match=r"step of Mine must return a Command, .* return STOP"),
     ):
         run_episode(world, Mine(), ScriptedExpert(HALLWAY, 2), episode=0)
+
+
+@pytest.mark.parametrize("wrong", [None, -1, 5, 1.5, math.nan, "NORTH"])
+def test_a_driver_that_decides_on_no_action_is_named(wrong):
+    class Mine:
+        name = "mine"
+
+        def begin(self, episode):
+            pass
+
+        def decide(self, observation):
+            del observation
+            return wrong
+
+    with (
+        HallwayWorld(HALLWAY, seed=2) as world,
+        pytest.raises(SimError, match=r"decide of Mine must return an Action, one of 0 \(WAIT\)"),
+    ):
+        run_episode(world, make_planner("dwa", HALLWAY), Mine(), episode=0)
 
 
 @pytest.mark.parametrize("name", builtin_scenarios())
