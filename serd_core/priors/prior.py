@@ -19,6 +19,14 @@ class LogPrior:
     value: float
     gradient: Parameters
 
+    def __post_init__(self) -> None:
+        require_kind("gradient of a LogPrior", self.gradient, (Parameters,), "parameters.zeros()")
+        if np.isnan(self.value) or np.isnan(self.gradient.vector).any():
+            raise SerdError(
+                f"a LogPrior must hold numbers, got the value {self.value} and the gradient"
+                f" {self.gradient.vector}; correct the prior that returns it"
+            )
+
 
 class Prior(ABC):
     """A log prior; priors add up with `+`."""

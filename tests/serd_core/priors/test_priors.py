@@ -459,3 +459,25 @@ def test_priors_that_are_no_densities_have_no_constant():
             prior.log_constant(MODEL, at())
         with pytest.raises(SerdError, match=f"need priors that are densities, .* got {name}"):
             _ = prior.blocks
+
+
+@pytest.mark.parametrize(
+    ("value", "slope", "message"),
+    [
+        (np.nan, 0.0, "a LogPrior must hold numbers, got the value nan"),
+        (0.0, np.nan, r"a LogPrior must hold numbers, got .* gradient \[nan"),
+        (0.0, None, "gradient of a LogPrior must be a Parameters object, got None"),
+    ],
+)
+def test_a_users_prior_that_returns_no_numbers_is_named(gridworld, value, slope, message):
+    class Mine(Prior):
+        def evaluate(self, model, parameters):
+            del model
+            length = len(parameters.vector)
+            gradient = None if slope is None else parameters.with_vector(np.full(length, slope))
+            return LogPrior(value, gradient)
+
+    with pytest.raises(SerdError, match=message):
+        sc.fit_mdce_irl_by_likelihood(
+            gridworld.problem, gridworld.decisions, initial_weights=np.zeros(2), prior=Mine()
+        )
