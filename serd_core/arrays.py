@@ -156,6 +156,12 @@ def require_positive(name: str, value: Any, example: str = "1") -> None:
         )
 
 
+def require_share(name: str, value: Any, example: str = "0.95") -> None:
+    """SerdError unless an argument is one number between 0 and 1."""
+    if not (is_number(value) and 0.0 < value < 1.0):
+        raise SerdError(f"{name} must be between 0 and 1, got {shown(value)}; use {example}")
+
+
 def is_number(value: Any) -> bool:
     """Whether an argument is one real number; an array of shape () is one, too."""
     scalar = value[()] if isinstance(value, np.ndarray) else value

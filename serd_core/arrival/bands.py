@@ -13,7 +13,14 @@ import numpy as np
 import scipy  # loads special and stats at their first use
 from numpy.typing import ArrayLike
 
-from serd_core.arrays import FloatArray, IntArray, bool_array, first_index, float_array
+from serd_core.arrays import (
+    FloatArray,
+    IntArray,
+    bool_array,
+    first_index,
+    float_array,
+    require_share,
+)
 from serd_core.errors import SerdError
 
 #: Sums of probabilities may pass 0 or 1 by this much.
@@ -130,5 +137,4 @@ def _mixture_quantile(share: float, n_trials: int, probability: FloatArray) -> I
 
 
 def _require_coverage(coverage: float) -> None:
-    if not 0.0 < coverage < 1.0:
-        raise SerdError(f"coverage must be between 0 and 1, got {coverage}; use 0.95")
+    require_share("coverage", coverage)

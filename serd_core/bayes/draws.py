@@ -10,12 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, require_count, require_generator
+from serd_core.arrays import FloatArray, require_count, require_generator, require_share
 from serd_core.bayes.laplace import Laplace
 from serd_core.bellman.backup import BellmanProblem
 from serd_core.bellman.newton import Newton
 from serd_core.dynamics.transition_model import transitions_of
-from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem, rewards
 from serd_core.policies.policy_model import MdcePolicy
 from serd_core.posterior.coordinates import Coordinates
@@ -73,8 +72,7 @@ def laplace_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) ->
 
 def credible_intervals(draws: PosteriorDraws, mass: float = 0.9) -> CredibleIntervals:
     """Central intervals that hold this share of the draws."""
-    if not 0.0 < mass < 1.0:
-        raise SerdError(f"mass must be between 0 and 1, got {mass}; use 0.9")
+    require_share("mass", mass, "0.9")
     ends = [(1.0 - mass) / 2.0, (1.0 + mass) / 2.0]
     return CredibleIntervals(
         *(

@@ -20,8 +20,10 @@ from serd_core.arrays import (
     first_index,
     index_type,
     int_array,
+    is_number,
     once_per_state,
     require_index,
+    shown,
     unrepeated,
     weighted_counts,
 )
@@ -67,9 +69,10 @@ class OutcomeModels(TransitionModel):
                 f"successors must hold a state, an action and an outcome, got shape"
                 f" {successors.shape}; give each state an action"
             )
-        if not (self.n_models >= 1 and float(self.n_models).is_integer()):
+        count = self.n_models
+        if not (is_number(count) and count >= 1 and float(count).is_integer()):
             raise SerdError(
-                f"n_models must be a whole number of at least 1, got {self.n_models};"
+                f"n_models must be a whole number of at least 1, got {shown(count)};"
                 " count the rows of the outcome table"
             )
         require_index("successors", successors, pairs[0], "a state", available[:, :, None])

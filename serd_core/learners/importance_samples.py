@@ -8,7 +8,7 @@ sampling policy are the same and drop out (3.46).
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, is_number, shown, weighted_counts
+from serd_core.arrays import FloatArray, float_array, require_share, weighted_counts
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.demonstrations.trajectories import trajectories_of
@@ -71,8 +71,7 @@ def hoeffding_thresholds(
 
     horizon, shortest: most and fewest decisions of an episode; None where all have the most.
     """
-    if not (is_number(confidence) and 0.0 < confidence < 1.0):
-        raise SerdError(f"confidence must be between 0 and 1, got {shown(confidence)}; use 0.95")
+    require_share("confidence", confidence)
     if not n_episodes >= 1:
         raise SerdError(f"n_episodes must be at least 1, got {n_episodes}; record an episode")
     observable = problem.features[problem.mdp.available]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array
+from serd_core.arrays import FloatArray, float_array, shown
 from serd_core.ascent.ascent import Objective, Scaled, StepCallback
 from serd_core.ascent.newton_ascent import NewtonAscent
 from serd_core.demonstrations.decisions import Decisions
@@ -131,8 +131,13 @@ class _PolicyOnly(LogPosterior):
 def _shared_names(goals: Sequence[tuple[Problem, Decisions]]) -> tuple[str, ...]:
     if not goals:
         raise SerdError("goals must be at least one, got none; pass (problem, decisions) pairs")
-    for problem, _ in goals:
-        require_problem(problem)
+    for goal in goals:
+        if not (isinstance(goal, tuple | list) and len(goal) == 2):
+            raise SerdError(
+                f"goals must list pairs (problem, decisions), got {shown(goal)}; pass [(problem,"
+                " decisions)] for one"
+            )
+        require_problem(goal[0])
     names = goals[0][0].feature_names
     for number, (problem, _) in enumerate(goals):
         if problem.feature_names != names:

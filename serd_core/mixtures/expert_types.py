@@ -387,6 +387,7 @@ def _assumptions(fit: FitResult) -> Assumptions:
 
 def _require_types(n_types: int, n_units: int) -> None:
     # The evidence compares all orders of the types, of which there are n_types!.
+    require_count("n_types", n_types, 0, "2")
     most = min(n_units, LARGEST_MIXTURE)
     if not 1 <= n_types <= most:
         raise SerdError(

@@ -13,7 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, first_index, number_array, require_generator
+from serd_core.arrays import (
+    FloatArray,
+    IntArray,
+    first_index,
+    number_array,
+    require_generator,
+    require_share,
+)
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 
@@ -31,8 +38,7 @@ class Bootstrap:
 
     def interval(self, coverage: float = 0.95) -> tuple[FloatArray, FloatArray]:
         """Lower and upper end of the percentile intervals."""
-        if not 0.0 < coverage < 1.0:
-            raise SerdError(f"coverage must be between 0 and 1, got {coverage}; use 0.95")
+        require_share("coverage", coverage)
         tails = np.array([(1.0 - coverage) / 2.0, (1.0 + coverage) / 2.0])
         low, high = np.quantile(self.estimates, tails, axis=0)
         return low, high

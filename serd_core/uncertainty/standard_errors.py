@@ -22,7 +22,14 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # loads special and stats at their first use
 
-from serd_core.arrays import FloatArray, IntArray, first_index, float_array, int_array
+from serd_core.arrays import (
+    FloatArray,
+    IntArray,
+    first_index,
+    float_array,
+    int_array,
+    require_share,
+)
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.transition_model import places_of
 from serd_core.errors import SerdError
@@ -122,8 +129,7 @@ def confidence_interval(
 
 
 def _normal_quantile(coverage: float) -> float:
-    if not 0.0 < coverage < 1.0:
-        raise SerdError(f"coverage must be between 0 and 1, got {coverage}; use 0.95")
+    require_share("coverage", coverage)
     return float(scipy.stats.norm.ppf(0.5 + coverage / 2.0))
 
 

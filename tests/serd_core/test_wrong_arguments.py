@@ -202,3 +202,25 @@ def test_bootstrap_estimates_that_are_no_equal_arrays_of_numbers_are_rejected(gr
     uneven = chosen.select(np.arange(len(chosen)) > 2)
     with pytest.raises(sc.SerdError, match="what estimate returns must be an array of numbers"):
         sc.bootstrap(uneven, estimate, rng=np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("wrong", ["0.9", None])
+def test_shares_and_numbers_of_things_that_are_no_numbers_are_rejected(gridworld, wrong):
+    problem, decisions = gridworld.problem, gridworld.decisions
+    models = problem.mdp.transitions
+    calls = {
+        "coverage": lambda: sc.confidence_interval(np.ones(1), np.ones(1), wrong),
+        "mass": lambda: sc.credible_intervals(None, wrong),
+        "n_types": lambda: sc.fit_expert_types(problem, decisions, wrong),
+        "n_models": lambda: sc.OutcomeModels(
+            models.successors, models.model_of, models.available, wrong
+        ),
+    }
+    for name, call in calls.items():
+        with pytest.raises(sc.SerdError, match=f"^{name} must be .* got {wrong!r}"):
+            call()
+
+
+def test_one_goal_that_is_no_list_of_pairs_is_rejected(gridworld):
+    with pytest.raises(sc.SerdError, match=r"goals must list pairs .* pass \[\(problem,"):
+        sc.fit_several_goals((gridworld.problem, gridworld.decisions))
