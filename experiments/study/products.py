@@ -117,6 +117,19 @@ def load_part(study: StudyFolder, stage: str, *part: str | int) -> dict[str, Any
     return read_result(_file(study, stage, part), dict)
 
 
+def load_recorded(file: Path) -> Decisions:
+    """The table that a task wrote by `save_decisions`; SerdError where it has been damaged."""
+    try:
+        return load_decisions(file)
+    except FileError:
+        raise damaged(file) from None
+
+
+def _file(study: StudyFolder, stage: str, part: tuple[str | int, ...]) -> Path:
+    words = (f"{each:02d}" if isinstance(each, int) else each for each in part)
+    return study.folder / stage / f"{'_'.join(words)}.json"
+
+
 def _write(
     make: Callable[..., Mapping[str, Any]],
     study: StudyFolder,

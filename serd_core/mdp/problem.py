@@ -9,7 +9,14 @@ from typing import Protocol
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, number_array, once_per_state, sum_per_row
+from serd_core.arrays import (
+    FloatArray,
+    float_array,
+    number_array,
+    once_per_state,
+    shown,
+    sum_per_row,
+)
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
@@ -68,12 +75,14 @@ def require_problem(
 
 
 def unique_names(names: Sequence[str]) -> tuple[str, ...]:
-    """The names as a tuple; SerdError where two are equal, or all are one text."""
+    """The names as a tuple; SerdError where two are equal, one is no text, or all are one text."""
     if isinstance(names, str):
         raise SerdError(
             f"feature_names must be a sequence of names, got {names!r}; use [{names!r}]"
         )
     for position, name in enumerate(names):
+        if not isinstance(name, str):
+            raise SerdError(f"feature_names must be texts, got {shown(name)}; use '{name}'")
         if name in names[:position]:
             raise SerdError(f"feature_names must differ from each other, got {name!r} twice")
     return tuple(names)

@@ -184,6 +184,8 @@ def test_one_text_is_no_sequence_of_names():
     mdp = sc.from_transitions(stays, np.ones((1, 1)), discount=0.9).mdp
     with pytest.raises(sc.SerdError, match=message):
         sc.TabularProblem(mdp, np.ones((1, 1, 4)), "goal")
+    with pytest.raises(sc.SerdError, match="feature_names must be texts, got 1; use '1'"):
+        sc.from_transitions(stays, np.ones((1, 2)), discount=0.9, feature_names=["goal", 1])
 
 
 @pytest.mark.parametrize("column", ["state", "action"])

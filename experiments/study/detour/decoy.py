@@ -8,7 +8,6 @@ From some the goal lies ahead, so no choice bears on moves against the flow.
 import numpy as np
 
 from experiments.information.avoidance import MASS, forward_against_flow
-from experiments.running.repetitions import write_result
 from experiments.running.tables import Row
 from experiments.study.detour.fits import REWARDS
 from experiments.study.detour.settings import DetourStudy
