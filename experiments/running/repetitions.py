@@ -7,7 +7,7 @@ resumed where it stopped. A folder belongs to one configuration; another one is 
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -62,7 +62,7 @@ def read_result(file: Path, kind: type[Content]) -> Content:
     return content
 
 
-def write_result(file: Path, content: dict[str, Any] | list[Any]) -> None:
+def write_result(file: Path, content: Mapping[str, Any] | list[Any]) -> None:
     """Write what a task found as a line of JSON, and its digest below."""
     text = json.dumps(content)
     atomic_write_text(file, f"{text}\n{_digest(text)}")
