@@ -51,6 +51,11 @@ class Demo:
         wait_until(running_and_condition, seen=self._log.read_text)
 
 
+def near(folder):
+    """File of the hallway with the changes of NEAR."""
+    return str(changed_scenario(folder, "hallway", NEAR))
+
+
 def processes_of(folder):
     """Ids and command lines of all processes that work in this folder."""
     found = {}
@@ -74,8 +79,7 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
     tmp_path, monkeypatch, capsys
 ):
     run = tmp_path / "demo_output/run-1"
-    near = changed_scenario(tmp_path, "hallway", NEAR)
-    demo = Demo(tmp_path, *SMALL, "--scenario", str(near))
+    demo = Demo(tmp_path, *SMALL, "--scenario", near(tmp_path))
     demo.wait_for((run / "demonstrations/episodes.csv").exists)
     nodes = processes_of(tmp_path)
     assert len(nodes) >= 2
@@ -112,7 +116,7 @@ def test_an_interrupted_demo_leaves_a_readable_bag_and_is_resumed_to_its_report(
 @pytest.mark.parametrize("name", ["composed", "scripted_expert"])
 def test_a_killed_node_ends_the_demo_with_its_name(tmp_path, name):
     run = tmp_path / "demo_output/run-1"
-    demo = Demo(tmp_path, "--demonstrations", "50")
+    demo = Demo(tmp_path, "--demonstrations", "50", "--scenario", near(tmp_path))
     demo.wait_for((run / "demonstrations/episodes.csv").exists)
     node = next(
         int(entry.name)
@@ -128,7 +132,7 @@ def test_a_killed_node_ends_the_demo_with_its_name(tmp_path, name):
 
 def test_a_killed_demo_leaves_no_node_behind(tmp_path):
     run = tmp_path / "demo_output/run-1"
-    demo = Demo(tmp_path, "--demonstrations", "50")
+    demo = Demo(tmp_path, "--demonstrations", "50", "--scenario", near(tmp_path))
     demo.wait_for((run / "demonstrations/episodes.csv").exists)
     demo.process.kill()
     demo.process.wait()
