@@ -12,15 +12,15 @@ import numba
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.crowd.robots import NOTICED_M, Walls
-from sim.crowd.routes import CORNER_REACHED_M, LOOK_AHEAD_M
-from sim.crowd.social_force import COINCIDENT_M, STANDING_M2PS2
+from sim.crowd.robots import Walls
 
 COMPILED: dict[str, Callable[..., Any]] = {}
+# numba keeps what it compiles until this file changes, so no constant of another module is used.
+_njit: Any = numba.njit(cache=True, error_model="numpy")
 
 
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    compiled: Callable[..., Any] = numba.njit(cache=True, nogil=True)(function)
+    compiled: Callable[..., Any] = _njit(function)
     COMPILED[function.__name__] = compiled
     return compiled
 
@@ -79,19 +79,19 @@ def predicted_repulsion(
     heading_y: FloatArray,
     reach_m: FloatArray,
     core_reach_m: FloatArray,
-    constants: tuple[float, float, float, float],
+    constants: tuple[float, ...],
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    foresight_s, decay_m, core_decay_m, anisotropy = constants
+    foresight_s, decay_m, core_decay_m, anisotropy, standing_m2ps2, coincident_m = constants
     away_x, away_y, exponent, weight, per_metre, core = np.empty((6, *dx_m.shape))
     for i in range(dx_m.shape[0]):
         for j in range(dx_m.shape[1]):
             dx, dy = dx_m[i, j], dy_m[i, j]
             closing_x = velocity_x_mps[i] - velocity_x_mps[j]
             closing_y = velocity_y_mps[i] - velocity_y_mps[j]
-            squared = max(closing_x * closing_x + closing_y * closing_y, STANDING_M2PS2)
+            squared = max(closing_x * closing_x + closing_y * closing_y, standing_m2ps2)
             time_s = min(max(-(dx * closing_x + dy * closing_y) / squared, 0.0), foresight_s)
             x, y = dx + time_s * closing_x, dy + time_s * closing_y
-            distance = max(np.sqrt(x * x + y * y), COINCIDENT_M)
+            distance = max(np.sqrt(x * x + y * y), coincident_m)
             away_x[i, j], away_y[i, j] = x, y
             exponent[i, j] = min((reach_m[j] - distance) / decay_m, 3.0)
             cosine = -(dx * heading_x[i] + dy * heading_y[i]) / distance_m[i, j]
@@ -111,6 +111,7 @@ def headings_past(
     speed_mps: FloatArray,
     velocity_mps: tuple[float, float],
     circle_m: float,
+    noticed_m: float,
     walls: Walls,
 ) -> tuple[FloatArray, FloatArray]:
     past_x, past_y = wanted_x.copy(), wanted_y.copy()
@@ -118,7 +119,7 @@ def headings_past(
         ahead = wanted_x[i] * to_x[i] + wanted_y[i] * to_y[i]
         aside = wanted_x[i] * to_y[i] - wanted_y[i] * to_x[i]
         outrun = velocity_mps[0] * to_x[i] + velocity_mps[1] * to_y[i]
-        if not (ahead > 0.0 and abs(aside) < circle_m and distance[i] < circle_m + NOTICED_M):
+        if not (ahead > 0.0 and abs(aside) < circle_m and distance[i] < circle_m + noticed_m):
             continue
         if not speed_mps[i] * ahead > outrun:
             continue
@@ -133,7 +134,7 @@ def headings_past(
     return past_x, past_y
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@_njit  # type: ignore[untyped-decorator]
 def _has_room(x: float, y: float, walls: Walls) -> bool:
     start_m, unit, length_m, radius_m = walls
     for w in range(len(length_m)):
@@ -147,23 +148,26 @@ def _has_room(x: float, y: float, walls: Walls) -> bool:
         side_of_origin = unit_x * -start_y - unit_y * -start_x
         end_x, end_y = start_x + length_m[w] * unit_x, start_y + length_m[w] * unit_y
         side_of_start, side_of_end = x * start_y - y * start_x, x * end_y - y * end_x
-        apart = side * side_of_origin <= 0.0 and side_of_start * side_of_end <= 0.0
-        if apart and (side != 0.0 or side_of_origin != 0.0):
+        if side == 0.0 and side_of_origin == 0.0:
+            start, end = x * start_x + y * start_y, x * end_x + y * end_y
+            if max(start, end) >= 0.0 and min(start, end) <= x * x + y * y:
+                return False
+        elif side * side_of_origin <= 0.0 and side_of_start * side_of_end <= 0.0:
             return False
     return True
 
 
 @_compiled
 def headings_on_legs(
-    x_m: FloatArray, y_m: FloatArray, legs: FloatArray
+    x_m: FloatArray, y_m: FloatArray, legs: FloatArray, look_ahead_m: float, reached_m: float
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     heading_x, heading_y = np.empty((2, len(x_m)))
     reached = np.empty(len(x_m), dtype=np.bool_)
     for i in range(len(x_m)):
         start_x, start_y, unit_x, unit_y, length = legs[:, i]
         along = (x_m[i] - start_x) * unit_x + (y_m[i] - start_y) * unit_y
-        reached[i] = along > length - CORNER_REACHED_M
-        ahead = min(max(along, 0.0) + LOOK_AHEAD_M, length)
+        reached[i] = along > length - reached_m
+        ahead = min(max(along, 0.0) + look_ahead_m, length)
         to_x, to_y = start_x + ahead * unit_x - x_m[i], start_y + ahead * unit_y - y_m[i]
         distance = max(np.sqrt(to_x * to_x + to_y * to_y), 1e-9)
         heading_x[i], heading_y[i] = to_x / distance, to_y / distance

@@ -72,7 +72,8 @@ def run() -> None:
         for way, factor in factors.items()
     ]
     save("lockstep", f"Times faster than real time, {PEOPLE} people, {EPISODES} episodes", rows)
-    messages = factors["ROS lock-step"] / factors["in process"]
+    alone = factors.get("in process, compiled", factors["in process"])
+    messages = factors["ROS lock-step, composed"] / alone
     _save_profile(plain, 1.0 - messages)
 
 

@@ -41,10 +41,11 @@ def stack_processes(
     """
     placed = placed_nodes(stack, given, namespace, robots)
     together = [each for each in placed if composed and each.node in COMPOSABLE]
-    if composed and (robots or len(together) < 2):
+    in_lockstep = all(each.parameters.get("lockstep") for each in together)
+    if composed and (robots or namespace or len(together) < 2 or not in_lockstep):
         raise UsageError(
-            f"composed needs a stack with two of {', '.join(COMPOSABLE)}, and no robots; leave it"
-            " out"
+            f"composed needs a lock-step stack with two of {', '.join(COMPOSABLE)}, without robots"
+            " and namespace; leave it out"
         )
     processes = [
         Process(

@@ -1,8 +1,9 @@
-"""Several nodes of a lock-step stack in one process, which hand over messages to each other.
+"""Several nodes of a lock-step stack in one process, which exchange messages as objects.
 
     ros2 run serd_ros composed hallway_sim local_planner guard --ros-args -p guard:lockstep:=true
 
-Parameters and remappings of one node stand behind its name. One robot only, without frame prefix.
+Parameters and remappings of one node stand behind its name. One robot only, without namespace and
+frame prefix. What one of the nodes takes from another must have one name in both.
 """
 
 import sys
@@ -36,13 +37,19 @@ def make_nodes(names: list[str]) -> SerdNode[Any]:
             f"nodes must be at least two different ones, got {' '.join(names) or 'none'}"
             f"; name some of {', '.join(_KINDS)}"
         )
-    SerdNode.composition = Composition(names)
+    composition = SerdNode.composition = Composition(names)
     made: list[SerdNode[Any]] = []
     try:
         for name in names:
             made.append(_KINDS[name]())
-            _require_lockstep(made[-1])
+            _require_plain(made[-1])
+        if topics := composition.unpublished():
+            raise NodeError(
+                f"{', '.join(topics)} must be published by one of {', '.join(names)}, which take"
+                " these topics from each other; leave the remapping out or start the nodes apart"
+            )
     except BaseException:
+        SerdNode.composition = None
         for each in made:
             each.close()
             each.destroy_node()
@@ -52,12 +59,19 @@ def make_nodes(names: list[str]) -> SerdNode[Any]:
     return made[0]
 
 
-def _require_lockstep(node: SerdNode[Any]) -> None:
-    has_robots = any(getattr(node.config, "robots", []))
-    if has_robots or not node.config.lockstep or node.frames.prefix:
+def _require_plain(node: SerdNode[Any]) -> None:
+    """A node that answers each tick, of one robot, from its start to its end."""
+    namespace, config = node.get_namespace(), node.config
+    if namespace != "/":
         raise NodeError(
-            f"{node.kind} must have lockstep: true, no robots and no frame_prefix to run in one"
-            " process with others; set lockstep:=true, leave the others out or start it apart"
+            f"{node.kind} must have no namespace to run in one process with others, got"
+            f" {namespace}; leave it out or start the nodes apart"
+        )
+    managed, robots = getattr(config, "managed", False), any(getattr(config, "robots", []))
+    if not config.lockstep or managed or robots or node.frames.prefix:
+        raise NodeError(
+            f"{node.kind} must have lockstep: true, and neither managed, robots nor frame_prefix,"
+            " to run in one process with others; change them or start the nodes apart"
         )
 
 

@@ -1,9 +1,9 @@
-"""Nodes of one process hand over the messages of their topics without the middleware.
+"""Nodes of one process exchange the messages of their topics without the middleware.
 
 What a node publishes reaches the others as the object that it is, in the order of publishing, after
-the callback that published it has returned; other processes receive it from the middleware as ever.
-Of these topics the process takes nothing from other processes, and `ros2 topic info` does not count
-its subscriptions.
+the callback that published it has returned; other processes receive it from the middleware as
+before. On these topics the process receives nothing from other processes, and `ros2 topic info`
+does not count its subscriptions.
 """
 
 from collections import deque
@@ -17,7 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from serd_ros.graph.graph import load_graph
 
 Callback = Callable[..., None]
-#: Messages that are handed over before the executor has its turn.
+#: Messages that are delivered before the executor calls other callbacks.
 _MOST_IN_A_ROW = 1000
 
 
@@ -36,12 +36,13 @@ class Composition:
         described = [load_graph().nodes[node] for node in nodes]
         published = {topic for each in described for topic in each.publishes}
         self._topics = published & {topic for each in described for topic in each.subscribes}
+        self._published: set[str] = set()
         self._subscriptions: dict[str, list[LocalSubscription]] = {}
         self._waiting: deque[tuple[LocalSubscription, Any]] = deque()
-        self._is_handing_over = False
+        self._is_delivering = False
 
     def has(self, node: Node, topic: str, profile: QoSProfile | int) -> bool:
-        """Whether messages of a topic, as a node names it, are handed over; latched ones never."""
+        """Whether messages of a topic, as a node names it, are local; latched ones never are."""
         if isinstance(profile, QoSProfile) and profile.durability != DurabilityPolicy.VOLATILE:
             return False
         name = node.resolve_topic_name(topic)
@@ -53,9 +54,21 @@ class Composition:
         self._subscriptions.setdefault(topic_name, []).append(subscription)
         return subscription
 
-    def unsubscribe(self, subscription: LocalSubscription) -> None:
-        """Take no more messages."""
-        self._subscriptions[subscription.topic_name].remove(subscription)
+    def unsubscribe(self, subscription: LocalSubscription) -> bool:
+        """Take no more messages; whether it took any until now."""
+        found = self._subscriptions.get(subscription.topic_name, [])
+        if subscription not in found:
+            return False
+        found.remove(subscription)
+        return True
+
+    def add_publisher(self, topic_name: str) -> None:
+        """A node of the process publishes a topic."""
+        self._published.add(topic_name)
+
+    def unpublished(self) -> list[str]:
+        """Topics of local subscriptions that no node of the process publishes."""
+        return sorted(set(self._subscriptions) - self._published)
 
     def n_subscriptions(self, topic_name: str) -> int:
         """How many there are to a topic."""
@@ -66,17 +79,20 @@ class Composition:
         for each in self._subscriptions.get(topic_name, ()):
             self._waiting.append((each, message))
 
-    def hand_over(self) -> None:
-        """Call back with what has been published, and with what is published then."""
-        if self._is_handing_over:
+    def deliver(self, is_finished: Callable[[], bool] = lambda: False) -> None:
+        """Call back with what has been published, and with what is published then.
+
+        Not from within itself, and not once the nodes are finished.
+        """
+        if self._is_delivering:
             return
-        self._is_handing_over = True
+        self._is_delivering = True
         try:
             for _ in range(_MOST_IN_A_ROW):
-                if not self._waiting:
+                if not self._waiting or is_finished():
                     break
                 subscription, message = self._waiting.popleft()
                 if subscription in self._subscriptions[subscription.topic_name]:
                     subscription.callback(message)
         finally:
-            self._is_handing_over = False
+            self._is_delivering = False

@@ -5,7 +5,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from types import FrameType
 from typing import Any
 
@@ -59,8 +59,9 @@ def _end(node: SerdNode[Any] | None, exit_code: int) -> None:
     """Release what the node holds, then destroy it with its companions."""
     nodes = () if node is None else (*node.companions, node)
     try:
-        for each in nodes:
-            each.close()
+        with ExitStack() as closing:
+            for each in nodes:
+                closing.callback(each.close)
         for each in nodes:
             if rclpy.ok():
                 each.confirm(each.publishers)
@@ -75,11 +76,12 @@ def _end(node: SerdNode[Any] | None, exit_code: int) -> None:
 
 def _internal_errors(node: SerdNode[Any]) -> int:
     """Exit code 1 after internal errors, which were logged when they occurred."""
-    n_errors = sum(each.callbacks.n_internal_errors for each in (node, *node.companions))
-    if not n_errors:
-        return 0
-    print(f"{node.get_name()}: {n_errors} internal errors, logged above", file=sys.stderr)
-    return INTERNAL_ERROR
+    exit_code = 0
+    for each in (node, *node.companions):
+        if n_errors := each.callbacks.n_internal_errors:
+            print(f"{each.get_name()}: {n_errors} internal errors, logged above", file=sys.stderr)
+            exit_code = INTERNAL_ERROR
+    return exit_code
 
 
 def _refusal(error: RuntimeError) -> str:
@@ -121,7 +123,10 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
     nodes = (node, *node.companions)
     for each in nodes:
         executor.add_node(each)
-    hand_over = node.composition.hand_over if node.composition else lambda: None
+
+    def deliver() -> None:
+        if node.composition is not None:
+            node.composition.deliver(node.finished.done)
 
     def end_if_due(after_s: float) -> None:
         if time.monotonic() - stop.received_s >= after_s:
@@ -129,7 +134,7 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
 
     def after_each() -> None:
         end_if_due(_BACKLOG_S)
-        hand_over()
+        deliver()
 
     for each in nodes:
         each.callbacks.after_each = after_each
@@ -138,7 +143,7 @@ def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
         while rclpy.ok() and not node.finished.done():
             # It returns when no message is left; what is under way arrives in a turn.
             executor.spin_until_future_complete(node.finished, timeout_sec=_TURN_S)
-            hand_over()
+            deliver()
             end_if_due(_TURN_S)
     finally:
         for each in nodes:

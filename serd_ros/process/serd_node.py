@@ -97,13 +97,14 @@ class SerdNode(Node, Generic[Config]):
         if self.frames.prefix:
             publisher.publish = with_prefix
         elif self.composition is not None:
-            self._hand_over(publisher, self.composition)
+            self._publish_locally(publisher, self.composition)
         return publisher
 
-    def _hand_over(self, publisher: Publisher, composition: Composition) -> None:
+    def _publish_locally(self, publisher: Publisher, composition: Composition) -> None:
         """Let the publisher reach subscriptions of this process too, and count them."""
         topic, publish = publisher.topic_name, publisher.publish
         count = publisher.get_subscription_count
+        composition.add_publisher(topic)
 
         def to_all(message: Any) -> None:
             publish(message)
@@ -153,11 +154,16 @@ class SerdNode(Node, Generic[Config]):
     def destroy_subscription(self, subscription: Subscription | LocalSubscription) -> bool:
         """As rclpy's, which destroys that of /clock itself when `use_sim_time` becomes false."""
         if isinstance(subscription, LocalSubscription):
-            assert self.composition is not None
-            self.composition.unsubscribe(subscription)
-            return True
+            return self.composition is not None and self.composition.unsubscribe(subscription)
         self._subscribed.pop(subscription, None)
         return super().destroy_subscription(subscription)
+
+    def count_subscribers(self, topic_name: str) -> int:
+        """As rclpy's, with the subscriptions of this process."""
+        n_local = 0
+        if self.composition is not None:
+            n_local = self.composition.n_subscriptions(self.resolve_topic_name(topic_name))
+        return int(super().count_subscribers(topic_name)) + n_local
 
     def create_service(
         self,

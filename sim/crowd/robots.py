@@ -11,8 +11,8 @@ from sim.crowd.distances import WallGeometry
 from sim.crowd.social_force import Force
 
 #: How far before the circle that they walk around people turn aside.
-NOTICED_M = 2.0
-#: Starts (2, W) of walls, seen from a robot, directions (2, W), lengths (W,), a body's radius (m).
+_NOTICED_M = 2.0
+#: Starts (2, W) of walls relative to a robot, directions (2, W), lengths (W,), a body's radius (m).
 Walls = tuple[FloatArray, FloatArray, FloatArray, float]
 
 
@@ -60,6 +60,7 @@ class Evasion:
             speed_mps,
             (robot.velocity_x_mps, robot.velocity_y_mps),
             self.clearance_m + self.body_radius_m + robot.radius_m,
+            _NOTICED_M,
             (start_m, walls.unit, walls.length_m, self.body_radius_m),
         )
 
@@ -78,14 +79,18 @@ def headings_past(
     speed_mps: FloatArray,
     velocity_mps: tuple[float, float],
     circle_m: float,
+    noticed_m: float,
     walls: Walls,
 ) -> Force:
-    """The headings of `Evasion` past a robot with a velocity, walls being relative to it."""
+    """The headings of `Evasion` past a robot with a velocity, to which the walls are relative.
+
+    noticed_m: distance from the circle at which people turn aside.
+    """
     ahead = wanted_x * to_x + wanted_y * to_y
     aside = wanted_x * to_y - wanted_y * to_x
     outrun = velocity_mps[0] * to_x + velocity_mps[1] * to_y
     in_the_way = (ahead > 0.0) & (np.abs(aside) < circle_m)
-    in_the_way &= (distance < circle_m + NOTICED_M) & (speed_mps * ahead > outrun)
+    in_the_way &= (distance < circle_m + noticed_m) & (speed_mps * ahead > outrun)
     rows = in_the_way.nonzero()[0]
     if not len(rows):
         return wanted_x, wanted_y
@@ -117,6 +122,10 @@ def _have_room(x_m: FloatArray, y_m: FloatArray, walls: Walls) -> BoolArray:
     side_of_start = x_m[:, None] * start_m[1] - y_m[:, None] * start_m[0]
     side_of_end = x_m[:, None] * end_y - y_m[:, None] * end_x
     between = (side * side_of_origin <= 0.0) & (side_of_start * side_of_end <= 0.0)
-    between &= (side != 0.0) | (side_of_origin != 0.0)
-    room: BoolArray = ~(near | between).any(axis=1)
+    start = x_m[:, None] * start_m[0] + y_m[:, None] * start_m[1]
+    end = x_m[:, None] * end_x + y_m[:, None] * end_y
+    squared = (x_m * x_m + y_m * y_m)[:, None]
+    overlap = (np.maximum(start, end) >= 0.0) & (np.minimum(start, end) <= squared)
+    in_line = (side == 0.0) & (side_of_origin == 0.0)
+    room: BoolArray = ~(near | np.where(in_line, overlap, between)).any(axis=1)
     return room

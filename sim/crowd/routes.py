@@ -9,8 +9,8 @@ from serd_core.arrays import BoolArray, FloatArray, IntArray
 from sim.compiled import compilable
 from sim.errors import SimError
 
-LOOK_AHEAD_M = 5.0
-CORNER_REACHED_M = 0.6
+_LOOK_AHEAD_M = 5.0
+_CORNER_REACHED_M = 0.6
 
 
 def offset_loop(waypoints_m: FloatArray, offset_m: float) -> FloatArray:
@@ -66,11 +66,12 @@ class Routes:
 
         Walkers that have come to the end of a leg turn to the next one.
         """
-        heading_x, heading_y, reached = headings_on_legs(x_m, y_m, self._legs)
+        lengths_m = _LOOK_AHEAD_M, _CORNER_REACHED_M
+        heading_x, heading_y, reached = headings_on_legs(x_m, y_m, self._legs, *lengths_m)
         if reached.any():
             self.target[reached] = (self.target[reached] + 1) % self.n_corners[reached]
             self._measure_leg(self._rows[reached])
-            heading_x, heading_y, _ = headings_on_legs(x_m, y_m, self._legs)
+            heading_x, heading_y, _ = headings_on_legs(x_m, y_m, self._legs, *lengths_m)
         return heading_x, heading_y
 
     def _measure_leg(self, rows: IntArray) -> None:
@@ -83,15 +84,15 @@ class Routes:
 
 @compilable
 def headings_on_legs(
-    x_m: FloatArray, y_m: FloatArray, legs: FloatArray
+    x_m: FloatArray, y_m: FloatArray, legs: FloatArray, look_ahead_m: float, reached_m: float
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """(N,) x and y of headings to points ahead on legs (5, N), and who is at the end of a leg."""
+    """(N,) x and y of headings to points ahead on legs (5, N), and who is near the end of a leg."""
     start_x, start_y, unit_x, unit_y, length = legs
     along = (x_m - start_x) * unit_x + (y_m - start_y) * unit_y
-    ahead = np.minimum(np.maximum(along, 0.0) + LOOK_AHEAD_M, length)
+    ahead = np.minimum(np.maximum(along, 0.0) + look_ahead_m, length)
     to_x, to_y = start_x + ahead * unit_x - x_m, start_y + ahead * unit_y - y_m
     distance = np.maximum(np.sqrt(to_x * to_x + to_y * to_y), 1e-9)
-    return to_x / distance, to_y / distance, along > length - CORNER_REACHED_M
+    return to_x / distance, to_y / distance, along > length - reached_m
 
 
 def _unit(vectors: FloatArray) -> FloatArray:

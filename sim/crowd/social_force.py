@@ -19,8 +19,8 @@ from sim.errors import SimError
 from storage.nearest import choice_rule
 
 Force = tuple[FloatArray, FloatArray]
-COINCIDENT_M = 1e-3
-STANDING_M2PS2 = 1e-9
+_COINCIDENT_M = 1e-3
+_STANDING_M2PS2 = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +203,14 @@ class CollisionPrediction:
             bodies.heading_y,
             self._reach_m(self.radius_m, n_people, bodies, self.robot_clearance_m),
             self._reach_m(self.core_radius_m, n_people, bodies),
-            (self.foresight_s, self.decay_m, self.core_decay_m, self.anisotropy),
+            (
+                self.foresight_s,
+                self.decay_m,
+                self.core_decay_m,
+                self.anisotropy,
+                _STANDING_M2PS2,
+                _COINCIDENT_M,
+            ),
         )
         push = np.exp(exponent, out=exponent)
         push *= self.strength_mps2
@@ -283,23 +290,24 @@ def predicted_repulsion(
     heading_y: FloatArray,
     reach_m: FloatArray,
     core_reach_m: FloatArray,
-    constants: tuple[float, float, float, float],
+    constants: tuple[float, ...],
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Of `CollisionPrediction`, for vectors (n_people, n_bodies) from bodies (n_bodies,).
 
     x and y of the vectors at closest approach, the exponent of the first repulsion, its weight by
     direction and 1 / distance, and the exponent of the second one. constants: foresight_s, decay_m,
-    core_decay_m and anisotropy.
+    core_decay_m, anisotropy, the square of a relative speed that counts as none, and the smallest
+    distance.
     """
-    foresight_s, decay_m, core_decay_m, anisotropy = constants
+    foresight_s, decay_m, core_decay_m, anisotropy, standing_m2ps2, coincident_m = constants
     n_people = len(dx_m)
     closing_x = velocity_x_mps[:n_people, None] - velocity_x_mps
     closing_y = velocity_y_mps[:n_people, None] - velocity_y_mps
-    squared = np.maximum(closing_x**2 + closing_y**2, STANDING_M2PS2)
+    squared = np.maximum(closing_x**2 + closing_y**2, standing_m2ps2)
     time_s = -(dx_m * closing_x + dy_m * closing_y) / squared
     np.minimum(np.maximum(time_s, 0.0, out=time_s), foresight_s, out=time_s)
     away_x, away_y = dx_m + time_s * closing_x, dy_m + time_s * closing_y
-    distance = np.maximum(np.sqrt(away_x**2 + away_y**2), COINCIDENT_M)
+    distance = np.maximum(np.sqrt(away_x**2 + away_y**2), coincident_m)
     return (
         away_x,
         away_y,

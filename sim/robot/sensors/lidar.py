@@ -93,14 +93,17 @@ def _to_segments(
 def range_to_lines(
     to_x: FloatArray, to_y: FloatArray, along_m: FloatArray, ray_x: FloatArray, ray_y: FloatArray
 ) -> FloatArray:
-    """(n_rays,) distance to the nearest of the segments, whose starts (S,) the lidar sees."""
+    """(n_rays,) distances along rays to the nearest of segments.
+
+    to_x, to_y: (S,) starts relative to the lidar; along_m: (S, 2) from starts to ends.
+    """
     along_x, along_y = along_m[:, 0], along_m[:, 1]
     turn = ray_x[:, None] * along_y - ray_y[:, None] * along_x
     turn = np.where(np.abs(turn) < 1e-12, 1e-12, turn)
     distance = (to_x * along_y - to_y * along_x) / turn
     share = (to_x * ray_y[:, None] - to_y * ray_x[:, None]) / turn
     hit = (distance > 0.0) & (share >= -1e-9) & (share <= 1.0 + 1e-9)
-    nearest: FloatArray = np.where(hit, distance, np.inf).min(axis=1)
+    nearest: FloatArray = np.where(hit, distance, np.inf).min(axis=1, initial=np.inf)
     return nearest
 
 
@@ -108,7 +111,7 @@ def range_to_lines(
 def range_to_circles(
     to_x: FloatArray, to_y: FloatArray, radius_squared: float, ray_x: FloatArray, ray_y: FloatArray
 ) -> FloatArray:
-    """(n_rays,) distance to the nearest of the circles, whose centres (N,) the lidar sees."""
+    """(n_rays,) distances along rays to the nearest of circles; to_x, to_y: (N,) centres."""
     along = ray_x[:, None] * to_x + ray_y[:, None] * to_y
     inside = radius_squared - (to_x * to_x + to_y * to_y - along * along)
     hit = (inside > 0.0) & (along > 0.0)

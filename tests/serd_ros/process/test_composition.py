@@ -1,4 +1,4 @@
-"""Nodes of one process hand over messages, in order and to all, without the middleware."""
+"""Nodes of one process exchange messages, in order and with all, without the middleware."""
 
 import pytest
 import rclpy
@@ -17,16 +17,18 @@ from sim.world.command import Command
 TRIO = ("hallway_sim", "local_planner", "guard")
 
 
+ARGUMENTS = ["--ros-args", "--log-level", "fatal"]
+for _name in ("local_planner", "guard"):
+    ARGUMENTS += ["-p", f"{_name}:lockstep:=true", "-p", f"{_name}:required_nodes:=['']"]
+
+
 @pytest.fixture
 def ros(monkeypatch):
     """rclpy, with two of the nodes in lock-step; no composition afterwards."""
     monkeypatch.setattr(SerdNode, "composition", None)
-    arguments = ["--ros-args", "--log-level", "fatal"]
-    for name in ("local_planner", "guard"):
-        arguments += ["-p", f"{name}:lockstep:=true", "-p", f"{name}:required_nodes:=['']"]
     with domain_id() as domain:
-        no = SignalHandlerOptions.NO
-        rclpy.init(args=arguments, domain_id=int(domain), signal_handler_options=no)
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        rclpy.init(args=ARGUMENTS, signal_handler_options=SignalHandlerOptions.NO)
         yield
         rclpy.try_shutdown()
 
@@ -39,13 +41,13 @@ def node(ros):  # noqa: ARG001
     made.destroy_node()
 
 
-def test_topics_between_the_nodes_are_handed_over_and_no_others(node):
+def test_topics_between_the_nodes_are_local_and_no_others(node):
     composition = Composition(TRIO)
     between = ("odom", "robot_pose", "scan", "pedestrians", "cmd_vel_raw", "cmd_vel")
     assert all(composition.has(node, topic, qos.STATE) for topic in between)
     for outside in ("/clock", "diagnostics", "intent", "tf", "imu", "/odom", "floor1/odom"):
         assert not composition.has(node, outside, qos.STATE)
-    assert composition.has(node, "/floor1/wheels", qos.STATE)
+    assert composition.has(node, "/floor1/wheels", qos.STATE)  # its odom
     assert not composition.has(node, "odom", qos.LATCHED)
     assert not Composition(("local_planner", "guard")).has(node, "odom", qos.STATE)
 
@@ -57,7 +59,7 @@ def test_messages_arrive_in_order_and_after_the_callback_that_published_them():
         seen.append(("begin", message))
         if message < 3:
             composition.publish("/b", message + 1)
-            composition.hand_over()
+            composition.deliver()
         seen.append(("end", message))
 
     composition.subscribe("/a", answer)
@@ -66,7 +68,7 @@ def test_messages_arrive_in_order_and_after_the_callback_that_published_them():
     composition.publish("/a", 1)
     composition.publish("/nobody", 7)
     assert seen == []
-    composition.hand_over()
+    composition.deliver()
     calls = [("begin", 1), ("end", 1), ("begin", 2), ("end", 2), ("other", 2)]
     assert seen == [*calls, ("begin", 3), ("end", 3), ("other", 3)]
     assert composition.n_subscriptions("/b") == 2
@@ -77,9 +79,19 @@ def test_nothing_arrives_after_the_end_of_a_subscription():
     composition, seen = Composition(TRIO), []
     subscription = composition.subscribe("/a", seen.append)
     composition.publish("/a", 1)
-    composition.unsubscribe(subscription)
-    composition.hand_over()
+    assert composition.unsubscribe(subscription)
+    assert not composition.unsubscribe(subscription)
+    composition.deliver()
     assert seen == []
+
+
+def test_nothing_arrives_once_the_nodes_are_finished():
+    composition, seen = Composition(TRIO), []
+    composition.subscribe("/a", seen.append)
+    for number in range(5):
+        composition.publish("/a", number)
+    composition.deliver(lambda: len(seen) == 2)
+    assert seen == [0, 1]
 
 
 def test_the_executor_has_its_turn_although_messages_never_end():
@@ -91,9 +103,9 @@ def test_the_executor_has_its_turn_although_messages_never_end():
 
     composition.subscribe("/a", go_on)
     composition.publish("/a", 0)
-    composition.hand_over()
+    composition.deliver()
     assert len(seen) == 1000
-    composition.hand_over()
+    composition.deliver()
     assert seen == list(range(2000))
 
 
@@ -107,8 +119,8 @@ def test_an_error_keeps_what_waits():
     composition.subscribe("/a", seen.append)
     composition.publish("/a", 1)
     with pytest.raises(ValueError, match="no number"):
-        composition.hand_over()
-    composition.hand_over()
+        composition.deliver()
+    composition.deliver()
     assert seen == [1]
 
 
@@ -126,10 +138,37 @@ def test_names_that_cannot_be_composed_are_refused_with_the_fix(names, match):
         make_nodes(names)
 
 
+def with_ros(*arguments):
+    """rclpy anew, with these arguments besides those of the fixture."""
+    rclpy.shutdown()
+    no = SignalHandlerOptions.NO
+    rclpy.init(args=[*ARGUMENTS, *arguments], signal_handler_options=no)
+
+
+@pytest.mark.parametrize(
+    ("names", "arguments", "match"),
+    [
+        (["hallway_sim", "guard"], [], "hallway_sim must have lockstep: true"),
+        (["local_planner", "guard"], ["-p", "local_planner:managed:=true"], "neither managed"),
+        (
+            ["local_planner", "guard"],
+            ["-p", "guard:frame_prefix:=r1/"],
+            "guard .* nor frame_prefix",
+        ),
+        (["local_planner", "guard"], ["-r", "__ns:=/floor1"], "no namespace .* got /floor1"),
+        (
+            ["local_planner", "guard"],
+            ["-r", "local_planner:cmd_vel_raw:=cmd_vel_planner"],
+            "/cmd_vel_raw must be published by one of local_planner, guard",
+        ),
+    ],
+)
 @pytest.mark.usefixtures("ros")
-def test_nodes_that_are_not_in_lock_step_are_refused():
-    with pytest.raises(NodeError, match="hallway_sim must have lockstep: true"):
-        make_nodes(["hallway_sim", "guard"])
+def test_nodes_that_need_a_process_each_are_refused_with_the_fix(names, arguments, match):
+    with_ros(*arguments)
+    with pytest.raises(NodeError, match=match):
+        make_nodes(names)
+    assert SerdNode.composition is None
 
 
 @pytest.mark.usefixtures("ros")
@@ -138,10 +177,11 @@ def test_what_a_node_publishes_reaches_the_other_as_the_same_object():
     (guard,) = planner.companions
     (commands,) = [each for each in planner.publishers if each.topic_name == "/cmd_vel_raw"]
     assert commands.get_subscription_count() == 1
+    assert planner.count_subscribers("cmd_vel_raw") == 1
     assert not [each for each in guard.subscriptions if each.topic_name == "/cmd_vel_raw"]
     planner._send(Command(0.25, -0.5), 1.5)
     assert not guard._waiting
-    planner.composition.hand_over()
+    planner.composition.deliver()
     ((source, (time_ns, _)),) = guard._waiting.items()
     assert (source, time_ns) == (Source.COMMAND, 1_500_000_000)
     for each in (guard, planner):

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from sim.crowd.robots import Evasion, RobotBody
+from sim.crowd.robots import Evasion, RobotBody, _have_room
 from tests.sim.crowd.test_social_force import FAR_WALL, crowd_at, walk
 
 CLEARANCE_M, BODY_M, ROBOT_M = 0.2, 0.25, 0.25
@@ -87,3 +87,24 @@ def test_in_a_ring_corridor_people_see_the_robot_beyond_the_seam():
     crowd = crowd_at("collision_prediction", [[9.5, 0.0]], [[50.0, 0.0]], period_m=10.0)
     crowd.step(0.05, robot_at(1.0, 0.1))
     assert crowd.velocity_y_mps[0] < -0.05
+
+
+@pytest.mark.parametrize(
+    ("start_m", "end_m", "room"),
+    [
+        ((0.4, 0.0), (0.6, 0.0), False),  # on the way
+        ((-1.0, 0.0), (0.1, 0.0), False),  # from behind the robot's centre onto it
+        ((-1.0, 0.0), (-0.1, 0.0), True),  # behind
+        ((1.3, 0.0), (2.0, 0.0), True),  # beyond
+        ((1.2, 0.0), (2.0, 0.0), False),  # beyond, within the person
+        ((0.5, -1.0), (0.5, 1.0), False),  # across
+        ((0.5, 0.1), (0.5, 1.0), True),  # across, beside the way
+    ],
+)
+def test_there_is_room_where_no_wall_is_on_the_way_or_within_the_body(start_m, end_m, room):
+    """The way from the robot's centre to a place 1 m to the east of it."""
+    start_m, end_m = np.array(start_m), np.array(end_m)
+    length_m = np.linalg.norm(end_m - start_m)
+    unit = ((end_m - start_m) / length_m)[:, None]
+    walls = start_m[:, None], unit, np.array([length_m]), BODY_M
+    assert _have_room(np.array([1.0]), np.array([0.0]), walls).tolist() == [room]
