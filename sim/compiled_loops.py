@@ -175,6 +175,43 @@ def headings_on_legs(
 
 
 @_compiled
+def total_force(
+    rate: float,
+    speed_mps: FloatArray,
+    heading: FloatArray,
+    velocity_mps: FloatArray,
+    people: FloatArray,
+    wall: FloatArray,
+    noise: FloatArray,
+) -> FloatArray:
+    force = np.empty(len(velocity_mps))
+    for i in range(len(force)):
+        wanted = rate * (speed_mps[i] * heading[i] - velocity_mps[i])
+        force[i] = wanted + people[i] + wall[i] + noise[i]
+    return force
+
+
+@_compiled
+def walk(
+    x_m: FloatArray,
+    y_m: FloatArray,
+    velocity_x_mps: FloatArray,
+    velocity_y_mps: FloatArray,
+    force_x: FloatArray,
+    force_y: FloatArray,
+    fastest_mps: FloatArray,
+    step_s: float,
+) -> None:
+    for i in range(len(x_m)):
+        vx, vy = velocity_x_mps[i] + step_s * force_x[i], velocity_y_mps[i] + step_s * force_y[i]
+        speed_mps = np.sqrt(vx * vx + vy * vy)
+        scale = min(1.0, fastest_mps[i] / max(speed_mps, 1e-9))
+        velocity_x_mps[i], velocity_y_mps[i] = vx * scale, vy * scale
+        x_m[i] += step_s * velocity_x_mps[i]
+        y_m[i] += step_s * velocity_y_mps[i]
+
+
+@_compiled
 def range_to_lines(
     to_x: FloatArray,
     to_y: FloatArray,
@@ -246,16 +283,22 @@ def distance_to_nearest(
     n_points, n_times = x_m.shape[-1], people_x_m.shape[1]
     all_x = np.ascontiguousarray(x_m).reshape(-1, n_points)
     all_y = np.ascontiguousarray(y_m).reshape(-1, n_points)
-    nearest = np.empty((len(all_x), max(n_points, n_times)))
+    nearest = np.full((len(all_x), max(n_points, n_times)), np.inf)
     moves, walk = min(n_points - 1, 1), min(n_times - 1, 1)
     for i in range(nearest.shape[0]):
-        for t in range(nearest.shape[1]):
-            x, y = all_x[i, moves * t], all_y[i, moves * t]
-            squared = np.inf
-            for k in range(len(people_x_m)):
-                dx, dy = x - people_x_m[k, walk * t], y - people_y_m[k, walk * t]
-                squared = min(squared, dx * dx + dy * dy)
-            nearest[i, t] = np.sqrt(squared)
+        x, y, squared = all_x[i], all_y[i], nearest[i]
+        for k in range(len(people_x_m)):
+            person_x, person_y = people_x_m[k], people_y_m[k]
+            if n_points == n_times:  # apart, so that the processor's vectors are used
+                for t in range(n_times):
+                    dx, dy = x[t] - person_x[t], y[t] - person_y[t]
+                    squared[t] = min(squared[t], dx * dx + dy * dy)
+            else:
+                for t in range(len(squared)):
+                    dx, dy = x[moves * t] - person_x[walk * t], y[moves * t] - person_y[walk * t]
+                    squared[t] = min(squared[t], dx * dx + dy * dy)
+        for t in range(len(squared)):
+            squared[t] = np.sqrt(squared[t])
     return nearest.reshape((*x_m.shape[:-1], nearest.shape[1]))
 
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from serd_core.arrays import FloatArray
+from sim.compiled import compilable
 from sim.crowd.distances import PairGeometry, WallGeometry
 from sim.crowd.robots import Evasion, RobotBody
 from sim.crowd.routes import Routes, offset_loop
@@ -76,12 +77,9 @@ class Crowd:
         """Move all people by one step. robots: those that they see."""
         if not len(self):
             return
-        force_x, force_y = self._forces(robots)
-        self.velocity_x_mps += step_s * force_x
-        self.velocity_y_mps += step_s * force_y
-        self._limit_speed()
-        self.x_m += step_s * self.velocity_x_mps
-        self.y_m += step_s * self.velocity_y_mps
+        fastest_mps = self._model.maximum_speed_ratio * self.desired_speed_mps
+        motion = self.x_m, self.y_m, self.velocity_x_mps, self.velocity_y_mps
+        walk(*motion, *self._forces(robots), fastest_mps, step_s)
         if self._period_m is not None:
             np.mod(self.x_m, self._period_m, out=self.x_m)
         if self._walls.distance_m.size and self._walls.distance_m.min() < 2.0 * self.body_radius_m:
@@ -132,12 +130,10 @@ class Crowd:
         people_x, people_y = self._model.people_force(self._pairs, bodies)
         wall_x, wall_y = self._model.wall_force(self._walls)
         noise = self._fluctuation_mps2 * self._rng.standard_normal((2, len(self)))
-        rate = 1.0 / self._model.relaxation_time_s
-        wanted_x, wanted_y = self.desired_speed_mps * heading_x, self.desired_speed_mps * heading_y
-        return (
-            rate * (wanted_x - self.velocity_x_mps) + people_x + wall_x + noise[0],
-            rate * (wanted_y - self.velocity_y_mps) + people_y + wall_y + noise[1],
-        )
+        rate, speed_mps = 1.0 / self._model.relaxation_time_s, self.desired_speed_mps
+        given_x = speed_mps, heading_x, self.velocity_x_mps, people_x, wall_x, noise[0]
+        given_y = speed_mps, heading_y, self.velocity_y_mps, people_y, wall_y, noise[1]
+        return total_force(rate, *given_x), total_force(rate, *given_y)
 
     def _headings(self, robots: Sequence[RobotBody]) -> Force:
         """(N,) x and y of where people want to go; at most 1 for those who stand, past no robot."""
@@ -172,13 +168,6 @@ class Crowd:
             radius_m=np.concatenate([self._radius_m, [each.radius_m for each in robots]]),
         )
 
-    def _limit_speed(self) -> None:
-        speed = np.sqrt(self.velocity_x_mps**2 + self.velocity_y_mps**2)
-        limit = self._model.maximum_speed_ratio * self.desired_speed_mps
-        scale = np.minimum(1.0, limit / np.maximum(speed, 1e-9))
-        self.velocity_x_mps *= scale
-        self.velocity_y_mps *= scale
-
     def _leave_walls(self) -> None:
         """Put back people who are too close to a wall, and take the velocity towards it."""
         self._walls.update(self.x_m, self.y_m)
@@ -198,6 +187,43 @@ class Crowd:
         inwards = np.minimum(inwards, 0.0)
         self.velocity_x_mps[rows] -= inwards * away_x
         self.velocity_y_mps[rows] -= inwards * away_y
+
+
+@compilable
+def total_force(
+    rate: float,
+    speed_mps: FloatArray,
+    heading: FloatArray,
+    velocity_mps: FloatArray,
+    people: FloatArray,
+    wall: FloatArray,
+    noise: FloatArray,
+) -> FloatArray:
+    """(N,) one component of dv/dt of people who want a speed and a heading."""
+    force: FloatArray = rate * (speed_mps * heading - velocity_mps) + people + wall + noise
+    return force
+
+
+@compilable
+def walk(
+    x_m: FloatArray,
+    y_m: FloatArray,
+    velocity_x_mps: FloatArray,
+    velocity_y_mps: FloatArray,
+    force_x: FloatArray,
+    force_y: FloatArray,
+    fastest_mps: FloatArray,
+    step_s: float,
+) -> None:
+    """Move (N,) people by one step, in place."""
+    velocity_x_mps += step_s * force_x
+    velocity_y_mps += step_s * force_y
+    speed_mps = np.sqrt(velocity_x_mps * velocity_x_mps + velocity_y_mps * velocity_y_mps)
+    scale = np.minimum(1.0, fastest_mps / np.maximum(speed_mps, 1e-9))
+    velocity_x_mps *= scale
+    velocity_y_mps *= scale
+    x_m += step_s * velocity_x_mps
+    y_m += step_s * velocity_y_mps
 
 
 def _columns(x: FloatArray, y: FloatArray) -> FloatArray:

@@ -66,6 +66,8 @@ def arguments_of(rng):
         "headings_on_legs",
         (*pairs[:, :n].copy(), rng.normal(0.0, 2.0, (5, n)).round(1), 5.0, 0.6),
     )
+    yield "total_force", (2.0, *bodies)
+    yield "walk", (*rng.normal(size=(6, n)), rng.uniform(0.5, 2.0, n), 0.05)
     yield "range_to_lines", (*pairs[:, :k].copy(), bodies[:2, :k].T.copy(), *rays)
     yield "range_to_circles", (*pairs[:, :k].copy(), 0.0625, *rays)
     yield "nearest_wall", (rng.normal(size=(30, 40)), x, y, (-1.0, -2.0), 5.0, 0.25, n_soon)
