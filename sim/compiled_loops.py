@@ -277,6 +277,48 @@ def nearest_wall(
 
 
 @_compiled
+def predicted(
+    position_m: FloatArray,
+    velocity_mps: FloatArray,
+    x_m: float,
+    y_m: float,
+    range_m: float,
+    most: int,
+    time_s: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    squared = np.empty(len(position_m))
+    near = np.empty(len(position_m), dtype=np.intp)
+    n_near = 0
+    for i in range(len(position_m)):
+        away_x, away_y = position_m[i, 0] - x_m, position_m[i, 1] - y_m
+        squared[i] = away_x * away_x + away_y * away_y
+        if squared[i] < range_m * range_m:
+            near[n_near] = i
+            n_near += 1
+    if n_near > most:
+        for rank in range(most):  # the first ones in the order of a stable sort
+            first = rank
+            for other in range(rank + 1, n_near):
+                if squared[near[other]] < squared[near[first]]:
+                    first = other
+            nearest = near[first]
+            near[rank + 1 : first + 1] = near[rank:first].copy()
+            near[rank] = nearest
+        n_near = most
+    then_x, then_y = np.empty((2, n_near, len(time_s)))
+    now_x, now_y = np.empty((2, n_near, 1))
+    for k in range(n_near):
+        now_x[k, 0], now_y[k, 0] = position_m[near[k], 0], position_m[near[k], 1]
+        vx, vy = velocity_mps[near[k], 0], velocity_mps[near[k], 1]
+        if not (np.isfinite(vx) and np.isfinite(vy)):
+            vx = vy = 0.0
+        for t in range(len(time_s)):
+            then_x[k, t] = now_x[k, 0] + vx * time_s[t]
+            then_y[k, t] = now_y[k, 0] + vy * time_s[t]
+    return then_x, then_y, now_x, now_y
+
+
+@_compiled
 def distance_to_nearest(
     x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
 ) -> FloatArray:

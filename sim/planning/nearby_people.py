@@ -39,22 +39,36 @@ def predict_nearby(
 
     People without a finite position are left out; those without a finite velocity stand.
     """
-    away_x = observation.people_position_m[:, 0] - observation.pose[0]
-    away_y = observation.people_position_m[:, 1] - observation.pose[1]
-    squared = away_x**2 + away_y**2
-    near = (squared < range_m**2).nonzero()[0]
+    people = observation.people_position_m, observation.people_velocity_mps
+    return PredictedPeople(*predicted(*people, *observation.pose[:2], range_m, most, time_s))
+
+
+@compilable
+def predicted(
+    position_m: FloatArray,
+    velocity_mps: FloatArray,
+    x_m: float,
+    y_m: float,
+    range_m: float,
+    most: int,
+    time_s: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """The fields of `PredictedPeople` of people (N, 2) near a robot at a place."""
+    away_x, away_y = position_m[:, 0] - x_m, position_m[:, 1] - y_m
+    squared = away_x * away_x + away_y * away_y
+    near = (squared < range_m * range_m).nonzero()[0]
     if len(near) > most:
         near = near[squared[near].argsort(kind="stable")[:most]]
-    position, velocity = observation.people_position_m[near], observation.people_velocity_mps[near]
-    finite = np.isfinite(velocity)
+    position_m, velocity_mps = position_m[near], velocity_mps[near]
+    finite = np.isfinite(velocity_mps)
     if not finite.all():
-        velocity = np.where(finite.all(axis=1, keepdims=True), velocity, 0.0)
-    now_x_m, now_y_m = position[:, :1], position[:, 1:]
-    return PredictedPeople(
-        x_m=now_x_m + velocity[:, :1] * time_s,
-        y_m=now_y_m + velocity[:, 1:] * time_s,
-        now_x_m=now_x_m,
-        now_y_m=now_y_m,
+        velocity_mps = np.where(finite.all(axis=1, keepdims=True), velocity_mps, 0.0)
+    now_x_m, now_y_m = position_m[:, :1], position_m[:, 1:]
+    return (
+        now_x_m + velocity_mps[:, :1] * time_s,
+        now_y_m + velocity_mps[:, 1:] * time_s,
+        now_x_m,
+        now_y_m,
     )
 
 

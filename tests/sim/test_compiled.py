@@ -66,6 +66,9 @@ def arguments_of(rng):
         "headings_on_legs",
         (*pairs[:, :n].copy(), rng.normal(0.0, 2.0, (5, n)).round(1), 5.0, 0.6),
     )
+    crowd = rng.normal(0.0, 2.0, (int(rng.integers(0, 30)), 2)).round(0)
+    velocity = np.where(rng.random(crowd.shape) < 0.1, np.nan, rng.normal(size=crowd.shape))
+    yield "predicted", (crowd, velocity, 0.0, 0.5, 3.5, int(rng.integers(1, 9)), x[0, 0].copy())
     yield "total_force", (2.0, *bodies)
     yield "walk", (*rng.normal(size=(6, n)), rng.uniform(0.5, 2.0, n), 0.05)
     yield "range_to_lines", (*pairs[:, :k].copy(), bodies[:2, :k].T.copy(), *rays)
