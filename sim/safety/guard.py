@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
+from sim.planning.nearby_people import distance_to_nearest
 from sim.safety.collision_monitor import CollisionMonitor, Obstacles
 from sim.safety.input_monitor import (
     Check,
@@ -304,7 +305,8 @@ class Guard:
         if len(points_m) and len(place_m):
             assert self._scan is not None
             then_m = place_m + (self._scan[2] - people.stamp_s) * velocity_mps
-            away_m = np.linalg.norm(points_m[:, None] - then_m, axis=2).min(axis=1)
+            from_m, to_m = (points_m[:, 0], points_m[:, 1]), (then_m[:, :1], then_m[:, 1:])
+            away_m = distance_to_nearest(*from_m, *to_m)
             points_m = points_m[away_m > self.settings.person_radius + _BODY_MARGIN_M]
         return Obstacles(points_m, place_m + (now_s - people.stamp_s) * velocity_mps, velocity_mps)
 
