@@ -12,7 +12,6 @@ import numba
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from sim.crowd.robots import Walls
 
 COMPILED: dict[str, Callable[..., Any]] = {}
 # numba keeps what it compiles until this file changes, so no constant of another module is used.
@@ -112,7 +111,7 @@ def headings_past(
     velocity_mps: tuple[float, float],
     circle_m: float,
     noticed_m: float,
-    walls: Walls,
+    walls: tuple[FloatArray, FloatArray, FloatArray, float],
 ) -> tuple[FloatArray, FloatArray]:
     past_x, past_y = wanted_x.copy(), wanted_y.copy()
     for i in range(len(to_x)):
@@ -135,7 +134,7 @@ def headings_past(
 
 
 @_njit  # type: ignore[untyped-decorator]
-def _has_room(x: float, y: float, walls: Walls) -> bool:
+def _has_room(x: float, y: float, walls: tuple[FloatArray, FloatArray, FloatArray, float]) -> bool:
     start_m, unit, length_m, radius_m = walls
     for w in range(len(length_m)):
         start_x, start_y, unit_x, unit_y = start_m[0, w], start_m[1, w], unit[0, w], unit[1, w]
