@@ -31,7 +31,6 @@ MODULES = {
     "scenario": "simulation", "crowd": "simulation", "episode": "simulation",
     "batch": "simulation", "faults": "simulation", "study": "studies", "doctor": "stacks",
 }  # fmt: skip
-_GROUPS = frozenset(["experiment", "bag", "scenario", "crowd", "episode", "study"])
 #: All that follows the executable is passed on.
 _SETTINGS = {"run": {"allow_extra_args": True, "ignore_unknown_options": True}}
 _TYPES: dict[str, Any] = {kind.__name__: kind for kind in (str, int, float, bool, Path)}
@@ -162,8 +161,8 @@ def _signatures_of(module: str) -> dict[str, Signature]:
 def _definitions(module: str) -> tuple[TyperInfo | None, dict[str, CommandInfo]]:
     """The commands of a module by name, and the group they are in."""
     defined = vars(import_module(f"serd_cli.commands.{MODULES[module]}.{module}"))
-    if module in _GROUPS:
-        group: typer.Typer = defined["group"]
+    group: typer.Typer | None = defined.get("group")
+    if group is not None:
         return group.info, {_name(each): each for each in group.registered_commands}
     command = CommandInfo(module, callback=defined[module], context_settings=_SETTINGS.get(module))
     parameters = _signature_of(command)["parameters"].values()

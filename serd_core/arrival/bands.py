@@ -65,7 +65,7 @@ def empirical_arrival_cdf(
         raise SerdError(
             f"horizon_s must be finite and not negative, got {horizon_s}; use the time-out"
         )
-    _require_coverage(coverage)
+    require_share("coverage", coverage)
     if np.any(np.isnan(times) | (times < 0)):
         raise SerdError("times_s must not be NaN or negative for an episode that arrived")
     arrived = np.sort(times[times <= horizon_s])
@@ -86,7 +86,7 @@ def clopper_pearson(
     successes: ArrayLike, n_trials: int, coverage: float = 0.95
 ) -> tuple[FloatArray, FloatArray]:
     """Exact confidence interval of a binomial proportion: quantiles of Beta distributions."""
-    _require_coverage(coverage)
+    require_share("coverage", coverage)
     count = float_array("successes", successes)
     if not n_trials >= 1:
         raise SerdError(f"n_trials must be at least 1, got {n_trials}")
@@ -111,7 +111,7 @@ def sampling_band(
     binomials. Returns lower and upper of shape (T,), or numbers.
     Pointwise; discreteness makes the true coverage at least the stated one.
     """
-    _require_coverage(coverage)
+    require_share("coverage", coverage)
     if n_episodes < 1:
         raise SerdError(f"n_episodes must be at least 1, got {n_episodes}")
     given = float_array("cdf", cdf)
@@ -134,7 +134,3 @@ def _mixture_quantile(share: float, n_trials: int, probability: FloatArray) -> I
         below = scipy.special.bdtr(middle, n_trials, probability).mean(axis=0) < share
         low, high = np.where(below, middle + 1, low), np.where(below, high, middle)
     return low
-
-
-def _require_coverage(coverage: float) -> None:
-    require_share("coverage", coverage)

@@ -101,7 +101,8 @@ class CircularAnisotropic:
         push /= pairs.distance_m
         towards_x = push * pairs.dx_m
         towards_y = push * pairs.dy_m
-        weight = _weight_by_direction(pairs, bodies, self.anisotropy)
+        vectors_m, headings = (pairs.dx_m, pairs.dy_m), (bodies.heading_x, bodies.heading_y)
+        weight = _weight_by_direction(*vectors_m, pairs.distance_m, *headings, self.anisotropy)
         return np.einsum("ij,ij->i", towards_x, weight), np.einsum("ij,ij->i", towards_y, weight)
 
     def wall_force(self, walls: WallGeometry) -> Force:
@@ -258,13 +259,7 @@ def model_named(name: str) -> SocialForceModel:
     return _MODELS[name]
 
 
-def _weight_by_direction(pairs: PairGeometry, bodies: Bodies, anisotropy: float) -> FloatArray:
-    """(n_people, n_bodies) lambda + (1 - lambda) (1 + cos phi) / 2: 1 ahead, lambda behind."""
-    vectors_m = pairs.dx_m, pairs.dy_m, pairs.distance_m
-    return _weight(*vectors_m, bodies.heading_x, bodies.heading_y, anisotropy)
-
-
-def _weight(
+def _weight_by_direction(
     dx_m: FloatArray,
     dy_m: FloatArray,
     distance_m: FloatArray,
@@ -272,6 +267,7 @@ def _weight(
     heading_y: FloatArray,
     anisotropy: float,
 ) -> FloatArray:
+    """(n_people, n_bodies) lambda + (1 - lambda) (1 + cos phi) / 2: 1 ahead, lambda behind."""
     n_people = len(dx_m)
     ahead = dx_m * heading_x[:n_people, None] + dy_m * heading_y[:n_people, None]
     cosine = -ahead / distance_m
@@ -312,7 +308,7 @@ def predicted_repulsion(
         away_x,
         away_y,
         np.minimum((reach_m - distance) / decay_m, 3.0),
-        _weight(dx_m, dy_m, distance_m, heading_x, heading_y, anisotropy),
+        _weight_by_direction(dx_m, dy_m, distance_m, heading_x, heading_y, anisotropy),
         np.isfinite(distance_m) / distance,
         np.minimum((core_reach_m - distance_m) / core_decay_m, 3.0),
     )

@@ -42,10 +42,9 @@ def calls_of(monkeypatch, *, grouped):
     (group if grouped else own).command(no_args_is_help=True, context_settings=more)(record_all)
     if grouped:
         own.add_typer(group, name="record-all")
-    module = SimpleNamespace(**{"group": group, "record-all": record_all})
+    module = SimpleNamespace(**({"group": group} if grouped else {"record-all": record_all}))
     monkeypatch.setitem(sys.modules, "serd_cli.commands.stacks.record-all", module)
     monkeypatch.setattr(signatures, "MODULES", {"record-all": "stacks"})
-    monkeypatch.setattr(signatures, "_GROUPS", {"record-all"} if grouped else set())
     monkeypatch.setattr(signatures, "_SETTINGS", {"record-all": more})
     known = json.loads(signatures.text_of(signatures.signatures()))
     return signatures.app_of("record-all", known), own, calls
